@@ -23,7 +23,7 @@ from iriftrace.scenes import folder_of
 REPEATS = 7
 
 FINE_SCALE = 0.588
-"""Of the camera's picture, at which two devices measure 290,000 points."""
+"""Scale of the camera's picture, at which two devices measure 290,000 points."""
 
 
 def main() -> None:

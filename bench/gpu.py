@@ -1,4 +1,4 @@
-"""Time of a pose on a CUDA device beside the processor's, as one table to send in.
+"""Time of a pose on a CUDA device and on the processor, as one table to send in.
 
 ``python -m bench.gpu [SCALE ...]``: scales of the bundled cylinder's picture, by default 0.5 and 1.
 """
@@ -49,9 +49,9 @@ def difference(one: AovImage, other: AovImage) -> tuple[int, float]:
 
 def device() -> str:
     """Name and driver of the device, as NVIDIA's program has them."""
-    asked = ["nvidia-smi", "--query-gpu=name,driver_version", "--format=csv,noheader"]
+    command = ["nvidia-smi", "--query-gpu=name,driver_version", "--format=csv,noheader"]
     try:
-        done = subprocess.run(asked, capture_output=True, text=True, check=True)
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
     except (OSError, subprocess.CalledProcessError):
         return "unknown CUDA device"
     return done.stdout.splitlines()[0]

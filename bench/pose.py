@@ -1,4 +1,4 @@
-"""Cost of a whole pose beside its refracted trace, and kernels compiled by a second one."""
+"""Cost of a whole pose relative to its refracted trace, and kernels compiled by a second one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cost of refraction beside the ray queries themselves."""
+"""Cost of refraction relative to the ray queries themselves."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ CELLS_MM = (4.0, 2.5, 1.6, 1.0)
 """Edges of the cells at the wall."""
 
 SCALES = (0.0625, 0.125, 0.25, 0.5, 1.0)
-"""Of the picture, with the second of the meshes."""
+"""Scales of the picture, with the second of the meshes."""
 
 REPEATS = 5
 PICTURE = Path(__file__).parents[1] / "docs/scaling.png"

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from iriftrace.camera.camera import Camera
 from iriftrace.image.aov_image import CHANNELS
 from iriftrace.plugins.film import Window, camera_of
-from iriftrace.plugins.kernels.bundle import Bundle, Trace, straight_twins, trace_bundle
+from iriftrace.plugins.kernels.bundle import Bundle, Trace, paired_straight_rays, trace_bundle
 from iriftrace.plugins.kernels.prepared import PreparedScene
 from iriftrace.plugins.kernels.queries import StraightHits
 from iriftrace.plugins.picture import PixelRays, channel_values, sharp_rays, written
@@ -103,7 +103,7 @@ def integrator_class(variant: str) -> type:
         def straight(self, scene: Any, sensor: Any) -> StraightHits:
             """Straight hits of a sensor's picture, for `image` and `sharp_rays`."""
             rays = PixelRays(sensor, len(self.aov_names()))
-            return straight_twins(self.prepare(scene), rays, len(rays), coherent=True)
+            return paired_straight_rays(self.prepare(scene), rays, len(rays), coherent=True)
 
         def sharp_rays(
             self, sensor: Any, straight: StraightHits, most: int

@@ -78,7 +78,7 @@ def plugin_class(variant: str) -> type:
         ``k6``                 float      the same, next order                            0
         ``p1``                 float      tangential lens distortion                      0
         ``p2``                 float      the same                                        0
-        ``calibration``        string     file of OpenCV (YAML or JSON), beside the       none
+        ``calibration``        string     file of OpenCV (YAML or JSON), next to the      none
                                           scene's, in place of the 13 parameters above
         ``pixel_size``         float, mm  width of a pixel: required with a calibration,
                                           which knows pixels only; changes no ray

@@ -55,7 +55,7 @@ def plugin_class(variant: str) -> type:
 
         The derivatives of the index are vertex attributes of the shells' meshes, over the shell's
         step of the index: ``vertex_gradient`` (3 values a vertex, 1/mm) and ``vertex_hessian_xx``,
-        ``_yy``, ``_zz``, ``_yz``, ``_xz``, ``_xy`` (1 each, 1/mm^2). Of a PLY, Mitsuba makes them
+        ``_yy``, ``_zz``, ``_yz``, ``_xz``, ``_xy`` (1 each, 1/mm^2). For a PLY, Mitsuba makes them
         from the columns ``gradient_1`` to ``gradient_3`` and ``hessian_xx_1`` ...; to a ``mi.Mesh``
         they are given by ``add_attribute``. Some of them, or other names, are refused; a shell
         without any makes rays bend at the shells alone. The text of the integrator (``str``)
@@ -103,8 +103,8 @@ def plugin_class(variant: str) -> type:
 
         def bends_in_layers(self, tables: SceneTables) -> bool:
             """True if rays turn all along the layers of a scene, not at its shells alone."""
-            wanted = self.bending == "layers" and self.normals == "gradient"
-            return wanted and tables.knows_derivatives
+            requested = self.bending == "layers" and self.normals == "gradient"
+            return requested and tables.knows_derivatives
 
         def rule(self, tables: SceneTables) -> AtShells | InLayers:
             """The rule by which rays are bent in a scene."""

@@ -40,7 +40,7 @@ def plugin_class(variant: str) -> type:
         ``gradient``       string   gradient of the index: its direction ``recovered``  recovered
                                     at the cells' corners and interpolated, or
                                     ``constant`` in each tetrahedron
-        ``max_steps``      integer  a ray with more steps, or that loses its way 20     100000
+        ``max_steps``      integer  a ray with more steps, or that gets lost 20         100000
                                     times, gives up (status 6)
         ``trace_all``      boolean  bend also the rays whose straight twin misses the   false
                                     part (then status 4 exists)
@@ -48,7 +48,7 @@ def plugin_class(variant: str) -> type:
 
         Solves the ray equation d/ds (n dr/ds) = grad n from cell to cell of the solver's own mesh,
         one step of order 4 in each tetrahedron; shells in the scene are not looked at. The shape
-        with id ``part`` is the measured part, any other shape that is no shell blocks the view.
+        with id ``part`` is the measured part, any other shape that is not a shell blocks the view.
         Film, sensor and channels are those of ``first_hit``, with ``path.crossings`` the number
         of tetrahedra passed and one channel more, ``path.error``: an estimate of the hit's error
         in mm, which is where the ray would meet the part with the other kind of gradient (that one
@@ -150,7 +150,7 @@ def plugin_class(variant: str) -> type:
             return [*super().channel_values(trace, camera), (trace.refracted.error, bent_hit)]
 
         def counts(self, trace: Trace) -> dict[str, int]:
-            """Also the rays whose tetrahedron had to be sought on the way."""
+            """Also the rays whose tetrahedron had to be searched again."""
             relocated = int(dr.count(trace.refracted.relocations > 0)[0])
             return {**super().counts(trace), "relocated": relocated}
 

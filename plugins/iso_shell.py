@@ -29,7 +29,7 @@ def plugin_class(variant: str) -> type:
         ============  =========  =====================================================  ========
 
         Bends a ray by Snell's law and lets all of it pass: neighbouring layers of air differ by
-        1e-5, so the reflected share (below 1e-10) is left out. Both numbers are kept in double
+        1e-5, so the reflected fraction (below 1e-10) is ignored. Both numbers are kept in double
         precision; ``first_hit`` takes them directly, and bends rays at the shell or, where its file
         has the index's derivatives, all along the layers (only then is ``iso_ior`` used). Mitsuba's
         own integrators work too (in single precision): the bsdf is a perfect transmission of weight
@@ -61,7 +61,7 @@ def plugin_class(variant: str) -> type:
             ):
                 if not 0.5 < value < 5:
                     raise InputError(
-                        f'"{name}" is {value}, which is no refractive index; air has about 1.0003 '
+                        f'"{name}" is {value}, not a refractive index; air has about 1.0003 '
                         "(give n, not n - 1)."
                     )
             self.layer = str(props.get("layer", ""))

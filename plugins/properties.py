@@ -67,7 +67,7 @@ def word(props: Any, name: str, default: str) -> str:
 
 
 def file_beside(props: Any, name: str, default: str) -> Path:
-    """Read a file's name from plugin properties; it lies beside the scene's file."""
+    """Read a file's name from plugin properties; it is in the folder of the scene's file."""
     import mitsuba as mi
 
     # Mitsuba's resolver knows the folder of the scene's file while that is read.

@@ -1,1 +1,1 @@
-"""Accuracy of the tracer, as a page that is computed anew: ``python -m validation``."""
+"""Accuracy of the tracer, as a page that is computed again: ``python -m validation``."""

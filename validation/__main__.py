@@ -14,7 +14,7 @@ PAGE = Path(__file__).parents[1] / "docs" / "accuracy.md"
 
 
 def main() -> int:
-    """Compute what was asked for; 1 if an error left its bound."""
+    """Compute the requested sections; returns 1 if an error exceeds its bound."""
     parser = argparse.ArgumentParser(prog="python -m validation", description=__doc__)
     names = [section.name for section in SECTIONS]
     parser.add_argument("sections", nargs="*", metavar="SECTION", help=", ".join(names))

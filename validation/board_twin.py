@@ -11,8 +11,8 @@
     python -m validation.board_twin part.ply .
 
 The part is `scenes/cylinder/part.ply`; second.stl is a block of 60 x 30 x 30 mm around (0, -75, 0).
-A state that is no member is the truth: its traced shifts get 0.05 px of noise, and the cloud of two
-devices to the lee is corrected.
+A state that is not a member is the truth: its traced shifts get 0.05 px of noise, and the cloud of
+two devices to the lee is corrected.
 """
 
 from __future__ import annotations

@@ -20,9 +20,9 @@ Computed by `make accuracy`; a section alone by `make accuracy PARTS="{first}"`.
 checks what has a bound, but for the agreement of the engines. mitsuba {mitsuba}, drjit {drjit},
 variant {variant}.
 
-Of each section: figures that have a bound, and the largest share of its bound that one of them
-takes. Expected values are closed forms, conserved sums, or rays that other code leads in double
-precision.
+The table gives for each section the figures that have a bound, and the largest ratio of an error
+to its bound. Expected values are closed forms, conserved sums, or rays traced by other code in
+double precision.
 
 | section | bounded figures | largest error over its bound |
 |---|---|---|
@@ -35,7 +35,7 @@ PROCESSES = 2
 
 
 def write_page(path: Path, sections: Sequence[Section], variant: str) -> list[Line]:
-    """Compute sections and write the page; pictures go beside it. Returns the lines."""
+    """Compute sections and write the page; pictures are saved next to it. Returns the lines."""
     pieces: list[str] = []
     short: list[str] = []
     lines: list[Line] = []

@@ -38,7 +38,7 @@ CAMERA = iriftrace.Camera(
 AZIMUTHS, ELEVATIONS = range(0, 360, 30), range(0, 91, 15)
 
 LEAST = 0.5
-"""Of the largest coverage of all poses: those that see less are not ranked."""
+"""Fraction of the largest coverage of all poses: poses that see less are not ranked."""
 
 
 def main(part_file: str, folder: str) -> None:

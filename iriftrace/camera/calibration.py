@@ -87,7 +87,7 @@ class Calibration:
     matrix : (4, 4) array or None
         Camera to world, mm, where the file has one pose.
     views : int
-        Poses of a calibration board in the file; more than one are no pose of the camera.
+        Poses of a calibration board in the file; the camera's own pose is known only from one.
     """
 
     focal_px: tuple[float, float]
@@ -254,7 +254,7 @@ def _matrix(values: CalibrationValues) -> FloatArray:
         )
     if matrix[0, 0] <= 0 or matrix[1, 1] <= 0 or not np.allclose(matrix[2], (0, 0, 1)):
         raise values.wrong(
-            f"{matrix.tolist()} is no camera matrix; it is [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"
+            f"{matrix.tolist()} is not a camera matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"
         )
     if abs(matrix[0, 1]) > 1e-9 * matrix[0, 0] or matrix[1, 0] != 0:
         raise values.wrong(
@@ -368,7 +368,7 @@ def _pose(values: CalibrationValues, length_mm: float) -> FloatArray | None:
         # The R of a CameraInfo message of ROS is its rectification.
         turn = None
     if (turn is None) != (shift is None):
-        raise values.wrong("it has only one of rvec and tvec, which is no pose; give both")
+        raise values.wrong("it has only one of rvec and tvec, which is not a pose; give both")
     if turn is not None:
         return to_world(rotation_in(values), values.array(TRANSLATION, (3,)) * length_mm)
     if _views(values) == 1:

@@ -86,7 +86,7 @@ def calibration_content(path: Path) -> Mapping[str, object]:
         raise InputError(f"cannot read the calibration {path}: {error.strerror}.") from error
     except UnicodeDecodeError as error:
         raise InputError(
-            f"The calibration {path} is no text; give the YAML or JSON that OpenCV's FileStorage "
+            f"The calibration {path} is not text; give the YAML or JSON that OpenCV's FileStorage "
             "wrote."
         ) from error
     if "\0" in text:
@@ -209,7 +209,7 @@ class CalibrationValues:
         except (TypeError, ValueError):
             numbers = np.array((np.nan,))
         if not np.isfinite(numbers).all():
-            raise self.wrong(f"{name} has entries that are no finite numbers; write it again")
+            raise self.wrong(f"{name} has entries that are not finite numbers; write it again")
         if counts and len(numbers) not in counts:
             allowed = " or ".join(map(str, counts))
             raise self.wrong(f"{name} has {len(numbers)} numbers instead of {allowed}")

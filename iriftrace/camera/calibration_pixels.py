@@ -11,7 +11,7 @@ from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import IriftraceWarning
 
 SHORTEST_FOCAL = 0.15
-"""Of a picture's width: lenses without fisheye see less than 147 degrees."""
+"""Fraction of a picture's width: lenses without fisheye see less than 147 degrees."""
 
 
 def check_pixels(values: CalibrationValues, matrix: FloatArray, size: IntArray) -> None:
@@ -32,7 +32,7 @@ def check_pixels(values: CalibrationValues, matrix: FloatArray, size: IntArray) 
     if off > 0.5:
         warn(
             f"The principal point ({centre[0]:.0f}, {centre[1]:.0f}) px in {values.called} lies "
-            f"outside the pictures of {size[0]} x {size[1]} px; if this is no projector, the "
+            f"outside the pictures of {size[0]} x {size[1]} px; if this is not a projector, the "
             "camera matrix is of another resolution.",
             IriftraceWarning,
             stacklevel=4,

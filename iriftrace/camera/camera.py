@@ -286,7 +286,7 @@ class Camera:
         -------
         (n, 2) array, px
             The centre of the first pixel is (0, 0). NaN for points that are not in front of a
-            pinhole camera, or so far beside the picture that the distortion is not defined.
+            pinhole camera, or so far outside the picture that the distortion is not defined.
         """
         local = self.to_camera(points)
         if self.projection == "orthographic":
@@ -365,7 +365,7 @@ class Camera:
             raise
         except (TypeError, LookupError, AttributeError, OverflowError) as error:
             raise InputError(
-                f"The camera in the file lacks or misnames something ({error}); write the file "
+                f"The camera in the file has missing or misspelt entries ({error}); write the file "
                 "again."
             ) from error
         except ValueError as error:

@@ -29,7 +29,7 @@ MOST_ROUNDS = 30
 """Newton steps after which the inverse is taken not to exist."""
 
 Numbers: TypeAlias = Any
-"""Numbers, or arrays of them of NumPy or Dr.Jit, which share no type."""
+"""Numbers, or arrays of NumPy or Dr.Jit, which have no common type."""
 
 _CLOSE = 1e-9  # One more Newton step from here is exact in double precision.
 _BLOCK = 1 << 14  # Positions worked on at a time, so that they stay in the processor's cache.
@@ -187,7 +187,7 @@ def fold_radius(distortion: Distortion) -> float:
     r2 = x * x + y * y
     with np.errstate(all="ignore"):
         xx, xy, yy = jacobian(x, y, distortion.coefficients)
-        # Positive definite: then no two directions of the (convex) disk share a place.
+        # Positive definite: then no two directions of the (convex) disk map to the same point.
         right = (xx * yy - xy * xy > 0.0) & (xx + yy > 0.0)
         right &= 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)) > 0.0
     turned = np.flatnonzero(~right.all(axis=1))
@@ -213,8 +213,8 @@ def seen_field(
     The picture's border decides: the disk inside the fold radius has no hole, so what holds the
     border holds the whole picture.
     """
-    share = np.linspace(0.0, 1.0, 65)
-    columns, rows = (a + share * (b - a) for a, b in zip(upper_left, lower_right, strict=True))
+    fraction = np.linspace(0.0, 1.0, 65)
+    columns, rows = (a + fraction * (b - a) for a, b in zip(upper_left, lower_right, strict=True))
     grid = np.stack(np.meshgrid(columns, rows)).reshape(2, -1)
     found, rounds = _undistorted(grid, distortion)
     if np.isnan(found).any():

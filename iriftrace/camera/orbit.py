@@ -82,7 +82,8 @@ class Orbit:
             raise InputError(f"Unknown angles {self.angles!r}; use one of {', '.join(ANGLES)}.")
         if self.centre.shape != (3,) or not np.isfinite(self.centre).all():
             raise InputError(
-                f"The orbit's centre {self.centre.tolist()} is no point; give three finite numbers."
+                f"The orbit's centre {self.centre.tolist()} is not a point; give three finite "
+                "numbers."
             )
         axes = self.semi_axes_mm
         if axes.shape != (3,) or not (np.isfinite(axes) & (axes > 0)).all():

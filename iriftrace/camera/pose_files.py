@@ -228,7 +228,9 @@ def _angles(columns: dict[str, object], name: str, count: int, path: Path) -> Fl
     except (ValueError, TypeError):
         angles = np.empty(0)
     if angles.shape != (count,):
-        raise InputError(f"{path} has {count} poses, but '{name}' is no list of as many numbers.")
+        raise InputError(
+            f"{path} has {count} poses, but '{name}' is not a list of as many numbers."
+        )
     return angles
 
 
@@ -314,8 +316,8 @@ def _named(table: _Table, names: list[str]) -> dict[str, object]:
     if twice:
         raise InputError(f"{table.path} has the column {twice[0]} twice; remove one.")
 
-    def columns(wanted: Sequence[str]) -> FloatArray:
-        return table.numbers([names.index(name) for name in wanted])
+    def columns(selected: Sequence[str]) -> FloatArray:
+        return table.numbers([names.index(name) for name in selected])
 
     forms = [MATRIX, _ORIGIN + _QUATERNION, _ORIGIN + _TARGET]
     complete = [set(form) <= set(names) for form in forms]
@@ -353,7 +355,7 @@ def _from_quaternions(origins: FloatArray, quaternions: FloatArray, table: _Tabl
         number = int(np.argmax(wrong))
         raise InputError(
             f"{table.path}, line {table.lines[number]}: the quaternion has length "
-            f"{lengths[number]:g} instead of 1, so it is no rotation; correct it."
+            f"{lengths[number]:g} instead of 1, so it is not a rotation; correct it."
         )
     matrices = np.tile(np.eye(4), (len(origins), 1, 1))
     matrices[:, :3, :3] = Rotation.from_quat(quaternions).as_matrix()

@@ -127,7 +127,7 @@ def aimed(origins: ArrayLike, targets: ArrayLike) -> FloatArray:
     return matrices
 
 
-def push_out(
+def offset_outward(
     poses: PoseSet, is_hot: Callable[[FloatArray], NDArray[np.bool_]]
 ) -> tuple[PoseSet, NDArray[np.bool_]]:
     """Move cameras back along their optical axes, by 5 mm at a time, out of the hot air.

@@ -35,7 +35,7 @@ def pixels_in_tiles(width: int, height: int) -> NDArray[np.uint32]:
     return np.concatenate((ordered(bands), ordered(pixels[None, above:])))
 
 
-def places_in_tiles(places: FloatArray) -> IntArray:
+def tile_order(places: FloatArray) -> IntArray:
     """Order of places (n, 2), px, tile by tile; what lies beyond the picture comes somewhere."""
     pixels = np.nan_to_num(places).clip(0, _WIDEST).astype(np.int64)
     column, row = (pixels // TILE).T

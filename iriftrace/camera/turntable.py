@@ -41,13 +41,13 @@ def turntable_poses(matrix: ArrayLike, table: str, centre: ArrayLike) -> PoseSet
             raise ValueError
     except (ValueError, ZeroDivisionError, OverflowError):
         raise InputError(
-            f"{table!r} is no turntable; give its axis and start, stop and step of its angle in "
+            f"{table!r} is not a turntable; give its axis and start, stop and step of its angle in "
             'degrees, such as "z:0:360:30".'
         ) from None
     angles = start + step * np.arange(count)
     if count > 1 and np.isclose(angles[-1] - angles[0], 360.0):
         angles = angles[:-1]
-    # A part that turns one way sees the camera turn the other way.
+    # If the part turns in one direction, the camera moves in the other one relative to it.
     around = np.eye(3)[_AXES.index(axis)]
     turns = Rotation.from_rotvec(np.outer(-angles, around), degrees=True).as_matrix()
     pose, point = np.asarray(matrix, dtype=np.float64), np.asarray(centre, dtype=np.float64)

@@ -1,5 +1,5 @@
-"""Temperature fields: made by OpenFOAM or from formulas, and checked.
+"""Temperature fields: computed with OpenFOAM or from formulas, and checked.
 
-A lab without a flow solver of its own gets its field here, and every lab a verdict on the field
-that it has: wall, boundary layer, heat balance, gradient, edge of the data.
+Users without a flow solver compute a field here. Any field can be checked: wall, boundary layer,
+heat balance, gradient, edge of the data.
 """

@@ -147,7 +147,7 @@ def header_of(lines: Iterable[str], count: int) -> list[str]:
     """Names of a table's columns in the lines before its numbers; empty where none names them.
 
     The last line that names x, y and z; else the last one that names as many columns as there are
-    (`count`), or x, y and z among others. A sentence of as many words is no header.
+    (`count`), or x, y and z among others. A sentence of as many words is not a header.
     """
     tables = [words_of(line, count) for line in lines][::-1]
     for words in tables:

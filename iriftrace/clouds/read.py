@@ -194,7 +194,7 @@ def _rows(
         points, columns, remarks, unit = _mesh_rows(file, kind)
     else:
         known = ", ".join((*MESHES, ".vtp", ".e57", *TEXT))
-        raise InputError(f"{file} is no cloud that can be read; give {known}.")
+        raise InputError(f"{file} is not a cloud of a supported format; give {known}.")
     refuse_corrected(file, columns)
     named = _single(columns)
     if chosen is None:

@@ -34,7 +34,7 @@ def check_cloud_name(path: Path) -> None:
     """Refuse a name that is none of a cloud that can be written."""
     if path.suffix.lower() not in WRITTEN:
         raise InputError(
-            f"{path} is no name of a cloud that can be written; end it in {', '.join(WRITTEN)}."
+            f"{path} does not end like a cloud that can be written; use {', '.join(WRITTEN)}."
         )
     if path.suffix.lower() == ".e57":
         check_e57(path)

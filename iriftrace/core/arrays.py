@@ -16,7 +16,7 @@ NumberArray = NDArray[np.uint32]
 Int32Array = NDArray[np.int32]
 AnyIntArray = NDArray[np.integer[Any]]
 AnyArray = NDArray[Any]
-"""Of any elements: columns of a table, structured rows, the content of a file."""
+"""Arrays of any elements: columns of a table, structured rows, the content of a file."""
 
 Variable = tuple[tuple[str, ...], AnyArray] | tuple[tuple[str, ...], AnyArray, Mapping[str, object]]
 """A variable of a dataset as xarray takes it: dimensions, values, and maybe attributes."""

@@ -96,7 +96,7 @@ class _Server:
                     found = _received(answer)
                 status = channel.recv(4)
             except BaseException:
-                # What is still on its way must not be taken for the next answer.
+                # An answer that is still pending must not be read as the next one.
                 self.stop()
                 raise
             return found, int.from_bytes(status, "little")
@@ -202,7 +202,7 @@ def _serve(channel: socket.socket) -> None:
                 _limit(memory, seconds)
                 with open(descriptor, "wb") as out:
                     _answer(out, work, arguments)
-                # Without the clean-up of an interpreter that shares its parent's state.
+                # Skips the interpreter's clean-up, which would affect state of the parent.
                 os._exit(0)
             finally:
                 os._exit(1)

@@ -29,7 +29,7 @@ class Bending(StrEnum):
             Bending.LAYERS: "all along the layers",
             Bending.SHELLS: "at the shells alone",
             Bending.SHELLS_WITHOUT_DERIVATIVES: (
-                "at the shells alone, whose files lack the index's derivatives"
+                "at the shells alone, as their files do not have the index's derivatives"
             ),
             Bending.CELLS: "continuously",
         }[self]
@@ -41,5 +41,5 @@ class Bending(StrEnum):
 
 
 def may_use_cells(engine: str) -> bool:
-    """Whether a scene that is traced with this engine may need the field beside it."""
+    """True if a scene traced with this engine may need the field file next to it."""
     return engine != "shells"

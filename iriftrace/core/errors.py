@@ -19,7 +19,7 @@ class InputError(IriftraceError, ValueError):
 
 
 class SetupError(IriftraceError, RuntimeError):
-    """This machine lacks something iriftrace needs, such as a usable LLVM library."""
+    """Something that iriftrace needs is missing on this machine, such as an LLVM library."""
 
 
 class IriftraceWarning(UserWarning):

@@ -76,7 +76,7 @@ MOST_PACKED = 100
 def array_in(content: bytes) -> AnyArray:
     """Array of numbers in the bytes of a ``.npy`` file; nothing is unpickled.
 
-    ValueError if it is no such file, or its header states another size than it has.
+    Raises ValueError if it is not such a file, or its size differs from that in its header.
     """
     file = io.BytesIO(content)
     try:
@@ -100,18 +100,19 @@ _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0
 def arrays_in(path: Path, names: Sequence[str]) -> dict[str, AnyArray]:
     """Arrays of an ``.npz`` file by name, as in `array_in`.
 
-    ValueError also if it lacks one, or would unpack to more than `MOST_PACKED` times itself.
+    Also raises ValueError if an array is missing, or the file would unpack to more than
+    `MOST_PACKED` times its size.
     """
     try:
         with zipfile.ZipFile(path) as archive:
             members = {info.filename: info for info in archive.infolist()}
-            wanted = [members[f"{name}.npy"] for name in names]
-            stated, size = sum(info.file_size for info in wanted), path.stat().st_size
+            selected = [members[f"{name}.npy"] for name in names]
+            stated, size = sum(info.file_size for info in selected), path.stat().st_size
             if stated > MOST_PACKED * size:
                 raise ValueError(f"its {size:,} bytes would unpack to {stated:,}")
-            contents = [archive.read(info) for info in wanted]
+            contents = [archive.read(info) for info in selected]
     except KeyError as error:
-        raise ValueError(f"it lacks {error}") from error
+        raise ValueError(f"{error} is missing") from error
     # NotImplementedError and RuntimeError are those of compressions and encryptions.
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError) as error:
         raise ValueError("it holds something else than arrays of numbers") from error

@@ -1,4 +1,4 @@
-"""Rows of numbers in a text file, whatever separates them and marks their decimals."""
+"""Rows of numbers in a text file, with any separator and decimal mark."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def numbers(rows: Sequence[str], separator: str | None, path: Path, what: str) -
     """Rows, without comments and empty lines, as an array (rows, columns).
 
     `separator` is as `separator_of` tells, `what` names the rows in messages ("coordinates").
-    InputError if a row has other columns than the first, or something that is no number.
+    Raises InputError if a row has other columns than the first, or an entry is not a number.
     """
     lines = [_QUOTED.sub(r"\1", with_exponents(row)) for row in rows]
     if separator != "," and any(_DECIMAL_COMMA.search(row) for row in lines):

@@ -65,7 +65,7 @@ def _from_dictionary(kind: type[T], converter: Converter) -> Callable[[object, o
 
     def convert(value: object, _: object) -> T:
         if not isinstance(value, dict):
-            raise ValueError(f"{value!r} is no object")
+            raise ValueError(f"{value!r} is not an object")
         return made(value, kind)
 
     return convert
@@ -82,7 +82,7 @@ def _strict(kind: type, name: str, taken: tuple[type, ...]) -> Callable[[object,
 
     def convert(value: object, _: object) -> object:
         if type(value) not in taken or value != value:
-            raise ValueError(f"{value!r} is no {name}")
+            raise ValueError(f"{value!r} is not {'an' if name[0] in 'aeiou' else 'a'} {name}")
         return kind(value)
 
     return convert

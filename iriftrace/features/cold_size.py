@@ -15,7 +15,7 @@ from iriftrace.part.part import Part
 Rows = list[JsonObject]
 
 K = 2
-"""Of the expanded uncertainty."""
+"""Coverage factor of the expanded uncertainty."""
 
 _PLACES = np.full((3, 3), 1.0 / 6.0) + np.eye(3) / 2.0
 """Shares of a triangle's corners at three places, whose mean is exact for quadratic functions
@@ -105,9 +105,9 @@ class ColdSizes:
         factor = hot / cold
         u = None
         if self.u_expansion is not None and self.u_temperature_k is not None:
-            # Of size / (1 + strain) to first order, both independent.
-            shares = (factor - 1.0) * self.u_expansion, growth.expansion * self.u_temperature_k
-            u = K * abs(size) / factor**2 * float(np.hypot(*shares))
+            # Uncertainty of size / (1 + strain) to first order, both independent.
+            terms = (factor - 1.0) * self.u_expansion, growth.expansion * self.u_temperature_k
+            u = K * abs(size) / factor**2 * float(np.hypot(*terms))
         return {
             "at_reference": {
                 "temperature_k": growth.reference_k,

@@ -33,7 +33,7 @@ DIMENSIONS = {"plane": 2, "line": 1, "circle": 2, "sphere": 3, "cylinder": 3, "c
 """Dimensions in which those points have an extent: on a plane lies no one sphere."""
 
 FLAT = 1e-6
-"""Extent, as a share of the largest, that is the rounding of single precision."""
+"""Rounding of single precision, as a fraction of the largest extent."""
 
 
 @frozen(eq=False)
@@ -88,14 +88,14 @@ class Feature:
         height = arm @ self.direction
         if self.kind == "plane":
             return np.asarray(height)
-        beside = np.linalg.norm(arm - np.outer(height, self.direction), axis=1) - radius
+        radial = np.linalg.norm(arm - np.outer(height, self.direction), axis=1) - radius
         if self.kind == "circle":
-            return np.asarray(np.hypot(beside, height))
+            return np.asarray(np.hypot(radial, height))
         if self.half_angle is None:
-            return np.asarray(beside)
+            return np.asarray(radial)
         # The direction does not tell to which side the cone opens; the points do.
         sides = (
-            beside * np.cos(angle) - height * np.sin(angle)
+            radial * np.cos(angle) - height * np.sin(angle)
             for angle in (self.half_angle, -self.half_angle)
         )
         return np.asarray(min(sides, key=lambda off: float(np.median(np.abs(off)))))
@@ -136,7 +136,7 @@ def fit_feature(
     centre = np.average(places, axis=0, weights=root**2)
     scale = float(np.abs(places - centre).max())
     if not scale > 0.0:
-        raise InputError(f"All points are the same, so they are no {kind}; give others.")
+        raise InputError(f"All points are the same, so no {kind} fits; give others.")
     # About their centre and of size 1, so that all parameters weigh alike.
     unit = (places - centre) / scale
     extents = np.linalg.svd(root[:, None] * unit, compute_uv=False)

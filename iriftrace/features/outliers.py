@@ -22,11 +22,11 @@ ROUNDS = 20
 """Most rounds of the robust start and of the gate, which take three to eight."""
 
 SETTLED = 0.05
-"""Of the noise: a robust fit that moves by less is good enough to judge outliers by."""
+"""Fraction of the noise: a robust fit that moves by less is accurate enough to judge outliers."""
 
 
 def check_gate(gate: float | None) -> None:
-    """Refuse a gate that leaves out half of the points or is no number."""
+    """Refuse a gate that removes half of the points or is not a number."""
     if gate is not None and not gate >= LEAST_GATE:
         raise InputError(
             f"The gate is {gate:g} robust standard deviations, which leaves out good points; give "
@@ -35,18 +35,18 @@ def check_gate(gate: float | None) -> None:
 
 
 def inliers(
-    points: FloatArray, kind: str, gate: float | None, beside: Surface | None = None
+    points: FloatArray, kind: str, gate: float | None, nearby: Surface | None = None
 ) -> BoolArray:
-    """Mask (n,) of the points (n, 3), mm, that are no outliers of a feature; all without a gate.
+    """Mask (n,) of the points (n, 3), mm, that are not outliers of a feature; all without a gate.
 
     They lie within `gate` robust standard deviations, 1.4826 times the median distance, of the
-    least-squares fit to themselves: from a robust fit on, points are left out and the rest fitted
-    again until the set stands. Points as near to the surfaces `beside` the feature are left out,
-    too, unless half of all are: which of them count as the feature's depends on their noise.
+    least-squares fit to themselves: starting from a robust fit, points are removed and the rest is
+    fitted again until the set does not change. Points as near to the surfaces `nearby` are removed,
+    too, unless half of all are: which of them belong to the feature depends on their noise.
     """
     if gate is None or len(points) < 2 * FEWEST[kind]:
         return np.ones(len(points), dtype=bool)
-    # Of points without noise, the rounding of single precision is no outlier.
+    # For points without noise, the rounding of single precision is not an outlier.
     least = limit = FLAT * float(np.ptp(points, axis=0).max())
     found = _robust_fit(points[:: max(1, len(points) // SAMPLE)], kind, least)
     kept = np.zeros(len(points), dtype=bool)
@@ -57,8 +57,8 @@ def inliers(
         if np.array_equal(kept, before):
             break
         found = fit_feature(points[kept], kind, near=found)
-    if beside is not None:
-        inner = beside.distance(points[kept]) > limit
+    if nearby is not None:
+        inner = nearby.distance(points[kept]) > limit
         if inner.mean() > 0.5:
             kept[kept] = inner
     return kept

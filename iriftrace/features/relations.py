@@ -20,12 +20,12 @@ Row = Mapping[str, Any]
 def relations(features: Sequence[Row]) -> list[JsonObject]:
     """Distances and angles between the planes among features, rows of `feature_table`.
 
-    Of parallel planes ``{"kind": "distance", "regions": [a, b], "size_mm": {cloud: mm},
+    For parallel planes ``{"kind": "distance", "regions": [a, b], "size_mm": {cloud: mm},
     "u_size_mm": {cloud: mm}}``: how far the points' centres are apart along the mean of both
-    normals. Of square ones ``{"kind": "angle", "regions": [a, b], "angle_deg": {cloud: deg},
+    normals. For square ones ``{"kind": "angle", "regions": [a, b], "angle_deg": {cloud: deg},
     "u_angle_deg": {cloud: deg}}``, below or above 90 degrees as their normals point (each with its
     largest component positive). The first cloud tells which planes these are. u is the standard
-    uncertainty by the scatter of the points, as in `Feature`. Of an ensemble also ``by_member``
+    uncertainty by the scatter of the points, as in `Feature`. For an ensemble also ``by_member``
     with the distances or angles by each member.
     """
     planes = [row for row in features if row["kind"] == "plane"]

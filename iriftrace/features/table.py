@@ -27,21 +27,21 @@ from iriftrace.geometry.topology import weld
 from iriftrace.part.part import Part
 
 FOUND_KINDS: tuple[Kind, ...] = ("plane", "cylinder", "cone", "sphere")
-"""Surfaces that regions are taken for, the first that fits: a plane fits as a wide cylinder too, a
-cylinder as a cone, and two rings of corners lie on a sphere whatever they belong to."""
+"""Surfaces that regions can be, in order of precedence: a plane fits as a wide cylinder too, a
+cylinder as a cone, and two rings of corners of any surface lie on a sphere."""
 
 FOUND_SHARE = 1e-3
-"""Of a region's extent: farthest off a surface a region may be that is one. Files in single
-precision are off by 1e-7, free-form regions by some percent."""
+"""Largest distance of a region from the surface it is taken for, as a fraction of its extent. Files
+in single precision are off by 1e-7, free-form regions by some percent."""
 
 NO_FEATURE = 0.1
-"""Form deviation as a share of the extent beyond which a fitted feature means nothing."""
+"""Form deviation as a fraction of the extent beyond which a fitted feature means nothing."""
 
 FEWEST_MEASURED = 100
-"""Measured points of a region for a feature of its own; metrics ask for as many rays."""
+"""Measured points of a region for a feature of its own; metrics require as many rays."""
 
 _KINDS_OF_REGIONS: WeakKeyDictionary[Part, dict[str, str | None]] = WeakKeyDictionary()
-"""A sweep asks in every pose, and a gear's teeth take a second to be found no surface."""
+"""Cache for sweeps: deciding that a gear's teeth are not a surface takes a second per pose."""
 
 
 def feature_table(
@@ -57,11 +57,11 @@ def feature_table(
     `face` (n,) is the part's face on which each point lies. A choice is a kind of feature and a
     region, ``"cylinder:lateral"``; ``"sphere:"`` is for all points; a kind alone for all regions
     that are one, and of a part of one region for all points. Without any choice, `found_features`.
-    Warns of points that are no such feature or leave its diameter uncertain, and leaves out what
-    they do not determine.
+    Warns of points that do not fit the feature or leave its diameter uncertain, and omits what they
+    do not determine.
 
     Outliers of the cloud ``"measured"`` (else of the first), and points as near to other regions,
-    by `inliers`, are left out of all.
+    by `inliers`, are removed from all.
 
     Gives ``kind``, ``region``, ``points`` that were fitted and ``left_out``, and by cloud
     ``size_mm``, ``u_size_mm``, ``form_mm``, ``position_mm`` and ``direction`` as in `Feature`, of
@@ -158,20 +158,20 @@ def feature_row(
 
 
 def _other_surface(part: Part, kind: str, region: str) -> str | None:
-    """Why a region's points are no surface of a kind, where it is one of another."""
+    """Message if a region's points are a surface of another kind; None otherwise."""
     is_a = _kind_of_region(part, region) if region and kind in FOUND_KINDS else None
     if is_a is None or _lies_on(_corners(part, region), kind):
         return None
-    return f"The points of {region} are no {kind}, as that is a {is_a}; choose {is_a}:{region}."
+    return f"Region {region} is a {is_a}, not a {kind}. Use {is_a}:{region}."
 
 
 def _doubt(fit: Feature, extent: float, region: str, found: Sequence[str]) -> str | None:
-    """Why a feature of points of this extent, mm, means nothing or little; None where it does."""
+    """Why a feature of points of this extent, mm, is not meaningful; None if it is."""
     where = f"The points of {region or 'the whole part'}"
     if fit.form_mm > NO_FEATURE * extent:
         return (
-            f"{where} are no {fit.kind}, as they lie {fit.form_mm:.3g} mm apart across the fitted "
-            f"one; choose one of the part's features: {', '.join(found) or 'it has none'}."
+            f"{where} do not lie on a {fit.kind}: they are {fit.form_mm:.3g} mm apart across the "
+            f"fitted one; choose one of the part's features: {', '.join(found) or 'it has none'}."
         )
     if fit.u_size_mm is not None and fit.u_size_mm > fit.form_mm:
         return (

@@ -1,4 +1,4 @@
-"""Temperatures that thermocouples measured in the air."""
+"""Temperatures of the air measured with thermocouples."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ COLUMNS = ("x", "y", "z", "T")
 
 @frozen(eq=False)
 class AirTemperatures:
-    """Temperatures of the air at n places.
+    """Temperatures of the air at n points.
 
     Attributes
     ----------
     places : (n, 3) array, mm, world
     kelvins : (n,) array, K
     deviations : (n,) array, K
-        Standard uncertainty of each.
+        Standard uncertainty of each temperature.
     path : str
     sha256 : str
     """
@@ -38,26 +38,26 @@ class AirTemperatures:
 
 
 def is_air_temperatures(path: Path) -> bool:
-    """Whether the first line of a file names the columns of `read_air_temperatures`."""
+    """True if the first line of a file names the columns of `read_air_temperatures`."""
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         return set(COLUMNS) <= set(header_columns(file.readline(10_000).strip()))
 
 
 def read_air_temperatures(path: str | Path) -> AirTemperatures:
-    """Read temperatures of thermocouples in the air.
+    """Read temperatures of the air measured with thermocouples.
 
     Parameters
     ----------
     path : path
-        A table whose header names x, y, z and T, with units as in ``T (degC)``, else mm and K; and
-        U, the expanded uncertainty (k = 2) of T in its unit. Without U the tolerance of a type K
-        thermocouple of class 2 counts as a rectangle's half width: 2.5 K, or 0.75 % of the degrees
-        Celsius (IEC 60584-1).
+        A table whose header names x, y, z and T, with units as in ``T (degC)``, else mm and K. The
+        optional column U is the expanded uncertainty (k = 2) of T in its unit. Without U the
+        tolerance of a type K thermocouple of class 2 is used as the half width of a rectangular
+        distribution: 2.5 K or 0.75 % of the temperature in degC (IEC 60584-1).
 
     Raises
     ------
     InputError
-        The file is missing or damaged, lacks a column, or an uncertainty is not positive.
+        The file is missing or damaged, a column is missing, or an uncertainty is not positive.
     """
     file = Path(path)
     check_readable(file)

@@ -1,4 +1,4 @@
-"""Arrays of solvers' files: which one holds temperature, density or index, and in what unit."""
+"""Arrays in solvers' files: which one holds temperature, density or index, and in what unit."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import pyvista as pv
 
 QUANTITIES = ("temperature", "index", "density")
-"""Physical quantities from which n - 1 follows, in the order in which they are looked for."""
+"""Physical quantities from which n - 1 is computed, in the order in which they are searched."""
 
 # Names as solvers write them, in lower case and without a unit in brackets.
 _EXACT = {
@@ -33,15 +33,15 @@ _LOOSE = {
     "index": re.compile(r"n[_.]|.*refractive|.*refractivity|.*index_of_refraction"),
     "density": re.compile(r"rho|.*density"),
 }
-_COLDEST_K = 150.0  # room air in degC, taken as kelvin, lies below
-_HOTTEST_K = 6000.0  # beyond, no molecule of air is left
+_COLDEST_K = 150.0  # room temperature in degC, read as kelvin, lies below
+_HOTTEST_K = 6000.0  # above, all molecules of air are dissociated
 _LARGEST_REFRACTIVITY = 0.01  # air at 30 bar; n itself is near 1
 
 SI = {"temperature": "kelvin", "density": "kg/m^3", "index": "1"}
-"""Unit in which each quantity is computed with, and taken to be where nobody says otherwise."""
+"""Unit used for each quantity, and assumed where neither file nor user states one."""
 
 _IN_BRACKETS = re.compile(r".*[\s_]*[(\[{](?P<unit>[^()\[\]{}]+)[)\]}]\s*")
-# As programs spell them that are not scientific libraries.
+# Spellings of programs other than scientific libraries.
 _SPELLINGS = {
     "kelvin": "K",
     "celsius": "degC",
@@ -56,7 +56,7 @@ _SPELLINGS = {
 
 @frozen(eq=False)
 class Choice:
-    """The array of a file that is used, and the physical quantity that it holds."""
+    """The array of a file that is used, and the physical quantity it holds."""
 
     name: str
     quantity: str
@@ -65,10 +65,10 @@ class Choice:
 def choose_array(grid: pv.DataSet, array: str | None, quantity: str | None, path: str) -> Choice:
     """Find the array to use.
 
-    A given name is taken as it is. Else temperature is looked for first, then index, then density,
-    or `quantity` alone when it is given; a usual name (``T``, ``rho``) wins over a name that only
-    resembles one (``T_snapshot``). An InputError for no array, several that are equally likely, or
-    a quantity that is not known.
+    A given name is used as it is. Otherwise temperature is searched first, then index, then
+    density, or only `quantity` when it is given. A usual name (``T``, ``rho``) takes precedence
+    over a name that only resembles one (``T_snapshot``). Raises InputError if no array is found,
+    several are equally likely, or the quantity is not known.
     """
     if quantity is not None and quantity not in QUANTITIES:
         raise InputError(f"{quantity!r} is not a quantity; use one of {', '.join(QUANTITIES)}.")
@@ -77,12 +77,12 @@ def choose_array(grid: pv.DataSet, array: str | None, quantity: str | None, path
     if array is not None:
         if array not in names:
             raise InputError(
-                f"{path} has no array {array!r} with one number a point; it has {listed}."
+                f"{path} has no array {array!r} with one number per point; it has {listed}."
             )
         found = quantity or quantity_of(array)
         if found is None:
             raise InputError(
-                f"The name {array!r} does not tell what the array in {path} holds; say so with "
+                f"The name {array!r} does not say what the array in {path} holds; state it with "
                 f"the quantity option (--quantity): {', '.join(QUANTITIES)}."
             )
         return Choice(array, found)
@@ -103,7 +103,7 @@ def choose_array(grid: pv.DataSet, array: str | None, quantity: str | None, path
 
 
 def other_index(grid: pv.UnstructuredGrid) -> str | None:
-    """Name of the one index array under a usual name, or None."""
+    """Name of the only index array with a usual name, or None."""
     exact = [name for name in _scalar_names(grid) if _is_usual(name, "index")]
     return exact[0] if len(exact) == 1 else None
 
@@ -117,7 +117,7 @@ def quantity_of(name: str) -> str | None:
 
 
 def point_values(grid: pv.UnstructuredGrid, name: str, path: str) -> FloatArray:
-    """An array at the points, (n,); cell data are averaged (`point_means`)."""
+    """An array at the points, (n,); cell data are averaged onto the points (`point_means`)."""
     if name in grid.point_data:
         return finite_values(grid.point_data, name, path)
     values = finite_values(grid.cell_data, name, path)
@@ -131,7 +131,7 @@ def point_values(grid: pv.UnstructuredGrid, name: str, path: str) -> FloatArray:
 
 
 def finite_values(data: pv.DataSetAttributes, name: str, path: str) -> FloatArray:
-    """An array of finite numbers; an InputError for others."""
+    """An array of finite numbers; raises InputError otherwise."""
     values = as_float64(data[name])
     wrong = np.count_nonzero(~np.isfinite(values))
     if wrong:
@@ -155,7 +155,7 @@ def _plain(name: str) -> str:
 
 
 def _scalar_names(grid: pv.DataSet) -> list[str]:
-    """Names of the arrays with one number a point or cell, each once, point data first."""
+    """Names of the arrays with one number per point or cell, each once, point data first."""
     return list(
         dict.fromkeys(
             name
@@ -180,7 +180,7 @@ def _unit_of(
     if stated and not _is_unit(stated, quantity):
         if given is None:
             raise InputError(
-                f"{path} gives {name!r} the unit {stated!r}, which is no unit of {quantity}; "
+                f"{path} gives {name!r} the unit {stated!r}, which is not a unit of {quantity}; "
                 f"{_remedy(quantity)}"
             )
         stated = ""
@@ -214,9 +214,9 @@ def _is_unit(text: str, quantity: str) -> bool:
 
 
 def _scale(unit: str, quantity: str) -> tuple[float, float]:
-    """Value of 0 and of one step of a unit in the quantity's SI unit."""
+    """Offset and factor that convert a unit to the quantity's SI unit."""
     name = _SPELLINGS.get(unit.strip().lower(), unit.strip())
-    # Two values tell a linear unit; converting a million numbers through pint would be slow.
+    # Two values determine a linear unit; converting a million numbers with pint would be slow.
     zero = parse_quantity(f"0 {name}", SI[quantity])
     return zero, (parse_quantity(f"100 {name}", SI[quantity]) - zero) / 100.0
 
@@ -243,12 +243,12 @@ def to_refractivity(
 ) -> FloatArray:
     """Refractivity n - 1, (n,), of the (n,) values of an array, in ambient air.
 
-    `units` is what the file's header states for each array, "" for nothing; None where the format
-    has no place for units, so that only brackets in the name can tell one, as in ``T_(degC)``.
-    `temperature_unit` is what the user says of temperatures.
+    `units` is what the file's header states for each array, "" for nothing. It is None for formats
+    that do not store units; then only brackets in the name state one, as in ``T_(degC)``.
+    `temperature_unit` is the unit of temperatures given by the user.
 
-    An InputError if user and file contradict each other; if the header has a place for the unit of
-    a temperature but states none, or one of another kind; if values are not possible.
+    Raises InputError if user and file contradict each other, if a format that stores units states
+    none for a temperature or one of another quantity, or if values are not possible.
     """
     if choice.quantity == "index":
         return _from_index(values, choice.name, path)

@@ -1,4 +1,4 @@
-"""Values of cells or faces as values at the points around them."""
+"""Values of cells or faces averaged onto the points around them."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ if TYPE_CHECKING:
     import pyvista as pv
 
 PLACES = "iriftrace_places"
-"""Cell data, (m, 3): where the value of a cell belongs that is a piece of a polyhedron."""
+"""Cell data, (m, 3): the location of a cell's value where the cell is a piece of a polyhedron."""
 
 _LEAST = 0.1
-"""Least correction of a weight."""
+"""Smallest correction of a weight."""
 _NEAREST = 1e-6
-"""Least distance of a place, as a fraction of the farthest one."""
+"""Smallest distance of a location, as a fraction of the largest one."""
 
 
 def point_means(grid: pv.UnstructuredGrid, values: FloatArray) -> FloatArray:
-    """Cell values (m,) or (m, k) as means at the n points, weighted as `linear_weights` says.
+    """Cell values (m,) or (m, k) averaged onto the n points with the weights of `linear_weights`.
 
-    The cells are of the types in `iriftrace.field.gradient.CORNERS`. Their values belong to their
-    centroids, or to `PLACES` where the grid has them.
+    The cells are of the types in `iriftrace.field.gradient.CORNERS`. Their values are located at
+    their centroids, or at `PLACES` where the grid has them.
     """
     if PLACES in grid.cell_data:
         places = as_float64(grid.cell_data[PLACES])
@@ -43,12 +43,12 @@ def point_means(grid: pv.UnstructuredGrid, values: FloatArray) -> FloatArray:
 
 
 def linear_weights(around: Sequence[tuple[IntArray, FloatArray]], count: int) -> list[FloatArray]:
-    """Weights (k,) of places around `count` points, of each group of places.
+    """Weights (k,) of locations around `count` points, for each group of locations.
 
-    A group has (k,) points and (k, 3) arms from them to places. The weights are inverse distances
-    times a linear function of the arms, by which the weighted mean of the arms vanishes: the means
-    of values that are linear in space are then exact (Holmes and Connell, AIAA 89-1932). Where all
-    places lie on one side the function stops at `_LEAST`.
+    A group has (k,) points and (k, 3) vectors from them to the locations. The weights are inverse
+    distances times a linear function of these vectors, chosen so that their weighted mean vanishes:
+    the means of values that are linear in space are then exact (Holmes and Connell, AIAA 89-1932).
+    Where all locations lie on one side of the point the function is limited to `_LEAST`.
     """
     lengths = [np.linalg.norm(arm, axis=1) for _, arm in around]
     least = _NEAREST * max((length.max(initial=0.0) for length in lengths), default=0.0)

@@ -1,4 +1,4 @@
-"""Motion of the air in a solver's file, and the heat that it carries: for a heat balance."""
+"""Velocity of the air in a solver's file, and the heat that it carries: for a heat balance."""
 
 from __future__ import annotations
 
@@ -28,22 +28,22 @@ if TYPE_CHECKING:
 SI = "m/s"
 
 VELOCITY, TEMPERATURE = "U", "T"
-"""As OpenFOAM's solvers call them."""
+"""Names used by OpenFOAM's solvers."""
 
 MOMENTUM_MEAN = "rhoUMean"
-"""As OpenFOAM's ``fieldAverage`` calls the mean of density times velocity."""
+"""Name that OpenFOAM's ``fieldAverage`` gives the mean of density times velocity."""
 
 VELOCITY_OVER_TEMPERATURE = "U/T"
-"""Of the cells of an OpenFOAM case, m/(s K): at one pressure what density times velocity is in
-proportion to. Made of the values in the cells, since a product of values that were averaged onto
-points is not the average of the product."""
+"""In the cells of an OpenFOAM case, m/(s K): proportional to density times velocity at constant
+pressure. It is computed from the values in the cells, because the product of values that were
+averaged onto points is not the average of the product."""
 
 ENTHALPY_FLUX = "enthalpy_flux"
 """Vector array, W/m2: density times velocity times (enthalpy - that of ambient air), or its time
-average. Fluctuations carry heat, so it is not the product of the averages."""
+average. Fluctuations carry heat, so it differs from the product of the averages."""
 
 HEAT_STORAGE = "heat_storage"
-"""Array, W/m3: what density times (enthalpy - that of ambient air) changes by per second."""
+"""Array, W/m3: rate of change of density times (enthalpy - that of ambient air)."""
 
 NO_VELOCITIES = "the file has no velocities"
 
@@ -63,18 +63,18 @@ _BRACKETS = re.compile(r"[(\[{](?P<unit>[^()\[\]{}]*)[)\]}]")
 
 @frozen(eq=False)
 class AirFlow:
-    """Motion of the air at the n points of a field."""
+    """Velocity of the air at the n points of a field."""
 
     velocity: FloatArray | None  # (n, 3), m/s, world
-    # (n, 3), W/m2, world: `ENTHALPY_FLUX`, where the file has it or the cells of an OpenFOAM case
-    # tell it.
+    # (n, 3), W/m2, world: `ENTHALPY_FLUX`, where the file has it or it follows from the cells of
+    # an OpenFOAM case.
     enthalpy_flux: FloatArray | None = None
     storage: FloatArray | None = None  # (n,), W/m3: `HEAT_STORAGE`, where the file has it
-    # Of the velocity's arrays, as they were read.
+    # Name and unit of the velocity's arrays, as read from the file.
     name: str = ""
     unit: str = SI
-    flux_name: str = ""  # array of `enthalpy_flux`; "" where there is none or velocities made it
-    missing: str = ""  # why there is no velocity
+    flux_name: str = ""  # array of `enthalpy_flux`; "" if there is none or velocities gave it
+    missing: str = ""  # why the velocity is missing
 
 
 def flow_in(
@@ -84,10 +84,10 @@ def flow_in(
     transform: ArrayLike | None,
     air: Air,
 ) -> AirFlow:
-    """The motion of the air in a file's linear volume cells.
+    """Velocity of the air in a file's linear volume cells.
 
-    An average of the temperature (`array`) goes with the average of the velocity. Vectors are
-    turned and mirrored by the (4, 4) transform from file to world and keep their length. `units`
+    If `array` is an average of the temperature, the average of the velocity is used. Vectors are
+    rotated and mirrored by the (4, 4) transform from file to world and keep their length. `units`
     are those of `readers.states.Contents`.
     """
     found, missing = velocity_arrays(grid, units, averaged=is_mean(array))
@@ -132,15 +132,15 @@ def carried_heat(
 ) -> FloatArray:
     """Average of f(rho) U with f = rho (h - h_ambient), (n, 3), W/m2.
 
-    From the averages of density <rho> (n,), kg/m3, velocity <U> (n, 3), m/s, and momentum <rho U>
-    (n, 3), kg/(m2 s). As f is linear in rho at constant pressure but for the change of the heat
-    capacity (`heat_content_slope`), it is to second order of the fluctuations::
+    Computed from the averages of density <rho> (n,), kg/m3, velocity <U> (n, 3), m/s, and momentum
+    <rho U> (n, 3), kg/(m2 s). At constant pressure f is linear in rho except for the change of the
+    heat capacity (`heat_content_slope`), so to second order of the fluctuations it is::
 
         f(<rho>) <U> + f'(<rho>) (<rho U> - <rho> <U>)
 
-    What is left out is f''/2 times the average of (rho - <rho>)^2 U: 0.3 % of the flux where air of
-    650 K and 0.2 m/s alternates with air of 850 K and 0.9 m/s, and the product of the averages is 6
-    % too small.
+    The neglected term is f''/2 times the average of (rho - <rho>)^2 U. It is 0.3 % of the flux
+    where air of 650 K and 0.2 m/s alternates with air of 850 K and 0.9 m/s; the product of the
+    averages is 6 % too small there.
     """
     kelvin = temperature_of_density(density_kg_m3, pressure_pa)
     together = momentum - density_kg_m3[:, None] * velocity
@@ -163,7 +163,7 @@ def _at_points(grid: pv.UnstructuredGrid, name: str) -> FloatArray:
 
 
 def _rotation(transform: ArrayLike | None) -> FloatArray | None:
-    """Rotation and mirroring (3, 3) in a transform; None where it distorts besides."""
+    """Rotation and mirroring (3, 3) in a transform; None if the transform also distorts."""
     if transform is None:
         return np.eye(3)
     linear = np.asarray(transform, dtype=np.float64)[:3, :3]
@@ -173,10 +173,10 @@ def _rotation(transform: ArrayLike | None) -> FloatArray | None:
 
 @frozen
 class VelocityArrays:
-    """Where the velocity is."""
+    """Arrays that hold the velocity."""
 
     names: tuple[str, ...]  # one array of vectors, or three of numbers along x, y and z
-    factor: float  # m/s in one of its unit
+    factor: float  # m/s per unit of the array
     unit: str  # as the file states it; m/s where it states none
 
 
@@ -185,11 +185,12 @@ def velocity_arrays(
 ) -> tuple[VelocityArrays | None, str]:
     """Find the velocity among the arrays of a grid.
 
-    A vector array with a usual name (``U``, ``Velocity field``) wins over three components
-    (COMSOL's ``u``, ``v``, ``w``; ``Velocity field, x-component``), these over a vector whose name
-    only resembles it. Numbers whose unit is no velocity (displacements are called u, v, w too) are
-    none; where the file states no unit it is m/s. `averaged` prefers a time average (``UMean``),
-    since the temperature is one too. Where there is none, the text says why.
+    A vector array with a usual name (``U``, ``Velocity field``) takes precedence over three
+    components (COMSOL's ``u``, ``v``, ``w``; ``Velocity field, x-component``), and these over a
+    vector whose name only resembles a usual one. Arrays whose unit is not a velocity are ignored
+    (displacements are called u, v, w too); where the file states no unit it is m/s. With
+    `averaged` a time average (``UMean``) is preferred, because the temperature is an average too.
+    If no velocity is found, the returned text says why.
     """
     vectors, numbers = _names(grid, 2), _names(grid, 1)
     by_name = {_plain(name): name for name in vectors}
@@ -209,12 +210,12 @@ def velocity_arrays(
         if len(factors) == 1 and None not in factors:
             unit = _stated_unit(names[0], units) or SI
             return VelocityArrays(names, factors.pop() or 1.0, unit), ""
-        refused = f"the unit of {', '.join(names)} is no velocity"
-    return None, refused or _what_lacks(grid, families, units) or NO_VELOCITIES
+        refused = f"the unit of {', '.join(names)} is not a velocity"
+    return None, refused or _why_none(grid, families, units) or NO_VELOCITIES
 
 
 def is_motion(name: str) -> bool:
-    """True for a vector array named as a motion of the air."""
+    """True for a vector array with the name of a velocity."""
     return name in (MOMENTUM_MEAN, VELOCITY_OVER_TEMPERATURE) or _is_velocity(name)
 
 
@@ -241,7 +242,7 @@ def _names(grid: pv.UnstructuredGrid, dimension: int) -> list[str]:
 
 
 def _families(names: Iterable[str]) -> dict[tuple[str, str, str], dict[int, str]]:
-    """Arrays by axis, of each plain name without its axis: what is before, axes, what is after."""
+    """Components by axis for each plain name without its axis: text before, axes, text after."""
     families: dict[tuple[str, str, str], dict[int, str]] = {}
     for name in names:
         found = _COMPONENT.fullmatch(_plain(name))
@@ -255,18 +256,18 @@ def _families(names: Iterable[str]) -> dict[tuple[str, str, str], dict[int, str]
     return families
 
 
-def _what_lacks(
+def _why_none(
     grid: pv.UnstructuredGrid,
     families: Mapping[tuple[str, str, str], Mapping[int, str]],
     units: Mapping[str, str] | None,
 ) -> str:
-    """Why arrays with the names of velocities are none; "" where no array has such a name."""
+    """Why arrays with the names of velocities were not used; "" where no array has such a name."""
     for family, names in families.items():
-        # A single v or w may be anything.
+        # A single v or w can be anything.
         telling = len(names) == 2 or (len(names) == 1 and family != ("", "uvw", ""))
         if telling and all(_factor(name, units) is not None for name in names.values()):
             there = " and ".join(names[axis] for axis in sorted(names))
-            return f"no other components beside {there}, 3 are needed"
+            return f"it has only {there} of 3 components"
     for data in (grid.point_data, grid.cell_data):
         for name in data:
             width = 1 if data[name].ndim == 1 else data[name].shape[1]
@@ -276,7 +277,7 @@ def _what_lacks(
 
 
 def _factor(name: str, units: Mapping[str, str] | None) -> float | None:
-    """m/s in one of an array's unit; None where that is no velocity."""
+    """Factor that converts an array's unit to m/s; None if the unit is not a velocity."""
     unit = _stated_unit(name, units)
     if not unit:
         return 1.0
@@ -295,6 +296,6 @@ def _stated_unit(name: str, units: Mapping[str, str] | None) -> str:
 
 
 def _plain(name: str) -> str:
-    """Lower case without unit and COMSOL's scope: ``comp1.Velocity (m/s)`` becomes velocity."""
+    """Name in lower case without unit and COMSOL's scope: ``comp1.Velocity (m/s)`` -> velocity."""
     bare = _BRACKETS.sub("", name).rpartition(".")[2]
     return re.sub(r"[^a-z0-9]+", "_", bare.lower()).strip("_")

@@ -1,8 +1,8 @@
 """Gradients of a quantity at the points of a grid of linear volume cells, and their centroids.
 
-Every cell is taken as tetrahedra, on which linear interpolation has a constant gradient. The
+Every cell is split into tetrahedra, on which linear interpolation has a constant gradient. The
 gradient at a point is recovered from those of the tetrahedra around it: `point_gradient` weights
-them with their volumes, `consistent_gradient` then gives it the length that the values demand.
+them with their volumes, `consistent_gradient` then corrects its length to match the values.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     import pyvista as pv
 
 TETRAHEDRON, HEXAHEDRON, WEDGE, PYRAMID = 10, 12, 13, 14
-"""VTK's numbers of the cell types handled here."""
+"""VTK's numbers of the supported cell types."""
 
 CORNERS = {TETRAHEDRON: 4, HEXAHEDRON: 8, WEDGE: 6, PYRAMID: 5}
-"""Number of corners of the cell types handled here."""
+"""Number of corners of the supported cell types."""
 
 TETRAHEDRON_EDGES = np.array(((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)))
 """Corners at both ends of the edges of a tetrahedron."""
@@ -32,9 +32,9 @@ MIRRORED_CORNERS = {
     WEDGE: (3, 4, 5, 0, 1, 2),
     PYRAMID: (0, 3, 2, 1, 4),
 }
-"""Order of a cell's corners that turns it outside in, as a mirror does, or back again."""
+"""Order of a cell's corners that reverses its orientation, as a mirror does."""
 
-# Each cell is split in two mirrored ways that count half each. One way alone would favour one
+# Each cell is split in two mirrored ways with weights of 1/2. A single split would favour one
 # diagonal of every quadrilateral and leave a first-order error even on regular hexahedra.
 _SPLITS: dict[int, tuple[tuple[int, int, int, int], ...]] = {
     TETRAHEDRON: ((0, 1, 2, 3),),
@@ -51,13 +51,13 @@ _SPLITS: dict[int, tuple[tuple[int, int, int, int], ...]] = {
 _WAYS = {TETRAHEDRON: 1, HEXAHEDRON: 2, WEDGE: 2, PYRAMID: 2}
 
 ROUNDS = 3
-"""Rounds of `consistent_gradient`; the residual along the edges hardly falls any further."""
+"""Iterations of `consistent_gradient`; with more the residual along the edges hardly falls."""
 
 RELAXATION = 0.5
-"""Both ends of an edge are corrected at a time, each by half of what is missing."""
+"""Both ends of an edge are corrected at once, each by half of the residual."""
 
 MOST_CHANGE = 0.5
-"""Largest change of a length in one round, as a share."""
+"""Largest relative change of a length in one iteration."""
 
 
 def cell_corners(grid: pv.UnstructuredGrid) -> dict[int, tuple[IntArray, IntArray]]:
@@ -82,12 +82,12 @@ def point_gradient(grid: pv.UnstructuredGrid, values: FloatArray) -> FloatArray:
         grad = sum of |V_t| grad_t / sum of |V_t|,
         grad_t = ((v1 - v0) e2 x e3 + (v2 - v0) e3 x e1 + (v3 - v0) e1 x e2) / (6 V_t)
 
-    with the edges e1, e2, e3 from corner 0 of tetrahedron t. The sliver and inverted tetrahedra
-    that decomposed polyhedra leave behind have wrong gradients but small volumes, so they do no
-    harm; an unweighted mean of cells, as VTK has it, is spoilt by them.
+    with the edges e1, e2, e3 from corner 0 of tetrahedron t. Decomposed polyhedra contain sliver
+    and inverted tetrahedra with wrong gradients but small volumes, so they have little weight here;
+    in an unweighted mean over cells, as in VTK, they dominate.
 
-    Of values (n,), or (n, k) for k quantities, it is (n, 3) or (n, k, 3), per mm with points in mm,
-    in the grid's frame; 0 where all cells around a point are flat.
+    For values (n,) the result is (n, 3), for k quantities (n, k) it is (n, k, 3), per mm with
+    points in mm, in the grid's frame. It is 0 where all cells around a point are flat.
     """
     points = _point_columns(grid)
     columns = np.ascontiguousarray(values.reshape(len(values), -1).T)
@@ -103,7 +103,7 @@ def point_gradient(grid: pv.UnstructuredGrid, values: FloatArray) -> FloatArray:
 
 
 def cell_centroids(grid: pv.UnstructuredGrid) -> FloatArray:
-    """Centres of volume of the m cells of a grid, (m, 3), in its unit and frame."""
+    """Centroids of the m cells of a grid, (m, 3), in its unit and frame."""
     points = _point_columns(grid)
     result = np.empty((grid.n_cells, 3))
     for kind, (cells, corners) in cell_corners(grid).items():
@@ -113,7 +113,7 @@ def cell_centroids(grid: pv.UnstructuredGrid) -> FloatArray:
             volume = np.abs(_cofactors(at, tet)[3])
             weight += volume
             moment += volume * at[:, tet].mean(axis=1)
-        # A flat cell has its corners' mean.
+        # For a flat cell, the mean of its corners.
         centre = at.mean(axis=1)
         np.divide(moment, weight, out=centre, where=weight > 0.0)
         result[cells] = centre.T
@@ -130,8 +130,8 @@ def _gradient_sums(
 ) -> FloatArray:
     """Sums at the corners of c cells over their tetrahedra, (3 k + 1, corners, c), all times 6.
 
-    x, y and z of |V| grad of each of k columns, which needs no division, so that flat ones are
-    harmless; and |V|.
+    x, y and z of |V| grad for each of k columns, which needs no division, so flat cells do no harm;
+    and |V|.
     """
     at = points[:, corners.T]
     value = columns[:, corners.T]
@@ -168,7 +168,7 @@ def _cofactors(
 
 
 def _cross(u: FloatArray, v: FloatArray) -> FloatArray:
-    """Cross products of (3, c) arrays; numpy.cross takes several times as long."""
+    """Cross products of (3, c) arrays; numpy.cross is several times slower."""
     return np.stack(
         (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
     )
@@ -180,18 +180,18 @@ def consistent_gradient(
     values: FloatArray,
     gradient: FloatArray,
 ) -> FloatArray:
-    """Recovered gradient (n, 3), as of `point_gradient`, with lengths that fit the values.
+    """Recovered gradient (n, 3), as in `point_gradient`, with lengths that match the values.
 
-    A volume-weighted mean of gradients has good directions, but where cells grow, and at a wall, it
-    is some per cent too long or too short, because it is the gradient of a place beside the point.
-    Here each length is corrected so that along every edge e from point i to j the trapezoidal rule
-    holds, (g_i + g_j) . e / 2 = v_j - v_i, in least squares over the edges of a point, each
-    weighted with 1 / e^2. Directions stay. Points are (n, 3), mm, `corners` (m, 4) those of
-    tetrahedra, values (n,).
+    A volume-weighted mean of gradients has accurate directions, but where cells grow, and at a
+    wall, its length is off by some per cent, because it is the gradient at a location next to the
+    point. Here each length is corrected so that the trapezoidal rule
+    (g_i + g_j) . e / 2 = v_j - v_i holds along every edge e from point i to j, in the least-squares
+    sense over the edges of a point, each weighted with 1 / e^2. Directions do not change. Points
+    are (n, 3), mm, `corners` (m, 4) those of tetrahedra, values (n,).
 
     Measured on the cells of a coarse flow around a cylinder with a temperature that is known
-    everywhere: at the wall the length's error falls from 7.0 % (median; 95th percentile 14.7) to
-    2.4 (4.8) %.
+    everywhere: at the wall the error of the length falls from 7.0 % (median; 95th percentile 14.7)
+    to 2.4 (4.8) %.
     """
     start, end = _edges(corners, len(points))
     edge = np.asarray(points[end], dtype=np.float64) - points[start]
@@ -201,13 +201,13 @@ def consistent_gradient(
     for _ in range(ROUNDS):
         along = [np.einsum("ij,ij->i", gradient[at], edge) for at in (start, end)]
         residual = weight * (2.0 * change - along[0] - along[1])
-        # Least squares for the factor of a point's own gradient, by its normal equation.
+        # Least squares for the factor of a point's own gradient, from its normal equation.
         right, left = np.zeros((2, len(points)))
         for at, part in zip((start, end), along, strict=True):
             right += np.bincount(at, residual * part, minlength=len(points))
             left += np.bincount(at, weight * part * part, minlength=len(points))
-        share = RELAXATION * np.divide(right, left, out=np.zeros_like(left), where=left > 0.0)
-        gradient = gradient * (1.0 + np.clip(share, -MOST_CHANGE, MOST_CHANGE))[:, None]
+        correction = RELAXATION * np.divide(right, left, out=np.zeros_like(left), where=left > 0.0)
+        gradient = gradient * (1.0 + np.clip(correction, -MOST_CHANGE, MOST_CHANGE))[:, None]
     return gradient
 
 
@@ -215,7 +215,7 @@ def _edges(corners: NDArray[np.integer], count: int) -> tuple[IntArray, IntArray
     """Point numbers at both ends of all edges of tetrahedra, each edge once."""
     first, second = np.moveaxis(corners.astype(np.int64)[:, TETRAHEDRON_EDGES], 2, 0)
     keys = (np.minimum(first, second) * count + np.maximum(first, second)).ravel()
-    # numpy.unique hashes them first, which takes eight times as long for so many.
+    # numpy.unique hashes first, which is eight times slower for so many edges.
     keys.sort()
     start, end = np.divmod(keys[np.concatenate(([True], keys[1:] != keys[:-1]))], count)
     return start, end

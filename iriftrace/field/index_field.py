@@ -19,8 +19,8 @@ from iriftrace.field.source import FieldSource
 from iriftrace.field.tetrahedra import tetrahedra_of
 from iriftrace.field.wall import inner_wall
 
-# VTK's own tolerance grows with the data's size and lets flat cells claim points beside them, to
-# which they extrapolate wildly.
+# VTK's own tolerance grows with the size of the data, so flat cells claim points next to them and
+# extrapolate to these with large errors.
 _ON_FACE_MM = 1e-4
 
 
@@ -39,7 +39,7 @@ class IndexField:
         Ambient air, which turns n - 1 into temperature and back.
     source : FieldSource
     flow : AirFlow, optional
-        How the air moves, where it was asked for.
+        Velocity of the air, if requested.
     """
 
     grid: pv.UnstructuredGrid
@@ -49,7 +49,7 @@ class IndexField:
     flow: AirFlow | None = None
 
     def __attrs_post_init__(self) -> None:
-        """Refuse what does not fit together, and keep nothing but the refractivity in the grid."""
+        """Check that the parts fit together; keep only the refractivity in the grid."""
         if len(self.refractivity) != self.grid.n_points:
             raise InputError(
                 f"There are {len(self.refractivity)} refractivities for {self.grid.n_points} "
@@ -84,15 +84,15 @@ class IndexField:
         """Gradient of n at the points, (n, 3) array, 1/mm, world.
 
         The volume-weighted mean of the constant gradients of the tetrahedra into which the cells
-        split; see `iriftrace.field.gradient.point_gradient` for why not VTK's unweighted one.
+        are split; `iriftrace.field.gradient.point_gradient` explains why VTK's is not used.
         """
         return point_gradient(self.grid, self.refractivity)
 
     @cached_property
     def consistent_gradient(self) -> FloatArray:
-        """Gradient of n at the points, (n, 3) array, 1/mm, world, as long as n changes.
+        """Gradient of n at the points, (n, 3) array, 1/mm, world, with a length that matches n.
 
-        Directions are those of `gradient`; its own length is some per cent off where cells grow.
+        Directions are those of `gradient`, whose length is off by some per cent where cells grow.
         See `iriftrace.field.gradient.consistent_gradient`.
         """
         return consistent_gradient(
@@ -106,7 +106,7 @@ class IndexField:
     def hessian(self) -> FloatArray:
         """Second derivatives of n at the points, (n, 3, 3) array, 1/mm^2, world, symmetric.
 
-        Recovered from `consistent_gradient` as `gradient` is from n.
+        Recovered from `consistent_gradient` in the same way as `gradient` from n.
         """
         rows = point_gradient(self.grid, self.consistent_gradient)
         return 0.5 * (rows + rows.transpose(0, 2, 1))
@@ -115,23 +115,23 @@ class IndexField:
     def wall(self) -> pv.PolyData:
         """Inner boundary of the data, where the hot part sits: triangles, mm, world.
 
-        Carries at its points ``"refractivity"`` and ``"number"``, which point of the grid each is;
-        empty when the data surround no cavity.
+        Point arrays are ``"refractivity"`` and ``"number"``, the point's number in the grid. Empty
+        if the data do not surround a cavity.
         """
         numbered = self.grid.copy()
         numbered.point_data["number"] = np.arange(numbered.n_points)
         return inner_wall(numbered)
 
     def wall_temperature_k(self, points: ArrayLike) -> FloatArray:
-        """Temperature (m,), K, of the point of the wall that is nearest to each of (m, 3), mm.
+        """Temperature (m,), K, at the wall's point nearest to each of (m, 3) points, mm.
 
-        An InputError if the data have no inner boundary.
+        Raises InputError if the data have no inner boundary.
         """
         wall = self.wall
         if not wall.n_points:
             raise InputError(
-                f"{self.source.path} has no inner boundary where the part sits, so its wall has no "
-                "temperature; give the temperatures of the part (--hot-temperature)."
+                f"{self.source.path} has no inner boundary around a part, so the wall's "
+                "temperature is unknown; give the temperatures of the part (--hot-temperature)."
             )
         nearest = cKDTree(np.asarray(wall.points)).query(points)[1]
         kelvins: FloatArray = self.temperature_k[np.asarray(wall.point_data["number"])[nearest]]
@@ -139,7 +139,7 @@ class IndexField:
 
     @property
     def hottest_refractivity(self) -> float:
-        """Refractivity n - 1 of the hottest air in the data, the smallest one."""
+        """Refractivity n - 1 of the hottest air in the data, the smallest value."""
         return float(self.refractivity.min())
 
     @property
@@ -148,7 +148,7 @@ class IndexField:
         return self.air.ambient_refractivity
 
     def sample(self, points: ArrayLike) -> FloatArray:
-        """Refractivity between the points of the grid, by VTK's interpolation in the cells.
+        """Refractivity between the points of the grid, interpolated in the cells by VTK.
 
         Parameters
         ----------
@@ -158,8 +158,8 @@ class IndexField:
         Returns
         -------
         (m,) array
-            n - 1; NaN outside the data and, for a few points in 100,000, in the gaps that bent
-            faces leave between cells.
+            n - 1; NaN outside the data, and for a few points in 100,000 that lie in the gaps
+            between cells with bent faces.
         """
         places = pv.PolyData(np.atleast_2d(np.asarray(points, dtype=np.float64)))
         found = places.sample(self.grid, tolerance=_ON_FACE_MM)

@@ -1,4 +1,4 @@
-"""Cells without values: what a file marks as hidden, as a copy or as not valid, and NaN."""
+"""Cells without values: marked in the file as hidden, duplicate or not valid, or NaN."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 _VALID = ("vtkvalidpointmask", "vtkvalidcellmask")
 _GHOSTS = ("vtkGhostType", "vtkGhostLevels")
 _HIDDEN_POINT = 2
-"""Bit of a point's vtkGhostType; the other one marks copies, which have values."""
+"""Bit of a point's vtkGhostType for hidden points; the other bit marks copies with values."""
 
 
 @frozen(eq=False)
 class Unmarked:
-    """Cells of a data set without those that it marks."""
+    """The cells of a data set that are not marked."""
 
     cells: pv.UnstructuredGrid
-    left_out: int  # marked cells
-    names: frozenset[str]  # of the arrays that mark them
+    left_out: int  # number of marked cells
+    names: frozenset[str]  # arrays that mark them
 
 
 def unmarked(block: pv.DataSet) -> Unmarked:
-    """Leave out cells that are ghosts of any kind or not valid, or have a corner that is hidden."""
+    """Remove cells that are ghosts of any kind, not valid, or have a hidden corner."""
     grid, ghosts = _unblanked(block)
     points = np.zeros(grid.n_points, dtype=bool)
     cells = np.zeros(grid.n_cells, dtype=bool)
@@ -48,9 +48,9 @@ def unmarked(block: pv.DataSet) -> Unmarked:
 
 
 def without_gaps(grid: pv.UnstructuredGrid, name: str, path: str) -> pv.UnstructuredGrid:
-    """The grid without cells at which an array is NaN, with a warning that counts them.
+    """The grid without cells at which an array is NaN, with a warning that states their number.
 
-    The grid itself where there are none. An InputError if no cell is left.
+    Returns the grid itself if there are none. Raises InputError if no cell is left.
     """
     at_points = name in grid.point_data
     missing = np.isnan(as_float64(grid.point_data[name] if at_points else grid.cell_data[name]))
@@ -75,7 +75,7 @@ def without_gaps(grid: pv.UnstructuredGrid, name: str, path: str) -> pv.Unstruct
 
 
 def chosen_cells(grid: pv.UnstructuredGrid, numbers: AnyArray) -> pv.UnstructuredGrid:
-    """The cells of some numbers, with the points that they use and all data."""
+    """The cells with the given numbers, with the points that they use and all data."""
     chosen: pv.UnstructuredGrid = grid.extract_cells(numbers)
     return chosen
 
@@ -90,9 +90,9 @@ def _at_corners(grid: pv.UnstructuredGrid, points: BoolArray) -> BoolArray:
 
 
 def _unblanked(block: pv.DataSet) -> tuple[pv.UnstructuredGrid, dict[str, dict[str, AnyArray]]]:
-    """All cells as an unstructured grid, and the marks of ghosts of its points and cells.
+    """All cells as an unstructured grid, and the ghost marks of its points and cells.
 
-    VTK takes away marked cells of images by itself, uncounted and only of some kinds.
+    VTK removes some kinds of marked cells of images by itself, without counting them.
     """
     shown = block.copy(deep=False)
     ghosts: dict[str, dict[str, AnyArray]] = {}

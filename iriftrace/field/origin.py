@@ -21,17 +21,17 @@ FIELD_FACTS = "field_facts"
 """Name of the string array that holds `FieldFacts` as JSON."""
 
 WALL_HEAT = "wall_heat_flow_w"
-"""Name of the number in a file's field data that the solver counted as heat from the part, W."""
+"""Name of the number in a file's field data: heat from the part as computed by the solver, W."""
 
 
 def origin_of(data: pv.DataSet | pv.MultiBlock | None) -> str:
-    """Origin that a data set or its blocks state, joined where there are several; "" for none."""
+    """Origin that a data set or its blocks state, joined if there are several; "" for none."""
     texts = (str(value).strip() for value in _stated(data, FIELD_ORIGIN))
     return "; ".join(dict.fromkeys(filter(None, texts)))
 
 
 def facts_of(data: pv.DataSet | pv.MultiBlock | None) -> FieldFacts | None:
-    """Facts that a data set or one of its blocks states; None for none, or damaged ones."""
+    """Facts that a data set or one of its blocks states; None if missing or damaged."""
     try:
         return next(
             (structured(json.loads(str(v)), FieldFacts) for v in _stated(data, FIELD_FACTS)), None
@@ -41,9 +41,9 @@ def facts_of(data: pv.DataSet | pv.MultiBlock | None) -> FieldFacts | None:
 
 
 def wall_heat_of(data: pv.DataSet | pv.MultiBlock | None) -> float | None:
-    """Heat from the whole part, W, as the solver counted it; None where a file does not state it.
+    """Heat from the whole part, W, as computed by the solver; None if a file does not state it.
 
-    The gradient at the points of a file gives another one, since they carry averages of cells.
+    The gradient at a file's points gives another value, because points hold averages of cells.
     """
     return next((float(value) for value in _stated(data, WALL_HEAT)), None)
 
@@ -55,7 +55,7 @@ def state_origin(grid: pv.UnstructuredGrid, origin: str, facts: FieldFacts) -> N
 
 
 def one_line(text: str) -> str:
-    """Text on one line in ASCII, which is all that VTK's string arrays know."""
+    """Text on one line in ASCII, the only encoding of VTK's string arrays."""
     return " ".join(text.split()).encode("ascii", "replace").decode("ascii")
 
 
@@ -65,7 +65,7 @@ def _stated(data: pv.DataSet | pv.MultiBlock | None, name: str) -> Iterator[str 
         return
     if name in data.field_data:
         yield from np.atleast_1d(data.field_data[name])
-    # Pictures need this module's words, and must not wait for VTK.
+    # Figures need the text from this module but should not import VTK.
     from pyvista import MultiBlock
 
     if isinstance(data, MultiBlock):

@@ -1,7 +1,7 @@
-"""Fit of part and field: place, length unit, axes and wall temperature.
+"""Agreement of part and field: position, length unit, axes and wall temperature.
 
-The boundary of the cavity in a field's data should be the part's surface. Where it is not, boxes
-around the two tell which unit or rotation was mistaken.
+The boundary of the cavity in a field's data should be the part's surface. Where it is not, the
+bounding boxes of both indicate which unit or rotation is wrong.
 """
 
 from __future__ import annotations
@@ -23,35 +23,35 @@ from iriftrace.part.part import Part
 from iriftrace.part.soundness import is_unlikely_size
 
 LARGEST_GAP_MM = 0.2
-"""A larger 95th percentile of the gap is worth a warning."""
+"""A larger 95th percentile of the gap gives a warning."""
 
 NEAR_MM = 1.0
-"""A body in the air has a part of the field's wall closer than this."""
+"""A body is in the air if the distance of the field's wall from it is less than this."""
 
 LARGEST_DIFFERENCE_K = 5.0
-"""A larger difference between expected and found wall temperature is worth a warning."""
+"""A larger difference between expected and actual wall temperature gives a warning."""
 
 SAMPLE = 20_000
-"""Places on the part, as many on every area, whose distance from the field's wall is asked."""
+"""Samples on the part, of equal area each, whose distance from the field's wall is computed."""
 
 LARGEST_BARE_SHARE = 0.05
-"""A larger share of the part's area without the field's wall near it is worth a warning."""
+"""A larger fraction of the part's area without the field's wall near it gives a warning."""
 
-# Regions of which less lies off the wall are not named: edges that cells cut.
+# Regions with less bare area are not named: edges that cells cut off.
 _LEAST_BARE = 0.01
 
-# Boxes match when none of their faces is off by more than this share of their diagonal.
+# Boxes match when none of their faces is off by more than this fraction of their diagonal.
 _MATCH = 0.03
 
 _UNITS = {"m": 1000.0, "cm": 10.0, "inch": 25.4}
 _SCALES = (1.0, *_UNITS.values(), *(1.0 / length for length in _UNITS.values()))
 
 MOST_LARGER = 100.0
-"""Part over field, or the field's inner wall over the part: metres for millimetres are more, and
-one lost vertex of a part slows what follows."""
+"""Part over field, or the field's inner wall over the part. Metres read as millimetres give more,
+and a single stray vertex of a part slows the computation."""
 
 MOST_DATA_LARGER = 500.0
-"""Data over part where the data have no inner wall to compare; air is 3 to 20 times as large."""
+"""Data over part if the data have no inner wall to compare; air is 3 to 20 times as large."""
 
 _TURNS = (
     "",
@@ -63,7 +63,7 @@ _TURNS = (
 
 @frozen
 class Fit:
-    """Fit of a field's inner wall and a part's surface.
+    """How well a field's inner wall fits a part's surface.
 
     Attributes
     ----------
@@ -71,13 +71,14 @@ class Fit:
         Median and 95th percentile of the distance from the wall's points to the part's surface, mm;
         NaN for a field without an inner wall.
     wall_temperature_k
-        Median temperature of the air at the wall, K; NaN when the part's surface has no data.
+        Median temperature of the air at the wall, K; NaN if the field has no data at the part's
+        surface.
     bare_share
-        Share of the part's area that lies off the field's wall; NaN without one.
+        Fraction of the part's area that is not near the field's wall; NaN without a wall.
     warnings
-        One sentence for everything that does not fit.
+        One sentence for each mismatch.
     bare_of_region
-        The same share for each region of the part that lies off the wall, the largest area first.
+        The same fraction for each region of the part with bare area, the largest area first.
     """
 
     gap_median_mm: float
@@ -89,24 +90,24 @@ class Fit:
 
     @property
     def bare_regions(self) -> str:
-        """Regions that lie off the wall, with their shares, as text; the five largest areas."""
+        """The bare regions with their fractions as text; the five largest areas."""
         listed = [f"{name} {share:.0%}" for name, share in self.bare_of_region.items()]
         more = f" and {len(listed) - 5} others" if len(listed) > 5 else ""
         return ", ".join(listed[:5]) + more
 
 
 def body_in_air(field: IndexField, part: Part, blockers: Sequence[Part]) -> Part:
-    """The body that heats the air: the part, or a blocker where the part stands apart.
+    """The body that heats the air: the part, or a blocker if the part stands apart.
 
-    So does a board that is seen past a hot part. A body stands in the air where the field's inner
-    wall, or without one its hot air, lies near it.
+    A board that is seen past a hot part stands apart. A body is in the air if the field's inner
+    wall lies near it or, for a field without inner wall, its hot air does.
     """
     near = [body for body in (part, *blockers) if _stands_in(body, field)]
     return near[0] if near else part
 
 
 def _stands_in(body: Part, field: IndexField) -> bool:
-    """Whether a share of the field's inner wall lies near a body, or hot air around it."""
+    """True if a fraction of the field's inner wall lies near a body, or hot air around it."""
     if field.wall.n_points:
         return bool(np.mean(body.surface.distance(field.wall.points) < NEAR_MM) > _LEAST_BARE)
     middle = 0.5 * (field.ambient_refractivity + field.hottest_refractivity)
@@ -128,15 +129,15 @@ def fit_part_to_field(
     field : IndexField
     part : Part
     wall_temperature_k : float, optional
-        Temperature that the wall should have, K; not compared by default.
+        Expected temperature of the wall, K; not compared by default.
     blockers : sequence of Part
-        Other bodies, which may have walls in the field, too. Where the part stands apart from the
-        field and one of them in it, that one is compared (`body_in_air`).
+        Other bodies, which may have walls in the field, too. If the part stands apart from the
+        field and one of them does not, that one is compared (`body_in_air`).
 
     Raises
     ------
     InputError
-        The field does not reach the part; the message names the unit or axes that would mend it.
+        The field does not reach the part; the message names the unit or axes that would fix it.
     """
     part = body_in_air(field, part, blockers)
     wall = field.wall
@@ -148,7 +149,7 @@ def fit_part_to_field(
         return _fit_without_wall(field, part, wall_temperature_k)
     bodies = {id(body): body for body in (part, *blockers)}.values()
     gaps = np.min([body.surface.distance(wall.points) for body in bodies], axis=0)
-    # A wall that is nowhere closer than half its own size surrounds something else.
+    # A wall that is nowhere closer than half its own size belongs to another body.
     if gaps.min() > 0.5 * min(_diagonal(cavity), _diagonal(part.bounds)):
         raise InputError(
             f"{unreached}the field's inner wall stays {gaps.min():.3g} mm away from the part; "
@@ -169,25 +170,25 @@ def fit_part_to_field(
 def _refuse_elsewhere(
     field: IndexField, part: Part, cavity: FloatArray | None, unreached: str, advice: str
 ) -> None:
-    """Refuse a part that lies beside the field, or is of another size than it or its cavity."""
+    """Refuse a part outside the field, or one whose size does not match the field or its cavity."""
     data = _box(np.asarray(field.grid.points))
     apart = bool(np.any(part.bounds[0] > data[1]) or np.any(part.bounds[1] < data[0]))
     if cavity is None:
         if apart:
-            raise InputError(f"{unreached}they lie side by side; check units and axes.")
+            raise InputError(f"{unreached}they do not overlap; check units and axes.")
         sizes = _diagonal(data), _diagonal(part.bounds)
         if max(sizes) > MOST_DATA_LARGER * min(sizes):
             raise InputError(
                 f"The field {field.source.path} measures {_size(data)} and the part {part.path} "
-                f"{_size(part.bounds)}, so one of them was read in a wrong unit; give the part's "
+                f"{_size(part.bounds)}, so one of them was read in the wrong unit; give the part's "
                 "(--length-unit) or the field's (--field-length-unit), or scale the field "
                 '(--field-transform "scale 0.001").'
             )
         return
     if apart:
         raise InputError(
-            f"{unreached}they lie side by side; {advice} Where the part is a board that is seen "
-            "past a hot part, name that one as a blocker (--blocker)."
+            f"{unreached}they do not overlap; {advice} If the part is a board that is seen past a "
+            "hot part, give that one as a blocker (--blocker)."
         )
     larger = _diagonal(part.bounds) / _diagonal(data)
     if larger > MOST_LARGER:
@@ -202,14 +203,14 @@ def _refuse_elsewhere(
 
 
 def _gap_messages(field: IndexField, fit: Fit, advice: str) -> list[str]:
-    """Sentences about a gap beside the part, or places of it without hot air."""
+    """Sentences about a gap around the part, or areas of it without hot air."""
     median, p95, bare = fit.gap_median_mm, fit.gap_p95_mm, fit.bare_share
     messages = []
     if p95 > LARGEST_GAP_MM:
-        # A part beside its cavity is bare too, but that need not be said.
+        # A part next to its cavity is bare too, but the warning about the gap says enough.
         messages.append(
             f"The part does not fill the cavity in the field: the gap is {median:.3g} mm (median) "
-            f"and {p95:.3g} mm (95th percentile), so rays cross air that the field does not know; "
+            f"and {p95:.3g} mm (95th percentile), so rays cross air without field data; "
             f"{advice}"
         )
     elif bare > LARGEST_BARE_SHARE:
@@ -218,9 +219,9 @@ def _gap_messages(field: IndexField, fit: Fit, advice: str) -> list[str]:
             f"wall ({fit.bare_regions}), so no hot air is known there and rays through it stay "
             "straight; "
             + (
-                "take smaller cells (--cell-size), which follow sharp edges and thin walls."
+                "use smaller cells (--cell-size), which follow sharp edges and thin walls."
                 if synthetic_mark(field.source)
-                else "mirror a field that was solved on a half or quarter, take smaller cells "
+                else "mirror a field that was solved on a half or quarter, use smaller cells "
                 "where the part is round, or check unit and axes."
             )
         )
@@ -228,7 +229,7 @@ def _gap_messages(field: IndexField, fit: Fit, advice: str) -> list[str]:
 
 
 def _bare_of_region(part: Part, off_wall: BoolArray, face: IntArray) -> dict[str, float]:
-    """Share of each region that lies off the wall, from places on faces; the largest area first."""
+    """Bare fraction of each region, from samples on its faces; the largest area first."""
     region, count = part.region_of_face[face], len(part.region_names)
     bare = np.bincount(region, off_wall, minlength=count)
     share = bare / np.maximum(np.bincount(region, minlength=count), 1)
@@ -242,7 +243,7 @@ def _fit_without_wall(field: IndexField, part: Part, expected_k: float | None) -
     unknown = float("nan")
     temperature = float(np.median(field.air.temperature(known))) if len(known) else unknown
     message = (
-        "The field has no cavity, so it cannot be checked whether the part lies where it belongs; "
+        "The field has no cavity, so the position of the part in it cannot be checked; "
         "look at part and field together."
     )
     messages = (message, *_temperature_message(temperature, expected_k))
@@ -253,8 +254,8 @@ def _temperature_message(found_k: float, expected_k: float | None) -> list[str]:
     if expected_k is None or abs(found_k - expected_k) <= LARGEST_DIFFERENCE_K:
         return []
     if np.isnan(found_k):
-        return ["The field has no data at the part's surface, so its temperature is not known."]
-    # As far apart as 0 K and 0 degC: the mark of one unit read as the other.
+        return ["The field has no data at the part's surface, so its temperature is unknown."]
+    # The difference between 0 K and 0 degC: a value in one unit was read as the other.
     unit = abs(abs(found_k - expected_k) - ZERO_CELSIUS_K) < LARGEST_DIFFERENCE_K
     return [
         f"The air at the wall has {found_k:.1f} K instead of the expected {expected_k:.1f} K; "
@@ -267,10 +268,10 @@ def _temperature_message(found_k: float, expected_k: float | None) -> list[str]:
 
 
 def _unit_advice(scale: float, part: Part, field: IndexField) -> tuple[str, bool]:
-    """The option that makes a part so much larger against the field, and whether it is the field's.
+    """The option that corrects the part's size relative to the field; True for a field's option.
 
-    A unit that was given is taken back. One that the field's file states cannot be: coordinates
-    that are in another one all the same are scaled, unless the part's own size is unlikely.
+    A length unit given by the user is corrected. A unit that the field's file states cannot be
+    changed, so coordinates in another unit are scaled, unless the part's own size is unlikely.
     """
     if scale == 1.0:
         return "", False
@@ -288,7 +289,7 @@ def _unit_advice(scale: float, part: Part, field: IndexField) -> tuple[str, bool
 
 
 def _advice(part: Part, field: IndexField, target: FloatArray) -> str:
-    """The change of the part's box that makes it the target's, in words of the command line."""
+    """The transform of the part's box that gives the target's, as options of the command line."""
     corners = np.array(list(product(*part.bounds.T)))
     limit = _MATCH * _diagonal(target)
     candidates = []
@@ -300,14 +301,14 @@ def _advice(part: Part, field: IndexField, target: FloatArray) -> str:
         shift = target.mean(axis=0) - box.mean(axis=0)
         off = float(np.abs(shift).max())
         unit, of_field = _unit_advice(scale, part, field)
-        # Rounding of the boxes is no shift.
+        # Shifts of the size of the boxes' rounding are ignored.
         shift = np.where(np.abs(shift) < 1e-6 * _diagonal(target), 0.0, shift)
-        # Where the field becomes smaller, so does the way to it.
+        # If the field is scaled down, so is the distance to it.
         shift = shift / scale if of_field else shift
         translate = "translate " + " ".join(f"{component:.4g}" for component in shift)
         steps = ", ".join(filter(None, (turn, translate if off > limit else "")))
         options = [unit, f'--part-transform "{steps}"' if steps else ""]
-        # The fewer things were mistaken, the likelier.
+        # The remedy with the fewest mistakes is the likeliest.
         mistakes = (scale != 1.0) + bool(turn) + (off > limit)
         candidates.append((mistakes, off, " and ".join(filter(None, options))))
     if not candidates:

@@ -1,4 +1,4 @@
-"""Field file of a scene: the cells and indices that the cells engine traces through."""
+"""Field file of a scene: the cells and indices that the cells engine integrates rays through."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 
 
 FIELD_FILE = "field.npz"
-"""Name of the field file beside a scene's XML."""
+"""Name of the field file next to a scene's XML."""
 
 SCHEMA = "iriftrace.field/1"
 
 AMBIENT_SHARE = 1e-4
-"""Share of the largest contrast with the ambient air below which air counts as ambient.
+"""Fraction of the largest contrast with the ambient air below which air counts as ambient.
 
-That is 0.02 K around a part of 1100 degC: no ambient temperature is known as well.
+That is 0.02 K around a part of 1100 degC, less than the uncertainty of any ambient temperature.
 """
 
 ARRAYS = ("points", "refractivity", "celltypes", "cell_connectivity", "wall")
@@ -46,20 +46,20 @@ class _Header:
 
 @frozen(eq=False)
 class FieldCells:
-    """Cells of a field with the index at their n points, without VTK."""
+    """Cells of a field with the index at their n points; does not need VTK."""
 
     points: Float32Array  # (n, 3), mm, world
     refractivity: FloatArray  # (n,), n - 1 at the points
-    # As of a pyvista.UnstructuredGrid of tetrahedra, hexahedra, wedges and pyramids: (m,) and (c,).
+    # As in a pyvista.UnstructuredGrid of tetrahedra, hexahedra, wedges and pyramids: (m,) and (c,).
     celltypes: NDArray[np.uint8]
     cell_connectivity: Int32Array
-    wall: BoolArray  # (n,) points of the inner boundary, where the hot part sits
+    wall: BoolArray  # (n,) points of the inner boundary, at the hot part
     air: Air  # ambient
-    ambient: float  # its n - 1, which holds outside the data
+    ambient: float  # n - 1 of the ambient air, used outside the data
     source: FieldSource
 
     def at_wavelength(self, wavelength_nm: float) -> FieldCells:
-        """The same air in other light."""
+        """The same air for another wavelength of light."""
         factor = dispersion(self.air, wavelength_nm)
         return evolve(
             self,
@@ -69,9 +69,9 @@ class FieldCells:
         )
 
     def without_ambient_air(self) -> FieldCells:
-        """Without the cells in which the air is ambient at every corner, where light runs straight.
+        """Without the cells in which the air is ambient at every corner, where rays are straight.
 
-        In flow solutions that reach far beyond the part these are most of their volume.
+        In flow solutions that extend far beyond the part most of the volume consists of these.
         """
         contrast = np.abs(self.refractivity - self.ambient)
         offsets = self.cell_offsets
@@ -85,7 +85,7 @@ class FieldCells:
         )
 
     def temperature_at(self, places: FloatArray) -> FloatArray:
-        """Temperatures (m,), K, at places (m, 3), mm, world; ambient outside the data."""
+        """Temperatures (m,), K, at points (m, 3), mm, world; ambient outside the data."""
         import pyvista as pv
 
         from iriftrace.field.index_field import IndexField
@@ -98,14 +98,14 @@ class FieldCells:
 
     @property
     def cell_offsets(self) -> IntArray:
-        """Where the corners of each cell start in `cell_connectivity`, as pyvista has it."""
+        """Where the corners of each cell start in `cell_connectivity`, as in pyvista."""
         corners = np.zeros(256, dtype=np.int64)
         corners[list(CORNERS)] = list(CORNERS.values())
         return np.concatenate(([0], np.cumsum(corners[self.celltypes])))
 
 
 def cells_of(field: IndexField) -> FieldCells:
-    """The cells of a field, its points in single precision as in the file."""
+    """The cells of a field, with points in single precision as in the file."""
     wall = np.zeros(field.grid.n_points, dtype=bool)
     if field.wall.n_points:
         wall[np.asarray(field.wall.point_data["number"])] = True
@@ -122,7 +122,7 @@ def cells_of(field: IndexField) -> FieldCells:
 
 
 def save_field_file(field: IndexField, path: str | Path) -> Path:
-    """Write a field file (NumPy's .npz, compressed); an InputError if it cannot be written."""
+    """Write a field file (NumPy's .npz, compressed); raises InputError if that fails."""
     cells = cells_of(field)
     arrays = {name: getattr(cells, name) for name in ARRAYS}
     header = plain(_Header(SCHEMA, cells.air, cells.ambient, cells.source))
@@ -139,12 +139,12 @@ def save_field_file(field: IndexField, path: str | Path) -> Path:
 def load_field_file(path: str | Path) -> FieldCells:
     """Read a field file that `save_field_file` wrote.
 
-    An InputError if the file is missing, damaged or of another schema.
+    Raises InputError if the file is missing, damaged or has another schema.
     """
     if not Path(path).is_file():
         raise InputError(
-            f"There is no field file {path}, without which the cells engine knows nothing of "
-            "the air; `iriftrace scene FIELD PART -o SCENE.xml` writes it beside the scene."
+            f"There is no field file {path}, which the cells engine needs; "
+            "`iriftrace scene FIELD PART -o SCENE.xml` writes it next to the scene."
         )
     check_readable(Path(path))
     try:
@@ -152,12 +152,12 @@ def load_field_file(path: str | Path) -> FieldCells:
         header = structured(json.loads(arrays.pop("header").tobytes()), _Header)
     except (ValueError, LookupError, TypeError, RecursionError) as error:
         raise InputError(
-            f"{path} is damaged or no field file ({error}); write the scene again."
+            f"{path} is damaged or not a field file ({error}); write the scene again."
         ) from error
     if header.schema != SCHEMA:
         raise InputError(
-            f"{path} has schema {header.schema!r} instead of {SCHEMA!r}, so it is of another "
-            "version of iriftrace; write the scene again."
+            f"{path} has schema {header.schema!r} instead of {SCHEMA!r}, so it was written by "
+            "another version of iriftrace; write the scene again."
         )
     cells = FieldCells(**arrays, air=header.air, ambient=header.ambient, source=header.source)
     fault = _fault(cells)
@@ -167,7 +167,7 @@ def load_field_file(path: str | Path) -> FieldCells:
 
 
 def _fault(cells: FieldCells) -> str:
-    """What others would stumble over; "" where all fits."""
+    """What is wrong with the arrays; "" if they are consistent."""
     kinds = {"points": "f4", "refractivity": "f8", "celltypes": "u1", "wall": "b1"}
     kinds["cell_connectivity"] = "i4"
     if any(getattr(cells, name).dtype != np.dtype(kind) for name, kind in kinds.items()):

@@ -1,9 +1,9 @@
-"""Polyhedra as pyramids and tetrahedra around their centres.
+"""Polyhedra split into pyramids and tetrahedra around their centres.
 
-A face of three corners becomes the base of a tetrahedron, one of four the base of a pyramid, with
-the cell's centre as apex. A face with more corners is a fan about its own centre: a corner that
-hangs in the middle of an edge, as refined meshes have them, would make flat triangles of any other
-cut, and slivers with the cell's centre, in which the gradient is meaningless and a ray is lost.
+A face with three corners becomes the base of a tetrahedron, one with four the base of a pyramid,
+with the cell's centre as apex. A face with more corners is split into a fan around its own centre.
+Refined meshes have corners in the middle of an edge: with any other split these give flat triangles
+and slivers with the cell's centre, in which the gradient is meaningless and rays get lost.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ SPLIT = (PENTAGONAL_PRISM, HEXAGONAL_PRISM, POLYHEDRON)
 _TRIANGLES_OF_QUAD = ((0, 1, 2), (0, 2, 3))
 
 CLOSED = 1e-6
-"""Sum of the areas of a polyhedron's faces, as vectors, over that of their sizes, above which the
-faces do not all wind the same way; single precision leaves some roundings."""
+"""Sum of the area vectors of a polyhedron's faces over the sum of their areas. Above this value the
+faces do not all have the same orientation; below it is rounding of single precision."""
 
 
 @frozen(eq=False)
 class SplitPolyhedra:
-    """Pieces of a grid's polyhedra, and the points that were added to the grid's own n.
+    """Pieces of a grid's polyhedra, and the points that were added to the grid's own n points.
 
-    The f face centres follow the grid's points, then come the p cell centres.
+    The f face centres follow the grid's points, the p cell centres follow these.
     """
 
     cells: IntArray  # (p,) numbers of the polyhedra in the grid
     face_centres: FloatArray  # (f, 3), the means of the faces' corners
     face_corners: list[tuple[IntArray, IntArray]]  # (k,) faces and their (k, s) corners, per size
-    centres: FloatArray  # (p, 3), their centroids or corners' means
+    centres: FloatArray  # (p, 3), their centroids or the means of their corners
     centroids: FloatArray  # (p, 3)
     pieces: dict[int, IntArray]  # VTK cell type to (k, corners) point numbers
     owners: dict[int, IntArray]  # VTK cell type to (k,) numbers from 0 to p - 1
@@ -51,7 +51,7 @@ class SplitPolyhedra:
     def extended(self, grid: pv.UnstructuredGrid, values: AnyArray) -> AnyArray:
         """Point values, (n,) or (n, k), with the means of the corners at the points added.
 
-        Values that are linear in space stay so if the centres are at the corners' means.
+        Values that are linear in space stay linear if the centres are the means of the corners.
         """
         at_faces = np.zeros((len(self.face_centres), *values.shape[1:]))
         for faces, corners in self.face_corners:
@@ -64,8 +64,8 @@ def split_polyhedra(grid: pv.UnstructuredGrid, *, at_corner_means: bool = False)
     """Split the polyhedra of a pyvista.UnstructuredGrid, and its prisms with five or six sides.
 
     Both sides of a face get the same triangles: quadrilaterals are cut at their lowest point
-    number, as those of other cells are (`iriftrace.field.tetrahedra`). With `at_corner_means` the
-    cells' centres are the means of their corners and not their centroids.
+    number, as in other cells (`iriftrace.field.tetrahedra`). With `at_corner_means` the cells'
+    centres are the means of their corners instead of their centroids.
     """
     points = np.asarray(grid.points, dtype=np.float64)
     polyhedra = np.flatnonzero(np.isin(np.asarray(grid.celltypes), SPLIT))
@@ -94,11 +94,11 @@ def split_polyhedra(grid: pv.UnstructuredGrid, *, at_corner_means: bool = False)
 
 @frozen(eq=False)
 class _Faces:
-    """Faces of polyhedra, each once for every cell that has it."""
+    """Faces of polyhedra; a face between two cells occurs once for each."""
 
     owner: IntArray  # (m,) number of the polyhedron, from 0
     start: IntArray  # (m,) where the corners start in `flat`
-    size: IntArray  # (m,) how many there are
+    size: IntArray  # (m,) number of corners
     flat: IntArray
 
 
@@ -140,7 +140,7 @@ def _prism_faces(sides: int) -> list[list[int]]:
 
 
 def corner_means(grid: pv.UnstructuredGrid, values: AnyArray, cells: IntArray) -> FloatArray:
-    """Means of point values, (n,) or (n, k), at the corners of some of a grid's cells."""
+    """Means of point values, (n,) or (n, k), over the corners of some of a grid's cells."""
     starts = np.asarray(grid.cell_offsets, dtype=np.int64)
     corners = np.asarray(grid.cell_connectivity, dtype=np.int64)
     count = np.diff(starts)[cells]
@@ -158,7 +158,7 @@ def _with_corners(faces: _Faces, size: int) -> tuple[IntArray, IntArray]:
 def _fanned(
     points: FloatArray, faces: _Faces
 ) -> tuple[FloatArray, list[tuple[IntArray, IntArray]], IntArray, IntArray]:
-    """Centres of the faces with more than four corners, those corners, triangles and owners."""
+    """Centres of the faces with more than four corners, their corners, triangles and owners."""
     centres, corners_of = [np.zeros((0, 3))], []
     triangles, owners = [np.zeros((0, 3), dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     count = 0
@@ -179,7 +179,7 @@ def _fanned(
 
 
 def _centroids(points: FloatArray, triangles: IntArray, owner: IntArray, count: int) -> FloatArray:
-    """Centres of volume of closed polyhedra from the triangles of their faces, (count, 3)."""
+    """Centroids of closed polyhedra from the triangles of their faces, (count, 3)."""
     corners = points[triangles]
     weight = np.bincount(owner, minlength=count)[:, None]
     inside = added(owner, corners.mean(axis=1), count) / weight
@@ -196,8 +196,8 @@ _Rule = Callable[[IntArray, IntArray], BoolArray]
 def _inward(points: FloatArray, centres: FloatArray, triangles: IntArray, owner: IntArray) -> _Rule:
     """Rule for which faces, (k, corners) of polyhedra (k,), wind clockwise as seen from outside.
 
-    That is told by the volume of the whole polyhedron: a face that is seen from its wrong side by
-    the centre belongs to a piece that is turned inside out and has to stay so.
+    The volume of the whole polyhedron decides: a face that the centre sees from its wrong side
+    belongs to an inverted piece, which has to stay inverted.
     """
     count = len(centres)
     corners = points[triangles]
@@ -217,14 +217,14 @@ def _inward(points: FloatArray, centres: FloatArray, triangles: IntArray, owner:
 
 
 def _joined_with(apex: IntArray, base: IntArray, owner: IntArray, inward: _Rule) -> IntArray:
-    """Cells from bases (k, corners) to their apices, right-handed as VTK has them."""
+    """Cells from bases (k, corners) to their apices, right-handed as in VTK."""
     outward = np.where(inward(base, owner)[:, None], base[:, ::-1], base)
     # The base winds counter-clockwise as seen from the apex.
     return np.column_stack((outward[:, ::-1], apex[owner]))
 
 
 def added(numbers: IntArray, values: FloatArray, count: int) -> FloatArray:
-    """Sums (count,) or (count, 3) of the scalars or vectors that have the same number."""
+    """Sums (count,) or (count, 3) of the scalars or vectors with the same number."""
     columns = [np.bincount(numbers, column, minlength=count) for column in np.atleast_2d(values.T)]
     total: FloatArray = np.stack(columns, axis=-1)
     return total if values.ndim > 1 else total[:, 0]

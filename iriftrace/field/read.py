@@ -1,4 +1,4 @@
-"""A solver's result read as a field of the refractive index."""
+"""Read a solver's result as a field of the refractive index."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ if TYPE_CHECKING:
     from iriftrace.part.part import Part
 
 AMBIENT_TOLERANCE_K = 2.0
-"""A larger difference between the coolest air and the ambient temperature is worth a warning."""
+"""A larger difference between the coolest air and the ambient temperature gives a warning."""
 
 INDEX_TOLERANCE = 0.02
-"""A larger difference between temperature and index of one file is worth a warning; of n - 1."""
+"""A larger relative difference of n - 1 between temperature and index of a file gives a warning."""
 
 
 def read_field(
@@ -68,25 +68,25 @@ def read_field(
         ``.exo``; ``.cgns``; COMSOL's text exports ``.txt`` and ``.csv``; an OpenFOAM case, by its
         folder or a ``.foam`` file in it.
     array : str, optional
-        Name of the array; found by its name when left out.
+        Name of the array; chosen by the usual names if omitted.
     quantity : str, optional
-        What the array holds: ``"temperature"``, ``"index"`` (n or n - 1, told by its range) or
-        ``"density"`` (kg/m3); found by its name when left out.
+        What the array holds: ``"temperature"``, ``"index"`` (n or n - 1, determined from its
+        range) or ``"density"`` (kg/m3); determined from the array's name if omitted.
     temperature_unit : str, optional
-        Unit of the temperatures; what the file states, else K, when left out.
+        Unit of the temperatures; by default the unit stated in the file, else K.
     length_unit : str, optional
-        Unit of the coordinates; what the file states (OpenFOAM: m), else mm, when left out.
+        Unit of the coordinates; by default the unit stated in the file (OpenFOAM: m), else mm.
     air : Air, optional
-        Ambient air; `Air()` when left out.
+        Ambient air; `Air()` if omitted.
     transform : (4, 4) array_like, optional
         Applied to the coordinates after their conversion to mm.
     member : int, optional
-        Which state of a file with several (`iriftrace.field.readers.members`); the last when left
-        out.
+        Number of the state in a file with several (`iriftrace.field.readers.members`); the last
+        one if omitted.
     part : Part, optional
-        The part, mm, world; needed only for scattered points, from whose hull it is cut out.
+        The part, mm, world; needed only for scattered points, out of whose hull it is cut.
     flow : bool, optional
-        Whether to look for velocities too (`IndexField.flow`), for a heat balance.
+        Whether to read velocities too (`IndexField.flow`), for a heat balance.
 
     Returns
     -------
@@ -95,16 +95,16 @@ def read_field(
     Raises
     ------
     InputError
-        The file is missing, damaged or not a volume mesh; no array or several could be meant; the
-        values are not finite or not possible; a unit given contradicts the file; scattered points
-        come without a part.
+        The file is missing, damaged or not a volume mesh; no array matches or several do; the
+        values are not finite or not possible; a given unit contradicts the file; scattered points
+        are given without a part.
 
     Warns
     -----
     IriftraceWarning
         The coolest air in the file is more than 2 K from the ambient temperature; temperature and
         index in the file disagree by more than 2 % of n - 1; the values are cell data, or cells
-        are of higher order; the file has several states and none was chosen; cells are left out
+        are of higher order; the file has several states and none was chosen; cells are omitted
         because the file marks them or the array is NaN there.
     """
     air = Air() if air is None else air
@@ -145,31 +145,31 @@ def read_field(
 
 
 def read_volume(path: str | Path, *, member: int | None = None, flow: bool = False) -> Contents:
-    """Read the volume cells of a file, and what it states about units.
+    """Read the volume cells of a file, and the units it states.
 
-    Blocks (`.vtm`, `.pvd`) and pieces (`.pvtu`) are joined at points that coincide exactly, and the
-    two sides of a seam inside a file (`iriftrace.field.volume`). Voxels become hexahedra; polyhedra
-    and prisms with more than three sides are split into tetrahedra (OpenFOAM's around their
-    centroids); cells of higher order keep only their corners. Cells that are not volumes are left
-    out, and then points that no cell uses.
+    Blocks (`.vtm`, `.pvd`) and pieces (`.pvtu`) are joined at points that coincide exactly, and so
+    are the two sides of a seam inside a file (`iriftrace.field.volume`). Voxels become hexahedra;
+    polyhedra and prisms with more than three sides are split into tetrahedra (OpenFOAM's around
+    their centroids); cells of higher order keep only their corners. Cells that are not volumes are
+    removed, and then points that no cell uses.
 
     Parameters
     ----------
     path : str or Path
         A file of `iriftrace.field.readers.members.SUFFIXES`, or the folder of an OpenFOAM case.
     member : int, optional
-        Which state of a file with several, as `iriftrace.field.readers.members` counts; the last
-        one when left out, with a warning.
+        Number of the state in a file with several, as `iriftrace.field.readers.members` counts;
+        the last one if omitted, with a warning.
     flow : bool, optional
-        Whether velocities are wanted at the points of an OpenFOAM case, which take memory; other
-        files are read whole in any case.
+        Whether to read velocities at the points of an OpenFOAM case, which needs memory; other
+        files are always read completely.
 
     Returns
     -------
     Contents
         `data` are tetrahedra, hexahedra, wedges and pyramids with the file's point and cell data,
-        in the file's own length unit; `origin`, `wall_heat_w` and `facts` say what its field data
-        state, too.
+        in the file's own length unit. `origin`, `wall_heat_w` and `facts` include what its field
+        data state.
 
     Raises
     ------
@@ -214,8 +214,8 @@ def _joined(data: Data, path: Path) -> pv.UnstructuredGrid:
     blocks = [block for block in blocks if block.n_cells]
     if not blocks:
         raise InputError(
-            f"{path} has no volume cells: it is empty, damaged or a surface, and light needs the "
-            "air between; export the solver's volume mesh."
+            f"{path} has no volume cells: it is empty, damaged or a surface, but rays need the "
+            "air volume; export the solver's volume mesh."
         )
     joined = blocks[0]
     if len(blocks) > 1:
@@ -226,7 +226,7 @@ def _joined(data: Data, path: Path) -> pv.UnstructuredGrid:
 
 
 def _warn_of_marked(found: Sequence[Unmarked], path: Path) -> None:
-    """Say how many cells are left out for their marks; an InputError if these are all."""
+    """Warn with the number of cells that are marked; raises InputError if all cells are."""
     left_out = sum(block.left_out for block in found)
     if not left_out:
         return
@@ -246,13 +246,13 @@ def _warn_of_marked(found: Sequence[Unmarked], path: Path) -> None:
 
 
 def _length_unit(given: str | None, stated: str | None, path: str) -> str:
-    """Unit of a file's coordinates; mm where neither file nor user says."""
+    """Unit of a file's coordinates; mm if neither file nor user states one."""
     if given is not None and stated is not None and length_factor(given) != length_factor(stated):
         factor = length_factor(given) / length_factor(stated)
         raise InputError(
             f"The coordinates in {path} are in {stated}, but the length unit given is {given}; "
-            "leave length_unit (--field-length-unit) out, or where the numbers are in "
-            f'{given} all the same, scale them (--field-transform "scale {factor:.6g}").'
+            "omit length_unit (--field-length-unit), or if the numbers are in "
+            f'{given} nevertheless, scale them (--field-transform "scale {factor:.6g}").'
         )
     return given or stated or "mm"
 
@@ -273,7 +273,7 @@ def _placed(
         points = apply(np.asarray(transform, dtype=np.float64), points)
     grid = pv.UnstructuredGrid()
     grid.copy_structure(raw)
-    # Assigning to `points` would move those of `raw` too, which the structure shares.
+    # Assigning to `points` would also move those of `raw`, which uses the same structure.
     grid.SetPoints(pv.vtk_points(points))
     return grid
 
@@ -302,7 +302,7 @@ def _warn_of_other_index(raw: pv.UnstructuredGrid, result: IndexField) -> None:
     if name is None or name not in raw.point_data:
         return
     stored = arrays.refractivity_of_index(np.asarray(raw.point_data[name], dtype=np.float64))
-    if stored is None:  # an "n" that is no index, such as a count
+    if stored is None:  # an array "n" that is not an index, such as a count
         return
     off = np.abs(stored / result.refractivity - 1.0)
     worst = int(off.argmax())

@@ -1,4 +1,4 @@
-"""Where a field comes from and what its file states of its own making."""
+"""Origin of a field, and what its file states about it."""
 
 from __future__ import annotations
 
@@ -14,33 +14,33 @@ _UNSTEADY = re.compile(r"\b(?:not steady|unsteady)\b", re.IGNORECASE)
 
 
 class FieldKind(Enum):
-    """What kind of air a field's file says that it holds."""
+    """Kind of air that a field's file states."""
 
     SYNTHETIC = "synthetic"
-    """Of a model that made it up."""
+    """Air of an analytical model."""
     STEADY = "steady"
     UNSTEADY = "unsteady"
-    """A state of air, or a mean, that changes in time."""
+    """Unsteady air: a snapshot or a mean."""
     NOT_STATED = "not stated"
 
 
 @frozen
 class FieldFacts:
-    """What a field's file states in numbers and names beside the text of its origin.
+    """What a field's file states in numbers and names besides the text of its origin.
 
     Attributes
     ----------
     kind : FieldKind
     heat_variation : float or None
-        Largest less smallest heat flow from the part over some time, as a share of its mean.
+        Range of the heat flow from the part over some time, as a fraction of its mean.
     plume_swing_k : float or None, K
-        Largest less smallest temperature at the restless one of some points in the plume.
+        Range of the temperature over time, at the point in the plume where it is largest.
     bodies : tuple of str
-        Names of the bodies beside the part around which the field was solved.
+        Names of the bodies around which the field was solved besides the part.
     time : str
-        ``"mean"`` or ``"snapshot"``; "" where it does not say.
+        ``"mean"`` or ``"snapshot"``; "" if not stated.
     symmetry : str
-        Such as "mirrored at y = 0 mm"; "" where it does not say.
+        Such as "mirrored at y = 0 mm"; "" if not stated.
     """
 
     kind: FieldKind = FieldKind.NOT_STATED
@@ -52,7 +52,7 @@ class FieldFacts:
 
     @classmethod
     def in_words(cls, origin: str) -> FieldFacts:
-        """What a text says of it, where nothing else does: files of other programs."""
+        """Facts derived from the text of the origin, for files of other programs."""
         if origin.lower().startswith(FieldKind.SYNTHETIC.value):
             return cls(FieldKind.SYNTHETIC)
         if _UNSTEADY.search(origin):
@@ -62,15 +62,15 @@ class FieldFacts:
 
 @frozen
 class FieldSource:
-    """Where a field comes from.
+    """Origin of a field.
 
     Attributes
     ----------
     path : str
-        The file as it was named.
+        The file as given by the user.
     sha256 : str
-        Of that file alone, also where it names others (`.pvd`, `.vtm`, `.pvtu`); of an OpenFOAM
-        case that of the list of its files' checksums.
+        Of that file alone, even if it names others (`.pvd`, `.vtm`, `.pvtu`); for an OpenFOAM
+        case, of the list of its files' checksums.
     array : str
         The array that was used.
     quantity : str
@@ -78,14 +78,14 @@ class FieldSource:
     length_unit : str
         Unit of the file's coordinates.
     origin : str
-        What the file says of its own making (field data ``field_origin``), such as "OpenFOAM,
-        snapshot at 2 s"; "" where it says nothing.
+        What the file states about its origin (field data ``field_origin``), such as "OpenFOAM,
+        snapshot at 2 s"; "" if nothing.
     wall_heat_w : float, optional
-        Heat from the whole part, W, as the solver counted it, where the file states it.
+        Heat from the whole part, W, as computed by the solver, if the file states it.
     unit_stated : bool
         Whether the file states its length unit, or its format has one (OpenFOAM: m).
     facts : FieldFacts
-        What it states in numbers and names (field data ``field_facts``).
+        What the file states in numbers and names (field data ``field_facts``).
     """
 
     path: str
@@ -102,17 +102,17 @@ class FieldSource:
 
     @property
     def steady(self) -> bool:
-        """True for air that does not change in time, as that of the synthetic model."""
+        """True for steady air, such as that of the synthetic model."""
         return self.facts.kind in (FieldKind.STEADY, FieldKind.SYNTHETIC)
 
     @property
     def time(self) -> str:
-        """What the field is in time: ``"steady"``, ``"mean"``, ``"snapshot"`` or ""."""
+        """Time dependence of the field: ``"steady"``, ``"mean"``, ``"snapshot"`` or ""."""
         return "steady" if self.steady else self.facts.time
 
 
 def stated_source(values: object) -> FieldSource | None:
-    """The source that a header or a table states in plain values; None where it states none."""
+    """The source that a header or a table states in plain values; None if it states none."""
     try:
         return structured(values, FieldSource)
     except ValueError:
@@ -120,6 +120,6 @@ def stated_source(values: object) -> FieldSource | None:
 
 
 def synthetic_mark(source: FieldSource | None) -> str | None:
-    """Words for a picture of a result that rests on no simulation; None for other sources."""
+    """Note for a figure of a result without a simulation; None for other sources."""
     synthetic = source is not None and source.facts.kind is FieldKind.SYNTHETIC
     return "SYNTHETIC FIELD" if synthetic else None

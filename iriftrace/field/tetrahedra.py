@@ -1,4 +1,4 @@
-"""Cells of a field as tetrahedra that fit together face to face, and the neighbours of each."""
+"""Cells of a field split into tetrahedra with matching faces, and the neighbours of each."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ if TYPE_CHECKING:
     import pyvista as pv
 
 BOUNDARY = 0x80000000
-"""Set in a neighbour's number where the data end; the rest is the boundary face's number."""
+"""Flag in a neighbour's number where the data end; the rest is the boundary face's number."""
 
 MOST_TETRAHEDRA = 2**28
-"""More would not leave room for a face's number beside the tetrahedron's in 32 bits."""
+"""With more, a face's number would not fit into 32 bits next to the tetrahedron's."""
 
 SLIVER = 0.06
-"""Six times a tetrahedron's volume over the cube of its longest edge below which it is thin; a
-regular one has 0.7."""
+"""Six times a tetrahedron's volume over the cube of its longest edge, below which it is thin; 0.7
+for a regular one."""
 
 MIXED_SHARE = 1e-3
-"""A larger share of negative volume comes from pieces of both orientations, and not from cells that
-are turned inside out; flow solutions on snapped meshes have 4e-5 at most."""
+"""A larger fraction of negative volume means pieces of both orientations instead of single inverted
+cells; flow solutions on snapped meshes have at most 4e-5."""
 
 # Faces of each cell type by VTK's corner numbers; quadrilaterals in cyclic order.
 _FACES: dict[int, tuple[tuple[int, ...], ...]] = {
@@ -56,9 +56,9 @@ _MIRRORED = np.array(MIRRORED_CORNERS[TETRAHEDRON])
 
 @frozen(eq=False)
 class Tetrahedra:
-    """Tetrahedra that share whole faces; arrays of uint32."""
+    """Tetrahedra that match face to face; arrays of uint32."""
 
-    # (m, 4) point numbers, right-handed (positive volume) but for cells that are turned inside out.
+    # (m, 4) point numbers, right-handed (positive volume) except for inverted cells.
     corners: NumberArray
     # (m, 4) behind the face opposite to each corner: four times the neighbour's number plus the
     # number of the face there, or `BOUNDARY` plus a number of `boundary`.
@@ -70,13 +70,13 @@ class Tetrahedra:
 def tetrahedra_of(grid: pv.UnstructuredGrid) -> Tetrahedra:
     """Split linear cells into tetrahedra and find the neighbours.
 
-    Every quadrilateral is cut at its lowest point number, which is the same seen from both sides;
-    every cell is then the cone from its own lowest point to the triangles that do not touch it
+    Every quadrilateral is cut at its lowest point number, which is the same from both sides. Every
+    cell is then the cone from its own lowest point to the triangles that do not touch it
     (Dompierre et al. 1999, "How to subdivide pyramids, prisms and hexahedra into tetrahedra").
 
-    The grid has ``points``, ``celltypes``, ``cell_offsets`` and ``cell_connectivity`` as a
-    pyvista.UnstructuredGrid has them. An InputError if there are too many cells, or three of them
-    share a face.
+    The grid has ``points``, ``celltypes``, ``cell_offsets`` and ``cell_connectivity`` as in a
+    pyvista.UnstructuredGrid. Raises InputError if there are too many cells, or three of them have
+    a common face.
     """
     points = np.asarray(grid.points, dtype=np.float64)
     split = (_split(cells, kind) for kind, (_, cells) in cell_corners(grid).items())
@@ -95,20 +95,20 @@ def tetrahedra_of(grid: pv.UnstructuredGrid) -> Tetrahedra:
 
 
 def _turned_by_majority(corners: IntArray, points: FloatArray) -> IntArray:
-    """All tetrahedra of one cell type, turned if most of their volume is negative.
+    """All tetrahedra of one cell type, reversed if most of their volume is negative.
 
     Solvers do not agree on the order of a wedge's corners, and a mirrored field is left-handed
-    throughout. What is negative besides is really turned inside out.
+    throughout. The remaining negative volumes are inverted cells.
     """
     return corners[:, _MIRRORED] if _volumes(corners, points).sum() < 0 else corners
 
 
 def _without_caps(corners: NumberArray, crowded: IntArray, points: FloatArray) -> NumberArray:
-    """The tetrahedra without slivers that lie on a face which two others share already.
+    """The tetrahedra without slivers that lie on a face between two others.
 
-    Filters that split each polyhedron by itself cover warped faces with them. `crowded` are the
-    numbers (k, 3) of faces that are the same one; the thinnest of the three tetrahedra goes. An
-    InputError if that is no sliver.
+    Filters that split each polyhedron separately cover warped faces with them. `crowded` are the
+    numbers (k, 3) of coinciding faces; the thinnest of the three tetrahedra is removed. Raises
+    InputError if that one is not a sliver.
     """
     cells = crowded // 4
     at = points[corners[cells]]
@@ -118,8 +118,8 @@ def _without_caps(corners: NumberArray, crowded: IntArray, points: FloatArray) -
     thickness = volume / np.maximum(longest, np.finfo(float).tiny) ** 3
     if (thickness.min(axis=1) > SLIVER).any():
         raise InputError(
-            "Three or more cells of the field share one face, so it is not clear where light goes "
-            "on; export the mesh without duplicate cells."
+            "Three or more cells of the field have a common face, so the next cell of a ray is "
+            "ambiguous; export the mesh without duplicate cells."
         )
     thinnest = np.take_along_axis(cells, thickness.argmin(axis=1)[:, None], axis=1)
     return np.delete(corners, np.unique(thinnest), axis=0)
@@ -128,16 +128,16 @@ def _without_caps(corners: NumberArray, crowded: IntArray, points: FloatArray) -
 def _of_one_orientation(
     corners: NumberArray, points: FloatArray, pairs: tuple[IntArray, IntArray, IntArray]
 ) -> Tetrahedra:
-    """Tetrahedra turned where their orientation is not that of their neighbours, and those.
+    """Reverse tetrahedra whose orientation differs from their neighbours'; returns these, too.
 
-    The sign of a volume does not tell: half a field may be a mirror image, tetrahedra may be
-    numbered at random, and whoever splits polyhedra makes every piece right-handed, also the
-    slivers that are turned inside out. A ray that follows faces through such a piece is lost. The
-    order of the points of the faces that neighbours share does tell.
+    The sign of a volume does not decide this: half a field may be a mirror image, tetrahedra may be
+    numbered at random, and programs that split polyhedra make every piece right-handed, including
+    inverted slivers. A ray that follows faces through such a piece is lost. The order of the points
+    on the common faces of neighbours does decide it.
     """
     faces = corners[:, OPPOSITE].reshape(-1, 3)
     first, second, alone = pairs
-    # Of a face's points in ascending order, or turned from it, two of three pairs ascend.
+    # Ascending or reversed, two of three pairs of consecutive points of a face ascend.
     ascends = (np.roll(faces, -1, axis=1) > faces).sum(axis=1) == 2
     opposed = ascends[first] != ascends[second]
     volume = _volumes(corners, points)
@@ -151,14 +151,14 @@ def _of_one_orientation(
 
 
 def _renumbered(faces: IntArray, turned: BoolArray) -> IntArray:
-    """Numbers of faces, four times the tetrahedron's plus their own, once some are turned."""
+    """Face numbers (four times the tetrahedron's plus their own) after some are reversed."""
     return np.where(turned[faces // 4], faces - faces % 4 + _MIRRORED[faces % 4], faces)
 
 
 def _volumes(corners: AnyIntArray, points: FloatArray) -> FloatArray:
     """Six times the volumes of tetrahedra, (m,) array, mm^3."""
     numbers = [np.ascontiguousarray(column) for column in corners.T]
-    # Axis by axis, which takes half the time of numpy.cross.
+    # Axis by axis, which is twice as fast as numpy.cross.
     first, second, third = (
         [axis[number] - axis[numbers[0]] for axis in np.ascontiguousarray(points.T)]
         for number in numbers[1:]
@@ -186,11 +186,11 @@ def _split(cells: IntArray, kind: int) -> IntArray:
 
 
 def _without_flat_twins(corners: IntArray) -> NumberArray:
-    """The tetrahedra without those that enclose nothing.
+    """The tetrahedra without those of zero volume.
 
-    Cells whose corners coincide leave some with a repeated corner. Polyhedra that a solver refined
-    on one side have points in the middle of an edge, and where such an edge belongs to two of their
-    faces, the pieces next to it are the same flat tetrahedron twice, once turned inside out.
+    Cells with coinciding corners give tetrahedra with a repeated corner. Polyhedra refined on one
+    side have points in the middle of an edge. If such an edge belongs to two of their faces, the
+    pieces next to it are the same flat tetrahedron twice, once inverted.
     """
     ranked = np.sort(corners, axis=1)
     kept = (ranked[:, 1:] != ranked[:, :-1]).all(axis=1)
@@ -216,19 +216,19 @@ def _with_neighbours(
 
 
 def _equal_faces(corners: AnyIntArray) -> tuple[IntArray, BoolArray]:
-    """Faces with the same points, of tetrahedra (m, 4); as `_equal_rows`."""
+    """Faces with the same points, of tetrahedra (m, 4); see `_equal_rows`."""
     return _equal_rows(np.sort(corners[:, OPPOSITE].reshape(-1, 3), axis=1))
 
 
 def _crowded(equal: tuple[IntArray, BoolArray]) -> IntArray:
-    """Numbers (k, 3) of faces with the same points, of which there may be two at most."""
+    """Numbers (k, 3) of faces with the same points, of which there may be at most two."""
     order, same = equal
     triples: IntArray = order[np.flatnonzero(same[1:] & same[:-1])[:, None] + np.arange(3)]
     return triples
 
 
 def _face_pairs(equal: tuple[IntArray, BoolArray]) -> tuple[IntArray, IntArray, IntArray]:
-    """Numbers of faces that have the same points, first and second, and of those without a twin."""
+    """Numbers of faces with the same points, first and second, and of faces without a match."""
     order, same = equal
     first, second = order[:-1][same], order[1:][same]
     alone = np.ones(len(order), dtype=bool)
@@ -237,13 +237,13 @@ def _face_pairs(equal: tuple[IntArray, BoolArray]) -> tuple[IntArray, IntArray, 
 
 
 def _equal_rows(rows: AnyIntArray) -> tuple[IntArray, BoolArray]:
-    """Order (n,) that puts equal rows of point numbers side by side; mask (n - 1,) of those."""
+    """Order (n,) that makes equal rows of point numbers adjacent; mask (n - 1,) of equal pairs."""
     count = int(rows.max(initial=0)) + 1
     if count ** rows.shape[1] >= 2**63:
         order = np.lexsort(rows.T)
         ranked = rows[order]
         return order, (ranked[1:] == ranked[:-1]).all(axis=1)
-    # One key sorts several times as fast as several.
+    # Sorting by one key is several times as fast as by several.
     key = np.zeros(len(rows), dtype=np.int64)
     for column in rows.T:
         key *= count

@@ -1,7 +1,7 @@
-"""Volume cells of any grid as linear cells that fit together.
+"""Volume cells of any grid as linear cells with matching faces.
 
-Tetrahedra, hexahedra, wedges and pyramids are what the gradients and tetrahedra of a field are made
-of; other cells become such, and where two sides of a seam have points of their own they are joined.
+Gradients and tetrahedra of a field are computed from tetrahedra, hexahedra, wedges and pyramids.
+Other cells are converted to these, and the two sides of a seam with separate points are joined.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from iriftrace.field.marked import chosen_cells, unmarked
 from iriftrace.field.polyhedra import SPLIT, SplitPolyhedra, split_polyhedra
 
 FLAT = 1e-4
-"""Thickness of a cell over its length, below which it encloses nothing."""
+"""Thickness of a cell over its length, below which its volume counts as zero."""
 
-# Volume cells that are not used as they are, by VTK's numbers.
+# Volume cells that are converted, by VTK's numbers.
 _VOXEL = 11
 _VOXEL_CORNERS = np.array((0, 1, 3, 2, 4, 5, 7, 6))  # in the order of a hexahedron
 _CONVEX_SET = 41
@@ -37,7 +37,7 @@ _HIGHER_ORDER = {
     **dict.fromkeys((26, 31, 32, 73), WEDGE),
     **dict.fromkeys((27, 37), PYRAMID),
 }
-# Point data that points must share to be joined.
+# Point data that must agree for points to be joined.
 _SCALARS = "iriftrace_scalars"
 
 
@@ -60,7 +60,7 @@ def linear_volume(grid: pv.UnstructuredGrid) -> pv.UnstructuredGrid:
 
 
 def volume_cells(block: pv.DataObject) -> pv.UnstructuredGrid:
-    """The volume cells of one data set; see `iriftrace.field.marked` for those left out."""
+    """The volume cells of one data set; `iriftrace.field.marked` describes those removed."""
     if isinstance(block, pv.PolyData) or not isinstance(block, pv.DataSet):
         return pv.UnstructuredGrid()
     grid = unmarked(block).cells
@@ -81,7 +81,7 @@ def _linear(grid: pv.UnstructuredGrid, types: IntArray) -> pv.UnstructuredGrid:
     """The grid with its cells sorted by type and made linear, and with the points they use."""
     starts = np.asarray(grid.cell_offsets, dtype=np.int64)[:-1]
     flat = np.asarray(grid.cell_connectivity, dtype=np.int64)
-    # Values of points are best taken to the corners' means, those of cells belong to centroids.
+    # Point values are interpolated to the means of corners; cell values belong to centroids.
     split = split_polyhedra(grid, at_corner_means=bool(grid.point_data.keys()))
     cells: dict[int, list[IntArray]] = {}
     corners: dict[int, list[IntArray]] = {}
@@ -127,14 +127,15 @@ def _places(linear: pv.UnstructuredGrid, order: IntArray, split: SplitPolyhedra)
 def without_seams(grid: pv.UnstructuredGrid) -> pv.UnstructuredGrid:
     """The same cells, joined where points coincide exactly and have the same values.
 
-    ParaView's Reflect leaves the halves side by side, and so do some exports with several domains:
-    each ends at the seam, where a ray would leave the data and a gradient look to one side only.
-    Vectors need not agree, because a mirror turns them; where a value differs, it jumps there, as
-    on both sides of a thin wall, and the points stay apart. A wall without thickness that is
-    equally hot on both sides cannot be told from a seam; give it one.
+    ParaView's Reflect leaves the two halves unconnected, and so do some exports with several
+    domains: each half ends at the seam, where a ray would leave the data and a gradient would use
+    one side only. Vectors need not agree, because a mirror reverses them. Where another value
+    differs, it jumps, as between both sides of a thin wall, and the points stay separate. A wall
+    without thickness that is equally hot on both sides cannot be distinguished from a seam; model
+    it with a thickness.
 
-    The result is the grid itself if nothing coincides; else it has the data of the first of such
-    points.
+    Returns the grid itself if nothing coincides; otherwise joined points have the data of the first
+    one.
     """
     compared = pv.UnstructuredGrid()
     compared.shallow_copy(grid)
@@ -159,19 +160,19 @@ def without_seams(grid: pv.UnstructuredGrid) -> pv.UnstructuredGrid:
 
 
 def refuse_repeated_cells(grid: pv.UnstructuredGrid, path: str) -> None:
-    """Refuse a joined grid in which cells lie where others do."""
+    """Refuse a joined grid in which cells coincide."""
     points = np.asarray(grid.points, dtype=np.float64)
     repeated_cells = 0
     for _, corners in cell_corners(grid).values():
         ranked = np.sort(corners, axis=1)
         ranked = ranked[np.lexsort(ranked.T)]
         repeated = ranked[1:][(ranked[1:] == ranked[:-1]).all(axis=1)]
-        # Flat ones enclose no air; pieces of a solver's polyhedra are sometimes such twins.
+        # Flat cells enclose no air; pieces of a solver's polyhedra sometimes coincide.
         offsets = points[repeated] - points[repeated].mean(axis=1, keepdims=True)
         sizes = np.linalg.svd(offsets, compute_uv=False)
         repeated_cells += int((sizes[:, 2] > FLAT * sizes[:, 0]).sum())
     if repeated_cells:
         raise InputError(
-            f"{repeated_cells} cells of {path} lie where others do, so it is not clear which air "
-            "is meant; export each cell once, and mirror only what was solved, not the whole."
+            f"{repeated_cells} cells of {path} lie where others do, so the air there is ambiguous; "
+            "export each cell once, and mirror only the half that was solved."
         )

@@ -9,19 +9,19 @@ from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.geometry.topology import connected, piece_boxes
 from iriftrace.geometry.triangles import area_vectors, polydata
 
-# Boundary patches smaller than this share of the largest one are gaps between cells of different
+# Boundary patches smaller than this fraction of the largest one are gaps between cells of different
 # refinement, not walls.
 _SMALLEST_SHARE = 1e-3
 
 
 def inner_wall(grid: pv.UnstructuredGrid) -> pv.PolyData:
-    """Boundary faces of a grid that face a cavity in the data, where the part sits.
+    """Boundary faces of a grid that face a cavity in the data, where the part is.
 
-    The outer boundary may be stepped, as when data were cropped cell by cell. Patches of boundary
-    faces that hang together are told apart by the volume they enclose: an outer boundary encloses
-    the data, a wall encloses what is not data. Where the part touches the outer boundary (a
-    symmetry plane, a floor), faces that lie in the sides of the data's bounding box are left out
-    first, which separates the two.
+    The outer boundary may be stepped, as in data that were cropped cell by cell. Connected patches
+    of boundary faces are classified by the volume they enclose: an outer boundary encloses the
+    data, a wall encloses a region without data. If the part touches the outer boundary (a symmetry
+    plane, a floor), faces in the sides of the data's bounding box are removed first, which
+    separates the two.
 
     The grid is in mm. The wall has triangles and the grid's point data; it is empty when the data
     have no inner boundary.
@@ -31,7 +31,7 @@ def inner_wall(grid: pv.UnstructuredGrid) -> pv.PolyData:
     inside = np.asarray(grid.cell_centers().points, dtype=np.float64)
     inside = inside[np.asarray(surface["vtkOriginalCellIds"])]
     points = np.asarray(surface.points, dtype=np.float64)
-    # The order of a face's corners is no guide: it is reversed in inverted and mirrored cells.
+    # The order of a face's corners is unreliable: it is reversed in inverted and mirrored cells.
     areas = area_vectors(points, faces)
     side = np.einsum("ij,ij->i", areas, points[faces].mean(axis=1) - inside)
     areas = np.where(side[:, None] < 0.0, -areas, areas)
@@ -49,7 +49,7 @@ def inner_wall(grid: pv.UnstructuredGrid) -> pv.PolyData:
 
 
 def _wall_faces(points: FloatArray, faces: IntArray, areas: FloatArray) -> BoolArray:
-    """Mask (m,) of the faces in patches that enclose what is not data."""
+    """Mask (m,) of the faces in patches that enclose a region without data."""
     if not len(faces):
         return np.zeros(0, dtype=bool)
     links = np.concatenate((faces[:, :2], faces[:, 1:]))

@@ -78,11 +78,11 @@ def share_out(
         kept.append(np.divide(left, room, out=np.ones_like(room), where=room > 0))
         room = left
     # What is left of a face's room is the product over all the blocks that it lies in.
-    share = np.ones(len(room))
+    weight = np.ones(len(room))
     for level in range(len(kept) - 1, -1, -1):
         count = len(kept[level - 1]) if level else len(order)
-        share = np.repeat(share * kept[level], _sizes(blocks.starts[level], count))
-    np.multiply(free, share, out=free, where=may_take[order])
+        weight = np.repeat(weight * kept[level], _sizes(blocks.starts[level], count))
+    np.multiply(free, weight, out=free, where=may_take[order])
     result = np.empty_like(most)
     result[order] = most - free
     return result

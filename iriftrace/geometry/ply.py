@@ -65,11 +65,11 @@ def read_ply(path: Path) -> PlyMesh:
 
 
 def check_corners(vertices: FloatArray, faces: IntArray) -> None:
-    """Refuse what is no list of triangles between existing vertices, with a ValueError."""
+    """Check that these are triangles between existing vertices; raises ValueError otherwise."""
     if faces.size == 0:
         return
     if vertices.shape[1:] != (3,) or faces.shape[1:] != (3,):
-        raise ValueError(f"vertices {vertices.shape} and faces {faces.shape} are no triangles")
+        raise ValueError(f"vertices {vertices.shape} and faces {faces.shape} are not triangles")
     lowest, highest = int(faces.min()), int(faces.max())
     if lowest < 0 or highest >= len(vertices):
         wrong = lowest if lowest < 0 else highest

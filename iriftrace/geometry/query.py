@@ -33,7 +33,7 @@ def _int64(values: ArrayLike) -> IntArray:
 
 @frozen(eq=False)
 class Surface:
-    """A triangle surface that is asked for distances and for its inside.
+    """A triangle surface for queries of distances and of inside or outside.
 
     Parameters
     ----------
@@ -173,8 +173,8 @@ class Surface:
 
         Counts the triangles above each point: an odd number means inside. Points below an edge or a
         corner are decided in the same way for all triangles there, so none is counted twice or not
-        at all. (VTK's tests by random rays and by the sign of the distance err beside the edges
-        of a gear's teeth, and take 7 and 40 times as long for the points of a mesh.)
+        at all. (VTK's tests by random rays and by the sign of the distance are wrong near the edges
+        of a gear's teeth, and are 7 and 40 times slower for the points of a mesh.)
         """
         places = as_float64(points)
         low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)

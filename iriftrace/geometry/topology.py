@@ -18,9 +18,9 @@ from iriftrace.geometry.triangles import area_vectors, row_lengths
 
 @frozen(eq=False)
 class Neighbours:
-    """Pairs of triangles that share an edge, and the edges that make no such pair."""
+    """Pairs of triangles with a common edge, and the edges that do not have exactly two."""
 
-    pairs: IntArray  # (k, 2) face numbers, a row for each edge that exactly two triangles share
+    pairs: IntArray  # (k, 2) face numbers, a row for each edge of exactly two triangles
     edges: IntArray  # (k, 2) which edge of each that is: edge i runs from corner i to the next
     # (k,) True where the two triangles run along the edge in opposite directions, as neighbours of
     # one orientation do.
@@ -61,7 +61,7 @@ def open_edges(faces: AnyIntArray) -> IntArray:
 
 
 def find_neighbours(faces: IntArray) -> Neighbours:
-    """Pairs of the (m, 3) triangles of a welded mesh (see `weld`) that share an edge.
+    """Pairs of the (m, 3) triangles of a welded mesh (see `weld`) with a common edge.
 
     Triangles that use a vertex twice have no neighbours.
     """

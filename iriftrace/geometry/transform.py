@@ -64,11 +64,11 @@ def parse_transform(text: str) -> FloatArray:
 
 
 def _refuse_distorting(matrix: FloatArray, name: str) -> None:
-    """Refuse numbers that are no rotation times one scale: most likely they were copied wrongly."""
+    """Refuse a matrix that is not a rotation times one scale; most likely it was mistyped."""
     lengths = np.linalg.svd(matrix[:3, :3], compute_uv=False)
     if np.linalg.det(matrix[:3, :3]) < 0 or lengths.max() > (1.0 + 2 * ROUNDING) * lengths.min():
         raise InputError(
-            f"The matrix {name!r} is no rotation, as it mirrors, shears or scales (lengths by "
+            f"The matrix {name!r} is not a rotation: it mirrors, shears or scales (lengths by "
             f"factors from {lengths.min():.6g} to {lengths.max():.6g}); correct it, or write steps "
             "if that is meant ('scale 1 1 -1')."
         )
@@ -81,12 +81,12 @@ ROUNDING = 2e-4
 def rigid_motion(matrix: FloatArray, name: str) -> FloatArray:
     """The rotation and translation that a (4, 4) matrix of rounded numbers is.
 
-    An InputError for a matrix that scales, shears or mirrors; `name` is what messages call it.
+    Raises InputError for a matrix that scales, shears or mirrors; `name` is used in messages.
     """
     left, lengths, right = np.linalg.svd(matrix[:3, :3])
     if np.linalg.det(matrix[:3, :3]) < 0 or np.abs(lengths - 1.0).max() > ROUNDING:
         raise InputError(
-            f"{name} is no rigid motion, as it mirrors, shears or scales (lengths by factors from "
+            f"{name} is not a rigid motion: it mirrors, shears or scales (lengths by factors from "
             f"{lengths.min():.6g} to {lengths.max():.6g}), and would change what was measured; "
             "align the cloud by rotation and translation alone."
         )

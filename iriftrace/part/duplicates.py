@@ -19,7 +19,7 @@ def distinct_faces(faces: IntArray) -> BoolArray:
     `faces` are (m, 3) vertex numbers of a welded mesh (see `iriftrace.geometry.topology.weld`).
     """
     corners = np.sort(faces, axis=1)
-    # Of corners in ascending order, or turned from it, two of three pairs ascend.
+    # Ascending or reversed, two of three pairs of consecutive corners ascend.
     ascends = (np.roll(faces, -1, axis=1) > faces).sum(axis=1) == 2
     order = np.lexsort((ascends, *corners.T))
     corners, ascends = corners[order], ascends[order]

@@ -1,4 +1,4 @@
-"""Part meshes on disk: whatever trimesh reads, and PLY files that carry named face regions."""
+"""Part meshes on disk: all formats of trimesh, and PLY files with named face regions."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _DECIMAL_COMMA = re.compile(rb"^\s*(?:vertex|v)\s+[-+]?\d+,\d", re.MULTILINE)
 _REGION_COMMENT = re.compile(r"comment\s+region\s+(-?\d+)\s+(.*\S)\s*")
 
 LARGEST_REGION = 2**31
-"""Regions have numbers below this; what is larger is no region."""
+"""Regions have numbers below this; larger values are not regions."""
 
 WRITTEN_SUFFIXES = (".ply", ".stl")
 
@@ -121,8 +121,8 @@ def _regions(path: Path, column: AnyArray, face_count: int) -> Regions:
     given = column.astype(np.float64)
     if not (np.abs(given) < LARGEST_REGION).all():
         raise InputError(
-            f"{path} is damaged: a triangle's region is no number below {LARGEST_REGION:,}; export "
-            "it again."
+            f"{path} is damaged: a triangle's region is not a number below {LARGEST_REGION:,}; "
+            "export it again."
         )
     if len(given) != face_count:
         raise InputError(

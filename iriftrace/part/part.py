@@ -89,7 +89,7 @@ class Part:
 
     @cached_property
     def surface(self) -> Surface:
-        """The surface, asked for nearest points and gaps."""
+        """The surface, for queries of nearest points and gaps."""
         return Surface(self.vertices, self.faces)
 
     @property
@@ -97,7 +97,7 @@ class Part:
         """The surface of a closed part, which has an inside; an InputError if it is not closed."""
         if not self.closed:
             raise InputError(
-                f"{self.path} is not closed, so it is not clear where the air is; mend the mesh "
+                f"{self.path} is not closed, so it is not clear where the air is; repair the mesh "
                 "(fill its holes) first."
             )
         return self.surface
@@ -326,7 +326,7 @@ def _named_regions(groups: IntArray, surface: Surface, transform: ArrayLike | No
     normals, vertices = surface.normals, surface.vertices
     if transform is not None:
         matrix = checked_matrix(transform)
-        # Normals transform with the inverse transpose, whatever the determinant's sign.
+        # Normals transform with the inverse transpose, for either sign of the determinant.
         normals = unit_vectors(normals @ np.linalg.inv(matrix[:3, :3]))
         vertices = apply(matrix, vertices)
     return name_regions(groups, normals, surface.areas, vertices[surface.faces])
@@ -335,7 +335,7 @@ def _named_regions(groups: IntArray, surface: Surface, transform: ArrayLike | No
 def _refuse_unusable(name: str, points: FloatArray, triangles: IntArray) -> None:
     if len(triangles) > MOST_FACES:
         raise InputError(
-            f"{name} has {len(triangles)} triangles, but at most {MOST_FACES} can be told apart "
+            f"{name} has {len(triangles)} triangles, but at most {MOST_FACES} can be numbered "
             "in the EXR; simplify the mesh."
         )
     if not np.isfinite(points).all():

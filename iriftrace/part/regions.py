@@ -12,7 +12,7 @@ from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.geometry.topology import Neighbours, connected
 
 SMALLEST_SHARE = 0.01
-"""A patch with less than this share of the area gets no region of its own."""
+"""A patch with a smaller fraction of the area does not become a region of its own."""
 
 REST = "rest"
 """Name of the region that holds all smaller patches."""

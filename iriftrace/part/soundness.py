@@ -108,8 +108,8 @@ def oriented_outward(
     if neighbours.open_edges:
         warnings.warn(
             f"{path} is not closed ({neighbours.open_edges} open edges): coverage refers to the "
-            "surface that is there, rays may pass through the holes, and what lies inside the part "
-            "cannot be told; rays through a hole count what they find behind it.",
+            "remaining surface, rays may pass through the holes, and the inside of the part is "
+            "unknown; rays through a hole count what they find behind it.",
             IriftraceWarning,
             stacklevel=3,
         )

@@ -133,7 +133,7 @@ def _cotangents(
 
 
 def _apart(pairs: IntArray, count: int) -> BoolArray:
-    """(k,) mask of pairs of which no two share a triangle: those that come first at both."""
+    """(k,) mask of pairs of which no two have a common triangle: those that come first at both."""
     place = np.arange(len(pairs))
     first = np.full(count, len(pairs))
     for column in pairs.T:

@@ -22,8 +22,8 @@ from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
 
 CUBES = 20_000
-"""Of the grid in the part's box. With 64,000 the walls of a shaft of 220 mm whose flange is 150 K
-cooler lie up to 2.4 um elsewhere, of 113 um that the difference in temperature makes."""
+"""Cubes of the grid in the part's box. With 64,000 the walls of a shaft of 220 mm whose flange is
+150 K cooler differ by up to 2.4 um, of 113 um caused by the difference in temperature."""
 
 POISSON = 0.3
 """Poisson's ratio of steel; the modulus does not matter where no force acts."""

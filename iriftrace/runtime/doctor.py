@@ -1,4 +1,4 @@
-"""Diagnosis of this machine: libraries, which will be used, what is wrong and how to mend it."""
+"""Diagnosis of this machine: libraries, which will be used, what is wrong and how to fix it."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Diagnosis:
 
     @property
     def ok(self) -> bool:
-        """Nothing stands in the way of tracing rays; warnings may remain."""
+        """Rays can be traced; warnings may remain."""
         return all(finding.state != "error" for finding in self.findings)
 
 

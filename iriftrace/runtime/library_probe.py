@@ -11,7 +11,7 @@ import json
 import os
 import sys
 
-# Dr.Jit looks these up; parser-only builds such as libclang's or llvmlite's lack some of them.
+# Dr.Jit looks these up; parser-only builds such as libclang's or llvmlite's miss some of them.
 _NEEDED = ("LLVMRunPasses", "LLVMOrcCreateLLJIT", "LLVMCreateDisasm", "LLVMParseIRInContext")
 # LLVMGetVersion exists from LLVM 16 on; before, only the link-time optimizer knew the number.
 _OLD_VERSION = "_ZN4llvm16LTOCodeGenerator16getVersionStringEv"

@@ -191,14 +191,14 @@ def candidate_paths() -> list[str]:
             files.setdefault(os.path.realpath(path), path)
 
     def numbers(path: str) -> tuple[int, ...]:
-        # Those of the file's own name; a name without any is asked last.
+        # Numbers in the file's own name; a name without any comes last.
         return tuple(map(int, re.findall(r"\d+", os.path.basename(os.path.realpath(path)))))
 
     return sorted(files.values(), key=numbers, reverse=True)
 
 
 def _patterns() -> list[str]:
-    here = Path(sys.prefix)  # conda puts its libraries beside its Python
+    here = Path(sys.prefix)  # conda puts its libraries next to its Python
     kind = current_platform()
     if kind == "windows":
         programs = os.environ.get("PROGRAMFILES", r"C:\Program Files")

@@ -219,7 +219,7 @@ def _import_mitsuba() -> ModuleType:
             remedy = 'pip install "mitsuba>=3.9,<3.10"'
         else:
             remedy = llvm_install_command()
-        raise SetupError(f"Mitsuba cannot be imported ({cause}); to mend it: {remedy}") from error
+        raise SetupError(f"Mitsuba cannot be imported ({cause}); to fix it: {remedy}") from error
 
 
 def _mitsuba() -> ModuleType:

@@ -18,7 +18,7 @@ from iriftrace.geometry.triangles import normals_along, polydata, used_vertices
 from iriftrace.shells.stack import Shell, ShellStack
 
 BORDER_REACH = 0.5
-"""Vertices are brought back onto the border from at most this share of its edges' median."""
+"""Vertices are moved back onto the border from within this fraction of its edges' median."""
 
 LARGEST_SMALL_HOLE = 4
 """Edges of the largest hole that is closed without asking where it is."""
@@ -42,9 +42,9 @@ def decimate(stack: ShellStack, triangles: int) -> ShellStack:
     """Thin out shells to about a number of triangles in all.
 
     Garland and Heckbert's quadric error metric with the normals as attributes (1998, "Simplifying
-    surfaces with color and texture using quadric error metrics"). Every shell keeps the same share.
-    Normals and derivatives of the new vertices are those of the nearest points of the shells
-    before.
+    surfaces with color and texture using quadric error metrics"). All shells keep the same
+    fraction. Normals and derivatives of the new vertices are those of the nearest points of the
+    original shells.
 
     Parameters
     ----------
@@ -69,13 +69,13 @@ def decimate(stack: ShellStack, triangles: int) -> ShellStack:
         )
     if stack.triangles <= triangles:
         return stack
-    share = triangles / stack.triangles
-    return evolve(stack, shells=[_thinned(shell, share) for shell in stack.shells])
+    fraction = triangles / stack.triangles
+    return evolve(stack, shells=[_thinned(shell, fraction) for shell in stack.shells])
 
 
-def _thinned(shell: Shell, share: float) -> Shell:
-    wanted = max(FEWEST, int(share * len(shell.faces)))
-    if len(shell.faces) <= wanted:
+def _thinned(shell: Shell, fraction: float) -> Shell:
+    target = max(FEWEST, int(fraction * len(shell.faces)))
+    if len(shell.faces) <= target:
         return shell
     mesh = polydata(shell.vertices, shell.faces)
     smooth = shell.normals is not None
@@ -85,7 +85,7 @@ def _thinned(shell: Shell, share: float) -> Shell:
     # On flat pieces VTK logs every quadric that has no unique minimum, and takes an edge's middle.
     with pv.vtk_verbosity("off"):
         thin = mesh.decimate(
-            1.0 - wanted / len(shell.faces),
+            1.0 - target / len(shell.faces),
             enable_all_attribute_error=smooth,
             normals=smooth,
             scalars=False,

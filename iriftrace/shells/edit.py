@@ -15,11 +15,11 @@ from iriftrace.shells.stack import Shell, ShellStack
 
 
 def trim_to_frustum(stack: ShellStack, camera: Camera, margin_mm: float) -> ShellStack:
-    """Leave out triangles that lie wholly beside or behind a camera's view.
+    """Remove triangles that lie wholly outside or behind a camera's view.
 
     A triangle stays unless all its corners are beyond the same side of the view by more than the
-    margin, so that none is lost which a ray of the camera could meet. Shells are open where they
-    are cut, and shells without any triangle in view are left out.
+    margin, so no triangle that a ray of the camera could meet is lost. Shells are open where they
+    are cut, and shells without any triangle in view are removed.
 
     Parameters
     ----------
@@ -103,9 +103,10 @@ def smooth_taubin(
 ) -> ShellStack:
     """Smooth shells without shrinking them (Taubin 1995, "A signal processing approach").
 
-    Each iteration moves every vertex by ``lambda_`` and then by ``mu`` times the way to the mean of
-    its neighbours. Vertices on a border stay, so that shells still end on the wall or the data's
-    edge. Gradient normals and derivatives belong to the surface before, so the result has none.
+    Each iteration moves every vertex by ``lambda_`` and then by ``mu`` times the vector to the
+    mean of its neighbours. Vertices on a border stay, so that shells still end on the wall or the
+    data's edge. Gradient normals and derivatives belong to the original surface, so the result has
+    none.
 
     Parameters
     ----------

@@ -36,7 +36,7 @@ _DERIVATIVES = tuple(f"{name}_{k + 1}" for name, n in PLY_COLUMNS.items() for k 
 
 @frozen
 class PartFile:
-    """The part's file beside which shells are written."""
+    """The part's file next to which shells are written."""
 
     path: Path
     sha256: str
@@ -90,7 +90,7 @@ def save_shells(
         The folder cannot be made, or the report belongs to other shells.
     """
     if report is not None and [r.layer for r in report] != [s.layer for s in stack.shells]:
-        raise InputError("The report does not list the shells of this stack; report on it anew.")
+        raise InputError("The report does not list the shells of this stack; report on it again.")
     folder = Path(directory)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -144,7 +144,7 @@ def load_shells(folder: str | Path) -> ShellStack:
         raise InputError(f"{path} is damaged ({error}); write the shells again.") from error
     if not isinstance(table, dict) or table.get("schema") != SCHEMA:
         raise InputError(
-            f"{path} is no table of shells of the kind {SCHEMA}; write the shells again with this "
+            f"{path} is not a table of shells of schema {SCHEMA}; write the shells again with this "
             "version."
         )
     try:
@@ -205,7 +205,7 @@ def read_shell(
         mesh = ply.read_ply(path)
     except OSError as error:
         raise InputError(f"cannot read the shell {path}: {error.strerror}.") from error
-    except Exception as error:  # whatever a damaged file causes
+    except Exception as error:  # damaged files can raise any
         raise _damaged(path) from error
     names = tuple(mesh.vertex_columns)[3:]
     if names not in ((), _NORMAL, _NORMAL + _DERIVATIVES):

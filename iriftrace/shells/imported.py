@@ -35,7 +35,7 @@ from iriftrace.shells.table import SmallComponents
 
 SUFFIXES = (".vtu", ".vtm", ".vtp")
 
-# Values of one surface differ by rounding only, values of two by a visible share of the range.
+# Values of one surface differ only by rounding, those of two by a visible fraction of the range.
 _SAME_SURFACE = 1e-4
 
 _FLAT_CELLS = (5, 6, 7, 8, 9)
@@ -310,7 +310,9 @@ def _triangle_values(block: pv.PolyData, faces: IntArray, name: str, path: Path)
     if name in block.cell_data:
         return np.asarray(block.cell_data[name], dtype=np.float64)
     if name not in block.point_data:
-        raise InputError(f"A block of {path} lacks the array {name!r}; export it for all surfaces.")
+        raise InputError(
+            f"The array {name!r} is missing in a block of {path}; export it for all surfaces."
+        )
     values = np.asarray(block.point_data[name], dtype=np.float64)
     tolerance = max(1e-3 * float(np.ptp(values)), 1e-6 * float(np.abs(values).max()))
     if np.any(np.ptp(values[faces], axis=1) > tolerance):
@@ -320,8 +322,8 @@ def _triangle_values(block: pv.PolyData, faces: IntArray, name: str, path: Path)
 
 
 def _continuous(name: str, path: Path) -> InputError:
-    """The error for triangles that are no iso-surfaces."""
+    """The error for triangles that are not iso-surfaces."""
     return InputError(
-        f"The values of {name!r} in {path} change along the triangles, so these are no surfaces of "
-        "equal value; export iso-surfaces, or contour the volume with `iriftrace shells`."
+        f"The values of {name!r} in {path} change along the triangles, so they are not surfaces "
+        "of equal value; export iso-surfaces, or contour the volume with `iriftrace shells`."
     )

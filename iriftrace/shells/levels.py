@@ -101,7 +101,7 @@ def layers_between(
     limit = 0.0 if hottest is None else hottest
     if len(s) == 0 or not np.isfinite(s).all() or np.any(np.diff(s) == 0.0):
         raise InputError(
-            f"The levels {s.tolist()} are no list of different numbers (n - 1); each shell needs "
+            f"The levels {s.tolist()} are not a list of distinct numbers (n - 1); each shell needs "
             "its own."
         )
     if s[0] >= ambient or s[-1] < limit or s[-1] <= 0.0:

@@ -106,7 +106,7 @@ def report_shells(
         stack.shells, surfaces, [*gaps, None], stack.temperature_k.tolist(), strict=True
     ):
         open_at = _open_at(shell, borders, INTERIOR if field is not None else UNKNOWN)
-        share = None if part is None or not part.closed else _share_inside(surface, part)
+        inside = None if part is None or not part.closed else _share_inside(surface, part)
         gap_part = None if part is None else surface.gap(part.surface)
         reports.append(
             ShellReport(
@@ -121,8 +121,8 @@ def report_shells(
                 closed=not open_at,
                 open_at=open_at,
                 gap_next_mm=gap_next,
-                gap_part_mm=0.0 if share else gap_part,
-                part_cut_share=share,
+                gap_part_mm=0.0 if inside else gap_part,
+                part_cut_share=inside,
             )
         )
     return tuple(reports)

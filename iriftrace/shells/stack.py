@@ -114,7 +114,7 @@ class Shell:
         if self.normals is None or derivatives.shape != (len(self.vertices), DERIVATIVES):
             raise InputError(
                 f"Shell {self.layer} has derivatives of shape {derivatives.shape} for "
-                f"{len(self.vertices)} vertices, or no normals beside it; give {DERIVATIVES} "
+                f"{len(self.vertices)} vertices, or no normals; give {DERIVATIVES} "
                 "numbers and a normal for each vertex, or no derivatives."
             )
 
@@ -183,7 +183,7 @@ class ShellStack:
         return all(shell.normals is not None for shell in self.shells)
 
     def stated(self, notes: Mapping[str, str]) -> AirStatement:
-        """What the table beside the shells' files states, but for the files."""
+        """Content of the table next to the shells' files, except the files."""
         rows = tuple(
             ShellRow(s.layer, s.refractivity, s.ext, s.int_, kelvin, len(s.faces))
             for s, kelvin in zip(self.shells, self.temperature_k.tolist(), strict=True)

@@ -1,4 +1,4 @@
-"""Statement of a scene's air: the JSON table beside its shells."""
+"""Description of a scene's air: the JSON table next to its shells."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class ShellRow:
 class PartOrigin:
     """The part's file that shells were written for."""
 
-    file: str  # beside the table
+    file: str  # next to the table
     sha256: str
     source: str = ""  # name of the user's file that it was made of
 

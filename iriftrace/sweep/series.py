@@ -10,7 +10,7 @@ import numpy as np
 from attrs import evolve, frozen
 
 from iriftrace.camera.camera import Camera
-from iriftrace.camera.pose_set import PoseSet, push_out
+from iriftrace.camera.pose_set import PoseSet, offset_outward
 from iriftrace.core.arrays import Variables
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import sha256_of
@@ -98,7 +98,7 @@ def _placed(scene: LoadedScene, poses: PoseSet, move_out: bool) -> PoseSet:
         )
     if not move_out:
         return poses
-    free, moved = push_out(poses, lambda points: is_inside(scene, points))
+    free, moved = offset_outward(poses, lambda points: is_inside(scene, points))
     if moved.any():
         warn(
             f"{moved.sum()} of {len(poses)} poses stood in the hot air and were moved back along "

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from iriftrace.camera.camera import Camera
-from iriftrace.camera.tiles import places_in_tiles
+from iriftrace.camera.tiles import tile_order
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.geometry.triangles import unit_vectors
@@ -129,7 +129,7 @@ def correct(
     with np.errstate(divide="ignore", invalid="ignore"):
         pixel, second_pixel = (device.project(measured) for device in (camera, second))
     in_view = np.asarray(np.isfinite(np.hstack((pixel, second_pixel))).all(axis=1))
-    order = places_in_tiles(pixel)
+    order = tile_order(pixel)
     order = order[(in_view & in_box)[order]]
     share = partial(_air_share, camera=camera, second=second, system=system, phase=phase)
     found = [_in_one_field(measured, in_view, order, member, share) for member in members]

@@ -3,7 +3,7 @@
 Light follows d/ds (n dr/ds) = grad n. Read in this order:
 
 - `snell`: a jump of n at one surface. Along its normal, n d gains what Snell's law asks for.
-- `layers`: the turn between two shells, the integral of the transverse gradient over the way.
+- `layers`: the turn between two shells, the integral of the transverse gradient along the path.
 - `march`: from shell to shell, with exact points on the triangles that `queries` finds.
 - `curve`, `walk`, `nystrom` and `tetrahedra`: the equation itself, step by step through the
   solver's own cells.

@@ -15,8 +15,8 @@ ratio is 0.1 to 0.6 on the shells of the outer layers; see the accuracy page.
 
 
 LEAST_COSINE = 1e-3
-"""A ray at a smaller angle to a plane than this (rad) is not brought back onto it: beside the plane
-by a micrometre, it would be moved along by more than a millimetre."""
+"""A ray at a smaller angle to a plane than this (rad) is not moved back onto it: if it is off the
+plane by a micrometre, it would be moved along by more than a millimetre."""
 
 
 def transverse(vector: Any, direction: Any) -> Any:
@@ -27,7 +27,7 @@ def transverse(vector: Any, direction: Any) -> Any:
 
 
 def onto_plane(offset: Any, direction: Any, facet: Any) -> Any:
-    """Way along a ray (Float64, mm) that brings a point beside it back onto a plane.
+    """Distance along a ray (Float64, mm) that moves a point near a plane back onto it.
 
     The offset (Vector3d, mm) is from a point of the plane; direction and facet are unit vectors.
     """
@@ -40,11 +40,11 @@ def onto_plane(offset: Any, direction: Any, facet: Any) -> Any:
 
 
 def length_gain(cosine: Any) -> Any:
-    r"""Error of a gradient's length, from what its component along a ray is found to lack.
+    r"""Factor for the error of a gradient's length, given that of its component along a ray.
 
     Let a recovered gradient have independent errors: :math:`\sigma` along itself (of its length)
     and :math:`\varepsilon\sigma` along each axis across itself (of its direction). If its component
-    along the ray is found to lack r, the best linear unbiased estimate of what its length lacks is
+    along the ray is too small by r, the best linear unbiased estimate of the error of its length is
     r times (Gauss and Markov; Plackett, Biometrika 36 (1949) 458)
 
     .. math:: \frac{c}{c^2 + \varepsilon^2 (1 - c^2)}
@@ -94,7 +94,7 @@ def between_shells(before: AtShell, here: AtShell, direction: Any, length: Any) 
     """Deflection (vector, rad) between two shells, and lateral offset (mm) at the second one.
 
     The offset is that of the same cubic; the correction counts as if it lay in the middle. The
-    length, mm, is that of the way from the one to the other along the unit direction.
+    length, mm, is that of the segment from one to the other along the unit direction.
     """
     import drjit as dr
 

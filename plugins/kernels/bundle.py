@@ -75,7 +75,7 @@ def trace_bundle(
 
     started = time.perf_counter()
     if straight is None:
-        straight = straight_twins(prepared, rays, count, coherent)
+        straight = paired_straight_rays(prepared, rays, count, coherent)
     straight_done = time.perf_counter()
 
     hit = straight.outcome == HIT_PART
@@ -104,7 +104,9 @@ def trace_bundle(
     )
 
 
-def straight_twins(prepared: PreparedScene, rays: Any, count: int, coherent: bool) -> StraightHits:
+def paired_straight_rays(
+    prepared: PreparedScene, rays: Any, count: int, coherent: bool
+) -> StraightHits:
     """Straight hits of a bundle of rays, with faces of the part from 0; see `trace_bundle`."""
     import drjit as dr
     import mitsuba as mi
@@ -199,6 +201,6 @@ def _bent_too_much(direction: dt.Vector3d, refracted: Any) -> Any:
     import mitsuba as mi
 
     contrast = mi.Float64(refracted.contrast)
-    # Of the angle's half, the sine.
+    # Sine of half the angle.
     most = dr.sqrt(contrast * dr.maximum(2 - contrast, 0))
     return dr.norm(refracted.direction - direction) > 2 * most + ROUNDING

@@ -21,7 +21,7 @@ from iriftrace.plugins.kernels.walk import INSIDE, Walk, WalkState
 
 
 class CurvedHits(NamedTuple):
-    """Ends of rays along curved paths, and what they met on the way."""
+    """Ends of rays along curved paths, and what they met along the path."""
 
     point: Point3d  # mm, world
     direction: Vector3d  # at the end

@@ -60,7 +60,7 @@ def settle(
         exists = outside & (other != NONE)
         triangle, normal = tables.plane(other, exists)
         cosine = dr.dot(direction, normal)
-        # A neighbour seen from its other side is behind the edge: the ray passes just beside it.
+        # A neighbour seen from its other side is behind the edge: the ray just misses it.
         exists &= (cosine != 0) & ((cosine < 0) == in_front)
         there = dr.dot(triangle.a - origin, normal) / dr.select(exists, cosine, 1)
         there_room, there_edge = _room(origin + direction * there, triangle, normal)

@@ -7,14 +7,14 @@ Geometrical optics in air of the index :math:`n(x)`: a ray with unit tangent t o
           \frac{dt}{ds} = \frac{1}{n} (\nabla n)_\perp
 
 (Born and Wolf, Principles of Optics, 3.2), where :math:`\perp` is the part across the ray. Over a
-way of length L from a shell a to the next shell b the tangent changes by the *deflection*, and the
-end of the way lies beside the straight one by the *lateral offset*:
+segment of length L from a shell a to the next shell b the tangent changes by the *deflection*, and
+the end of the path is off the straight one by the *lateral offset*:
 
 .. math:: \Delta t = \frac{1}{n} \int_0^L g_\perp \, ds, \qquad
           \Delta x = \frac{1}{n} \int_0^L (L - s) \, g_\perp \, ds, \qquad g = \nabla n
 
-What is known: g and the Hessian H at every shell, hence g and :math:`g' = H t` at both ends of the
-way, and the index at the shells, hence :math:`n_b - n_a`.
+Given are g and the Hessian H at every shell, hence g and :math:`g' = H t` at both ends of the
+segment, and the index at the shells, hence :math:`n_b - n_a`.
 
 1. Quadrature of Hermite's cubic through :math:`g_a, g_a', g_b, g_b'` (Davis and Rabinowitz, Methods
    of Numerical Integration, 2.7):
@@ -22,11 +22,11 @@ way, and the index at the shells, hence :math:`n_b - n_a`.
    .. math:: \int_0^L g \, ds = \frac{L}{2}(g_a + g_b) + \frac{L^2}{12}(g_a' - g_b')
 
 2. The same integral along the ray is known exactly, :math:`\int g \cdot t \, ds = n_b - n_a`, and
-   these steps telescope to the whole change of the index along the ray. From what the quadrature
-   lacks, :math:`r = n_b - n_a - t \cdot \int g \, ds`, follows by how much its gradient is too
+   these steps telescope to the whole change of the index along the ray. The residual of the
+   quadrature, :math:`r = n_b - n_a - t \cdot \int g \, ds`, shows by how much its gradient is too
    short: see :func:`length_gain`.
 
-From the last shell to the part the way is known and :math:`g(s) = g_a + s g_a'`
+From the last shell to the part the segment's length is known and :math:`g(s) = g_a + s g_a'`
 (:func:`beside_part`); in the ambient air outside the first shell n approaches the ambient index
 (:func:`outside`).
 """
@@ -59,7 +59,7 @@ from iriftrace.plugins.kernels.tables import SceneTables
 class Passage(NamedTuple):
     """A ray's way to the next shell, and its crossing there."""
 
-    direction: dt.Vector3d  # unit: along the way
+    direction: dt.Vector3d  # unit: along the segment
     length: dt.Float64  # mm: since the shell before, or the start
     first: dt.Bool  # there is no shell before
     point: dt.Point3d  # mm: where it crosses the shell
@@ -111,7 +111,7 @@ class AtShells:
         facet: dt.Vector3d,
         any_shell: dt.Bool,
     ) -> tuple[Any, Any]:
-        """Lateral offset of the last way's end (Vector3d, mm), and the direction there."""
+        """Lateral offset of the last segment's end (Vector3d, mm), and the direction there."""
         return 0 * direction, direction
 
 
@@ -134,13 +134,14 @@ class Memory(NamedTuple):
 class InLayers:
     r"""The ray equation integrated from shell to shell.
 
-    A ray is marched along straight ways and turned at each shell by the deflection of the layer
-    before it (:func:`between_shells`). The lateral offsets are added up: where the ray really
-    crosses a shell's plane, up to some micrometres beside, the gradient is taken, and there it
-    hits the part in the end.
+    A ray is marched along straight segments and turned at each shell by the deflection of the layer
+    before it (:func:`between_shells`). The lateral offsets are added up: the gradient is evaluated
+    where the ray really crosses a shell's plane, up to some micrometres away, and the hit on the
+    part is there too.
 
-    Before the first shell, and where a ray leaves all of them or comes back, there is one shell to
-    go by (:func:`outside`); so there is at the part, at a known distance (:func:`beside_part`).
+    Before the first shell, and where a ray leaves all of them or comes back, the layer is known
+    from one shell only (:func:`outside`), and so it is at the part, at a known distance
+    (:func:`beside_part`).
 
     Snell's law at the shells sees a ray that just touches a shell turned much and one that just
     misses it not at all, so single rays that turn round in the air converge with order 1/2 in the
@@ -171,9 +172,9 @@ class InLayers:
 
         last = Memory(*memory)
         direction, crossed = passage.direction, passage.crossed
-        beside = mi.Vector3d(last.offset)
-        along = onto_plane(beside, direction, passage.facet)
-        point = passage.point + beside + along * direction
+        aside = mi.Vector3d(last.offset)
+        along = onto_plane(aside, direction, passage.facet)
+        point = passage.point + aside + along * direction
         length = mi.Float(dr.maximum(passage.length + along - last.along, 0))
         # Deflections are small, so single precision will do, which takes half the time.
         heading = mi.Vector3f(direction)
@@ -208,7 +209,7 @@ class InLayers:
         heading: dt.Vector3d,
         length: dt.Float64,
     ) -> tuple[Any, Any]:
-        """Deflection and lateral offset on the way to a shell."""
+        """Deflection and lateral offset up to a shell."""
         import drjit as dr
 
         # The mean direction, which a guess tells, is the same for a ray that runs back.
@@ -217,7 +218,7 @@ class InLayers:
         )
         ambient = passage.near == self._ambient
         known = tuple(before), tuple(here), heading, mean, length, passage.near
-        # Few ways are of the second kind, which takes longer.
+        # Few segments are of the second kind, which takes longer.
         return dr.if_stmt(
             (known, ambient, passage.first, between_shells(before, here, mean, length)),
             passage.crossed & (passage.first | ambient),
@@ -238,16 +239,16 @@ class InLayers:
         import mitsuba as mi
 
         last = Memory(*memory)
-        beside, heading = mi.Vector3d(last.offset), mi.Vector3f(direction)
-        length = length + onto_plane(beside, direction, facet) - last.along
-        way, contrast = mi.Float(length), mi.Float(dr.abs(last.beyond - last.index))
+        aside, heading = mi.Vector3d(last.offset), mi.Vector3f(direction)
+        length = length + onto_plane(aside, direction, facet) - last.along
+        path, contrast = mi.Float(length), mi.Float(dr.abs(last.beyond - last.index))
         air = last.shell, last.beyond == self._ambient, contrast
-        guess, _ = open_layer(*air, heading, way)
-        found = open_layer(*air, weighted_mean(heading, guess), way)
+        guess, _ = open_layer(*air, heading, path)
+        found = open_layer(*air, weighted_mean(heading, guess), path)
         deflection, moment = (mi.Vector3d(vector) for vector in found)
         # What leaves the scene is given by a point at its last shell and the direction far away.
         lever = dr.select(dr.isfinite(length), length, 0)
-        offset = beside + deflection * lever - moment
+        offset = aside + deflection * lever - moment
         return (
             dr.select(any_shell, offset, 0),
             dr.select(any_shell, dr.normalize(direction + deflection), direction),

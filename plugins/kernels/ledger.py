@@ -54,7 +54,7 @@ def index_check(prepared: PreparedScene, refracted: RefractedHits) -> tuple[Any,
         right[right] = _touches(prepared, points[right], normals[right], found[right], 1)[0]
         rest = np.flatnonzero(~right)
         right[rest], near = _touches(prepared, points[rest], normals[rest], found[rest], LINES)
-        # It has come all its way in the air before the wall then, through an open end.
+        # Its whole path was in the air at the wall then, so it came in through an open end.
         unmet = quiet[rest] & ~right[rest]
         right[rest[unmet]] = True
         dr.scatter(fits, mi.Bool(aligned(right)), suspects)

@@ -39,11 +39,11 @@ the next triangle of the shell once more, or not at all.
 """
 
 LEAST_STEP = 0.02
-"""Smallest step, as a share of the step at the scene's largest coordinate."""
+"""Smallest step, as a fraction of the step at the scene's largest coordinate."""
 
 
 class RefractedHits(NamedTuple):
-    """Ends of refracted rays, and what they met on the way."""
+    """Ends of refracted rays, and what they met along the path."""
 
     point: Point3d  # mm, world
     direction: Vector3d  # at the end
@@ -85,7 +85,7 @@ def refracted_hits(
     marched = march.hits(end)
     hits = _back_on_front(opaque, tables, marched, end.segment, coherent, step)
     length = end.segment + (hits.path_length - marched.path_length)
-    return settled(tables, _put_right(bending, tables, hits, end.memory, length))
+    return settled(tables, _fix_transitions(bending, tables, hits, end.memory, length))
 
 
 class _State(NamedTuple):
@@ -163,7 +163,7 @@ class _March:
         )
 
     def hits(self, end: _State) -> RefractedHits:
-        """Ends as the march left them, before `_back_on_front` and `_put_right`."""
+        """Ends as the march left them, before `_back_on_front` and `_fix_transitions`."""
         import drjit as dr
         import mitsuba as mi
 
@@ -297,7 +297,7 @@ class _March:
         return dr.select(met.again, s.start + s.direction * (3 * met.step), start)
 
 
-def _put_right(
+def _fix_transitions(
     bending: Any, tables: SceneTables, hits: RefractedHits, memory: Any, length: Any
 ) -> RefractedHits:
     """Ends of rays where they really are, and their directions there.

@@ -1,6 +1,6 @@
 """A scene prepared for tracing: tables, the scene without shells, the air's layer at the part.
 
-Built once, it serves every pose. In which layer a point lies is told by the index steps along
+Built once, it is used for every pose. The layer at a point is determined from the index steps along
 straight lines from there to the outside (:func:`crossed_steps`), so no field is needed.
 """
 
@@ -33,7 +33,7 @@ TILT = np.radians(50.0)
 """Angle between a wall's normal and the other lines by which its layer is counted."""
 
 ALONG = 0.125, 0.375, 0.625, 0.875
-"""Places along a ray's way through the shells' box at which its layer is asked for."""
+"""Places along a ray's path through the shells' box at which its layer is determined."""
 
 FEWEST = 5
 """Layers' steps below which leaving half of them out says nothing of the rest."""
@@ -43,7 +43,7 @@ def scene_beside(scene: Any, shapes: list[Any]) -> Any:
     """A scene of other shapes that rays may be traced into in the kernels that query `scene`.
 
     OptiX allows one shader binding table in a kernel, and drops queries of other scenes silently;
-    a scene that has another one as a child shares its table.
+    a scene that has another one as a child uses the same table.
     """
     import mitsuba as mi
 

@@ -35,7 +35,7 @@ class Projection:
         import mitsuba as mi
 
         def opaque(value: float) -> Any:
-            # A literal would become part of the kernel, and every pose would compile anew.
+            # A literal would become part of the kernel, and every pose would compile again.
             return dr.opaque(mi.Float64, float(value))
 
         matrix = np.asarray(description["matrix"], dtype=np.float64)
@@ -81,7 +81,7 @@ class Projection:
         at_x, at_y = distorted(x, y, self.coefficients)
         radius = dr.sqrt(x * x + y * y)
         off = dr.sqrt(dr.square(at_x - seen_x) + dr.square(at_y - seen_y))
-        # The camera has refused pictures with such places; this is for positions beside them.
+        # The camera has refused pictures with such positions; this is for positions outside them.
         right = (off < 1e-14 * (1 + radius)) & (radius < self.fold_radius)
         factor = dr.select(right, self.focal_length, dr.nan)
         return x * factor, y * factor
@@ -89,7 +89,7 @@ class Projection:
     def project64(self, point: dt.Point3d) -> tuple[Any, Any, Any]:
         """Image position (Float64, px) of points (Point3d, mm, world), and if it means anything.
 
-        It does (Bool) before the pinhole, and not so far beside the picture that the lens
+        It does (Bool) before the pinhole, and not so far outside the picture that the lens
         distortion turns back; always for parallel projection.
         """
         import drjit as dr

@@ -25,7 +25,7 @@ QUERY_ERROR_STEPS = 40
 """Steps by which a single precision query can be wrong across the ray, generously."""
 
 RELATIVE_STEP = 1.5e-7
-"""Step beyond a crossing, as a share of the largest coordinate there.
+"""Step beyond a crossing, as a fraction of the largest coordinate there.
 
 Hardly more than a float32 spacing, because sliver cells fold a shell over by as little as 1e-4 mm,
 and a fold that is stepped over leaves index steps that do not add up (6 of 266,000 rays with a step

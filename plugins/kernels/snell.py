@@ -114,9 +114,9 @@ def _push(cosine: dt.Float64, step: Any) -> tuple[Any, Any]:
 
 
 def _stretch(direction: dt.Vector3d, push: Any, smooth: dt.Vector3d, step: Any) -> Any:
-    """Share of the mean direction that a push along ``smooth`` lacks to gain ``step``.
+    """Fraction of the mean direction to add to a push along ``smooth`` to gain ``step``.
 
-    It changes no direction, but would if it were added on one side of the triangle only.
+    It does not change the direction, but would if it were added on one side of the triangle only.
     """
     import drjit as dr
 
@@ -140,8 +140,8 @@ def _gradual_push(
     for _ in range(2):
         mean = dr.normalize(direction + 0.5 * push * smooth)
         cosine = dr.dot(mean, smooth)
-        share = cosine / (cosine * cosine + GRADUAL * GRADUAL)
-        factor = lean + share * (dr.dot(mean, flat) - cosine * lean)
+        gain = cosine / (cosine * cosine + GRADUAL * GRADUAL)
+        factor = lean + gain * (dr.dot(mean, flat) - cosine * lean)
         # The push that changes the flat cosine as Snell's law would with this part of the step.
         push, exists = _push(cos_flat, step * factor * lean / (1 + 0.5 * stretch))
         push = dr.select(exists & (lean != 0), push / lean, 0)
@@ -169,7 +169,7 @@ def cross_surface(
     the ray meets shells: the shells are triangles, so the rate is that of their normals F, and the
     step dn of the index at each is worth an impulse dn (F.m) / (F.d) N with any m that has N.m = 1.
     Then the impulses per length are (g.m) N, where g is the gradient in the solver's cell, which
-    the triangle cuts at a right angle: whatever the cells' noise, its mean is the mean gradient.
+    the triangle cuts at a right angle: for any noise of the cells, its mean is the mean gradient.
     Snell's law with N is m = d / (N.d). It makes the most of each triangle, since the noise of g.d
     sums up to that of n, which is none; but where a ray turns round in the air, N.d is about zero
     and the noise is multiplied without limit. There m = N is best, which keeps the noise as it is.

@@ -121,7 +121,7 @@ def _described(shape: dt.UInt32, is_part: bool) -> Described:
         return Described(shape, BLOCKER, (1.0, 1.0), 1.0, False, False, 0)
     if sides is not None and not shape.is_mesh():
         raise InputError(
-            f"Shell '{shape.id()}' is no triangle mesh, so its index steps cannot be traced in "
+            f"Shell '{shape.id()}' is not a triangle mesh, so its index steps cannot be traced in "
             "double precision; give it as a mesh (PLY)."
         )
     if sides is not None and shape.has_flipped_normals():
@@ -165,12 +165,12 @@ class SceneTables:
         self.has_normals = any(row.smooth for row in shells)
         self.facet_shells = [row.shape.id() for row in shells if not row.smooth]
         steps = [abs(outside - inside) for outside, inside in self.index_pairs]
-        # By half of the least step layers are told apart; what enters the data in air that is half
-        # a usual step from the ambient's comes through an open end.
+        # Layers are distinguished by half of the smallest step; a ray that enters the data in air
+        # that is half a usual step from the ambient's comes through an open end.
         self.half_step = min((step for step in steps if step > 0), default=1e-9) / 2
         self.open_step = max(steps, default=1e-9) / 2
         known = bool(shells) and all(row.derived for row in shells)
-        # The ratio that Mitsuba's dielectric knows is no index by which layers could be joined.
+        # Mitsuba's dielectric has a ratio of indices, which cannot join layers.
         self.knows_derivatives = known and not self.stock_shells
         meshes = [row for row in rows if row.kind != BLOCKER]
         self._table = VertexTable(meshes, self.knows_derivatives)

@@ -1,4 +1,4 @@
-"""Air in tetrahedra: the index between their corners, and the way from one to the next.
+"""Air in tetrahedra: the index between their corners, and the path from one to the next.
 
 Within a tetrahedron n is linear, with a constant gradient, which is exact for the field as it is
 given. For the smooth field behind it, the gradient is recovered at the corners and interpolated,
@@ -32,10 +32,10 @@ face across a ray, over that edge's square, below which they are parallel: some 
 precision."""
 
 LOST_MM = 0.01
-"""A ray that is farther outside the tetrahedron it should be in has lost its way."""
+"""A ray that is farther outside the tetrahedron it should be in is lost."""
 
 OPEN_SHARE = 1 / 24
-"""Share of the range of n that an open boundary may differ by: half of a usual step of 13
+"""Fraction of the range of n that an open boundary may differ by: half of a usual step of 13
 shells, so that both engines count the same rays."""
 
 WAYS = np.array([way for way in product((-1, 0, 1), repeat=3) if any(way)]) + np.full(3, 0.02)
@@ -138,8 +138,8 @@ class Cell:
         """Along the recovered direction N, as strong as n changes along the ray.
 
         With g the cell's own gradient and d the ray's direction that is (g.d) / (N.d) N, so that
-        the changes of n along the ray add up without error, whatever the cells' noise. As N.d falls
-        below ``DIRECTION_ERROR``, the recovered gradient's own length takes its place; see
+        the changes of n along the ray add up without error for any noise of the cells. As N.d falls
+        below ``DIRECTION_ERROR``, the recovered gradient's own length is used instead; see
         `iriftrace.plugins.kernels.between.length_gain`.
         """
         import drjit as dr
@@ -207,11 +207,11 @@ class Cell:
         return _chosen(distance, self.entry), _chosen(across, self.entry) < 0
 
     def passage(self, point: dt.Point3d, direction: dt.Vector3d) -> Passage:
-        """Straight way to the face through which a ray leaves the tetrahedron.
+        """Straight segment to the face through which a ray leaves the tetrahedron.
 
-        A tetrahedron that is turned inside out lies on the near side of the face by which it is
-        entered. It is passed backwards, and the one behind it then covers the way again: what bends
-        the ray adds up to what a mesh without the fold would do.
+        An inverted tetrahedron lies on the near side of the face by which it is entered. It is
+        passed backwards, and the next one then covers the same segment again: the deflections add
+        up to those of a mesh without the fold.
         """
         import drjit as dr
         import mitsuba as mi

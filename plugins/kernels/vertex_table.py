@@ -95,8 +95,9 @@ BYTES = 128
 def aligned(values: NDArray[Any]) -> NDArray[Any]:
     """Copy an array of one dimension to memory that starts at a multiple of 128 bytes.
 
-    Dr.Jit reads NumPy's own memory where it can, and writes into the kernel whether an address is
-    aligned. NumPy's addresses are so by chance, and each other combination compiles a kernel anew.
+    Dr.Jit uses NumPy's own memory if it can, and compiles into the kernel whether an address is
+    aligned. NumPy's addresses are aligned by chance, and each other combination compiles a kernel
+    again.
     """
     copy = aligned_zeros(len(values), values.dtype)
     copy[:] = values
@@ -116,7 +117,7 @@ _PLAIN, _WITH_DERIVATIVES = 2, 4
 
 
 class VertexTable:
-    """Triangles of many meshes, and what is known at their corners; zero where a mesh lacks it.
+    """Triangles of many meshes with the data at their corners; zero where a mesh has none.
 
     A vertex's rows are x, y, z, 0; the normal and the gradient's magnitude; xx, yy, zz, yz; and xz,
     xy, 0, 0 of the Hessian. Without ``derivatives`` there are the first two.

@@ -1,12 +1,12 @@
-"""Rays on their way through a medium, piece by piece, between opaque shapes.
+"""Rays traced through a medium, piece by piece, between opaque shapes.
 
 A ray is in one of three modes. Outside the data it runs straight to the data's boundary. Inside, it
 passes one piece of the medium after the other, with one step of order 4 in each. Where it is inside
-but its piece is not known (the camera stands inside the data, or rounding led it astray at a
-corner), the boundary is found straight ahead, and the pieces are followed back from there.
+but its piece is not known (the camera is inside the data, or rounding moved it into the wrong piece
+at a corner), the boundary is found straight ahead, and the pieces are followed back from there.
 
-Opaque shapes are found by ray queries in single precision, straight ahead. The answer holds until
-the ray has come as far, or is some roundings beside that line.
+Opaque shapes are found by ray queries in single precision, straight ahead. The answer is
+valid until the ray has come as far, or is some roundings off that line.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ that arrive need 5 at most; others go round in circles."""
 
 
 class WalkState(NamedTuple):
-    """Where rays are, and what is known of the way so far and of that ahead."""
+    """Where rays are, and what is known of the path so far and ahead."""
 
     point: dt.Point3d
     velocity: dt.Vector3d
@@ -59,9 +59,9 @@ class WalkState(NamedTuple):
     place: dt.UInt32
     mode: dt.UInt32
     ahead: dt.Float64  # outside: from where to query; seeking: how far the place is ahead
-    free: dt.Float64  # mm: straight way ahead that is known to be free of opaque shapes
-    deflection: dt.Float  # rad: change of the direction since that was asked
-    lateral_offset: dt.Float  # mm: lateral offset from that straight way
+    free: dt.Float64  # mm: straight path ahead that is known to be free of opaque shapes
+    deflection: dt.Float  # rad: change of the direction since that query
+    lateral_offset: dt.Float  # mm: lateral offset from that straight path
     retreat: dt.Float64  # mm: how far it has gone back, through cells turned inside out
     last: dt.Float64  # mm: length of the last piece, as single precision has it
     count: dt.UInt32
@@ -69,7 +69,7 @@ class WalkState(NamedTuple):
 
 
 class _Way(NamedTuple):
-    """The next piece of a ray's way, if nothing opaque stands in it; masks of rays are Bool."""
+    """The next piece of a ray's path unless an opaque shape ends it; masks of rays are Bool."""
 
     speed: dt.Float64  # the index
     heading: dt.Vector3d
@@ -82,7 +82,7 @@ class _Way(NamedTuple):
     passage: Any  # of a ray through the cell
     length: dt.Float64  # mm: of the piece; infinite where it has no end
     gap: dt.Float64  # mm: up to where the ray comes in
-    back: dt.Float64  # mm: left of the way back to a seeking ray
+    back: dt.Float64  # mm: remaining path back to a seeking ray
     enters: dt.Bool
     leaves: dt.Bool
     again: dt.Bool  # it met the boundary face that it has just come through
@@ -91,11 +91,11 @@ class _Way(NamedTuple):
     walks: dt.Bool
     arrives: dt.Bool
     steps_back: dt.Bool
-    came_in: dt.Bool  # the way back came to the boundary: there the ray came in, unnoticed
+    came_in: dt.Bool  # the path back met the boundary: there the ray came in, unnoticed
 
 
 class _Sight(NamedTuple):
-    """Opaque shapes in the way."""
+    """Opaque shapes ahead."""
 
     ended: dt.Bool  # one stands in this piece
     hit: Any  # preliminary intersection
@@ -106,7 +106,7 @@ class _Sight(NamedTuple):
 
 
 class _Move(NamedTuple):
-    """A piece of the way that was passed."""
+    """A piece of the path that was passed."""
 
     passes: dt.Bool  # through a cell, by the ray equation
     enters: dt.Bool
@@ -322,7 +322,7 @@ class Walk:
         )
 
     def _with_mode(self, s: WalkState, way: _Way, sight: _Sight, move: _Move) -> WalkState:
-        """Where the ray is now, and what is known of the way ahead."""
+        """Where the ray is now, and what is known of the path ahead."""
         import drjit as dr
         import mitsuba as mi
 
@@ -349,7 +349,7 @@ class Walk:
         )
 
     def _with_errors(self, s: WalkState, way: _Way, move: _Move) -> WalkState:
-        """Add up the way and the estimates of its errors."""
+        """Add up the path length and the estimates of its errors."""
         import drjit as dr
         import mitsuba as mi
 

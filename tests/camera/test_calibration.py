@@ -149,10 +149,10 @@ def test_more_coefficients_than_are_modelled(tmp_path: Path) -> None:
     [
         ({"camera_matrix": None}, "camera_matrix is missing"),
         ({"camera_matrix": [1, 2, 3]}, "camera_matrix has 3 numbers instead of 9"),
-        ({"camera_matrix": "large"}, "camera_matrix has entries that are no finite numbers"),
-        ({"camera_matrix": {"rows": 3}}, "camera_matrix has entries that are no finite"),
-        ({"camera_matrix": [[9, 0, 1], [0, 9, 1], [0, 1, 1]]}, "is no camera matrix"),
-        ({"camera_matrix": [[-9, 0, 1], [0, 9, 1], [0, 0, 1]]}, "is no camera matrix"),
+        ({"camera_matrix": "large"}, "camera_matrix has entries that are not finite numbers"),
+        ({"camera_matrix": {"rows": 3}}, "camera_matrix has entries that are not finite"),
+        ({"camera_matrix": [[9, 0, 1], [0, 9, 1], [0, 1, 1]]}, "is not a camera matrix"),
+        ({"camera_matrix": [[-9, 0, 1], [0, 9, 1], [0, 0, 1]]}, "is not a camera matrix"),
         ({"camera_matrix": [[9, 0.1, 1], [0, 9, 1], [0, 0, 1]]}, "skew 0.1"),
         ({"distortion_coefficients": None}, "write distortion_coefficients"),
         ({"distortion_coefficients": [1, 2]}, "distortion of 2 coefficients"),
@@ -199,7 +199,7 @@ def test_files_that_are_something_else(tmp_path: Path, text: str, message: str) 
     with pytest.raises(InputError, match="cannot read the calibration"):
         read_calibration(tmp_path / "gone.yaml")
     (tmp_path / "camera.yaml").write_bytes(b"\x80\x81")
-    with pytest.raises(InputError, match="is no text; give the YAML"):
+    with pytest.raises(InputError, match="is not text; give the YAML"):
         read_calibration(tmp_path / "camera.yaml")
 
 

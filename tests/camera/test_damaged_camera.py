@@ -31,5 +31,5 @@ def test_a_camera_that_is_none(key: str, value: Any) -> None:
 
 @pytest.mark.parametrize("values", ["camera", None, [], {}])
 def test_no_values_at_all(values: Any) -> None:
-    with pytest.raises(InputError, match="lacks or misnames"):
+    with pytest.raises(InputError, match="missing or misspelt"):
         Camera.from_dict(values)

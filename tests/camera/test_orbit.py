@@ -19,7 +19,7 @@ from iriftrace.camera.orbit import (
     semi_axes,
 )
 from iriftrace.camera.pose import look_at
-from iriftrace.camera.pose_set import PoseSet, aimed, joined, push_out
+from iriftrace.camera.pose_set import PoseSet, aimed, joined, offset_outward
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.part.part import part_of_mesh
 
@@ -364,7 +364,7 @@ def test_a_flat_part_has_no_ratio():
         paper_semi_axes(part, 100.0)
 
 
-# -------------------------------------------------------------------------------------- push_out
+# ----------------------------------------------------------------------------------- offset_outward
 
 
 def ball(radius):
@@ -374,7 +374,7 @@ def ball(radius):
 def test_poses_in_hot_air_go_back_along_their_axes_until_they_are_out():
     poses = orbit_poses(orbit(), parse_range("0:315:8"), [-90.0, -40.0, 0.0, 40.0, 90.0])
     before = np.linalg.norm(poses.origins - CENTRE, axis=1)
-    out, moved = push_out(poses, ball(200.0))
+    out, moved = offset_outward(poses, ball(200.0))
     after = np.linalg.norm(out.origins - CENTRE, axis=1)
     assert_array_equal(moved, before < 200.0)
     assert 0 < moved.sum() < len(poses)
@@ -390,14 +390,14 @@ def test_poses_in_hot_air_go_back_along_their_axes_until_they_are_out():
 
 def test_cold_poses_stay():
     poses = fibonacci_poses(orbit(), 20)
-    out, moved = push_out(poses, ball(10.0))
+    out, moved = offset_outward(poses, ball(10.0))
     assert not moved.any()
     assert_array_equal(out.matrices, poses.matrices)
 
 
 def test_no_way_out():
     with pytest.raises(InputError, match="still in the hot air 10 m further back"):
-        push_out(fibonacci_poses(orbit(), 3), ball(1e6))
+        offset_outward(fibonacci_poses(orbit(), 3), ball(1e6))
 
 
 # -------------------------------------------------------------------------------------- PoseSet

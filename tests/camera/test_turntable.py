@@ -27,7 +27,7 @@ def test_a_point_of_the_turned_part_is_where_the_turned_camera_sees_it() -> None
 
 @pytest.mark.parametrize("text", ["z", "w:0:360:30", "z:0:360:0", "z:0:a:30", "z:10:0:5"])
 def test_what_is_no_turntable_is_refused(text: str) -> None:
-    with pytest.raises(InputError, match="is no turntable"):
+    with pytest.raises(InputError, match="is not a turntable"):
         turntable_poses(CAMERA, text, CENTRE)
 
 

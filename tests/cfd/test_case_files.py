@@ -166,7 +166,7 @@ def test_damaged_record_is_refused(case: Case, tmp_path: Path, damage: str) -> N
 
 def test_folder_of_somebody_else_is_not_touched(case: Case, tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("years of work")
-    with pytest.raises(InputError, match="no case of iriftrace"):
+    with pytest.raises(InputError, match="not a case of iriftrace"):
         prepare(case, tmp_path)
     assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]
 

@@ -60,8 +60,8 @@ def test_air_flows_away_from_where_it_comes(
         (40.0, (0.0,), "from 0 to 2 m/s"),
         (0.1, (0.0, 0.0, 1.0), "along gravity"),
         (0.1, (0.5, 0.0, -1.0), "along gravity"),
-        (0.1, (0.0, 0.0, 0.0), "comes from nowhere"),
-        (0.1, (0.0, 1.0), "2 numbers are no direction"),
+        (0.1, (0.0, 0.0, 0.0), "draught's direction is zero"),
+        (0.1, (0.0, 1.0), "2 numbers are not a direction"),
     ],
 )
 def test_what_is_no_draught_is_refused(

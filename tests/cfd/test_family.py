@@ -223,6 +223,6 @@ def test_folder_of_something_else_is_not_touched(
     family: tuple[tuple[Member, ...], dict[str, Case]], tmp_path: Path
 ) -> None:
     (tmp_path / "at_0.00.vtu").write_text("somebody's")
-    with pytest.raises(InputError, match="no family of draughts"):
+    with pytest.raises(InputError, match="not a family of draughts"):
         run(family, tmp_path, Solver())
     assert (tmp_path / "at_0.00.vtu").read_text() == "somebody's"

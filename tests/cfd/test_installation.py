@@ -72,7 +72,7 @@ def test_no_openfoam(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 def test_missing_program_is_named(programs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (programs / "snappyHexMesh").unlink()
     monkeypatch.setenv("PATH", str(programs))
-    with pytest.raises(SetupError, match="lacks snappyHexMesh"):
+    with pytest.raises(SetupError, match="has no snappyHexMesh"):
         find_openfoam()
 
 

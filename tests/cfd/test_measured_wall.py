@@ -138,7 +138,7 @@ def test_faces_far_from_any_point_are_named(cylinder: Part) -> None:
         ("x [m],y [m],z [m],T\n0,0,0,900\n", ("mm", None), "coordinates in m, but"),
         ("x [m],y [mm],z [m],T\n0,0,0,900\n", (None, None), "several units"),
         ("x,y,z,T [K]\n0,0,0,900\n", (None, "degC"), "states that 'T' is in K"),
-        ("x,y,z,T [bar]\n0,0,0,900\n", (None, None), "no unit of temperature"),
+        ("x,y,z,T [bar]\n0,0,0,900\n", (None, None), "not a unit of temperature"),
     ],
 )
 def test_tables_that_cannot_be_read(

@@ -144,7 +144,7 @@ def test_what_a_finished_run_cannot_give_is_refused(
     ):
         with pytest.raises(InputError, match=message):
             solve(evolve(case, times=times), folder, foam, lambda state: None)
-    with pytest.raises(InputError, match="begun with one process"):
+    with pytest.raises(InputError, match="started with one process"):
         solve(evolve(case, processes=2), folder, foam, lambda state: None)
 
 

@@ -80,7 +80,7 @@ def test_symmetric_part_is_pointed_out(folder: Path, capsys: pytest.CaptureFixtu
         (("--transition=5 K",), "--transition"),
         (("--transition=5 mm",), "two temperatures"),
         (("--resolution=finest",), "finest"),
-        (("--background-cell=500 mm",), "lose its form"),
+        (("--background-cell=500 mm",), "lose its shape"),
         (("--end-time=-1 s",), "end time"),
         (("--end-time=1 s", "--average-time=2 s"), "averaged over 2 s of 1 s"),
         (("--snapshots=-2",), "snapshots"),

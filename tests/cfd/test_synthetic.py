@@ -314,7 +314,7 @@ def test_open_parts_and_endless_meshes_are_refused() -> None:
         air_mesh(air, AirMesh(cell_mm=50.0, sides_mm=5.0, height_mm=5.0))
     sheet = trimesh.creation.box((10.0, 10.0, 1e-3))
     thin = synthetic_air(part_of_mesh(sheet.vertices, sheet.faces, name="sheet"), plume=0.0)
-    with pytest.raises(InputError, match=r"see nothing of sheet, which is 0\.001 mm thin"):
+    with pytest.raises(InputError, match=r"do not resolve sheet, which is 0\.001 mm thin"):
         air_mesh(thin, AirMesh(cell_mm=0.7, sides_mm=2.0, height_mm=2.3))
     with pytest.raises(InputError, match="cell size is -1 mm"):
         AirMesh(cell_mm=-1.0, sides_mm=5.0, height_mm=5.0)

@@ -70,7 +70,7 @@ def test_sharp_edge_without_transition(halves: Part) -> None:
         (WallTemperatures(float("nan")), "hotter than the air"),
         (WallTemperatures(HOT, {}, 10.0), "two temperatures"),
         (WallTemperatures(HOT, {"steel": HOT}, 10.0), "two temperatures"),
-        (WallTemperatures(HOT, {"steel": COOL}, -1.0), "no width"),
+        (WallTemperatures(HOT, {"steel": COOL}, -1.0), "is impossible"),
     ],
 )
 def test_impossible_walls_are_refused(halves: Part, wall: WallTemperatures, message: str) -> None:

@@ -173,7 +173,7 @@ def test_a_kind_alone_means_the_regions_that_are_one() -> None:
         feature_table({"cold": points}, face, part, ["sphere"])
     with pytest.raises(InputError, match="give such as cylinder:lateral"):
         feature_table({"cold": points}, face, part, ["lateral"])
-    with pytest.warns(IriftraceWarning, match="are no sphere, as that is a cylinder; choose"):
+    with pytest.warns(IriftraceWarning, match="is a cylinder, not a sphere. Use"):
         feature_table({"cold": points}, face, part, ["sphere:lateral"])
     lateral = np.flatnonzero(part.region_of_face == part.region_names.index("lateral"))
     face = lateral[:: len(lateral) // 50][:50]

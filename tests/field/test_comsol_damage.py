@@ -55,8 +55,8 @@ def row(number: int, new: str) -> Edit:
 
 SPREADSHEET = {
     "no unit": (swap("T (K)", "T"), "does not say in which unit 'T' is.*--temperature-unit"),
-    "unit of another kind": (swap("(K)", "(V)"), "the unit 'V', which is no unit of temperature"),
-    "unknown unit": (swap("(K)", "(Kelvins)"), "'Kelvins', which is no unit"),
+    "unit of another kind": (swap("(K)", "(V)"), "unit 'V', which is not a unit of temperature"),
+    "unknown unit": (swap("(K)", "(Kelvins)"), "'Kelvins', which is not a unit"),
     "unknown unit of length": (swap(" mm", " furlong"), "'furlong' is not a length unit"),
     "no header": (without_header, "no header line that names its columns"),
     "no names": (swap("% x", "% Date: x"), "no header line that names"),

@@ -273,7 +273,7 @@ def test_points_that_are_listed_again_are_used_once(tmp_path: Path, part: Part) 
     comsol.spreadsheet(
         path, np.vstack([points, points[:50]]), {"T (K)": np.append(kelvin, kelvin[:50])}
     )
-    with pytest.warns(IriftraceWarning, match="50 points again"):
+    with pytest.warns(IriftraceWarning, match="repeats 50 points"):
         field = read_field(path, part=part)
     assert field.grid.n_points == len(points)
 

@@ -63,7 +63,7 @@ def test_damaged_cases_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"cannot be read|no volume cells"):
         read_field(path)
     path.write_text("something else")
-    with pytest.raises(InputError, match="is no EnSight case"):
+    with pytest.raises(InputError, match="is not an EnSight case"):
         read_field(path)
 
 

@@ -196,7 +196,7 @@ def test_field_without_cavity_is_usable_but_unchecked() -> None:
     assert fit.wall_temperature_k == pytest.approx(800.0, abs=1e-3)
     (message,) = fit.warnings
     assert "no cavity" in message
-    with pytest.raises(InputError, match="one of them was read in a wrong unit"):
+    with pytest.raises(InputError, match="one of them was read in the wrong unit"):
         fit_part_to_field(field, box_part(half=HALF * 1e-3))
     with pytest.raises(InputError, match="does not reach"):
         fit_part_to_field(field, box_part(centre=(500, 0, 0)))

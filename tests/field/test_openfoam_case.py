@@ -147,7 +147,7 @@ def test_processors_that_went_on_after_reconstruction_are_reported(tmp_path: Pat
     folder = write_case(tmp_path, grid, {"1": {"T": linear(grid) + 1.0}}, patches)
     later = {"2": {"T": linear(grid) + 2.0}}
     write_case(folder, grid, later, patches, processors=quarters(grid))
-    with pytest.warns(IriftraceWarning, match=r"up to t = 1.*processors go on to t = 2"):
+    with pytest.warns(IriftraceWarning, match=r"up to t = 1.*processors continue to t = 2"):
         assert_linear(read_field(folder, air=COOL), 1.0)
     shutil.rmtree(folder / "1")
     assert_linear(read_field(folder, air=COOL), 2.0)
@@ -357,7 +357,7 @@ def test_damaged_cases(
 
 
 def test_a_folder_that_is_no_case(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="is no OpenFOAM case"):
+    with pytest.raises(InputError, match="is not an OpenFOAM case"):
         read_field(tmp_path)
 
 

@@ -70,8 +70,8 @@ def test_shells_from_scattered_points_with_their_part(
         ("points.txt --time=1", "give the part so that it can be cut out (--part)"),
         ("points.txt --part part.stl --temperature-unit K", "is in degC, but"),
         ("case --field-length-unit mm", "are in m, but the length unit given is mm"),
-        (". --time=1", "is no OpenFOAM case"),
-        ("part.stl", "not a field file that can be read here"),
+        (". --time=1", "is not an OpenFOAM case"),
+        ("part.stl", "not a field file of a supported format"),
         ("case --time=1 --isosurfaces", "iso-surfaces is read as a whole"),
     ],
 )

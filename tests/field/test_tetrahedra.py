@@ -119,7 +119,7 @@ def test_duplicate_cells_are_refused() -> None:
         [10, 10, 10],
         np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, -1], [1, 1, 1.0]]),
     )
-    with pytest.raises(InputError, match="share one face"):
+    with pytest.raises(InputError, match="have a common face"):
         tetrahedra_of(grid)
 
 

@@ -110,7 +110,7 @@ def test_a_rounded_motion_is_made_rigid_and_others_are_refused():
     assert_allclose(motion[:3, :3] @ motion[:3, :3].T, np.eye(3), atol=1e-15)
     assert_allclose(motion, exact, atol=1e-4)
     for text in ("scale 1.001", "scale 1 -1 1"):
-        with pytest.raises(InputError, match="no rigid motion"):
+        with pytest.raises(InputError, match="not a rigid motion"):
             rigid_motion(parse_transform(text), "motion.txt")
 
 

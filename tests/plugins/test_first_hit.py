@@ -152,7 +152,7 @@ def test_normals_parameter_chooses_gradient_or_facets(shapes: dict[str, Any]) ->
     gradient, facet = (channels(scene(shapes, normals=n)) for n in ("gradient", "facet"))
     difference = gradient["displacement.norm"] - facet["displacement.norm"]
     assert np.abs(difference).max() > 1e-6
-    # These shells' files lack the index's derivatives, so nothing else can be done by default.
+    # The index's derivatives are missing in these shells' files, so this is the only possibility.
     for values in ({}, {"bending": "layers"}, {"bending": "shells"}):
         same = channels(scene(shapes, **values))
         np.testing.assert_array_equal(same["displacement.norm"], gradient["displacement.norm"])

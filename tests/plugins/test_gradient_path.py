@@ -251,7 +251,7 @@ def test_damaged_field_file_is_refused(xml: Path, tmp_path: Path, kept: float) -
     whole = (xml.parent / FIELD_FILE).read_bytes()
     size = kept if isinstance(kept, int) else int(kept * len(whole))
     (tmp_path / "f.npz").write_bytes(whole[:size])
-    with pytest.raises(InputError, match="damaged or no field file"):
+    with pytest.raises(InputError, match="damaged or not a field file"):
         load_field_file(tmp_path / "f.npz")
 
 

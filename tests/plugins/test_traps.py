@@ -109,7 +109,7 @@ def test_part_must_be_an_opaque_mesh(tmp_path: Path, kind: str) -> None:
 def test_shell_must_be_a_mesh(tmp_path: Path) -> None:
     bsdf = {"type": "iso_shell", "ext_ior": 1.0002, "int_ior": 1.0001}
     loaded = scene({"part": part(tmp_path, sphere(5.0)), "air": {"type": "sphere", "bsdf": bsdf}})
-    with pytest.raises(InputError, match="Shell 'air' is no triangle mesh"):
+    with pytest.raises(InputError, match="Shell 'air' is not a triangle mesh"):
         loaded.integrator().prepare(loaded)
 
 

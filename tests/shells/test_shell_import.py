@@ -224,7 +224,7 @@ def save_colder_than_ambient(path):
         ("s.vtp", save_continuous, "change along the triangles"),
         ("s.vtp", save_continuous_cells, "change along the triangles"),
         ("s.vtp", save_with_nan, "not finite"),
-        ("s.vtm", save_missing_in_block, "lacks the array 'T'"),
+        ("s.vtm", save_missing_in_block, "The array 'T' is missing"),
         ("s.vtp", save_colder_than_ambient, "ambient"),
     ],
 )

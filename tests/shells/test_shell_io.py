@@ -176,8 +176,8 @@ def test_file_with_wide_corners_is_read_too(stack, tmp_path):
     [
         (None, "cannot read"),
         ("{", "damaged"),
-        ("[1]", "no table of shells"),
-        ('{"schema": "iriftrace.shells/0"}', "no table of shells"),
+        ("[1]", "not a table of shells"),
+        ('{"schema": "iriftrace.shells/0"}', "not a table of shells"),
         ('{"schema": "iriftrace.shells/1", "shells": [{}]}', "required field missing"),
     ],
 )
@@ -210,5 +210,5 @@ def test_numbers_of_the_table_are_numbers(stack, tmp_path, key, value):
     table = json.loads((tmp_path / "shells.json").read_text())
     table["shells"][0][key] = value
     (tmp_path / "shells.json").write_text(json.dumps(table))
-    with pytest.raises(InputError, match=rf"is no .*number @ \$\.shells\[0\]\.{key}"):
+    with pytest.raises(InputError, match=rf"is not an? .*number @ \$\.shells\[0\]\.{key}"):
         load_shells(tmp_path)

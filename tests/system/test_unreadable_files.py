@@ -92,7 +92,7 @@ def test_a_damaged_field_file_is_not_to_be_trusted(
     shutil.copytree(hot.scene.parent, tmp_path / "scene")
     (tmp_path / "scene" / FIELD_FILE).write_bytes(b"no field at all" * 100)
     said = fails("render", "scene/scene.xml", "-o", "out.exr", "--engine", "cells")
-    assert "damaged or no field file (it holds something else than arrays of numbers)" in said
+    assert "damaged or not a field file (it holds something else than arrays of numbers)" in said
     assert "pickle" not in said
 
 

@@ -21,7 +21,7 @@ writer.SetInputData(pyvista.read(sys.argv[1]))
 writer.WriteAllTimeStepsOff()
 writer.Write()
 """
-"""A process of its own: beside the HDF5 library of h5py, that of VTK crashes."""
+"""A process of its own: VTK's HDF5 library crashes next to that of h5py."""
 
 
 def write(

@@ -101,7 +101,7 @@ def page_text(computed: dict[str, str], page: str) -> str:
 
 
 def main() -> int:
-    """Compute what was asked for; 1 if a difference is beyond its bound."""
+    """Compute the requested sections; returns 1 if a difference exceeds its bound."""
     parser = argparse.ArgumentParser(prog="python -m validation.flow", description=__doc__)
     names = [section.name for section in sections()]
     parser.add_argument("sections", nargs="*", metavar="SECTION", help=", ".join(names))
@@ -116,7 +116,7 @@ def main() -> int:
     if unknown := set(given.sections) - set(names):
         parser.error(f"there is no section {', '.join(sorted(unknown))}; choose of {names}")
     other = given.wall_temperature is not None
-    wanted = given.sections or (names[:1] if other else names)
+    requested = given.sections or (names[:1] if other else names)
     if other:
         try:
             PlateAir(given.wall_temperature + ZERO_CELSIUS_K)
@@ -125,7 +125,7 @@ def main() -> int:
     ensure(None)
     computed, beyond = {}, []
     for section in sections(given.wall_temperature):
-        if section.name in wanted:
+        if section.name in requested:
             table = section.compute(given.simulations)
             computed[section.name] = section.markdown(table)
             beyond += [f"{section.name}: {line}" for line in table.beyond]

@@ -206,7 +206,7 @@ def _middle(field: IndexField, starts: FloatArray) -> tuple[FloatArray, FloatArr
     """Temperature, K, and dT/dy, K/mm, in the middle of the width."""
     carrier = field.grid.copy()
     carrier.point_data["T"] = field.temperature_k
-    # Of n - 1, which is proportional to 1 / T.
+    # Relative gradient of n - 1, which is proportional to 1 / T.
     relative = field.gradient / field.refractivity[:, None]
     carrier.point_data["slope"] = -field.temperature_k[:, None] * relative
     found = pv.PolyData(starts * (0.0, 1.0, 1.0)).sample(carrier).point_data

@@ -48,7 +48,7 @@ class Run:
 
     @property
     def name(self) -> str:
-        """Of the case's folder."""
+        """Name of the case's folder."""
         return f"{self.wall_c:g}C_{self.background_mm:g}mm"
 
     def field(self, part: Part, folder: Path) -> tuple[IndexField, str]:

@@ -16,7 +16,7 @@ LENSES = {
 
 
 def lens_camera(lens: Distortion | None) -> Camera:
-    """The paper's camera, principal point beside the centre, with a lens."""
+    """The paper's camera, principal point off the centre, with a lens."""
     return Camera(
         focal_length_mm=10.0,
         sensor_mm=(6.7, 5.6),

@@ -69,7 +69,7 @@ def directed_edges(faces: np.ndarray) -> np.ndarray:
 
 
 def edge_counts(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Undirected edges and how many triangles share each, counted independently of the package."""
+    """Undirected edges and their numbers of triangles, counted independently of the package."""
     low, high = np.sort(directed_edges(faces), axis=1).T
     keys, counts = np.unique(low + 1_000_000_000 * high.astype(np.int64), return_counts=True)
     return np.stack(np.divmod(keys, 1_000_000_000)[::-1], axis=1), counts

@@ -22,7 +22,7 @@ def make_part(
     regions: Regions | None = None,
     groups: ArrayLike | None = None,
 ) -> Part:
-    """A part without a file: one region and one smooth patch unless told otherwise."""
+    """A part without a file: one region and one smooth patch by default."""
     faces = np.asarray(faces, dtype=np.int64)
     one = np.zeros(len(faces), dtype=np.int64)
     regions = regions or Regions(one, ("all",))

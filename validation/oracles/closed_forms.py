@@ -96,7 +96,7 @@ def _sweep(b: float) -> float:
 def slab_pair_error_um(first: float, second: float) -> tuple[float, float]:
     """Depth and lateral error of a point of the plate that two devices triangulate.
 
-    Each device's straight line meets the plate beside the point by the slab's shift; the lines meet
+    Each device's straight line misses the point on the plate by the slab's shift; the lines meet
     below it.
 
     Parameters

@@ -25,7 +25,7 @@ STEP_MM = 0.25
 """A thirtieth of the thinnest boundary layer: the rule's error is a millionth of the bending."""
 
 LAST_MM = 0.2
-"""Before the part rays go on straight; the air bends them by 1e-6 mm at most there."""
+"""Rays are straight within this distance of the part; the air bends them by 1e-6 mm at most."""
 
 HITS_AT_A_TIME = 50
 
@@ -44,7 +44,7 @@ class RoundCylinderAir:
 
     @property
     def ambient_k(self) -> float:
-        """Of the room."""
+        """Ambient temperature, K."""
         return self.like.ambient_k
 
     def at(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -55,7 +55,7 @@ class RoundCylinderAir:
         distance = np.hypot(*off.T)
         outside = distance > 0
         to_end, to_side = off.T / np.where(outside, distance, 1.0)
-        # On the wall itself the way out is along the radius.
+        # On the wall itself the outward direction is along the radius.
         to_side = np.where(outside, to_side, 1.0)
         away = np.column_stack((to_end * np.sign(x), to_side * y / radius, to_side * z / radius))
         left = np.maximum(1.0 - distance / self.like.boundary_layer_mm, 0.0)

@@ -26,7 +26,7 @@ from iriftrace.core.arrays import FloatArray
 Ratio = Callable[[FloatArray], FloatArray]
 
 END = 12.0
-"""Of eta, where the air is still and cold."""
+"""Largest eta, where the air is still and cold."""
 
 
 def similarity(prandtl: float, viscous: Ratio, conducting: Ratio, capacity: Ratio) -> PPoly:

@@ -65,7 +65,7 @@ class Launch:
         Length of the parameter t.
     end : (3,) array
     division : int
-        Steps per step that is asked for; more where the ray turns several times.
+        Steps per requested step; more where the ray turns several times.
     """
 
     medium: Medium

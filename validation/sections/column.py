@@ -162,7 +162,7 @@ SECTION = Section(
     "up to two widths from the axis. In air whose index varies smoothly all rays turn a little. "
     "Bent at the shells alone (`-D bending=shells`), by Snell's law, a ray that just touches a "
     "shell turns much, and one that just misses it not at all: the error of a single ray falls "
-    "only with the square root of the number of shells, whatever their normals, and the picture "
+    "only with the square root of the number of shells, for any normals, and the picture "
     "has streaks along the shells' outlines; means over many rays are right. What is expected "
     "there is the closed form for tubes. Bent all along the layers, which is the default, their "
     "errors fall with an order of 1.4 to 2.5, until the tubes' facets are what is left. Such lines "

@@ -56,7 +56,7 @@ def convergence(name: str, launch: Launch, errors: dict[int, float]) -> list[Lin
             f"{STEPS[-1] * launch.division} steps",
             f"{ORDER}",
             f"{order:.2f}",
-            # A higher order is no error.
+            # A higher order is not an error.
             max(0.0, ORDER - order),
             ORDER_BOUND,
             "",
@@ -65,7 +65,7 @@ def convergence(name: str, launch: Launch, errors: dict[int, float]) -> list[Lin
 
 
 def conservation(name: str, launch: Launch) -> list[Line]:
-    """Speed along the way, and the way back."""
+    """Speed along the path, and the path back."""
     there = walk(launch.medium, launch.start, launch.velocity, launch.time, FINE_STEPS)
     back = walk(launch.medium, there.end, -there.velocity, launch.time, FINE_STEPS)
     off = float(np.linalg.norm(back.end - launch.start))
@@ -157,9 +157,10 @@ SECTION = Section(
     "The engine's own step in media whose rays have closed forms: the Luneburg lens (n² = 2 - r², "
     "a ray at half the radius, to the focus), Maxwell's fish-eye (from a point to its image), a "
     "parabolic rod (n² = 2.25 (1 - 0.01 y²), 100 mm of the parameter) and air with n² linear in y. "
-    "The speed (index times direction) must be the index all along the way, and the way back must "
-    "lead home. Then slab and hot cylinder of the section above, once as formulas in steps of "
-    "0.02 mm, once on tetrahedra (80 and 100 layers of cells) with either kind of gradient.",
+    "The speed (index times direction) must be the index along the whole path, and the path back "
+    "must end at the start. Then slab and hot cylinder of the section above, once as formulas in "
+    "steps of 0.02 mm, once on tetrahedra (80 and 100 layers of cells) with either kind of "
+    "gradient.",
     _lines,
     picture=PICTURE,
 )

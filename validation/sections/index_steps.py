@@ -85,7 +85,7 @@ def in_real_air() -> list[Line]:
 
 
 def _statistics(hits: Hits) -> dict[str, float]:
-    """Of the displacements, mm."""
+    """Statistics of the displacements, mm."""
     norm = np.sort(np.linalg.norm(hits.displacement[hits.good], axis=1))
     return {
         TRIMMED_MEAN: float(norm[: int((1 - TRIMMED) * len(norm))].mean()),

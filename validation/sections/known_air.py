@@ -45,7 +45,7 @@ cells' own or a mixture of them leave 2.9 to 3.6 % at the 95th percentile from 4
 
 GEAR_BOUND = (15.0, 20.0)
 """Per cent of median and 95th percentile: five cells across the boundary layer leave a tenth, and a
-95th percentile of a hundred rays is that of the five beside the edges, where layers meet."""
+95th percentile of a hundred rays is that of the five next to the edges, where layers meet."""
 
 
 def of_the_cylinder(folder: Path) -> tuple[RoundCylinderAir, IndexField, Part]:
@@ -160,7 +160,7 @@ SECTION = Section(
     "are the errors' over the displacements'; ray by ray each error is divided by the ray's own "
     "displacement. From the side the mesh is the whole error, and neither engine beats the other. "
     "Straight down along a plume the cells engine is right and 13 shells are not: there a "
-    "ray runs far along the layers, and the program goes over to the field or warns.",
+    "ray runs far along the layers, and the program switches to the field data or warns.",
     _lines,
     minutes=4.0,
 )

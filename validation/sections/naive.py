@@ -91,6 +91,6 @@ SECTION = Section(
     "The bundled scene traced as a renderer traces glass: surface interaction, bsdf sample and "
     "spawned ray in single precision (`validation/sections/naive.py`). The hits are compared "
     "with the tracer's own. Renderers move a spawned ray off its surface, along the normal, by "
-    "a share of its coordinates; that alone is more than the hot air does.",
+    "a fraction of its coordinates; that alone is more than the hot air does.",
     _lines,
 )

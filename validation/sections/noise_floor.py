@@ -23,7 +23,7 @@ ORACLE_RAYS = 600
 REVERSED_RAYS = 5000
 CAMERA_MM = (150.0, -100.0, 120.0)
 EDGE_MM = 1e-4
-"""Beside an edge of a shell the oracle takes the triangle that it hits and the query its own."""
+"""Near an edge of a shell the oracle uses the triangle that it hits and the query its own."""
 
 
 def matched_scene(folder: Path, scale: float) -> LoadedScene:
@@ -128,8 +128,8 @@ SECTION = Section(
     "noise",
     "Noise floor",
     "The bundled cylinder in its real field. Shells with the same index on both sides must "
-    "change nothing; a tracer in float64 NumPy that looks at every triangle and shares no code "
-    "with the plugins must find the same hits (facet normals; hits beside an edge of a shell "
-    "are left out); a ray sent back from its hit must return to the camera.",
+    "change nothing; a tracer in float64 NumPy that tests every triangle and has no code in common "
+    "with the plugins must find the same hits (facet normals; hits near an edge of a shell "
+    "are omitted); a ray sent back from its hit must return to the camera.",
     _lines,
 )

@@ -64,7 +64,7 @@ def scene_of(folder: Path, field: IndexField) -> LoadedScene:
 
 
 def root_mean_square(errors: FloatArray) -> float:
-    """Of errors along the normal, mm, in um."""
+    """Root mean square of errors along the normal, mm, in um."""
     return 1e3 * float(np.sqrt(np.mean(errors**2)))
 
 
@@ -79,14 +79,14 @@ def _lines(folder: Path) -> list[Line]:
             lines.append(Line("as measured", "", _said(scan.error_normal, scan, scan.points)))
         back = correct(scan.points, scene, camera, projector, system="fringe")
         left = np.einsum("ij,ij->i", back.points - scan.true, scan.normal)
-        share = 100.0 * root_mean_square(left) / root_mean_square(scan.error_normal)
-        obtained = f"{_said(left, scan, back.points)}: {share:.2g} % left"
+        remaining = 100.0 * root_mean_square(left) / root_mean_square(scan.error_normal)
+        obtained = f"{_said(left, scan, back.points)}: {remaining:.2g} % left"
         case = f"corrected with {name}"
         if expected is None:
             lines.append(Line(case, "", obtained))
         else:
             lines.append(
-                Line(case, f"{expected:.0f} %", obtained, share - expected, LEFT_OF_CONTRAST)
+                Line(case, f"{expected:.0f} %", obtained, remaining - expected, LEFT_OF_CONTRAST)
             )
     return lines
 

@@ -39,8 +39,8 @@ RANGE_MM = 60.0
 STEP_MM = 0.25
 SPACINGS_MM = (2.0, 1.0)
 LARGEST_REST_PERCENT = 6.0
-"""Of the difference found by tracing, the part that the fields' own line integrals may leave
-unexplained: half of what the coarsest file's interpolation makes of the temperatures (12 %)."""
+"""Largest part of the difference found by tracing that the fields' own line integrals leave
+unexplained: half of the effect of the coarsest file's interpolation on the temperatures (12 %)."""
 
 
 def air_around_the_middle() -> pv.UnstructuredGrid:
@@ -165,7 +165,7 @@ def _sampled(
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
     """A point array at distances before hits, (rays, distances, ...), and where there is one."""
     places = hits[:, None] - back[:, None] * along[:, None]
-    # With VTK's own tolerance, far larger, flat cells claim points beside them.
+    # With VTK's own tolerance, far larger, flat cells claim points next to them.
     found = pv.PolyData(places.reshape(-1, 3)).sample(grid, tolerance=1e-6)
     values = np.asarray(found[name], dtype=np.float64)
     inside = np.asarray(found["vtkValidPointMask"]) != 0

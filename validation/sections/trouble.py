@@ -127,7 +127,7 @@ def troubles() -> list[Trouble]:
 
 
 def cropped(field: IndexField, kept: Callable[[FloatArray], NDArray[np.bool_]]) -> IndexField:
-    """The cells of a field whose centres are wanted."""
+    """The cells of a field whose centres are kept."""
     grid = field.grid.copy()
     grid.clear_data()
     grid.point_data["n - 1"] = field.refractivity

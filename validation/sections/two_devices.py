@@ -138,12 +138,12 @@ def _lines(folder: Path) -> list[Line]:
 SECTION = Section(
     "triangulation",
     "What two devices measure",
-    "Stereo cameras at two angles to the normal, above the slab of the first section and beside "
-    "the hot cylinder: where their straight lines meet, less the point on which their bent lines "
-    "end. The devices above the plate stand 300 mm away, those beside the cylinder 20 m, and all "
-    "lie in one plane with the normal. Expected by quadrature of Snell's and Bouguer's laws. Then "
-    "the points are corrected (`iriftrace correct`), and what is left is their distance from the "
-    "true ones.",
+    "Stereo cameras at two angles to the normal, above the slab of the first section and next to "
+    "the hot cylinder: the difference between the intersection of their straight lines and the "
+    "point on which their bent lines end. The devices above the plate stand 300 mm away, those "
+    "next to the cylinder 20 m, and all lie in one plane with the normal. Expected by quadrature "
+    "of Snell's and Bouguer's laws. Then the points are corrected (`iriftrace correct`), and the "
+    "remaining error is their distance from the true ones.",
     _lines,
     minutes=0.5,
 )

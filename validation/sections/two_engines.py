@@ -50,7 +50,7 @@ def pictures(
     normals: str = "gradient",
     limits: Sequence[str] = NORMALS,
 ) -> dict[str, Images]:
-    """Of each view by shells and by the field, from which these are cut unless a source is given.
+    """Images of each view by shells and by the field, from which the shells are cut by default.
 
     `normals` are those of the shells, `limits` the engine's gradients.
     """
@@ -78,7 +78,7 @@ def pictures(
 
 
 def displacements(images: Images) -> tuple[dict[tuple[int | str, str], FloatArray], int]:
-    """Of the n rays that are good in all images, (n, 3), um; and how many are in some only."""
+    """Displacements of the n rays that are good in all images, (n, 3), um; and how many in some."""
     good = np.all([image.status == Status.GOOD for image in images.values()], axis=0)
     some = np.any([image.status == Status.GOOD for image in images.values()], axis=0)
     vectors = {key: image.vector("displacement", good) * 1e3 for key, image in images.items()}

@@ -56,7 +56,7 @@ class Swept:
         return self.elevation_deg < FROM_ABOVE_DEG
 
     def angle_to(self, direction: tuple[float, float, float] | FloatArray) -> FloatArray:
-        """(n,) array, degree: between lines of sight and a direction (one way only)."""
+        """(n,) array, degree: between lines of sight and a direction (one direction only)."""
         unit = np.asarray(direction, dtype=np.float64) / np.linalg.norm(direction)
         return np.degrees(np.arccos(np.clip(self.towards @ unit, -1.0, 1.0)))
 
@@ -119,7 +119,7 @@ def sweep_around(
     scene
         Name of the bundled scene.
     folder
-        Where the sweep goes; one that is there already is not computed anew.
+        Folder of the sweep; an existing sweep is not computed again.
     stand_off_mm
         Between the part's extents and the cameras.
     target

@@ -20,7 +20,7 @@ Displacements are medians over rays. "Below 45° elevation" leaves out the poses
 through the plume, where displacements are ten to a hundred times larger and hide everything else.
 Ours are other fields than those of Kern et al. (2025), Sections 4.3 and 4.4: parts with the same
 features but other dimensions, gravity along -z, and the gear with its axis upright. "Holds" follows
-from the figures beside it; the conditions are in `validation/statements/`.
+from the figures next to it; the conditions are in `validation/statements/`.
 """
 
 

@@ -19,9 +19,9 @@ def findings(swept: Swept) -> list[Finding]:
 
 
 def curvature(part: Part) -> FloatArray:
-    """(m,) array, 1/mm: largest turn of the normal to a neighbour, over the way across the edge.
+    """(m,) array, 1/mm: largest turn of the normal to a neighbour over the distance across it.
 
-    The way is that between the triangles' centres, square to their edge.
+    The distance is that between the triangles' centres, square to their edge.
     """
     neighbours = find_neighbours(weld(part.vertices)[part.faces])
     one, two = neighbours.pairs.T

@@ -1,4 +1,4 @@
-"""Check of a field with its part: all findings, in the order in which they are told."""
+"""Check of a field with its part: all findings, in the order of the report."""
 
 from __future__ import annotations
 
@@ -50,28 +50,28 @@ def check_field(
     field : IndexField
         With velocities (`iriftrace.field.read.read_field`, ``flow=True``) for the heat balance.
     part : Part
-        Closed, in the field's place.
+        Closed, in the field's coordinates.
     wall_temperature_k : float, optional
-        What the wall should have; by default its spread is judged.
+        Expected temperature of the wall; by default its spread is judged.
     region_temperatures_k : mapping, optional
-        What regions of the part should have instead, by their names.
+        Expected temperatures of regions of the part that differ, by their names.
     transition_mm : float, optional
-        Width over which these temperatures go over into each other
+        Width of the transition between these temperatures
         (`iriftrace.cfd.openfoam.wall.wall_temperature`).
-    diameter_mm : float, optional
-        Of the horizontal cylinder with which the heat flux is compared; found for a part that is
+        Diameter of the horizontal cylinder with which the heat flux is compared; by default that of
+        the part if it is such a cylinder.
         one.
     camera : (3,) array_like, mm, world, optional
-        Where a camera stands; then it is said how much of its view enters the data in hot air.
+        Position of a camera, to report which fraction of its view enters the data in hot air.
     steady : bool, optional
-        Whether the air does not change in time, so that it takes up no heat; by default what the
-        field's origin says.
+        True if the air is steady, so that it stores no heat; by default according to the field's
+        origin.
 
     Raises
     ------
     InputError
-        Field and part do not belong together, the field has no inner boundary, the part is not
-        closed or has no such region, or regions have a temperature but the rest has none.
+        Field and part do not fit, the field has no inner boundary, the part is not closed or has no
+        such region, or regions have a temperature but the rest has none.
     """
     fit = fit_part_to_field(field, part)
     wall = wall_state(field, part)
@@ -116,7 +116,7 @@ def _set_temperatures(
     regions_k: dict[str, float],
     transition_mm: float,
 ) -> FloatArray | None:
-    """What the points of the field's wall should have, (n,), K; None where nothing is set."""
+    """Expected temperatures at the points of the field's wall, (n,), K; None if not given."""
     if default_k is None:
         if regions_k:
             raise InputError(

@@ -28,13 +28,13 @@ _FACES = 300
 
 @frozen(eq=False)
 class Finding:
-    """One thing that was looked at."""
+    """One checked property."""
 
     name: str
     value: str  # the number with its unit
-    verdict: Verdict  # "-" where there is nothing to judge
+    verdict: Verdict  # "-" if it is not judged
     remark: str  # what it was compared with, and what follows
-    numbers: JsonObject  # the same
+    numbers: JsonObject  # the same in machine-readable form
 
 
 @frozen(eq=False)
@@ -47,7 +47,7 @@ class FieldCheck:
 
     @property
     def verdict(self) -> Verdict:
-        """The worst of all."""
+        """The worst verdict of all findings."""
         found = {finding.verdict for finding in self.findings}
         return next((v for v in ("bad", "doubtful", "good") if v in found), "-")
 
@@ -72,7 +72,7 @@ def _plain(value: object) -> object:
 
 
 def edge_finding(field: IndexField) -> Finding:
-    """Judge whether the data end in the room's air or cut the plume off."""
+    """Judge whether the data end in the room's air or cut off the plume."""
     hottest = hottest_at_sides(field)
     ambient = field.air.temperature_k
     limit = float(field.air.temperature(_outermost_shell(field)))
@@ -92,22 +92,22 @@ def edge_finding(field: IndexField) -> Finding:
 
 
 def view_finding(field: IndexField, part: Part, origin: FloatArray) -> Finding:
-    """Judge the share of a camera's view from `origin` (3,), mm, behind hot open ends."""
-    share = share_through_open_sides(field, part, origin)
+    """Judge the fraction of a camera's view from `origin` (3,), mm, behind hot open ends."""
+    fraction = share_through_open_sides(field, part, origin)
     place = ", ".join(f"{x:g}" for x in origin)
-    if not np.isfinite(share):
+    if not np.isfinite(fraction):
         return Finding("camera's view", "n/a", "bad", f"({place}) mm sees no face", {})
     return Finding(
         "camera's view",
-        f"{share:.1%} open",
-        "good" if share <= 0.01 else "doubtful" if share <= 0.2 else "bad",
+        f"{fraction:.1%} open",
+        "good" if fraction <= 0.01 else "doubtful" if fraction <= 0.2 else "bad",
         f"of the lines from ({place}) mm to the part enter the data where the air is hot",
-        {"share": share, "camera_mm": origin.tolist()},
+        {"share": fraction, "camera_mm": origin.tolist()},
     )
 
 
 def outer_points(field: IndexField) -> IntArray:
-    """Numbers of the points where the data of a field end, but for the inner wall that it has."""
+    """Numbers of the points where the data of a field end, except its inner wall."""
     grid = pv.UnstructuredGrid()
     grid.copy_structure(field.grid)
     grid.point_data["number"] = np.arange(grid.n_points)
@@ -116,10 +116,10 @@ def outer_points(field: IndexField) -> IntArray:
 
 
 def hottest_at_sides(field: IndexField) -> dict[str, float]:
-    """Highest temperature, K, where the data end, by the side of their box that is nearest.
+    """Highest temperature, K, where the data end, by the nearest side of their bounding box.
 
-    Data that were cropped cell by cell end in steps, so hardly any point may lie in the box's own
-    side. NaN for a side where nothing ends.
+    Data that were cropped cell by cell end in steps, so hardly any point may lie in the side of the
+    box itself. NaN for a side where nothing ends.
     """
     outer = outer_points(field)
     points = np.asarray(field.grid.points, dtype=np.float64)[outer]
@@ -133,10 +133,10 @@ def hottest_at_sides(field: IndexField) -> dict[str, float]:
 
 
 def share_through_open_sides(field: IndexField, part: Part, origin: FloatArray) -> float:
-    """Share of the lines from a camera to the faces it may see that enter the data in hot air.
+    """Fraction of the lines from a camera to the faces it may see that enter the data in hot air.
 
-    The camera stands at `origin`, (3,) array, mm, world. Hot is air inside the outermost of 13
-    shells, where rays are counted as ``open_boundary``.
+    The camera is at `origin`, (3,) array, mm, world. Air inside the outermost of 13 shells is hot;
+    rays that enter there are counted as ``open_boundary``.
     """
     sight = origin - part.face_centres
     towards = np.flatnonzero(np.einsum("ij,ij->i", sight, part.face_normals) > 0.0)
@@ -156,6 +156,6 @@ def share_through_open_sides(field: IndexField, part: Part, origin: FloatArray) 
 
 
 def _outermost_shell(field: IndexField) -> float:
-    """Refractivity n - 1 of the outermost of the usual shells: beyond it is the room's air."""
+    """Refractivity n - 1 of the outermost of the usual shells, outside which the air is ambient."""
     surfaces, _ = index_levels(field.ambient_refractivity, field.hottest_refractivity)
     return float(surfaces[0])

@@ -1,4 +1,4 @@
-"""Heat that leaves with the air, against the heat that comes from the wall."""
+"""Heat that leaves with the air, compared with the heat from the wall."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from iriftrace.field.part_fit import LARGEST_BARE_SHARE
 from iriftrace.field.tetrahedra import tetrahedra_of
 
 ZONES = ((0.3, 0.5), (0.5, 0.7), (0.7, 0.9))
-"""Families of surfaces, by their place between the wall (0) and the end of the data (1). Nearer
+"""Families of surfaces, by their position between the wall (0) and the end of the data (1). Nearer
 ones lie in the boundary layer, where values at the points of cells of finite size carry up to a
 tenth less."""
 
 _AT_ONCE = 500_000
 
 CLOSED, OPEN, WRONG = 0.05, 0.15, 0.5
-"""Shares of the wall's heat.
+"""Fractions of the wall's heat.
 
-Simulations on the meshes on offer close within 1 % if the heat is the one that the solver counted,
-and within 4 % on a mesh twice as coarse (`heat_balance`): more than `CLOSED` wants an
+Simulations on the meshes of `mesh_size` close within 1 % with the heat computed by the solver, and
+within 4 % on a mesh twice as coarse (`heat_balance`): a difference above `CLOSED` needs an
 explanation. The heat from the gradient at the wall alone is off by up to 11 % on coarse meshes, and
-a flux from a product of values at points by 6 %; more than `OPEN` neither causes: then heat is lost
-or made, or data do not belong together. Where it is not known what the air takes up or gives
-back, that may be more, but more than `WRONG` only in the first moments of a plume.
+a flux from a product of values at points by 6 %. Neither explains more than `OPEN`: then heat is
+lost or created, or the data do not belong together. If the storage in the air is unknown the
+difference may be larger, but above `WRONG` only in the first moments of a plume.
 """
 UNITS = (SI, "mm/s")
-"""Units of velocities that are taken for each other."""
+"""Units of velocities that are confused with each other."""
 HOW_TO_GET = (
     "`iriftrace field simulate` writes them, OpenFOAM's cases hold them as U, from COMSOL export "
     "u, v and w too"
@@ -50,13 +50,14 @@ _PRODUCT = (
 class HeatBalance:
     """Heat through closed surfaces around the part, W.
 
-    Where the field has no flux of heat of its own (`own_flux`), what is carried is that of
-    temperature and velocity at the points, right for a single or a steady state on a fine mesh.
+    If the field has no heat flux of its own (`own_flux`), the carried heat is computed from
+    temperature and velocity at the points, which is correct for a single or a steady state on a
+    fine mesh.
     """
 
     carried_w: float  # with the air, outward
     conducted_w: float  # through the air
-    stored_w: float  # what the air between wall and surface takes up; NaN where that is not known
+    stored_w: float  # in the air between wall and surface, per second; NaN if unknown
     through_zones_w: tuple[float, ...]  # sum of the three, as far as known, for each of `ZONES`
     own_flux: bool
 
@@ -68,7 +69,7 @@ class HeatBalance:
 
 
 def heat_balance(field: IndexField) -> HeatBalance | None:
-    """Heat that passes closed surfaces around the field's inner wall; None without velocities.
+    """Heat through closed surfaces around the field's inner wall; None without velocities.
 
     First law for the air between the wall and a closed surface S around it, at constant pressure,
     without the work of gravity and friction (Bird, Stewart and Lightfoot, Transport Phenomena,
@@ -77,21 +78,21 @@ def heat_balance(field: IndexField) -> HeatBalance | None:
         Q_wall = integral over S of (rho (h - h_a) U - k grad T) . n dA
                  + d/dt integral of rho (h - h_a) dV,     h - h_a = integral of c_p from T_a to T
 
-    With h_a the enthalpy of ambient air, air that flows in from the room brings nothing, and an
-    error in the mass balance does not count as heat. Density is that of a perfect gas at ambient
-    pressure.
+    With h_a the enthalpy of ambient air, air that flows in from the room carries no heat, and an
+    error in the mass balance does not count as heat. The density is that of a perfect gas at
+    ambient pressure.
 
-    No single surface is cut out of the mesh. With a function phi that rises from 0 to 1 between two
-    surfaces, the integral of q . grad phi over the volume is the mean of the flux of q through all
-    surfaces phi = const (the coarea formula), and on tetrahedra with linear phi and q it is exact.
+    The mesh is not cut along a single surface. With a function phi that rises from 0 to 1 between
+    two surfaces, the integral of q . grad phi over the volume is the mean of the flux of q through
+    all surfaces phi = const (the coarea formula); on tetrahedra with linear phi and q it is exact.
     Phi is linear in d_wall / (d_wall + d_end), the distances from the wall and from the end of
-    the data, so its surfaces are closed and fit into data of any outline. The flux that is averaged
-    is the field's own (`iriftrace.field.flow.ENTHALPY_FLUX`) where it has one.
+    the data, so its surfaces are closed and fit data of any outline. The field's own flux
+    (`iriftrace.field.flow.ENTHALPY_FLUX`) is averaged if it has one.
 
     Measured with `iriftrace field simulate`: the paper's cylinder closes to +0.6 % at the coarse
     and 0.0 % at the normal resolution (quarter), +1.4 % with cells twice the coarse ones (whole);
-    a gear with a restless plume to -0.1 %; a short cylinder's starting plume, of whose heat the air
-    takes up an eighth, to +4 % with cells twice the coarse ones. With the product of temperature
+    a gear with an unsteady plume to -0.1 %; a short cylinder's starting plume, of whose heat the
+    air stores an eighth, to +4 % with cells twice the coarse ones. With the product of temperature
     and velocity at the points the coarse cylinder would close to -6 %.
     """
     flow = field.flow
@@ -102,7 +103,7 @@ def heat_balance(field: IndexField) -> HeatBalance | None:
     if carried is None:
         content = heat_content(kelvin, air.temperature_k, air.pressure_pa)
         carried = content[:, None] * flow.velocity
-    # Of the gradient at the points, since that of single cells is spoilt by slivers.
+    # From the gradient at the points, because slivers spoil that of single cells.
     conducted = -1e3 * point_gradient(field.grid, conduction_potential(kelvin))
     zones = _through_zones(field, carried, conducted, flow.storage)
     total = np.nansum(zones, axis=1)
@@ -145,7 +146,7 @@ def _through_zones(
 
 
 def _place(field: IndexField) -> FloatArray:
-    """Place of the points between the wall (0) and the end of the data (1), (n,)."""
+    """Position of the points between the wall (0) and the end of the data (1), (n,)."""
     points = np.asarray(field.grid.points, dtype=np.float64)
     ends = (field.wall.point_data["number"], outer_points(field))
     from_wall, from_end = (cKDTree(points[at]).query(points)[0] for at in ends)
@@ -154,9 +155,9 @@ def _place(field: IndexField) -> FloatArray:
 
 
 def balance_finding(field: IndexField, wall: WallState, covered: float, *, steady: bool) -> Finding:
-    """Heat that leaves with the air against heat from the wall.
+    """Compare the heat that leaves with the air with the heat from the wall.
 
-    `covered` is the share of the part's surface on the field's wall; in `steady` air, which does
+    `covered` is the fraction of the part's surface on the field's wall; in `steady` air, which does
     not change in time, nothing is stored.
     """
     counted = field.source.wall_heat_w
@@ -230,7 +231,7 @@ def _judged(
 
 
 def _read(flow: AirFlow) -> str:
-    """Array that the carried heat was read from, with its unit."""
+    """Array from which the carried heat was read, with its unit."""
     if flow.flux_name or flow.velocity is None:
         return f"flux of {flow.flux_name} read as W/m2"
     fastest = float(np.linalg.norm(flow.velocity, axis=1).max())
@@ -238,9 +239,9 @@ def _read(flow: AirFlow) -> str:
 
 
 def _other_unit(balance: HeatBalance, flow: AirFlow, from_wall: float) -> str:
-    """A question, where velocities in another unit would carry about the heat from the wall.
+    """A question if velocities in another unit would carry about the heat from the wall.
 
-    About is a factor of 10 up or down, since other errors may come on top.
+    "About" is within a factor of 10, because other errors may add to this one.
     """
     expected = from_wall - balance.conducted_w
     if flow.flux_name or not (expected > 0.0 and balance.carried_w > 0.0):

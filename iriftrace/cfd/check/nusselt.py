@@ -19,10 +19,10 @@ GRAVITY = 9.81
 """m/s2."""
 
 RAYLEIGH_RANGE = (1e-6, 1e9)
-"""Where Churchill's and Chu's laminar equation holds."""
+"""Range of Churchill and Chu's laminar equation."""
 
 ANGLES_DEG = np.arange(0.0, 181.0, 15.0)
-"""From the bottom of a horizontal cylinder, of `LOCAL`."""
+"""Angles from the bottom of a horizontal cylinder, of `LOCAL`."""
 
 LOCAL = {
     1e3: (3.782, 3.772, 3.743, 3.692, 3.616, 3.51, 3.361, 3.152, 2.864, 2.473, 1.979, 1.466, 1.218),
@@ -48,28 +48,28 @@ SECTORS = {"bottom": (0.0, 15.0), "side": (75.0, 105.0), "top": (165.0, 180.0)}
 """Angles from the bottom, degrees, over which the heat flux is averaged."""
 
 SECTOR_TOLERANCES = (0.06, 0.12)
-"""Of side and top over bottom; at the top, where the plume leaves, the flux is small.
+"""Tolerances for side and top over bottom; at the top, where the plume leaves, the flux is small.
 
-Four simulations of the paper's cylinder, from coarse to fine, are at most 2 % off at the side and
+Four simulations of the paper's cylinder, from coarse to fine, differ by at most 2 % at the side and
 5 % at the top.
 """
 
 _ROUND = 0.03
-"""Largest difference of width, height and volume from a cylinder's, as a share."""
+"""Largest relative difference of width, height and volume from a cylinder's."""
 
 
 @frozen
 class Convection:
-    """Expected natural convection; both numbers are with the diameter."""
+    """Expected natural convection; both numbers are based on the diameter."""
 
-    nusselt: float  # mean, of the conductivity at `reference_k`
+    nusselt: float  # mean, with the conductivity at `reference_k`
     rayleigh: float
     reference_k: float  # temperature at which the air's properties are taken, K
     heat_flux: float  # mean from the wall, W/m2
 
 
 def reference_temperature(wall_k: float, ambient_k: float) -> float:
-    """Temperature, K, at which gas at a hot wall is as good as one of constant properties.
+    """Temperature, K, at which gas at a hot wall behaves like one of constant properties.
 
     E. M. Sparrow and J. L. Gregg, "The variable fluid-property problem in free convection",
     Transactions of the ASME 80 (1958) 879; from solutions of the boundary layer in gases with
@@ -93,10 +93,10 @@ def nusselt_horizontal_cylinder(
 
         Nu = 0.36 + 0.518 Ra^(1/4) / (1 + (0.559 / Pr)^(9/16))^(4/9)
 
-    It was made for small differences of temperature. For gas with a hot wall its properties are
-    taken at Sparrow's and Gregg's `reference_temperature`, with beta = 1 / T_ambient. Air as in
-    `iriftrace.air.thermophysics`. An InputError if the wall is not hotter than the air, or the flow
-    is not laminar.
+    It was derived for small differences of temperature. For gas at a hot wall its properties are
+    evaluated at Sparrow and Gregg's `reference_temperature`, with beta = 1 / T_ambient. Air is that
+    of `iriftrace.air.thermophysics`. Raises InputError if the wall is not hotter than the air, or
+    the flow is not laminar.
     """
     if not (diameter_mm > 0.0 and wall_k > ambient_k > 0.0 and pressure_pa > 0.0):
         raise InputError(
@@ -131,8 +131,8 @@ def nusselt_horizontal_cylinder(
 def local_nusselt(angle_deg: ArrayLike, rayleigh: float) -> FloatArray:
     """Local Nusselt number of an isothermal horizontal cylinder at angles from its bottom, degrees.
 
-    Interpolated in `LOCAL`, between its Rayleigh numbers linearly in the logarithms; an InputError
-    beyond them.
+    Interpolated in `LOCAL`, between its Rayleigh numbers linearly in the logarithms; raises
+    InputError beyond them.
     """
     known = np.log(list(LOCAL))
     if not known[0] <= np.log(rayleigh) <= known[-1]:
@@ -157,9 +157,9 @@ def sector_means(angle_deg: FloatArray, values: FloatArray, weights: FloatArray)
 def nusselt_finding(
     wall: WallState, part: Part, field: IndexField, diameter_mm: float | None
 ) -> Finding:
-    """How the heat flux spreads over a horizontal cylinder; its mean is compared, but not judged.
+    """How the heat flux is distributed over a horizontal cylinder; its mean is not judged.
 
-    The mean is that of the part, if it is a horizontal cylinder, or of one of `diameter_mm`.
+    The mean is compared with that of the part, if it is such a cylinder, or of `diameter_mm`.
     """
     own = horizontal_cylinder_diameter(part)
     diameter = diameter_mm or own
@@ -170,15 +170,15 @@ def nusselt_finding(
             "Nusselt number",
             "n/a",
             "-",
-            "the part is no horizontal cylinder, for which there is a rule; compare with one of "
-            "its size by --diameter",
+            "the part is not a horizontal cylinder, for which a correlation exists; compare with "
+            "one of its size by --diameter",
             {},
         )
     try:
         rule = nusselt_horizontal_cylinder(diameter, wall_k, ambient, field.air.pressure_pa)
     except InputError as error:
         return Finding("Nusselt number", "n/a", "-", str(error), {"diameter_mm": diameter})
-    # The rule is for the lateral surface; heads are the faces that look along the axis.
+    # The correlation is for the lateral surface; end faces are those that look along the axis.
     axis = int(np.argmax(np.ptp(part.bounds, axis=0)[:2]))
     lateral = np.abs(wall.normals[:, axis]) < (0.5 if diameter_mm is None else np.inf)
     flux = float(np.average(wall.flux[lateral], weights=wall.areas[lateral]))
@@ -212,7 +212,7 @@ def nusselt_finding(
 def _judged(
     wall: WallState, lateral: BoolArray, rayleigh: float, mean: str, numbers: dict[str, float]
 ) -> Finding:
-    """The ratios of the fluxes of bottom, side and top, which hardly depend on the air."""
+    """The ratios of the fluxes at bottom, side and top, which hardly depend on the air."""
     angle = np.degrees(np.arccos(np.clip(-wall.normals[lateral, 2], -1.0, 1.0)))
     sectors = sector_means(angle, wall.flux[lateral], wall.areas[lateral])
     ratios = sectors / sectors[0]
@@ -221,7 +221,7 @@ def _judged(
         expected = sector_ratios(rayleigh)
     except InputError as error:
         return Finding("Nusselt number", value, "-", f"{error} {mean}", numbers)
-    # In tolerances; NaN, of a cylinder with so few faces that a sector is empty, is bad.
+    # In tolerances; bad if NaN, which happens if so few faces leave a sector empty.
     off = float(np.max(np.abs(ratios / expected - 1.0)[1:] / SECTOR_TOLERANCES))
     verdict: Verdict = "good" if off <= 1.0 else "doubtful" if off <= 2.0 else "bad"
     side, top = SECTOR_TOLERANCES
@@ -246,7 +246,7 @@ def _text(ratios: FloatArray) -> str:
 
 
 def sector_ratios(rayleigh: float) -> FloatArray:
-    """Fluxes of bottom, side and top over that of the bottom, (3,), of an isothermal cylinder."""
+    """Fluxes at bottom, side and top over that at the bottom, (3,), of an isothermal cylinder."""
     angle = np.linspace(0.0, 180.0, 721)
     means = sector_means(angle, local_nusselt(angle, rayleigh), np.ones_like(angle))
     ratios: FloatArray = means / means[0]

@@ -30,9 +30,9 @@ _STEEPEST_DEG = 45.0
 class WallState:
     """The inner boundary of a field, m triangles on n points.
 
-    The flux of the cells is that of their mean gradient, of a place above the wall: too small by
-    some per cent, and the difference tells how well the cells resolve it. The layer is the
-    conduction thickness, (T_wall - T_ambient) over the gradient.
+    `flux_of_cells` uses their mean gradient, which belongs to a location above the wall: it is too
+    small by some per cent, and the difference shows how well the cells resolve the layer. The layer
+    is the conduction thickness, (T_wall - T_ambient) over the gradient.
     """
 
     temperature_k: FloatArray  # (n,)
@@ -47,21 +47,21 @@ class WallState:
 
     @property
     def area_mm2(self) -> float:
-        """Of the whole wall."""
+        """Area of the whole wall."""
         return float(self.areas.sum())
 
     @property
     def heat_w(self) -> float:
-        """Conducted from the whole wall, W."""
+        """Heat conducted from the whole wall, W."""
         return float(np.sum(self.flux * self.areas)) * 1e-6
 
 
 def wall_state(field: IndexField, part: Part) -> WallState:
-    """Look at the inner boundary of a field.
+    """Measure the inner boundary of a field.
 
     The flux is the gradient of the integral of the conductivity over the temperature, which is
-    nearly linear in the distance where the air rests, so cells of finite height do little harm.
-    Its length is corrected so that it fits the values along the cells' edges
+    nearly linear in the distance where the air is at rest, so cells of finite height cause little
+    error. Its length is corrected so that it fits the values along the cells' edges
     (`consistent_gradient`). The conductivity is that of `iriftrace.air.thermophysics`.
 
     Raises
@@ -73,8 +73,8 @@ def wall_state(field: IndexField, part: Part) -> WallState:
     wall = field.wall
     if not wall.n_points:
         raise InputError(
-            f"{field.source.path} has no inner boundary where the part sits, so nothing can be "
-            "said of its wall; export the air without the solid."
+            f"{field.source.path} has no inner boundary around a part, so its wall cannot be "
+            "checked; export the air without the solid."
         )
     number = np.asarray(wall.point_data["number"], dtype=np.int64)
     faces = np.asarray(wall.regular_faces, dtype=np.int64)
@@ -84,7 +84,7 @@ def wall_state(field: IndexField, part: Part) -> WallState:
     nearest_face = surface.nearest(centres)[1]
     areas = area_vectors(points, faces)
     normals = unit_vectors(areas)
-    # The triangles' own direction, turned to the side that the part's normal shows.
+    # The triangles' own direction, reversed if it disagrees with the part's normal.
     outward = part.face_normals[nearest_face]
     normals *= np.where(np.einsum("ij,ij->i", normals, outward) < 0.0, -1.0, 1.0)[:, None]
 
@@ -111,7 +111,7 @@ def wall_state(field: IndexField, part: Part) -> WallState:
 
 
 def _conduction_thickness(field: IndexField, at_wall: FloatArray, slope: FloatArray) -> FloatArray:
-    """Excess over the room (n,) by its fall, mm; NaN where the wall is hardly hotter.
+    """Excess over the room (n,) divided by its slope, mm; NaN where the wall is hardly hotter.
 
     `slope` (n, 3) is the gradient of `conduction_potential`, W/m per mm.
     """
@@ -135,7 +135,7 @@ def _fitting_gradient(
 ) -> FloatArray:
     """The gradient (n, 3) with lengths at the wall that fit the values along the edges.
 
-    Only of the cells around the wall, as far as a correction there asks its neighbours.
+    Only for the cells around the wall and the neighbours that a correction there depends on.
     """
     near = np.zeros(grid.n_points, dtype=bool)
     near[wall] = True
@@ -166,7 +166,7 @@ def conduction_potential(temperature: FloatArray) -> FloatArray:
 
 
 def _first_cells(grid: pv.UnstructuredGrid, wall: IntArray, normals: FloatArray) -> FloatArray:
-    """Height (n,), mm, of the cells on each point of the wall, across it."""
+    """Height (n,), mm, of the cells on each point of the wall, normal to it."""
     points = np.asarray(grid.points, dtype=np.float64)
     place = np.full(len(points), -1)
     place[wall] = np.arange(len(wall))
@@ -180,7 +180,7 @@ def _first_cells(grid: pv.UnstructuredGrid, wall: IntArray, normals: FloatArray)
             some = at >= 0
             arms = points[cells[some]] - points[cells[some, one]][:, None]
             across = np.einsum("ijk,ik->ij", arms, normals[at[some]])
-            # The farthest corner across the wall: the height of this cell.
+            # The height of the cell: its farthest corner along the normal.
             reach = across.max(axis=1)
             np.minimum.at(height, at[some], np.where(reach > 1e-6, reach, np.inf))
     height[~np.isfinite(height)] = np.nan
@@ -188,11 +188,11 @@ def _first_cells(grid: pv.UnstructuredGrid, wall: IntArray, normals: FloatArray)
 
 
 def temperature_finding(wall: WallState, set_k: FloatArray | None) -> Finding:
-    """Judge the wall's temperature against what is set, (n,) K at its points, or its own median."""
+    """Judge the wall's temperature against the expected one, (n,) K, or its own median."""
     middle = float(np.median(wall.temperature_k))
     target = np.full(len(wall.temperature_k), middle) if set_k is None else set_k
     off = np.abs(wall.temperature_k - target)
-    share = float(np.mean(off <= WALL_TOLERANCE_K))
+    within = float(np.mean(off <= WALL_TOLERANCE_K))
     low, high = float(target.min()), float(target.max())
     compared = (
         "its own median"
@@ -204,13 +204,13 @@ def temperature_finding(wall: WallState, set_k: FloatArray | None) -> Finding:
     return Finding(
         "wall temperature",
         f"{middle:.2f} K",
-        "good" if share >= 0.99 else "doubtful" if share >= 0.9 else "bad",
-        f"{share:.1%} of the wall's points within {WALL_TOLERANCE_K} K of {compared}; worst "
+        "good" if within >= 0.99 else "doubtful" if within >= 0.9 else "bad",
+        f"{within:.1%} of the wall's points within {WALL_TOLERANCE_K} K of {compared}; worst "
         f"{off.max():.3g} K (points at sharp edges may belong to two walls)",
         {
             "median_k": middle,
             "target_k": float(np.median(target)),
-            "share_within": share,
+            "share_within": within,
             "worst_k": off.max(),
         },
     )
@@ -233,9 +233,9 @@ def layer_finding(wall: WallState) -> Finding:
 
 
 def heat_finding(wall: WallState, part: Part, counted_w: float | None) -> Finding:
-    """Heat from the wall, as the solver counted it where that is known; regions of largest flux.
+    """Heat from the wall, by the solver if the field states it; regions of the largest flux.
 
-    How the heat spreads over the wall is told by the gradient there in any case.
+    The distribution over the wall always follows from the gradient there.
     """
     heat_w = wall.heat_w if counted_w is None else counted_w
     flux = wall.flux * (heat_w / wall.heat_w if wall.heat_w > 0.0 else 1.0)
@@ -270,7 +270,7 @@ def heat_finding(wall: WallState, part: Part, counted_w: float | None) -> Findin
 def gradient_errors(field: IndexField, wall: WallState) -> FloatArray:
     """Relative errors of the integral of grad(n) . d along lines, against the change of n.
 
-    The lines start at the wall, up to 45 degrees from its normal. Those that leave the data, or
+    The lines start at the wall, up to 45 degrees from its normal. Lines that leave the data, or
     along which the index changes by less than a tenth of its whole range, are not counted.
     """
     random = np.random.default_rng(1)
@@ -282,7 +282,7 @@ def gradient_errors(field: IndexField, wall: WallState) -> FloatArray:
     sideways /= np.linalg.norm(sideways, axis=1)[:, None]
     tilt = np.radians(random.uniform(0.0, _STEEPEST_DEG, _LINES))[:, None]
     direction = np.cos(tilt) * normal + np.sin(tilt) * sideways
-    # Off the wall by a little, because coarse cells cut the part's own edges.
+    # Slightly off the wall, because coarse cells cut the part's own edges.
     start = wall.centres[chosen] + 0.02 * layer * normal
     path = _FARTHEST_IN_LAYERS * layer * direction
     along = (np.arange(_STEPS) + 0.5) / _STEPS
@@ -302,7 +302,7 @@ def gradient_errors(field: IndexField, wall: WallState) -> FloatArray:
 
 
 def gradient_finding(field: IndexField, wall: WallState) -> Finding:
-    """Judge whether the gradient, along lines, adds up to the change of the index."""
+    """Judge whether the gradient, integrated along lines, equals the change of the index."""
     errors = gradient_errors(field, wall)
     if len(errors) < 20:
         return Finding(

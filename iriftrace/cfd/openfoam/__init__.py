@@ -1,1 +1,1 @@
-"""OpenFOAM cases of natural convection around a hot part: written, run and read."""
+"""OpenFOAM cases of natural convection around a hot part: write, run and read them."""

@@ -20,7 +20,7 @@ from iriftrace.geometry.triangles import polydata
 from iriftrace.part.part import Part
 
 FOLDER = "bodies"
-"""Beside a field: copies of the bodies around which it was solved, in mm, world."""
+"""Folder next to a field: copies of the bodies around which it was solved, in mm, world."""
 _COLDEST = 200.0  # K
 _INLET_SAMPLES = 40
 _MOST_BLOCKED = 0.5
@@ -31,18 +31,18 @@ _INWARD = 1e-3  # mm
 
 @frozen(eq=False)
 class Body:
-    """Closed body whose wall has one temperature, or takes up no heat."""
+    """Closed body with a wall of one temperature, or an insulated wall."""
 
     surface: Part
-    temperature_k: float | None = None  # None where it is insulated
+    temperature_k: float | None = None  # None if it is insulated
 
     @property
     def name(self) -> str:
-        """Name of its file without the ending."""
+        """Name of its file without the suffix."""
         return Path(self.surface.path).stem
 
     def record(self) -> JsonObject:
-        """What it is, with the file of its copy beside the field."""
+        """Description of the body, with the file of its copy next to the field."""
         return {
             "name": self.name,
             "file": f"{FOLDER}/{self.name}.stl",
@@ -52,7 +52,7 @@ class Body:
 
 
 def write_bodies(bodies: Sequence[Body], folder: Path) -> None:
-    """Write copies of the bodies, mm, world, into the folder `FOLDER` of that of a field."""
+    """Write copies of the bodies, mm, world, into `FOLDER` in the field's folder."""
     for body in bodies:
         target = folder / str(body.record()["file"])
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -61,24 +61,24 @@ def write_bodies(bodies: Sequence[Body], folder: Path) -> None:
 
 
 def bodies_beside(field: Path, names: Collection[str]) -> tuple[Path, ...]:
-    """Files beside a field of the bodies of these names around which it was solved."""
+    """Files next to a field of the bodies with these names around which it was solved."""
     files = sorted((field.parent / FOLDER).glob("*.stl"))
     return tuple(file for file in files if file.stem in names)
 
 
 def check_bodies(bodies: Sequence[Body], part: Part, domain: Domain) -> None:
-    """Refuse bodies that cannot stand in this air, with an InputError."""
+    """Refuse bodies that are not possible in this air, with an InputError."""
     names = [body.name for body in bodies]
     for body in bodies:
         path = body.surface.path
         if names.count(body.name) > 1:
             raise InputError(
-                f'there are two bodies of the name "{body.name}", which results could not tell '
-                "apart; rename a file."
+                f'there are two bodies of the name "{body.name}", which results could not '
+                "distinguish; rename a file."
             )
         if not body.surface.closed:
             raise InputError(
-                f"the body {path} is not closed, so no mesh can keep the air out of it; close the "
+                f"the body {path} is not closed, so the air cannot be meshed around it; close the "
                 "holes of its surface first."
             )
         kelvin = body.temperature_k
@@ -90,14 +90,14 @@ def check_bodies(bodies: Sequence[Body], part: Part, domain: Domain) -> None:
         low, high = body.surface.bounds
         if (high <= domain.lower).any() or (low >= domain.upper).any():
             raise InputError(
-                f"the body {path} lies outside the air that is computed; check its place and unit, "
-                "or enlarge the air with --margin."
+                f"the body {path} lies outside the air that is computed; check its position and "
+                "unit, or enlarge the air with --margin."
             )
         solid = body.surface.closed_surface
-        # A part that is the body itself lies on its surface and not in it.
+        # A part that is the body itself lies on its surface and not inside it.
         if solid.inside(part.face_centres - _INWARD * part.face_normals).all():
             raise InputError(
-                f"the part lies inside the body {path}, so no air touches it; check the places of "
+                f"the part lies inside the body {path}, so no air touches it; check the place of "
                 "both."
             )
         if solid.inside(np.array([domain.point_in_air])).any():
@@ -108,7 +108,7 @@ def check_bodies(bodies: Sequence[Body], part: Part, domain: Domain) -> None:
 
 
 def check_inlets(bodies: Sequence[Body], inlets: Sequence[str], domain: Domain) -> None:
-    """Refuse bodies that stand in the way of the draught where it enters, with an InputError."""
+    """Refuse bodies that block the draught where it enters, with an InputError."""
     for name in inlets:
         points = _inlet_points(name, domain)
         blocked: BoolArray = np.zeros(len(points), dtype=bool)
@@ -129,7 +129,7 @@ def check_inlets(bodies: Sequence[Body], inlets: Sequence[str], domain: Domain) 
 
 
 def _screened(bodies: Sequence[Body], inlet: str, points: FloatArray, domain: Domain) -> bool:
-    """Whether bodies stand before the part all over the (n, 3) points of an inlet."""
+    """True if bodies hide the part from all of the (n, 3) points of an inlet."""
     axis, sign = SIDES[inlet]
     middle = 0.5 * (domain.lower[axis] + domain.upper[axis])
     blocked: BoolArray = np.zeros(len(points), dtype=bool)
@@ -156,7 +156,7 @@ def check_mirrored_bodies(bodies: Sequence[Body], centre: FloatArray, mirrors: s
 
 
 def is_mirrored(body: Body, centre: FloatArray, name: str) -> bool:
-    """True where a body is its own mirror image about the plane across x or y at a centre, mm."""
+    """True if a body is symmetric about the plane across x or y at a centre, mm."""
     position = float(centre["xy".index(name)])
     return mirrored_deviation(body.surface, name, position) <= _SYMMETRIC
 

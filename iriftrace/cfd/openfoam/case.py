@@ -33,8 +33,8 @@ from iriftrace.core.plain import JsonObject
 from iriftrace.part.part import Part, refuse_unlikely_size
 
 RECORD = "case.json"
-"""In the case's folder: what was asked for, so that a later call goes on with the same."""
-# Sideways distances, as shares of the height, at which a leaning plume is looked for.
+"""Record in the case's folder of what was requested, so that a later call continues it."""
+# Sideways distances, as fractions of the height, at which a leaning plume is searched.
 _LEANS = (0.0, 0.25, 0.5)
 _SAME_MM = 1e-3
 AMBIENT_RANGE = (200.0, 400.0)  # K
@@ -54,18 +54,18 @@ class Case:
     pressure_pa: float = 101325.0
     mirrors: str = ""  # axes at whose centre plane the field is mirrored: "", "x", "y" or "xy"
     margin: float = 1.0  # factor on the air around the part
-    processes: int = 1  # of the solver
+    processes: int = 1  # parallel processes of the solver
     draught: Draught | None = None  # None in still air
     bodies: tuple[Body, ...] = ()
     floor: float | None = None  # height z, mm, of a floor at ambient temperature
-    family: tuple[Draught, ...] = ()  # draughts of all cases that share its mesh
+    family: tuple[Draught, ...] = ()  # draughts of all cases that use the same mesh
     domain: Domain = field(init=False)
 
     def __attrs_post_init__(self) -> None:
         """Refuse what cannot be simulated, before anything is written."""
         if not self.part.closed:
             raise InputError(
-                f"{self.part.path} is not closed, so no mesh can keep the air out of it; close the "
+                f"{self.part.path} is not closed, so the air cannot be meshed around it; close the "
                 "holes of its surface first."
             )
         _check_range(self.ambient_k, AMBIENT_RANGE, "an ambient temperature", "K")
@@ -93,7 +93,7 @@ class Case:
 
     @property
     def probes(self) -> tuple[tuple[float, float, float], ...]:
-        """Points, mm, at which the plume's temperature is watched; in a draught leeward too."""
+        """Points, mm, at which the plume's temperature is monitored; in a draught leeward too."""
         points = np.array(self.domain.probes)
         if self.draught is not None:
             wind = np.array((*self.draught.source[:2], 0.0))
@@ -103,13 +103,13 @@ class Case:
 
     @property
     def _leaning(self) -> tuple[Lean, ...]:
-        """How the plumes lean for which the mesh is fine."""
+        """Leans of the plumes for which the mesh is refined."""
         height = float(np.ptp(self.part.bounds[:, 2]))
         own = () if self.draught is None else (self.draught,)
         return leans(self.family or own, rise_speed(height, self.wall.hottest, self.ambient_k))
 
     def record(self) -> JsonObject:
-        """Values that flow and mesh depend on."""
+        """Values on which flow and mesh depend."""
         return {
             "part_sha256": self.part.sha256,
             "part_bounds_mm": np.round(self.part.bounds, 6).tolist(),
@@ -122,7 +122,7 @@ class Case:
             "background_mm": self.size.background,
             "mirrors": self.mirrors,
             "margin": self.margin,
-            # None, as in the records of earlier versions, which knew none of these.
+            # None, as in records of earlier versions without these values.
             "draught_m_s": None if self.draught is None else list(self.draught.velocity),
             "bodies": [body.record() for body in self.bodies] or None,
             "floor_mm": self.floor,
@@ -158,7 +158,7 @@ def natural_case(
     """Case of a part in air, with mesh and times that suit its size and temperature.
 
     Resolution and background cells are those of `mesh_size`, times those of `natural_times`, the
-    rest that of `Case`; an InputError if it cannot be simulated.
+    rest those of `Case`; raises InputError if it cannot be simulated.
     """
     refuse_unlikely_size(part)
     wall.check(part, ambient_k)
@@ -180,37 +180,37 @@ def natural_case(
 
 
 def is_stored(case: Case, folder: Path) -> bool:
-    """True where an earlier call has written the case, whose times may differ, into the folder.
+    """True if an earlier call has written this case, possibly with other times, into the folder.
 
-    An InputError if the folder holds another case, or other files, which are not overwritten.
+    Raises InputError if the folder holds another case, or other files, which are not overwritten.
     """
     file = folder / RECORD
     if file.is_file():
-        stored, wanted = read_record(file), json.loads(json.dumps(case.record()))
-        different = [name for name, value in wanted.items() if stored.get(name) != value]
+        stored, current = read_record(file), json.loads(json.dumps(case.record()))
+        different = [name for name, value in current.items() if stored.get(name) != value]
         if different:
             raise InputError(
                 f"the folder {folder} holds a case that differs in {', '.join(different)}; name "
-                "another folder, or give the same options to go on with it."
+                "another folder, or give the same options to continue it."
             )
         return True
     if folder.is_dir() and any(folder.iterdir()):
         raise InputError(
-            f"the folder {folder} holds files that are no case of iriftrace, which would be "
+            f"the folder {folder} holds files that are not a case of iriftrace and would be "
             "overwritten; name an empty or a new one."
         )
     return False
 
 
 def read_record(file: Path) -> JsonObject:
-    """Content of a JSON file of ours in a case's folder; an InputError if it is damaged."""
+    """Content of a JSON file in a case's folder; raises InputError if it is damaged."""
     try:
         stored = json.loads(file.read_text())
     except ValueError as error:
         stored = error
     if not isinstance(stored, dict):
         raise InputError(
-            f"{file}, in which is written what was done so far, is damaged ({stored}); delete the "
+            f"{file}, which records the progress of the run, is damaged ({stored}); delete the "
             "folder, or name another one."
         )
     return stored
@@ -233,12 +233,12 @@ def recorded_wall(folder: Path, part: Part) -> WallTemperatures | None:
             float(stored["transition_mm"]),
         )
     except (InputError, KeyError, TypeError, ValueError, AttributeError):
-        return None  # a damaged file, or another program's of this name
+        return None  # a damaged file, or another program's file of this name
     return wall if same else None
 
 
 def keep_record(case: Case, folder: Path) -> None:
-    """Write down what the case is."""
+    """Write the record of the case."""
     with whole_file(folder / RECORD) as temporary:
         temporary.write_text(json.dumps(case.record(), indent=1) + "\n")
 
@@ -253,7 +253,7 @@ def _check_range(value: float, limits: tuple[float, float], what: str, unit: str
 
 
 def _check_mirrored_draught(draught: Draught, mirrors: str) -> None:
-    """Wind in a plane of symmetry leaves it one, across it does not."""
+    """Refuse wind that is not symmetric about a plane of symmetry."""
     if crossed := draught.crossed(mirrors):
         raise InputError(
             f"the {draught.text} blows through the symmetry plane across {crossed[0]}, so half of "
@@ -262,11 +262,11 @@ def _check_mirrored_draught(draught: Draught, mirrors: str) -> None:
 
 
 _PLACES = 2000
-"""On the wall, at which its temperatures are compared with those of its mirror image."""
+"""Points on the wall at which its temperatures are compared with those of its mirror image."""
 
 
 def symmetric_case(case: Case) -> str:
-    """Axes of "xy" across which part, temperatures and bodies are their own mirror images."""
+    """Axes of "xy" across which part, temperatures and bodies are symmetric."""
     return "".join(
         name
         for name in symmetric_axes(case.part)
@@ -284,7 +284,7 @@ def _has_mirrored_wall(case: Case, name: str) -> bool:
 
 
 def _check_mirrored_wall(case: Case) -> None:
-    """A mirrored half has mirrored temperatures."""
+    """Refuse wall temperatures that are not symmetric about a plane of symmetry."""
     part = case.part
     for name in case.mirrors:
         if not _has_mirrored_wall(case, name):

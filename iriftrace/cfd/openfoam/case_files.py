@@ -14,8 +14,8 @@ from iriftrace.cfd.openfoam.case import Case
 from iriftrace.cfd.openfoam.domain import BODY_LEVEL, WALL_LEVEL
 from iriftrace.cfd.openfoam.part_surface import write_stl
 
-# s; the wall's heat starts on still air. The step grows by a fifth each time until the flow limits
-# it, so that a run that goes on loses little time either.
+# s; the wall heats air at rest. The step grows by a fifth each time until the flow limits it, so a
+# run that is continued loses little time either.
 _FIRST_STEP, _NEXT_STEP = 1e-5, 1e-4
 MESH_FILES = (
     "system/blockMeshDict",
@@ -29,14 +29,14 @@ AIR_FILES = (
 CONTROL_FILES = ("system/controlDict", "system/fvSolution")
 START_FILES = ("0/T", "0/U", "0/p", "0/p_rgh")
 AVERAGED = ("rho", "U", "rhoU")
-"""Quantities that the solver averages over time; results are named with "Mean" behind."""
+"""Quantities that the solver averages over time; the results' names end with "Mean"."""
 CORRECTORS, KEEPING_HEAT = ({"outer": 1, "inner": 2}, {"outer": 3, "inner": 1})
-"""Times that all equations, and the pressure's within, are solved in a time step.
+"""Number of times that all equations, and the pressure's within, are solved in a time step.
 
-With one outer corrector the enthalpy is solved with the density of the last flux, and heat is made
-where the flow changes from step to step: a starting plume takes up half more than the wall gives
-(cylinder, background cells of 40 mm, 0.3 s), with three 3 % more. In what stands still it makes no
-difference, and three take more than twice the time.
+With one outer corrector the enthalpy is solved with the density of the last flux, which creates
+heat where the flow changes from step to step: a starting plume takes up half more than the wall
+gives (cylinder, background cells of 40 mm, 0.3 s), with three it is 3 % more. In a steady flow it
+makes no difference, and three take more than twice the time.
 """
 DENSITY_RATE = "ddtRho"
 """Rate of change of a state's density, kg/(m3 s)."""
@@ -67,9 +67,9 @@ def gas_entries() -> dict[str, object]:
 
 
 def write_case(case: Case, folder: Path) -> None:
-    """Write everything that the mesher and the solver need, except the wall's own temperatures.
+    """Write all files for the mesher and the solver, except the wall's own temperatures.
 
-    Those belong to faces of the mesh where there are several; see `write_start`.
+    If there are several, these belong to faces of the mesh; see `write_start`.
     """
     for name in ("0", "constant/triSurface", "system"):
         (folder / name).mkdir(parents=True, exist_ok=True)
@@ -93,15 +93,15 @@ def write_start(case: Case, folder: Path, wall: str) -> None:
 def write_control(
     case: Case, folder: Path, *, averaging: bool, start: float = 0.0, steady: bool = False
 ) -> None:
-    """Write how the part of the run before averaging is solved, or that with it, from `start`.
+    """Write the control files for the run before averaging, or for averaging from `start` on.
 
-    What is averaged keeps its heat (`KEEPING_HEAT`) unless the flow is `steady` by then.
+    Averaged states conserve heat (`KEEPING_HEAT`) unless the flow is `steady` by then.
     """
     times = case.times
     entries = {
         "end_time": times.end if averaging else times.settled,
         "write_interval": times.averaging_interval if averaging else times.settling_interval,
-        # One more than needed: the last may be half written when the run is killed.
+        # One more than needed: the last may be incomplete if the run is killed.
         "times_kept": max(times.snapshots, 1) + 1 if averaging else 2,
         "start_time": f"{start:.9g}",
         "first_step": _NEXT_STEP if start else _FIRST_STEP,
@@ -119,7 +119,7 @@ def write_control(
 
 
 def write_decomposition(folder: Path, processes: int) -> None:
-    """Write into how many pieces along x, y and z the mesh is cut for that many processes."""
+    """Write into how many pieces along x, y and z the mesh is split for that many processes."""
     slices, left = [1, 1, 1], processes
     while left > 1:
         factor = next(n for n in range(2, left + 1) if left % n == 0)
@@ -202,7 +202,7 @@ def _planes(case: Case) -> tuple[str, ...]:
 
 
 def _body_patches(case: Case) -> list[str]:
-    """Names of the bodies' walls, which every mesher takes: "body1" and so on."""
+    """Names of the bodies' walls that every mesher accepts: "body1" and so on."""
     return [f"body{number}" for number in range(1, len(case.bodies) + 1)]
 
 

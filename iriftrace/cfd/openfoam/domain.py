@@ -14,9 +14,9 @@ from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part
 
 WALL_LEVEL = 4
-"""The background's cells are halved so many times at the wall, which makes a sixteenth."""
+"""Refinement level at the wall: the background's cells are halved this often, to a sixteenth."""
 BODY_LEVEL = WALL_LEVEL - 2
-"""The same at the walls of other bodies; near the part they are finer."""
+"""Refinement level at the walls of other bodies; near the part their cells are finer."""
 # Edges of the background's cells, mm, for the paper's cylinder, which is 27 mm high.
 _BACKGROUND = {"coarse": 22.0, "normal": 17.0, "fine": 13.0, "extra-fine": 10.0}
 _REFERENCE_HEIGHT = 27.0
@@ -27,17 +27,17 @@ _SIDES, _ABOVE, _BELOW = 140.0, 300.0, 110.0
 """Air around a part of the size of the paper's cylinder, mm."""
 _REFERENCE_LENGTH = 170.0
 _KEPT_SIDES, _KEPT_ABOVE = 60.0, 150.0
-"""Part of it that the field's file keeps: the lines of sight pass there."""
+"""Piece of this air that is kept in the field's file: the lines of sight are in it."""
 _KEPT_LEE = 50.0
-"""More of it on a side to which plumes lean, at most."""
-# A hundred times the cells that the finest resolution needs; all of them exist before any is cut.
+"""Largest extension of it on a side to which plumes lean."""
+# A hundred times the cells that the finest resolution needs; all exist before any is cut.
 _MOST_CELLS = 1e7
-# Heights above the part's top at which the plume's temperature is watched, mm.
+# Heights above the part's top at which the plume's temperature is monitored, mm.
 _PROBES = (20.0, 60.0, 100.0, 150.0, 200.0)
 
 
 def plan_rectangles(part: Part, raster: float) -> list[tuple[float, float, float, float]]:
-    """Cover every point of the part's plan with rectangles that overlap nowhere.
+    """Cover every point of the part's plan with rectangles that do not overlap.
 
     They consist of squares of about `raster`, mm, and are (left, front, right, back), mm, world.
     """
@@ -49,7 +49,7 @@ def plan_rectangles(part: Part, raster: float) -> list[tuple[float, float, float
     found = []
     while squares.any():
         i, j = np.unravel_index(int(np.argmax(squares)), squares.shape)
-        # A column as long as it goes, then widened as long as all of it is covered.
+        # A column as long as possible, then widened as long as all of it is covered.
         end = j + int(np.argmin(np.append(squares[i, j:], False)))
         last = i + 1
         while last < len(squares) and squares[last, j:end].all():
@@ -80,7 +80,7 @@ def _covered(part: Part, origin: FloatArray, step: FloatArray, counts: IntArray)
 
 @frozen
 class MeshSize:
-    """Edge lengths of cells, mm, and what they are called in results."""
+    """Edge lengths of cells, mm, and their description in results."""
 
     name: str
     background: float
@@ -94,9 +94,9 @@ class MeshSize:
 def mesh_size(resolution: str, extents: FloatArray, background_mm: float | None = None) -> MeshSize:
     """Cells for a part with extents (3,), mm, along x, y and z; `background_mm` sets them instead.
 
-    A boundary layer of natural convection grows with the fourth root of the height of the part
-    (Nu ~ Ra^(1/4) for laminar flow), and so do the cells; a thin part gets finer ones. An
-    InputError if the resolution is not known, or the cells are coarser than the part.
+    The thickness of a boundary layer of natural convection grows with the fourth root of the part's
+    height (Nu ~ Ra^(1/4) for laminar flow), and so do the cells; a thin part gets finer ones.
+    Raises InputError if the resolution is unknown, or the cells are coarser than the part.
     """
     if resolution not in RESOLUTIONS:
         raise InputError(
@@ -111,8 +111,8 @@ def mesh_size(resolution: str, extents: FloatArray, background_mm: float | None 
         return MeshSize(f"{resolution} ({letter})", background)
     if not 0.0 < background_mm <= coarsest:
         raise InputError(
-            f"background cells of {background_mm:g} mm are no mesh for a part that is "
-            f"{thinnest:g} mm thin: cells at the wall are a sixteenth and would lose its form; "
+            f"background cells of {background_mm:g} mm are too coarse for a part that is "
+            f"{thinnest:g} mm thin: cells at the wall are a sixteenth and would lose its shape; "
             f"give at most {coarsest:.3g} mm."
         )
     return MeshSize(f"background cells of {background_mm:g} mm", background_mm)
@@ -163,7 +163,7 @@ def domain_around(
     floor: float | None = None,
     leaning: Sequence[Lean] = (),
 ) -> Domain:
-    """Lay out the air around a part, gravity along -z; an InputError if there are too many cells.
+    """Lay out the air around a part, gravity along -z; InputError if there are too many cells.
 
     Along the axes in `mirrors` ("", "x", "y" or "xy") only the upper half is computed; `margin` is
     a factor on the air around the part, which ends at the height z of the `floor`, mm. The mesh is
@@ -264,7 +264,7 @@ def _boxes(part: Part, size: MeshSize, scale: float, top: float) -> tuple[Box, .
 
 
 def _kept_sides(leaning: Sequence[Lean]) -> FloatArray:
-    """Air that is kept beside the part, mm, of one of usual size: below and above in x, y."""
+    """Air that is kept around a part of usual size, mm: below and above it in x and y."""
     sides = np.full((2, 2), _KEPT_SIDES)
     for lean in leaning:
         reach = min(lean.most * _KEPT_ABOVE, _KEPT_LEE) * np.array(lean.downwind)

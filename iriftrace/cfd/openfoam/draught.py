@@ -11,9 +11,9 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 
 SLOWEST_RISE = 0.5
-"""Of plumes in a draught over `rise_speed`, a round number: the stronger the wind, the slower."""
+"""Rise speed of plumes in a draught over `rise_speed`, rounded: slower the stronger the wind."""
 FASTEST = 2.0
-"""m/s; faster air is turbulent behind a part of some centimetres, and no laminar flow."""
+"""m/s; faster air is turbulent behind a part of some centimetres, so the flow is not laminar."""
 SIDES = {"xmin": (0, -1.0), "xmax": (0, 1.0), "ymin": (1, -1.0), "ymax": (1, 1.0)}
 """Vertical sides of the box of air: axis and sign of the outward normal."""
 # A component of the direction below it is the rounding error of a cosine.
@@ -35,7 +35,7 @@ class Draught:
 
     @property
     def inlets(self) -> tuple[str, ...]:
-        """Sides of `SIDES` through which it enters; above and below the air stays free to move."""
+        """Sides of `SIDES` through which it enters; at bottom and top air moves freely."""
         return tuple(
             name for name, (axis, sign) in SIDES.items() if sign * self.source[axis] > _ROUNDING
         )
@@ -49,16 +49,16 @@ class Draught:
         return Draught(self.speed, (x + 0.0, y + 0.0, z))
 
     def crossed(self, axes: str) -> str:
-        """Those of the planes across `axes` through which it blows, so that it is not symmetric."""
+        """The planes across `axes` through which it blows, about which it is not symmetric."""
         return "".join(name for name in axes if abs(self.source["xy".index(name)]) > _ROUNDING)
 
     def crossing(self, lengths: FloatArray) -> float:
-        """Time, s, in which it blows across air of a width and depth, (2,) array, mm."""
+        """Time, s, to cross air of a width and depth, (2,) array, mm."""
         return float(np.abs(self.source[:2]) @ lengths) * 1e-3 / self.speed
 
     @property
     def text(self) -> str:
-        """In words, for messages and for the field's origin."""
+        """Description for messages and for the field's origin."""
         x, y, z = self.source
         if z:
             return f"draught of {self.speed:g} m/s from ({x:.3g}, {y:.3g}, {z:.3g})"
@@ -67,10 +67,10 @@ class Draught:
 
 @frozen
 class Lean:
-    """How far draughts of one direction lean a plume at most."""
+    """Largest lean of a plume by draughts of one direction."""
 
     downwind: tuple[float, float]  # unit vector, world
-    most: float  # as a share of its height
+    most: float  # as a fraction of its height
 
 
 def rise_speed(height_mm: float, hottest_k: float, ambient_k: float) -> float:
@@ -80,7 +80,7 @@ def rise_speed(height_mm: float, hottest_k: float, ambient_k: float) -> float:
 
 
 def leans(draughts: Iterable[Draught], rise: float) -> tuple[Lean, ...]:
-    """How far draughts lean a plume that rises at about `rise`, m/s; those of one direction once.
+    """Lean of a plume that rises at about `rise`, m/s, in draughts; each direction once.
 
     Their horizontal speed carries the plume along while it rises, at `SLOWEST_RISE` times that.
     """
@@ -107,8 +107,8 @@ def draught_from(speed: float, source: Sequence[float]) -> Draught | None:
     Raises
     ------
     InputError
-        The speed is negative or too fast; the direction is none, or rather along gravity than
-        across it.
+        The speed is negative or too fast; the direction is not valid, or closer to gravity than
+        to the horizontal.
     """
     check_speed(speed)
     if len(source) == 1:
@@ -118,12 +118,12 @@ def draught_from(speed: float, source: Sequence[float]) -> Draught | None:
         vector = np.array(source, dtype=np.float64)
     else:
         raise InputError(
-            f"{len(source)} numbers are no direction of a draught; give one angle in degrees (0 is "
+            f"{len(source)} numbers are not a direction; give one angle in degrees (0 is "
             "+x), or x,y,z."
         )
     length = float(np.linalg.norm(vector))
     if not 0.0 < length < np.inf:
-        raise InputError("the draught comes from nowhere; give a direction that is not 0,0,0.")
+        raise InputError("the draught's direction is zero; give one that is not 0,0,0.")
     vector[np.abs(vector) < _ROUNDING * length] = 0.0
     vector /= np.linalg.norm(vector)
     if abs(vector[2]) > np.hypot(vector[0], vector[1]):
@@ -137,7 +137,7 @@ def draught_from(speed: float, source: Sequence[float]) -> Draught | None:
 
 
 def check_speed(speed: float) -> None:
-    """Refuse a speed, m/s, that no laminar draught has, with an InputError."""
+    """Refuse a speed, m/s, that is not possible for a laminar draught, with an InputError."""
     if not 0.0 <= speed <= FASTEST:
         raise InputError(
             f"a draught of {speed:g} m/s cannot be simulated here; give a speed from 0 to "

@@ -1,4 +1,4 @@
-"""Family of draughts around one part: its members, which of them are solved, and from what."""
+"""Family of draughts around one part: its members, and which of them are solved or mirrored."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class Member:
 
     name: str
     draught: Draught | None  # None in still air
-    planes: str  # axes at whose centre plane it is mirrored, a half or a quarter being solved
-    image_of: str = ""  # name of the member whose mirror image it is, so that it is not solved
-    across: str = ""  # axes across which it is mirrored to be that
+    planes: str  # axes at whose centre plane it is mirrored, so a half or a quarter is solved
+    image_of: str = ""  # name of the member whose mirror image it is, so it is not solved
+    across: str = ""  # axes across which that one is mirrored
 
     @property
     def file(self) -> str:
@@ -32,7 +32,7 @@ class Member:
 
 
 def check_family(speeds: Sequence[float], directions: Sequence[float]) -> None:
-    """Refuse speeds, m/s, and directions, degrees, that are no family, with an InputError."""
+    """Refuse speeds, m/s, and directions, degrees, that do not form a family."""
     for speed in speeds:
         check_speed(speed)
     blowing = [speed for speed in speeds if speed > 0.0]
@@ -67,15 +67,15 @@ def plan_family(
     Parameters
     ----------
     speeds
-        m/s; 0 is one member, whatever the directions.
+        m/s; 0 is one member for all directions.
     directions
         Where the air comes from, degrees from +x to +y.
     planes
         Axes of "xy" at whose centre plane the field may be mirrored. A draught that blows through a
         plane is solved without it.
     symmetric
-        Axes of "xy" across which part and wall temperatures are their own mirror images: a draught
-        that is the mirror image of another one is not solved.
+        Axes of "xy" across which part and wall temperatures are symmetric: a draught that is the
+        mirror image of another one is not solved.
     """
     check_family(speeds, directions)
     digits = max(len(f"{speed:.9f}".rstrip("0").partition(".")[2]) for speed in speeds)
@@ -85,7 +85,7 @@ def plan_family(
     members: list[Member] = []
     for speed in sorted(speeds):
         if speed == 0.0:
-            # On a mesh that others have too, and free to sway as they are.
+            # On the same mesh as others, and free to sway like them.
             first = _left(planes, turns[0]) if turns else planes
             members.append(Member(f"at_{0.0:.{digits}f}", None, first))
             continue
@@ -100,7 +100,7 @@ def plan_family(
 
 
 def _originals(turns: Sequence[float], symmetric: str) -> dict[float, tuple[float, str]]:
-    """Of directions, degrees, that mirror an earlier one: that one, and the axes of the mirrors."""
+    """Directions, degrees, that mirror an earlier one: that one, and the axes of the mirrors."""
     found: dict[float, tuple[float, str]] = {}
     for number, turn in enumerate(turns):
         for original in turns[:number]:
@@ -121,7 +121,7 @@ def _same(one: float, other: float) -> bool:
 
 
 def _left(planes: str, turn: float) -> str:
-    """Those of the planes that wind from a direction, degrees, leaves symmetric."""
+    """The planes that are symmetric in wind from a direction, degrees."""
     wind = draught_from(1.0, (turn,))
     crossed = "" if wind is None else wind.crossed(planes)
     return "".join(axis for axis in planes if axis not in crossed)

@@ -1,7 +1,7 @@
 """Run of a family: mesh once, solve the members, mirror the others.
 
-Each member starts in air that has its draught everywhere. From the state of a neighbour 0.02 m/s
-slower it stood later (cylinder, 0.06 m/s): outside the plume the air takes long to move faster.
+Each member starts with its draught everywhere. Started from the state of a neighbour 0.02 m/s
+slower it became steady later (cylinder, 0.06 m/s): air outside the plume accelerates slowly.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ from iriftrace.field.origin import facts_of, origin_of, state_origin
 from iriftrace.field.source import FieldFacts
 
 FAMILY = "family.json"
-"""In the family's folder: its members, and how each of the finished ones was made."""
+"""Record in the family's folder: its members, and how each of the finished ones was made."""
 _CASES = "cases"
 
 
 @frozen(eq=False)
 class Task:
-    """A member to solve; in another process too, which sees the same folder."""
+    """A member to solve, possibly in another process with access to the same folder."""
 
     member: Member
     case: Case
     folder: Path  # of the family
-    like: Path | None  # case whose mesh is this one's too; None where it makes its own
+    like: Path | None  # case whose mesh is reused; None to make a mesh
 
     @property
     def case_folder(self) -> Path:
@@ -49,17 +49,17 @@ class Task:
 
 @frozen
 class Cost:
-    """What is left of a family to do."""
+    """Remaining work of a family."""
 
     finished: int
     mirrored: int  # members made by mirroring
     solved: int  # members to solve
     cells: int  # of the largest mesh
-    seconds: float  # of the clock of all solvers one after another
+    seconds: float  # clock time of all solvers one after another
 
 
 Solve = Callable[[Sequence[Task]], Iterable[JsonObject]]
-"""Solves tasks in any order; entries of `FAMILY` as they come."""
+"""Solves tasks in any order; yields entries of `FAMILY` as they are finished."""
 
 
 def solve_member(task: Task, installation: Installation, display: Display) -> JsonObject:
@@ -98,12 +98,12 @@ def run_family(
     say: Callable[[str], None],
     expect: Callable[[Cost], None],
 ) -> Iterator[JsonObject]:
-    """Solve and mirror what is missing of a family; the entries of its members as they are made.
+    """Solve and mirror the missing members of a family; yields their entries as they are made.
 
     Parameters
     ----------
     members
-        Of `iriftrace.cfd.openfoam.family.plan_family`.
+        From `iriftrace.cfd.openfoam.family.plan_family`.
     cases
         Case of each member, by name.
     folder
@@ -111,15 +111,15 @@ def run_family(
     installation
         OpenFOAM, which makes the meshes.
     solve
-        Solves those that are not finished.
+        Function that solves the unfinished ones.
     say, expect
-        Are told what is being done, and, before the first solver starts, what it will cost.
+        Callbacks: each step, and the expected cost before the first solver starts.
     """
     entries = _read(folder)
     tasks = _tasks(members, cases, folder)
     for task in tasks:
         if not (task.case_folder / RECORD).is_file():
-            # Half written when the program was killed.
+            # Incomplete if the program was killed.
             shutil.rmtree(task.case_folder, ignore_errors=True)
         prepare(task.case, task.case_folder)
     finished = [m.name for m in members if _is_finished(m, cases[m.name], folder, entries)]
@@ -169,12 +169,12 @@ def _make_meshes(
     installation: Installation,
     say: Callable[[str], None],
 ) -> dict[str, int]:
-    """Meshes that members wait for; cells by the planes at which they are mirrored."""
-    wanted = {task.member.planes for task in waiting}
+    """Meshes for which members wait; cells by the planes at which they are mirrored."""
+    needed = {task.member.planes for task in waiting}
     return {
         task.member.planes: make_mesh(task.case, task.case_folder, installation, say)
         for task in tasks
-        if task.like is None and task.member.planes in wanted
+        if task.like is None and task.member.planes in needed
     }
 
 
@@ -209,28 +209,28 @@ def _entry(member: Member, case: Case) -> JsonObject:
 def _is_finished(
     member: Member, case: Case, folder: Path, entries: Mapping[str, JsonObject]
 ) -> bool:
-    """True where its field is there, and was solved to the same time as is wanted now."""
-    stored, wanted = entries.get(member.name, {}), _entry(member, case)
-    same = all(stored.get(name) == value for name, value in wanted.items())
+    """True if its field exists and was solved to the same time as requested now."""
+    stored, current = entries.get(member.name, {}), _entry(member, case)
+    same = all(stored.get(name) == value for name, value in current.items())
     return same and (folder / member.file).is_file()
 
 
 def _read(folder: Path) -> dict[str, JsonObject]:
-    """Entries of the family in a folder; an InputError if it holds something else."""
+    """Entries of the family in a folder; raises InputError if it holds something else."""
     file = folder / FAMILY
     if file.is_file():
         members = read_record(file).get("members", [])
         return {entry["name"]: entry for entry in members}
     if folder.is_dir() and any(path.name != _CASES for path in folder.iterdir()):
         raise InputError(
-            f"the folder {folder} holds files that are no family of draughts, among which its "
+            f"the folder {folder} holds files that are not a family of draughts, among which its "
             "members would be lost; name an empty or a new one."
         )
     return {}
 
 
 def _keep(entry: JsonObject, entries: dict[str, JsonObject], folder: Path) -> JsonObject:
-    """Write down that a member is finished; its entry."""
+    """Record that a member is finished; returns its entry."""
     entries[entry["name"]] = entry
     ordered = {"members": [entries[name] for name in sorted(entries)]}
     with whole_file(folder / FAMILY) as temporary:

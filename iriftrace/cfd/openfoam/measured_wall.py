@@ -22,7 +22,7 @@ from iriftrace.geometry.query import Surface
 from iriftrace.part.part import Part
 
 _TABLES, _SURFACES = (".csv", ".txt"), (".vtp", ".vtu", ".vtk")
-# A face is far from the points where it is farther than they are from each other, several times.
+# A face is far from the points if its distance is several times the spacing of the points.
 _FAR_SPACINGS = 3.0
 
 
@@ -37,9 +37,9 @@ class MeasuredWall:
     faces: IntArray | None = None  # (m, 3) corners of triangles; None for points alone
 
     def at(self, places: FloatArray) -> FloatArray:
-        """Temperatures, (k,) array, K, at places (k, 3), mm.
+        """Temperatures, (k,) array, K, at points (k, 3), mm.
 
-        That of the nearest point; of triangles, what lies between the corners of the nearest one.
+        That of the nearest point; with triangles, interpolated in the nearest one.
         """
         if self.faces is None:
             nearest: FloatArray = self.kelvins[self._tree.query(places)[1]]
@@ -61,9 +61,9 @@ class MeasuredWall:
         return {"file": self.path, "sha256": self.sha256}
 
     def far_faces(self, part: Part, cell_mm: float) -> str:
-        """Warning about faces of the part that are far from any point; "" where none is.
+        """Warning about faces of the part that are far from any point; "" if there are none.
 
-        An InputError if all of them are: then the points are those of something else.
+        Raises InputError if all of them are: the points then belong to something else.
         """
         if self.faces is None:
             distance = self._tree.query(part.face_centres)[0]
@@ -77,12 +77,12 @@ class MeasuredWall:
                 "part, so they are not those of its wall; check their unit "
                 "(--wall-length-unit) and that both have the same coordinates."
             )
-        share = part.face_areas[far].sum() / part.area
+        far_off = part.face_areas[far].sum() / part.area
         if not far.any():
             return ""
         return (
-            f"{share:.0%} of the part's surface is far from any temperature in {self.path}, up to "
-            f"{distance.max():.3g} mm, and gets that of the nearest one."
+            f"{far_off:.0%} of the part's surface is far from any temperature in {self.path}, "
+            f"up to {distance.max():.3g} mm, and gets that of the nearest one."
         )
 
     @cached_property
@@ -102,7 +102,7 @@ def read_measured_wall(
         ``x [m]`` and ``T (degC)``; or a file of VTK (.vtp, .vtk, .vtu) with a temperature: its
         triangles, its volume's surface, or its points where it has no faces.
     length_unit, temperature_unit
-        Units; what the file states, else mm and K, when left out.
+        Units; by default those stated in the file, else mm and K.
 
     Raises
     ------
@@ -188,7 +188,7 @@ def _measured(
     values = finite_values(data.point_data, choice.name, str(path))
     points = as_float64(data.points) * factor
     if not np.isfinite(points).all():
-        raise InputError(f"{path} has coordinates that are no finite numbers; export them again.")
+        raise InputError(f"{path} has coordinates that are not finite numbers; export them again.")
     stated = None if units is None or not units.get(choice.name) else units
     return MeasuredWall(
         path=str(path),

@@ -1,4 +1,4 @@
-"""Makes the mesh of a case: blocks, features of the part, refinement and snapping to it."""
+"""Mesh of a case: blocks, features of the part, refinement and snapping to it."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ def make_mesh(
     say: Callable[[str], None],
     like: Path | None = None,
 ) -> int:
-    """Make the mesh unless it is there, and the fields at time 0 on it; its number of cells.
+    """Make the mesh and the fields at time 0 on it unless it exists; returns its number of cells.
 
-    `say` is told what is being done; `like` is the folder of a case whose mesh is copied. An
+    `say` is a callback for the steps; `like` is the folder of a case whose mesh is copied. Raises
     OpenFoamError if the mesher failed, or lost the part.
     """
     done = folder / _DONE
@@ -65,7 +65,7 @@ def make_mesh(
 
 
 def _new_mesh(folder: Path, installation: Installation, say: Callable[[str], None]) -> int:
-    """Run the mesher; the number of cells, 0 where its check does not tell."""
+    """Run the mesher; returns the number of cells, 0 if its check does not state it."""
     for what, program, arguments in _STEPS:
         say(f"Mesh: {what}")
         log = run_program(installation, folder, program, *arguments)

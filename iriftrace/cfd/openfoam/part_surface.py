@@ -15,7 +15,7 @@ from iriftrace.geometry.triangles import polydata
 from iriftrace.part.part import Part
 
 _TOLERANCE = 5e-3
-"""Share of the part's size by which the mirrored surface may lie beside it."""
+"""Largest distance of the mirrored surface from the part, as a fraction of its size."""
 _SAMPLES = 2000
 
 
@@ -26,12 +26,12 @@ def write_stl(part: Part, path: Path) -> None:
 
 
 def symmetric_axes(part: Part) -> str:
-    """Axes (of "xy") along which the part is its own mirror image about its centre."""
+    """Axes (of "xy") along which the part is symmetric about its centre."""
     return "".join(name for name in "xy" if _is_symmetric(part, name))
 
 
 def check_mirrors(part: Part, mirrors: str) -> None:
-    """Refuse mirror planes that the part does not have, with an InputError."""
+    """Refuse mirror planes about which the part is not symmetric, with an InputError."""
     if mirrors not in ("", "x", "y", "xy"):
         raise InputError(f'there is no symmetry "{mirrors}"; --symmetry is x, y, xy or none.')
     for name in mirrors:
@@ -88,17 +88,17 @@ def reflected_grid(grid: pv.UnstructuredGrid, axis: int, position: float) -> pv.
 def mirrored_grid(grid: pv.UnstructuredGrid, axis: int, position: float) -> pv.UnstructuredGrid:
     """A half and its mirror image as one grid, joined at the points in the plane at `position`, mm.
 
-    Its cells are tetrahedra, hexahedra, wedges and pyramids, mm; of vectors in its point data, the
-    component across the plane changes its sign and is 0 in it.
+    Its cells are tetrahedra, hexahedra, wedges and pyramids, mm. The component of vectors in its
+    point data across the plane changes its sign and is 0 in it.
     """
     points = np.array(grid.points, dtype=np.float64)
-    # What the mesher left a rounding error beside the plane lies in it.
+    # Points that are off the plane by a rounding error of the mesher belong to it.
     in_plane = np.abs(points[:, axis] - position) < 1e-3
     points[in_plane, axis] = position
-    beside = np.flatnonzero(~in_plane)
+    off_plane = np.flatnonzero(~in_plane)
     twin = np.arange(len(points))
-    twin[beside] = len(points) + np.arange(len(beside))
-    image = mirrored_points(points[beside], axis, position)
+    twin[off_plane] = len(points) + np.arange(len(off_plane))
+    image = mirrored_points(points[off_plane], axis, position)
     cells: dict[int, IntArray] = {}
     for kind, corners in grid.cells_dict.items():
         turned = twin[np.asarray(corners, dtype=np.int64)][:, MIRRORED_CORNERS[int(kind)]]
@@ -106,9 +106,9 @@ def mirrored_grid(grid: pv.UnstructuredGrid, axis: int, position: float) -> pv.U
     whole = pv.UnstructuredGrid(cells, np.concatenate((points, image)))
     for name in grid.point_data:
         values = np.array(grid.point_data[name])
-        reflected = values[beside]
+        reflected = values[off_plane]
         if values.ndim == 2:
-            # Points in the plane have means of the cells on one side, which still move a little.
+            # Points in the plane have means of the cells on one side, which still move slightly.
             values[in_plane, axis] = 0.0
             reflected[:, axis] *= -1.0
         whole.point_data[name] = np.concatenate((values, reflected))

@@ -1,4 +1,4 @@
-"""OpenFOAM's programs: where they are, how they are started, what their logs say."""
+"""OpenFOAM's programs: find them, start them, read their logs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ REPAIR = (
     "make openfoam (in a clone of the repository) builds a repaired one in a minute, or install a "
     "newer OpenFOAM from openfoam.com"
 )
-"""Remedy for a solver that computes wrong."""
+"""Remedy for a solver that computes wrong results."""
 
 # Where the packages of openfoam.com put their versions.
 _BASHRCS = ("/usr/lib/openfoam/openfoam*/etc/bashrc", "/opt/openfoam*/etc/bashrc")
@@ -44,18 +44,18 @@ _POLL = 0.5  # s
 class Installation:
     """An OpenFOAM that can be run."""
 
-    folder: str  # its own one, WM_PROJECT_DIR
+    folder: str  # its own folder, WM_PROJECT_DIR
     installed: str  # the program buoyantPimpleFoam of the package
-    solver: str  # the one that is used: that, or the one built in its place
+    solver: str  # the program that is used: the installed one or a repaired build
     environment: dict[str, str] = field(repr=False)  # for all programs
 
     @property
     def repaired(self) -> bool:
-        """True for a solver built in place of the package's."""
+        """True for a solver built to replace the package's."""
         return self.solver != self.installed
 
     def program(self, name: str) -> str:
-        """Path of a program; a SetupError where it is missing."""
+        """Path of a program; raises SetupError if it is missing."""
         path = self.solver if name == SOLVER else _which(name, self.environment)
         if path is None:
             raise SetupError(
@@ -65,10 +65,10 @@ class Installation:
 
 
 def find_openfoam() -> Installation:
-    """Find OpenFOAM: on the search path, or where the packages of openfoam.com put it.
+    """Find OpenFOAM on the search path, or where the packages of openfoam.com install it.
 
-    A repaired solver in the user's data folder is preferred to the installed one. A SetupError if
-    there is no OpenFOAM, or a program of it is missing.
+    A repaired solver in the user's data folder is preferred to the installed one. Raises SetupError
+    if OpenFOAM or one of its programs is missing.
     """
     environment = _environment()
     missing = [name for name in (*TOOLS, SOLVER) if _which(name, environment) is None]
@@ -76,8 +76,8 @@ def find_openfoam() -> Installation:
         raise SetupError(f"there is no OpenFOAM on this machine, which computes fields; {INSTALL}.")
     if missing:
         raise SetupError(
-            f"OpenFOAM lacks {', '.join(missing)}; the versions of openfoam.com from v1912 on have "
-            f"all of them: {INSTALL}."
+            f"OpenFOAM has no {', '.join(missing)}; the versions of openfoam.com from v1912 on "
+            f"have all of them: {INSTALL}."
         )
     installed = str(_which(SOLVER, environment))
     repaired = repaired_solver(installed)
@@ -90,9 +90,9 @@ def find_openfoam() -> Installation:
 
 
 def repaired_solver(installed: str) -> Path:
-    """Path at which a solver built in place of an installed one is looked for, in the user's data.
+    """Path of a solver in the user's data that was built to replace an installed one.
 
-    The folder is named after the installed program's content: after an upgrade the new one counts.
+    The folder's name depends on the installed program's content, so an upgrade replaces it.
     """
     data = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
     return Path(data) / "iriftrace" / "openfoam" / sha256_of(Path(installed))[:16] / SOLVER
@@ -110,17 +110,17 @@ def _environment() -> dict[str, str]:
             environment = _sourced(max(found))
     if "WM_PROJECT_DIR" not in environment and _DISTRIBUTION.is_dir():
         environment["WM_PROJECT_DIR"] = str(_DISTRIBUTION)
-    # OpenFOAM stops at the first invalid operation instead of computing on with it.
+    # OpenFOAM stops at the first invalid operation instead of continuing with it.
     environment["FOAM_SIGFPE"] = "true"
     environment.setdefault("OMP_NUM_THREADS", "1")
-    # Open MPI refuses root, as which containers run.
+    # Open MPI refuses to run as root, which is usual in containers.
     environment.setdefault("OMPI_ALLOW_RUN_AS_ROOT", "1")
     environment.setdefault("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
     return environment
 
 
 def _sourced(bashrc: Path) -> dict[str, str]:
-    """The environment that OpenFOAM's own start file makes."""
+    """The environment set by OpenFOAM's own start file."""
     done = subprocess.run(
         ["bash", "-c", 'source "$0" >/dev/null 2>&1; env -0', str(bashrc)],
         capture_output=True,
@@ -150,7 +150,7 @@ def read_steps(text: str) -> Steps:
 
 
 def tail(path: Path, length: int = 20_000) -> str:
-    """The last bytes of a file that another process may be writing; "" before it is there."""
+    """The last bytes of a file that another process may be writing; "" if it does not exist."""
     if not path.is_file():
         return ""
     with path.open("rb") as file:
@@ -160,7 +160,7 @@ def tail(path: Path, length: int = 20_000) -> str:
 
 
 def failure(text: str) -> str:
-    """Why a program of OpenFOAM stopped, in one line; "" where the log names no reason."""
+    """Why a program of OpenFOAM stopped, in one line; "" if the log states no reason."""
     if found := _FATAL.search(text):
         return " ".join(found["text"].split())
     if re.search(r"sigFpe|Floating point exception", text, re.I):
@@ -175,7 +175,7 @@ def cell_count(text: str) -> int | None:
 
 
 def read_heat(case: Path) -> FloatArray:
-    """Heat that the wall of what is computed gives to the air: rows (n, 2) of time, s, and W."""
+    """Heat from the wall in the computed piece to the air: rows (n, 2) of time, s, and W."""
     return _series(case / "postProcessing/heat", "surfaceFieldValue")
 
 
@@ -194,7 +194,7 @@ def _series(folder: Path, name: str) -> FloatArray:
             except ValueError:
                 continue  # a comment, or a line that is being written
             if len(values) > 1:
-                # A run that went on has computed some of the last steps again.
+                # A continued run has computed some of the last steps again.
                 rows[values[0]] = values
     width = min((len(row) for row in rows.values()), default=1)
     return np.array([rows[time][:width] for time in sorted(rows)]).reshape(len(rows), width)
@@ -211,7 +211,7 @@ def _numbers(words: list[str]) -> FloatArray:
 
 
 class OpenFoamError(SetupError):
-    """A program of OpenFOAM stopped; its log says more."""
+    """A program of OpenFOAM stopped; its log has details."""
 
 
 def run_program(
@@ -225,14 +225,14 @@ def run_program(
     """Run one program in the folder of a case and wait for it; its log.
 
     With more than one of `processes` it runs under ``mpirun``. `watch` is called twice a second
-    while it runs. An OpenFoamError if it failed.
+    while it runs. Raises OpenFoamError if it failed.
     """
     command = [installation.program(name), *arguments]
     if processes > 1:
         mpirun = installation.program("mpirun")
         command = [mpirun, "--oversubscribe", "-np", str(processes), *command, "-parallel"]
     if guard := shutil.which("setpriv"):
-        # A solver that outlived this process would write into the case that the next call runs.
+        # A solver that outlives this process would write into the case that the next call runs.
         command = [guard, "--pdeathsig", "TERM", *command]
     log = folder / f"log.{name}"
     with log.open("wb") as file:
@@ -243,7 +243,7 @@ def run_program(
             stdout=file,
             stderr=subprocess.STDOUT,
             env=installation.environment,
-            # A group of its own, so that its children end with it.
+            # A process group of its own, so that its children end with it.
             start_new_session=True,
         )
         try:

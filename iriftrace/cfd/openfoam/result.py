@@ -41,13 +41,13 @@ def mean_arrays(
 ) -> dict[str, FloatArray]:
     """Velocity and heat of a time average.
 
-    The stored heat is exact: what it is more at the end of the averaging than at its beginning. The
-    flux is that of `iriftrace.field.flow.carried_heat`.
+    The stored heat is exact: the difference between end and beginning of the averaging. The flux is
+    that of `iriftrace.field.flow.carried_heat`.
 
     `grid` is the last state at its points, with ``rhoMean``, ``UMean`` and ``rhoUMean``; `before`
-    that of `seconds` earlier, at the beginning of the averaging. The result has ``U`` (n, 3) m/s,
-    `ENTHALPY_FLUX` and `HEAT_STORAGE`, without those that the solver did not write: it knows no
-    such average, or ran before they were asked for.
+    is that of `seconds` earlier, at the beginning of the averaging. The result has ``U`` (n, 3)
+    m/s, `ENTHALPY_FLUX` and `HEAT_STORAGE`, except those that the solver did not write, because it
+    has no such average or ran before they were requested.
     """
     data = grid.point_data
     if "UMean" not in data:
@@ -85,11 +85,11 @@ def write_mean(
 ) -> pv.UnstructuredGrid:
     """Write the field whose temperature has the time average of the density.
 
-    The refractive index follows the density, so this, and not the mean temperature, is what a
+    The refractive index follows the density, so this temperature, and not the mean one, is what a
     long exposure sees. Density and steadiness are those of the last `averaged` seconds.
 
-    Returns what is in the .vtu: mm, world, point data ``T`` in K and those of `mean_arrays`, field
-    data `WALL_HEAT`.
+    Returns the content of the .vtu: mm, world, point data ``T`` in K and those of `mean_arrays`,
+    field data `WALL_HEAT`.
     """
     grid, moment = _read(folder, -1)
     if "rhoMean" not in grid.point_data:
@@ -118,7 +118,7 @@ def write_mean(
 def write_snapshots(case: Case, folder: Path, file: Path, count: int) -> list[Path]:
     """Write the last states one by one, and a .pvd, `file`, that lists them with their times.
 
-    Returns the states' files, ``NAME_01.vtu`` and so on beside it.
+    Returns the states' files, ``NAME_01.vtu`` and so on next to it.
     """
     entries, files = [], []
     heat = read_heat(folder)
@@ -150,7 +150,7 @@ def _read(folder: Path, member: int) -> tuple[pv.UnstructuredGrid, float]:
 
 
 def _at(folder: Path, moment: float) -> pv.UnstructuredGrid | None:
-    """The state at a time, s, at its points, in m; None where none was kept."""
+    """The state at a time, s, at its points, in m; None if it was not kept."""
     for number, (_, time) in enumerate(openfoam_case.states(folder)):
         if time is not None and np.isclose(time, moment, rtol=1e-6, atol=1e-9):
             grid: pv.UnstructuredGrid = openfoam_case.read(folder, number).data
@@ -163,8 +163,8 @@ def _whole(
 ) -> pv.UnstructuredGrid:
     """Cells kept of the computed piece, in mm, with mirror images and arrays at their points.
 
-    The array ``T`` has the temperatures that were asked for on the wall. The reader gives points
-    there the mean of the faces around them, which widens a transition by a cell.
+    The array ``T`` has the requested temperatures on the wall. The reader assigns to points there
+    the mean of the faces around them, which widens a transition by a cell.
     """
     domain = case.domain
     piece = pv.UnstructuredGrid()
@@ -185,9 +185,9 @@ def _whole(
 
 
 def _shortened(values: Float32Array) -> Float32Array:
-    """Numbers with their last twelve of 24 binary digits rounded away, 1e-4 of them.
+    """Numbers with the last twelve of 24 binary digits rounded away, 1e-4 of them.
 
-    A heat balance needs no more, and compressed they take up half the room.
+    That is accurate enough for a heat balance and halves the compressed size.
     """
     bits = np.ascontiguousarray(values).view(np.uint32)
     return ((bits + 0x800) & 0xFFFFF000).view(np.float32)

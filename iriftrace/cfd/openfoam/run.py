@@ -1,4 +1,4 @@
-"""Run of the solver of a meshed case, to its end and through interruptions."""
+"""Run the solver of a meshed case to its end; interrupted runs can be continued."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ from iriftrace.core.files import whole_file
 from iriftrace.field.readers.openfoam import processor_folders, time_folders
 
 STEADY_HEAT, STEADY_PLUME = 0.02, 0.01
-"""Steady is what varies less: heat flow by its share, the plume by this share of the heating."""
+"""Largest relative variation of the heat flow, and of the plume over the heating, if steady."""
 SECONDS_A_STEP = 8e-6
-"""Of a core, for a step of one cell."""
+"""Seconds of a core for a step of one cell."""
 
 _AVERAGED = "averaging.json"
 
@@ -47,9 +47,9 @@ _AVERAGED = "averaging.json"
 class Steadiness:
     """Heat flow and plume over some time.
 
-    Heat is the mean flow from the whole part to the air, its variation the largest minus the
-    smallest as a share of the mean; the plume's swing is largest minus smallest temperature at the
-    restless one of the points in it. It is steady where both are small.
+    Heat is the mean flow from the whole part to the air, its variation the range as a fraction of
+    the mean. The plume's swing is the range of the temperature at the point where it varies most.
+    The flow is steady if both are small.
     """
 
     heat_w: float
@@ -59,7 +59,7 @@ class Steadiness:
 
     @property
     def text(self) -> str:
-        """In words, for results and for the field's origin."""
+        """Description for results and for the field's origin."""
         state = "steady" if self.steady else "NOT STEADY"
         return (
             f"{state} (heat flow varies by {self.heat_variation:.1%}, plume by "
@@ -68,7 +68,7 @@ class Steadiness:
 
 
 def judge_steadiness(case: Case, folder: Path, window: tuple[float, float]) -> Steadiness | None:
-    """Look at the heat flow and at the plume between two times; None while too little is there."""
+    """Evaluate heat flow and plume between two times; None if there are too few steps."""
     start, end = window[0], window[1] * (1.0 + 1e-9)
     series = (read_heat(folder), read_plume(folder))
     heat, plume = (rows[(rows[:, 0] >= start) & (rows[:, 0] <= end)] for rows in series)
@@ -93,17 +93,17 @@ class State:
 
     time: float  # physical time, s
     end: float
-    left: float | None  # seconds of the clock; None while that is not known
+    left: float | None  # seconds of clock time; None if not known yet
     steadiness: Steadiness | None  # of heat and plume lately; None at the beginning
 
 
 def expected_seconds(case: Case, cells: int, since: float = 0.0) -> float:
-    """Seconds of the clock that the solver will take, roughly, from the physical time `since`, s.
+    """Estimated clock time, s, of the solver from the physical time `since`, s.
 
     A step lasts until the fastest air has crossed `COURANT` of the wall's cells. Air that is
     lighter by dT / T rises a height L at sqrt(g L dT / T); L is that of the air that the field
     keeps above the part. On one core a cell's step took 4 us on a mesh of 29,000 cells and 9 us on
-    one of 93,000; with the speeds found there the whole is right to a factor of 1.7.
+    one of 93,000; with these speeds the estimate is accurate to a factor of 1.7.
     """
     height = 1e-3 * (case.domain.kept_upper[2] - float(case.part.bounds[1][2]))
     lighter = 1.0 - case.ambient_k / case.wall.hottest
@@ -118,10 +118,10 @@ def solve(
     installation: Installation,
     watch: Callable[[State], None],
 ) -> float:
-    """Run until the flow has settled, then average the density to the end; for how many seconds.
+    """Run until the flow has settled, then average the density to the end; returns the seconds.
 
-    An OpenFoamError if the solver stopped; an InputError if the case was begun with another number
-    of processes, or has gone too far for the wanted average.
+    Raises OpenFoamError if the solver stopped; InputError if the case was started with another
+    number of processes, or is already past the beginning of the requested average.
     """
     times = case.times
     pieces = _prepared(case, folder, installation)
@@ -140,13 +140,13 @@ def solve(
 
 
 def last_time(pieces: list[Path]) -> float:
-    """Last time that all pieces of a case have whole on disk; 0 at the beginning."""
+    """Last time that is complete on disk for all pieces of a case; 0 at the beginning."""
     whole = [{t for t, f in time_folders(piece).items() if _whole(f)} for piece in pieces]
     return max(set.intersection(*whole), default=0.0)
 
 
 def pieces_of(folder: Path) -> list[Path]:
-    """The folders of the processors, or the case's own where it was not taken apart."""
+    """The folders of the processors, or the case's own if it was not decomposed."""
     return processor_folders(folder) or [folder]
 
 
@@ -156,15 +156,15 @@ def _prepared(case: Case, folder: Path, installation: Installation) -> list[Path
     if case.processes > 1 and not apart:
         if last_time(pieces) > 0.0:
             raise InputError(
-                f"the run in {folder} was begun with one process; go on with --processes 1."
+                f"the run in {folder} was started with one process; continue with --processes 1."
             )
         write_decomposition(folder, case.processes)
         run_program(installation, folder, "decomposePar", "-force")
         return pieces_of(folder)
     if apart and len(pieces) != case.processes:
         raise InputError(
-            f"the run in {folder} was begun with {len(pieces)} processes; go on with --processes "
-            f"{len(pieces)}."
+            f"the run in {folder} was started with {len(pieces)} processes; continue with "
+            f"--processes {len(pieces)}."
         )
     return pieces
 
@@ -184,7 +184,7 @@ def _run_solver(
         if now is None:
             return
         clock = time.monotonic() - begun
-        # The first steps are tiny and would promise years.
+        # The first steps are tiny and would give a far too long estimate.
         known = now - first > 0.02 * case.times.end
         left = clock / (now - first) * (case.times.end - now) if known else None
         window = (now - case.times.averaging, now)
@@ -194,17 +194,17 @@ def _run_solver(
     if last_time(pieces_of(folder)) < end * (1.0 - 1e-6):
         raise OpenFoamError(
             f"the solver in {folder} ended before {end:g} s without an error; run the same "
-            "command again to go on."
+            "command again to continue."
         )
 
 
 def _averaging_since(folder: Path, pieces: list[Path], started: float, case: Case) -> float:
-    """When averaging began; a mean that was begun for another interval is dropped."""
+    """Time at which averaging began; a mean of another interval is dropped."""
     file = folder / _AVERAGED
-    wanted = {"end": case.times.end, "averaging": case.times.averaging}
+    requested = {"end": case.times.end, "averaging": case.times.averaging}
     if file.is_file():
         stored = read_record(file)
-        if {key: stored[key] for key in wanted} == wanted and started >= stored["since"]:
+        if {key: stored[key] for key in requested} == requested and started >= stored["since"]:
             if case.times.snapshots not in (0, stored["snapshots"]):
                 raise InputError(
                     f"the run in {folder} keeps {stored['snapshots']} snapshots, not "
@@ -224,13 +224,13 @@ def _averaging_since(folder: Path, pieces: list[Path], started: float, case: Cas
                 (entry / f"{name}Mean").unlink(missing_ok=True)
     with whole_file(file) as temporary:
         temporary.write_text(
-            json.dumps({**wanted, "snapshots": case.times.snapshots, "since": started})
+            json.dumps({**requested, "snapshots": case.times.snapshots, "since": started})
         )
     return started
 
 
 def _whole(folder: Path) -> bool:
-    """True where a time's fields are all there and none breaks off."""
+    """True if a time's fields are all present and complete."""
     names = [Path(name).name for name in START_FILES]
     needed = [folder / name for name in (*names, "phi", "uniform/time")]
     # OpenFOAM ends every complete file with this.

@@ -1,4 +1,4 @@
-"""From a case to its field: write, mesh, solve, read; each step only if it is not done already."""
+"""From a case to its field: write, mesh, solve, read; finished steps are skipped."""
 
 from __future__ import annotations
 
@@ -40,15 +40,15 @@ class Simulation:
     snapshots: tuple[Path, ...]  # single states; ``<field>_snapshots.pvd`` lists them
     cells: int
     averaged: float  # seconds over which the density was averaged
-    steadiness: Steadiness | None  # over that time; None where it could not be told
-    wall_error_k: float  # largest difference of the field at the wall from what was asked for
+    steadiness: Steadiness | None  # over that time; None if unknown
+    wall_error_k: float  # largest difference of the field at the wall from the requested one
     seconds: float  # clock time of mesh and solver in this call
-    all_seconds: float = 0.0  # and in all calls that it took, those that were interrupted, too
+    all_seconds: float = 0.0  # in all calls for this case, including interrupted ones
 
 
 @frozen
 class Display:
-    """Callbacks to the caller while it runs: `expect` gets cells and seconds of the solver."""
+    """Callbacks during a run: `expect` gets the number of cells and the solver's seconds."""
 
     say: Callable[[str], None] = lambda text: None
     expect: Callable[[int, float], None] = lambda cells, seconds: None
@@ -56,15 +56,15 @@ class Display:
 
 
 def prepare(case: Case, folder: Path) -> bool:
-    """Write the case, or make sure that the folder holds the same one; whether it was there.
+    """Write the case, or check that the folder holds the same one; True if it was there.
 
-    An InputError if the folder holds something else.
+    Raises InputError if the folder holds something else.
     """
     if is_stored(case, folder):
         return True
     folder.mkdir(parents=True, exist_ok=True)
     write_case(case, folder)
-    # Last, so that a folder that was half written is not taken for a case.
+    # Written last, so that an incomplete folder does not count as a case.
     keep_record(case, folder)
     return False
 
@@ -88,14 +88,14 @@ def simulate(
     installation
         OpenFOAM.
     display
-        Is told how far it is.
+        Progress callbacks.
     like
-        Folder of a case whose mesh is this one's too.
+        Folder of a case whose mesh is reused.
 
     Raises
     ------
     SetupError
-        The solver does not compute right here, or stopped.
+        The solver gives wrong results on this machine, or stopped.
     """
     check_solver(installation)
     begun = time.monotonic()
@@ -128,7 +128,7 @@ def simulate(
 
 @contextmanager
 def _clock(folder: Path) -> Iterator[Callable[[], float]]:
-    """Count the seconds of the clock over all runs of a case in a file of its folder."""
+    """Sum the clock time of all runs of a case in a file of its folder."""
     file, begun = folder / "seconds", time.monotonic()
 
     def counted() -> float:
@@ -144,7 +144,7 @@ def _clock(folder: Path) -> Iterator[Callable[[], float]]:
 
 
 def check_solver(installation: Installation) -> None:
-    """Refuse a solver that computes wrong, with a SetupError."""
+    """Refuse a solver that computes wrong results, with a SetupError."""
     verdict = try_solver(installation)
     if verdict != TRIAL_PASSED:
         raise SetupError(
@@ -159,13 +159,13 @@ def _wall_error(case: Case, grid: pv.UnstructuredGrid) -> float:
     if not wall.n_points:
         return float("nan")
     points = np.asarray(wall.points, dtype=np.float64)
-    # Not those of other bodies, whose temperatures mix with the part's where they touch.
+    # Without those of other bodies, whose temperatures mix with the part's where they touch.
     own = case.part.surface.distance(points) < 0.5 * case.size.wall
     for body in case.bodies:
         own &= body.surface.surface.distance(points) > 2.0 * case.size.wall
     if not own.any():
         return float("nan")
     points = points[own]
-    asked = wall_temperature(case.wall, case.part, points)
+    requested = wall_temperature(case.wall, case.part, points)
     found = np.asarray(wall.point_data["T"], dtype=np.float64)[own]
-    return float(np.abs(found - asked).max())
+    return float(np.abs(found - requested).max())

@@ -1,8 +1,8 @@
-"""Trial of the installed solver, which may be miscompiled.
+"""Test of the installed solver, which may be miscompiled.
 
-The trial takes three time steps on a tiny mesh with inclined faces: Debian 12's OpenFOAM 1912 is
-miscompiled, and on faces that are not along the axes its buoyant solvers get velocities of
-10,000 m/s in the first steps and die. On meshes along the axes they run. In a clone of the
+The test takes three time steps on a tiny mesh with inclined faces. Debian 12's OpenFOAM 1912 is
+miscompiled: on faces that are not along the axes its buoyant solvers get velocities of 10,000 m/s
+in the first steps and stop. On meshes along the axes they run. In a clone of the
 repository ``make openfoam`` builds a repaired one, which `find_openfoam` then prefers.
 """
 
@@ -37,11 +37,11 @@ from iriftrace.core.files import sha256_of, whole_file
 
 TRIAL_PASSED = ""
 
-# Air that expands at the wall moves at 0.2 m/s in that time, a Courant number of 0.006; garbage
-# makes hundreds of it.
+# Air that expands at the wall moves at 0.2 m/s in that time, a Courant number of 0.006; wrong
+# velocities give hundreds.
 _END, _STEP = 3e-4, 6e-5
 _LARGEST_COURANT = 0.5
-# A sheared cube with an edge of 20 mm: no face of it but the lowest lies along an axis.
+# A sheared cube with an edge of 20 mm: only its lowest face lies along an axis.
 _CUBE = np.array([(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]) * 20.0
 _SHEAR = np.array([[1.0, 0.2, 0.3], [0.3, 1.0, 0.2], [0.2, 0.3, 1.0]])
 _PATCHES = (
@@ -52,8 +52,8 @@ _PATCHES = (
 
 
 def try_solver(installation: Installation) -> str:
-    """Run the solver for three steps, but not again once it has passed: verdict as of `judge`."""
-    # Says by its presence that this very program has passed.
+    """Run the solver for three steps unless it has passed before: verdict as in `judge`."""
+    # Exists if this very program has passed.
     cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     digest = sha256_of(Path(installation.solver))
     passed = Path(cache) / "iriftrace" / "openfoam" / f"{digest}.passed"
@@ -68,7 +68,7 @@ def try_solver(installation: Installation) -> str:
         except OpenFoamError:
             verdict = "it stopped in the first time steps on a mesh with inclined faces"
     if verdict == TRIAL_PASSED:
-        # Where nothing may be written the next call tries again.
+        # In a read-only folder the next call tests again.
         with suppress(OSError):
             passed.parent.mkdir(parents=True, exist_ok=True)
             with whole_file(passed) as temporary:

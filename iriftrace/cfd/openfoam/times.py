@@ -1,4 +1,4 @@
-"""Course of a simulation in time."""
+"""Times of a simulation: end, averaging, snapshots."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ class Times:
 
     end: float
     averaging: float  # the density is averaged over the last so many seconds
-    snapshots: int = 0  # states that are kept from that interval besides
+    snapshots: int = 0  # number of states of that interval that are written as well
 
     def __attrs_post_init__(self) -> None:
-        """Refuse what is no course of time."""
+        """Refuse times that are not possible."""
         if not 0.0 < self.end < np.inf:
             raise InputError(
-                f"an end time of {self.end:g} s is no simulation; give a positive one."
+                f"an end time of {self.end:g} s cannot be simulated; give a positive one."
             )
         if not 0.0 < self.averaging <= self.end:
             raise InputError(
@@ -46,7 +46,7 @@ class Times:
 
     @property
     def settling_interval(self) -> float:
-        """Seconds between two states on disk before averaging, from which a run can go on."""
+        """Seconds between two states on disk before averaging, from which a run can continue."""
         return self.settled / _STAGES_WRITTEN
 
     @property
@@ -65,13 +65,13 @@ def natural_times(
     averaging: float | None = None,
     snapshots: int = 0,
 ) -> Times:
-    """Times for a part, where the user does not say otherwise.
+    """Times for a part, used unless the user gives them.
 
-    Buoyant air crosses a length L in about sqrt(L / (g dT/T)), so parts of a larger longest extent
-    and cooler ones need longer; the paper's cylinder at 1100 degC needs 2 s. A draught needs
-    besides, to bend the plume, the time of its `crossing` of the air, s, or as long again where
-    that is sooner: convection has then renewed the air. An InputError if the air is not cooler than
-    the wall, or as for `Times`.
+    Buoyant air crosses a length L in about sqrt(L / (g dT/T)), so larger and cooler parts need
+    longer; the paper's cylinder at 1100 degC needs 2 s. A draught also needs time to bend the
+    plume: its `crossing` of the air, s, or the same time again if that is shorter, because
+    convection has then renewed the air. Raises InputError if the air is not cooler than the wall,
+    or as for `Times`.
     """
     if not 0.0 < ambient_k < hottest_k:
         raise InputError(

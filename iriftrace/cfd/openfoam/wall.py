@@ -1,4 +1,4 @@
-"""The temperature of the wall: one for all or one for each region, with or without transition."""
+"""Temperature of the wall: one for all or one for each region, with or without transition."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from iriftrace.part.part import Part
 from iriftrace.part.region_choice import placed_regions
 
 HOTTEST = 3000.0
-"""K; above it air is no longer the mixture whose properties are used."""
+"""K; above this, air is no longer the mixture whose properties are used."""
 
 _COOLER_THAN_AIR = 50.0
-"""K; so much cooler than the air is no part that was just hot, but degC read as K."""
+"""K; a wall that is cooler than the air by more is most likely given in degC instead of K."""
 
-# tanh reaches 0.8, which is 90 % of the way, at this argument.
+# tanh reaches 0.8, which is 90 % of the transition, at this argument.
 _NINETY_PERCENT = float(np.arctanh(0.8))
 
 
 @frozen
 class WallTemperatures:
-    """Wanted temperatures of the wall, K.
+    """Requested temperatures of the wall, K.
 
-    `transition` is the width in mm over which one temperature goes over into another (10 % to
-    90 %); 0 is sharp. Where they are `measured`, the default is the highest of them.
+    `transition` is the width in mm over which one temperature changes to another (10 % to 90 %);
+    0 is sharp. If they are `measured`, the default is the highest of them.
     """
 
     default: float  # of regions that are not named
@@ -37,7 +37,7 @@ class WallTemperatures:
     measured: MeasuredWall | None = None
 
     def check(self, part: Part, ambient_k: float) -> None:
-        """Refuse what the part does not have and what no wall has, with an InputError."""
+        """Refuse temperatures that are not possible and unknown regions, with an InputError."""
         self.check_regions(part)
         if self.measured is not None:
             _check_measured(self.measured, ambient_k)
@@ -55,9 +55,11 @@ class WallTemperatures:
             )
 
     def check_regions(self, part: Part) -> None:
-        """Refuse regions that the part does not have and a negative width, with an InputError."""
+        """Refuse unknown regions and a negative width, with an InputError."""
         if not 0.0 <= self.transition < np.inf:
-            raise InputError(f"a transition of {self.transition:g} mm is no width; give 0 or more.")
+            raise InputError(
+                f"a transition of {self.transition:g} mm is impossible; give 0 or more."
+            )
         unknown = [name for name in self.regions if name not in part.region_names]
         if unknown:
             raise InputError(
@@ -66,14 +68,14 @@ class WallTemperatures:
             )
 
     def of_regions(self, part: Part) -> dict[float, list[int]]:
-        """Numbers of the regions that share a temperature."""
+        """Numbers of the regions that have the same temperature."""
         shared: dict[float, list[int]] = {}
         for number, name in enumerate(part.region_names):
             shared.setdefault(self.regions.get(name, self.default), []).append(number)
         return shared
 
     def varies(self, part: Part) -> bool:
-        """True where not all of the part's wall has one temperature."""
+        """True if the part's wall has more than one temperature."""
         return self.measured is not None or len(self.of_regions(part)) > 1
 
     @property
@@ -119,9 +121,9 @@ def wall_temperature(wall: WallTemperatures, part: Part, points: ArrayLike) -> F
 def wall_temperature_gradient(
     wall: WallTemperatures, part: Part, points: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """`wall_temperature` and its gradient (n, 3), K/mm, at points (n, 3) on the wall or beside it.
+    """`wall_temperature` and its gradient (n, 3), K/mm, at points (n, 3) on or next to the wall.
 
-    InputError for regions of different temperature without a transition.
+    Raises InputError for regions of different temperature without a transition.
     """
     kelvins, groups = _groups(wall, part)
     if len(kelvins) == 1:
@@ -133,13 +135,13 @@ def wall_temperature_gradient(
         )
     found = [group.distance_gradient(points) for group in groups]
     mean, weights = _mixed(wall, kelvins, np.stack([distance for distance, _ in found]))
-    shares = weights * (kelvins[:, None] - mean) * (-2.0 / _length(wall))
-    gradient = np.einsum("kn,kni->ni", shares, np.stack([away for _, away in found]))
+    slopes = weights * (kelvins[:, None] - mean) * (-2.0 / _length(wall))
+    gradient = np.einsum("kn,kni->ni", slopes, np.stack([away for _, away in found]))
     return mean, np.asarray(gradient)
 
 
 def _groups(wall: WallTemperatures, part: Part) -> tuple[FloatArray, list[Surface]]:
-    """The temperatures, and the faces that have each."""
+    """The temperatures, and the faces with each of them."""
     shared = wall.of_regions(part)
     faces = [part.faces[np.isin(part.region_of_face, numbers)] for numbers in shared.values()]
     return np.array(list(shared)), [Surface(part.vertices, some) for some in faces]

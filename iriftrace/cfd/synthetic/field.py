@@ -30,7 +30,7 @@ def synthetic_grid(
     """
     grid, on_wall = air_mesh(air, usual_mesh(air) if size is None else size)
     temperature, slope = air.at(np.asarray(grid.points, dtype=np.float64))
-    # Points on the wall are on it to rounding only; what was set is what shall be there.
+    # Points on the wall are on it only up to rounding; they get the exact wall temperature.
     temperature[on_wall] = wall_temperature(air.wall, air.part, grid.points[on_wall])
     grid.point_data["T"] = temperature
     if gradient:
@@ -42,7 +42,7 @@ def synthetic_grid(
 def synthetic_field(
     air: SyntheticAir, size: AirMesh | None = None, *, light: Air | None = None
 ) -> IndexField:
-    """The synthetic field without a file.
+    """The synthetic field as a value, without a file.
 
     Parameters
     ----------
@@ -69,9 +69,9 @@ def write_synthetic_field(
     *,
     gradient: bool = False,
 ) -> pv.UnstructuredGrid:
-    """Write the synthetic field, which says that it is one, as .vtu (else InputError), mm and K.
+    """Write the synthetic field, with its origin, as .vtu (else InputError), mm and K.
 
-    A mesh that leaves part of the wall out, as at sharp edges, is warned of.
+    Warns of a mesh that misses part of the wall, as at sharp edges.
     """
     if Path(path).suffix.lower() != ".vtu":
         raise InputError(f"{path} does not end in .vtu, which the field is written as; rename it.")

@@ -1,7 +1,7 @@
 """Mesh of the air around a part: fine at the wall and in the plume, coarse far away.
 
-Tetrahedra are halved at their longest edges until they are small enough, and cut off where the part
-begins.
+Tetrahedra are halved at their longest edges until they are small enough, and cut off at the part's
+surface.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from iriftrace.field.gradient import (
 from iriftrace.geometry.query import Surface
 
 _MOST_POINTS = 1 << 31
-# A corner nearer to the wall than this share of its shortest edge is moved onto it, which keeps
-# slivers out (Labelle and Shewchuk, "Isosurface stuffing", 2007).
+# A corner nearer to the wall than this fraction of its shortest edge is moved onto it, which avoids
+# slivers (Labelle and Shewchuk, "Isosurface stuffing", 2007).
 _SNAP = 0.25
 # Halvings of an edge until its end on the wall is known to 1e-9 of its length.
 _HALVINGS = 30
-# Three edges from a corner that a cell of VTK's handedness has right-handed.
+# Three edges from a corner that are right-handed in a cell with VTK's orientation.
 _EDGES_OF = {TETRAHEDRON: (1, 2, 3), WEDGE: (1, 2, 3), PYRAMID: (1, 3, 4)}
 MOST_CELLS = 4_000_000
 _CELLS_ACROSS_LAYER = 5.0
@@ -51,8 +51,8 @@ def graded_tetrahedra(
     """Fill a box, enlarged to whole cubes, with tetrahedra: points (n, 3), mm, corners (m, 4).
 
     They come from cubes with an edge of `coarsest_mm`; one is cut in two while it is larger than
-    the smallest of the sizes, mm, that `size_at` wants at its corners. An InputError if there would
-    be more than `MOST_CELLS`.
+    the smallest of the sizes `size_at`, mm, at its corners. Raises InputError if there would be
+    more than `MOST_CELLS`.
     """
     too_many = InputError(
         f"The air would need more than {MOST_CELLS:,} tetrahedra; give a larger cell size at the "
@@ -64,10 +64,10 @@ def graded_tetrahedra(
         raise too_many
     points, corners = _cubes(0.5 * (low + high), count.astype(np.int64), coarsest_mm)
     tag = np.full(len(corners), 3)
-    wanted = size_at(points)
+    sizes = size_at(points)
     middles = _Middles()
     while True:
-        large = _size(points, corners) > wanted[corners].min(axis=1)
+        large = _size(points, corners) > sizes[corners].min(axis=1)
         chosen = large | middles.on_edges(corners)
         if not chosen.any():
             return points, corners
@@ -78,7 +78,7 @@ def graded_tetrahedra(
         middle, new = middles.add(start, end, len(points))
         added = 0.5 * (points[new[:, 0]] + points[new[:, 1]])
         points = np.concatenate((points, added))
-        wanted = np.concatenate((wanted, size_at(added)))
+        sizes = np.concatenate((sizes, size_at(added)))
         first, second = _halves(corners[chosen], tag[chosen], middle)
         younger = np.where(tag[chosen] > 1, tag[chosen] - 1, 3)
         corners = np.concatenate((corners[~chosen], first, second))
@@ -86,10 +86,10 @@ def graded_tetrahedra(
 
 
 class _Middles:
-    """Points in the middle of edges, found again by the numbers of the edge's ends."""
+    """Points in the middle of edges, indexed by the numbers of the edge's ends."""
 
     def __init__(self) -> None:
-        # The last key is larger than any that is looked for.
+        # The last key is larger than any other.
         self._keys = np.array([np.iinfo(np.int64).max])
         self._points = np.array([-1])
 
@@ -160,7 +160,7 @@ def _cubes(middle: FloatArray, count: IntArray, edge: float) -> tuple[FloatArray
 def cut_at_wall(
     points: FloatArray, corners: IntArray, surface: Surface
 ) -> tuple[pv.UnstructuredGrid, BoolArray]:
-    """Keep of tetrahedra what lies outside a closed surface.
+    """Cut a closed surface out of tetrahedra and keep what is outside.
 
     Returns tetrahedra, wedges and pyramids, mm, and which of their points lie on the surface.
     """
@@ -205,7 +205,7 @@ def _snap(points: FloatArray, corners: IntArray, side: IntArray, surface: Surfac
 def _cuts(
     points: FloatArray, corners: IntArray, sign: IntArray, surface: Surface
 ) -> tuple[IntArray, FloatArray]:
-    """Edges that pass the wall as sorted (k, 2) ends, outside first, and where they pass it."""
+    """Edges that cross the wall as sorted (k, 2) ends, outside first, and the crossings."""
     found = [
         corners[(sign[:, a] > 0) & (sign[:, b] < 0)][:, (a, b)]
         for a, b in permutations(range(4), 2)
@@ -223,7 +223,7 @@ def _cuts(
 
 def _pieces(corners: IntArray, sign: IntArray, ends: IntArray, first: int) -> dict[int, IntArray]:
     """The outer pieces of tetrahedra, by cell type; cut points are numbered from `first` on."""
-    # Corners in the order outside, wall, inside; an odd permutation is mended afterwards.
+    # Corners in the order outside, wall, inside; an odd permutation is corrected afterwards.
     order = np.argsort(-sign, axis=1, kind="stable")
     v = np.take_along_axis(corners, order, axis=1)
     n_out, n_wall = (sign > 0).sum(axis=1), (sign == 0).sum(axis=1)
@@ -276,9 +276,9 @@ class AirMesh:
     Attributes
     ----------
     cell_mm : float
-        Edge of the cubes at the wall, from whose division the cells come.
+        Edge of the cubes at the wall, which are divided into the cells.
     sides_mm : float
-        Air beside and below the part.
+        Air next to and below the part.
     height_mm : float
         Air above the part.
     """
@@ -291,7 +291,7 @@ class AirMesh:
         """Refuse sizes that leave no air or no cells."""
         for name, value in (
             ("cell size", self.cell_mm),
-            ("air beside the part", self.sides_mm),
+            ("air next to the part", self.sides_mm),
             ("air above the part", self.height_mm),
         ):
             if not (np.isfinite(value) and value > 0.0):
@@ -305,9 +305,9 @@ def usual_mesh(
     sides_mm: float | None = None,
     height_mm: float | None = None,
 ) -> AirMesh:
-    """Five cells across the boundary layer; air to where it has the room's temperature.
+    """Five cells across the boundary layer; air up to where it has the room's temperature.
 
-    Lengths that are given, as for `AirMesh`, take the place of these.
+    Lengths that are given, as for `AirMesh`, replace these.
     """
     low, high = air.part.bounds
     height = _HEIGHT_IN_SIZES * float(high[2] - low[2]) + 4.0 * air.boundary_layer_mm
@@ -326,8 +326,8 @@ def usual_mesh(
 def air_mesh(air: SyntheticAir, size: AirMesh) -> tuple[pv.UnstructuredGrid, BoolArray]:
     """Cells around a part that end on its surface, and which of their points lie on it.
 
-    An InputError if there would be more than `MOST_CELLS`, or they are larger than the boundary
-    layer or pass over the part.
+    Raises InputError if there would be more than `MOST_CELLS`, or they are larger than the boundary
+    layer or miss the part.
     """
     if size.cell_mm > air.boundary_layer_mm:
         raise InputError(
@@ -342,20 +342,20 @@ def air_mesh(air: SyntheticAir, size: AirMesh) -> tuple[pv.UnstructuredGrid, Boo
 
     def size_at(points: FloatArray) -> FloatArray:
         distance = air.surface.distance(points)
-        wanted = size.cell_mm + _GROWTH * np.maximum(distance - size.cell_mm, 0.0)
+        edge = size.cell_mm + _GROWTH * np.maximum(distance - size.cell_mm, 0.0)
         if air.plume is not None:
             width = air.plume.half_width(points[:, 2] - air.plume.base[2])
-            share = air.plume.excess(points)[0]
+            excess = air.plume.excess(points)[0]
             fine = np.maximum(width / _CELLS_ACROSS_PLUME, size.cell_mm)
-            # Where the plume has next to nothing left, there is nothing to resolve.
-            wanted = np.where(share > 0.02, np.minimum(wanted, fine), wanted)
-        return wanted
+            # Where the excess temperature is small, the plume needs no resolution.
+            edge = np.where(excess > 0.02, np.minimum(edge, fine), edge)
+        return edge
 
     mesh = graded_tetrahedra(low, high, _COARSEST_IN_WALL_CELLS * size.cell_mm, size_at)
     grid, on_wall = cut_at_wall(*mesh, air.surface)
     if not on_wall.any():
         raise InputError(
-            f"Cells of {size.cell_mm:.3g} mm at the wall see nothing of {air.part.path}, which is "
+            f"Cells of {size.cell_mm:.3g} mm at the wall do not resolve {air.part.path}, which is "
             f"{np.ptp(air.part.bounds, axis=0).min():.3g} mm thin; give smaller ones (--cell-size)."
         )
     return grid, on_wall

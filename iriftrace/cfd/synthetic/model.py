@@ -25,11 +25,11 @@ DECAY = 0.6
 """Exponent with which the excess temperature on the axis of a laminar line plume falls."""
 
 _REACH = 3.0
-"""Half widths beyond which a plume has ended: the bell has fallen to e^-9."""
+"""Half widths at which a plume ends: its profile has fallen to e^-9."""
 
 _SHORTEST = 1e-4
-"""Least half length over half width: the difference of the ends then keeps twelve digits, and the
-plume differs from a round one by the square of this."""
+"""Smallest half length over half width: the difference of the ends then keeps twelve digits, and
+the plume differs from a round one by the square of this."""
 
 _KNOWN_LAYER_MM = 7.7
 
@@ -43,7 +43,7 @@ def _positive(_: Plume, attribute: Attribute[float], value: float) -> None:
 
 @frozen(eq=False)
 class Plume:
-    r"""Excess temperature above a part as a share of the wall's, from 0 to 1.
+    r"""Excess temperature above a part as a fraction of the wall's, from 0 to 1.
 
     With the height :math:`t = (z - z_0) / R` above the part's middle in half heights R, and with
     the horizontal distances u along and v across the part's longer side:
@@ -71,18 +71,18 @@ class Plume:
     half_length_mm: float = field(validator=_positive)  # a, of the source
     half_height_mm: float = field(validator=_positive)  # R, from the part's middle to its top
     width_mm: float = field(validator=_positive)  # b, where T falls to 1/e at the top
-    strength: float = field()  # A, excess on the axis at the top as a share of the wall's
+    strength: float = field()  # A, excess on the axis at the top as a fraction of the wall's
 
     @strength.validator
     def _check_strength(self, _: Attribute[float], value: float) -> None:
         if not 0.0 <= value <= 1.0:
             raise InputError(
                 f"The plume's strength is {value:g}, but its air is neither colder than the room "
-                "nor hotter than the wall; give a share from 0 to 1."
+                "nor hotter than the wall; give a fraction from 0 to 1."
             )
 
     def excess(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Share (n,) of the wall's excess temperature at points (n, 3), mm, world; its gradient."""
+        """Fraction (n,) of the wall's excess temperature at points (n, 3), mm, world; gradient."""
         offset = np.asarray(points, dtype=np.float64) - self.base
         height = offset[:, 2] / self.half_height_mm
         u = offset[:, :2] @ self.along
@@ -108,7 +108,7 @@ class Plume:
     def bounds(self, height_mm: float) -> FloatArray:
         """(2, 2) array, mm: lowest and highest x and y, at a height above the part's middle.
 
-        There the bell across and the ends along have fallen to e^-9.
+        There the profile across and the ends along have fallen to e^-9.
         """
         width = _REACH * float(self.half_width(np.array(height_mm)))
         along, across = np.abs(self.along), np.abs(self.along[::-1])
@@ -127,7 +127,7 @@ def plume_above(part: Part, boundary_layer_mm: float, strength: float) -> Plume:
 
     With the principal second moments :math:`m_1 \ge m_2` of the part's outline seen from above, the
     source has the half length :math:`a = \sqrt{3 (m_1 - m_2)}`: that of a thin strip, and none of a
-    round outline. The layer's air rises through the same cross-section whatever the outline:
+    round outline. The layer's air rises through the same cross-section for any outline:
     :math:`2 a b / \mathrm{erf}(a / b) = \sqrt{3 (m_1 + m_2)}\, \delta`, which makes b half the
     layer's thickness :math:`\delta` above a thin strip and :math:`\pi b^2` that cross-section above
     a round part.
@@ -136,7 +136,7 @@ def plume_above(part: Part, boundary_layer_mm: float, strength: float) -> Plume:
     low, high = part.bounds[:, 2]
     half_length = float(np.sqrt(3.0 * np.ptp(moments)))
     section = np.sqrt(3.0 * moments.sum()) * boundary_layer_mm
-    # The width of a round plume, which no other exceeds.
+    # The width of a round plume, which is the largest.
     widest = float(np.sqrt(section / np.sqrt(np.pi)))
     half_length = max(half_length, _SHORTEST * widest)
 
@@ -169,7 +169,7 @@ def _outline(part: Part) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _axis(height: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Share s(t) t^(-3/5) on the axis and its derivative by t; both 0 below the middle."""
+    """Fraction s(t) t^(-3/5) on the axis and its derivative by t; both 0 below the middle."""
     t = np.clip(height, 0.0, 1.0)
     rise = t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
     rise_slope = 30.0 * t**2 * (1.0 - t) ** 2
@@ -182,7 +182,7 @@ def _axis(height: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _ends(
     u: FloatArray, half_length: float, width: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Share along the source, and its derivatives by u and by the width."""
+    """Fraction along the source, and its derivatives by u and by the width."""
     plus, minus = (u + half_length) / width, (u - half_length) / width
     share = 0.5 * (erf(plus) - erf(minus))
     bell_plus, bell_minus = (np.exp(-(x**2)) / np.sqrt(np.pi) for x in (plus, minus))
@@ -215,10 +215,10 @@ class SyntheticAir:
     that of `Plume`. The product merges both smoothly, keeps the wall's temperature at the wall,
     and is nowhere hotter than the wall or colder than the room.
 
-    Limits: the layer is as thick below the part as beside it, and thin layers of a real flow that
-    meet in a notch merge more smoothly: where two points of a concave part are equally near, the
-    temperature is continuous but its gradient jumps. No simulation: orders of magnitude and shapes
-    are right, numbers are not.
+    Limits: the layer is as thick below the part as at its sides, and thin layers of a real flow
+    that meet in a notch merge more smoothly: where two points of a concave part are equally near,
+    the temperature is continuous but its gradient jumps. This is not a simulation: orders of
+    magnitude and shapes are right, numbers are not.
 
     Parameters
     ----------
@@ -230,8 +230,8 @@ class SyntheticAir:
     plume : Plume or None
         None for still air.
     regions : dict
-        Temperatures, K, of regions of the part that have not `wall_k`. :math:`T_w` is then that of
-        the nearest wall, and one goes over into another within `transition_mm`
+        Temperatures, K, of regions of the part that differ from `wall_k`. :math:`T_w` is then that
+        of the nearest wall, with a transition over `transition_mm`
         (`iriftrace.cfd.openfoam.wall.wall_temperature`).
     transition_mm : float or None
         By default the boundary layer's thickness.
@@ -280,7 +280,7 @@ class SyntheticAir:
 
     @property
     def origin(self) -> str:
-        """Statement of the field's origin in results."""
+        """Description of the field's origin in results."""
         others = "".join(f", {name} {kelvin:g} K" for name, kelvin in self.regions.items())
         plume = "no plume" if self.plume is None else f"plume of strength {self.plume.strength:g}"
         return (
@@ -327,7 +327,7 @@ def synthetic_air(
     regions: Mapping[str, float] | None = None,
     transition_mm: float | None = None,
 ) -> SyntheticAir:
-    """The synthetic air of a part, with what is not given chosen after its size.
+    """The synthetic air of a part; values that are not given follow from its size.
 
     Parameters
     ----------
@@ -368,7 +368,7 @@ def laminar_boundary_layer_mm(part: Part, wall_k: float, ambient_k: float) -> fl
     :math:`\delta \propto D\,\mathrm{Ra}^{-1/4}`, hence :math:`(D\,\nu\alpha / \Delta T)^{1/4}` with
     :math:`\nu\alpha \propto T_r^{3.4}` at Sparrow and Gregg's reference temperature
     :math:`T_r = T_w - 0.38\,\Delta T`, and D four times the part's volume over its area; scaled
-    from the 7.7 mm beside a cylinder of 27 mm at 1100 degC in a room of 20 degC, of which
+    from the 7.7 mm next to a cylinder of 27 mm at 1100 degC in a room of 20 degC, of which
     :math:`T_r` is 962.75 K (simulation).
     """
     _require_hotter_wall(wall_k, ambient_k)

@@ -16,8 +16,8 @@ _UNITS = re.compile(
     rb"(?:Second|Null|UserDefined) +"
     rb"(?P<temperature>Kelvin|Celsius|Rankine|Fahrenheit|Null|UserDefined) +"
 )
-"""Words of a node DimensionalUnits_t, each padded to 32 bytes, in HDF5 and in ADF. VTK does not
-read them."""
+"""Words of a node DimensionalUnits_t, each padded to 32 bytes, in HDF5 and in ADF. VTK ignores
+them."""
 
 _LENGTHS = {b"Meter": "m", b"Centimeter": "cm", b"Millimeter": "mm", b"Inch": "inch"}
 
@@ -28,7 +28,7 @@ def states(path: Path) -> list[State]:
 
 
 def read(path: Path, member: int | None) -> Contents:
-    """The zones of one state; an InputError if the file is damaged or contradicts itself."""
+    """The zones of one state; raises InputError if the file is damaged or inconsistent."""
     found = states(path)
     number = state_number(found, member, path)
     moment = found[number][1]

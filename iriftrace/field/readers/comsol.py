@@ -1,6 +1,6 @@
 """Read one state of COMSOL's text exports: spreadsheet, sectionwise or grid format.
 
-Times and values of a parameter are columns of results: ``T (K) @ t=1``, ``T (K) @ t=2``.
+Times and parameter values are part of the columns' names: ``T (K) @ t=1``, ``T (K) @ t=2``.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from iriftrace.field.readers.states import Column, Contents, State, state_number
 
 @frozen(eq=False)
 class _Table:
-    """A text export in numbers."""
+    """Numbers of a text export."""
 
     points: FloatArray  # (n, 3)
     columns: Sequence[Column]  # names of the results
@@ -51,8 +51,8 @@ def states(path: Path) -> list[State]:
 def read(path: Path, member: int | None) -> Contents:
     """Points, cells and results of one state.
 
-    Points without elements get the tetrahedra of Delaunay, which fill their hull; points at which
-    results are NaN are left out with a warning.
+    Points without elements are connected to Delaunay tetrahedra, which fill their hull. Points at
+    which results are NaN are removed with a warning.
     """
     file = text_file(path)
     layouts = {"spreadsheet": _spreadsheet, "sectionwise": _sectionwise, "grid": _grid}
@@ -84,7 +84,7 @@ def read(path: Path, member: int | None) -> Contents:
 def _length_unit(file: TextFile) -> str | None:
     """Unit of the coordinates in the header and in the names of a spreadsheet's coordinates.
 
-    An InputError where they contradict each other.
+    Raises InputError if these contradict each other.
     """
     units = [file.length_unit] if file.length_unit else []
     if file.layout == "spreadsheet":
@@ -130,7 +130,7 @@ def _sectionwise(file: TextFile) -> _Table:
     if corners.shape[1] != 4:
         raise InputError(
             f"The elements in {file.path} have {corners.shape[1]} corners, so they are a surface; "
-            "light needs the air between, so export tetrahedra (the volume)."
+            "rays need the air volume, so export tetrahedra (the volume)."
         )
     cells = corners.astype(np.int64)
     if not np.array_equal(cells, corners) or cells.min() < 1 or cells.max() > len(points):
@@ -172,7 +172,7 @@ def _boxes(nx: int, ny: int, nz: int) -> IntArray:
 
 
 def _results(file: TextFile, count: int) -> FloatArray:
-    """Sections of data side by side, (count, sections)."""
+    """Sections of data as columns, (count, sections)."""
     values = [file.numbers(section.rows, "data").ravel() for section in file.of_kind("data")]
     for data in values:
         if len(data) != count:
@@ -184,7 +184,7 @@ def _results(file: TextFile, count: int) -> FloatArray:
 
 
 def _of_state(table: _Table, state: str, path: Path) -> tuple[dict[str, Column], _Table]:
-    """Columns of one state by the name of their array, and the table without the others."""
+    """Columns of one state by the name of their array, and the table without other columns."""
     places = [k for k, c in enumerate(table.columns) if c.state in ("", state)]
     if not places:
         raise InputError(f"{path} has no results, only coordinates; export the temperature too.")
@@ -201,7 +201,7 @@ def _of_state(table: _Table, state: str, path: Path) -> tuple[dict[str, Column],
 
 
 def _without_gaps(table: _Table, names: dict[str, Column], path: Path) -> _Table:
-    """The table without points at which nothing was computed, and without cells at such points."""
+    """The table without points that have no results, and without cells at such points."""
     telling = [k for k, name in enumerate(names) if quantity_of(name) is not None]
     missing = np.asarray(np.isnan(table.values[:, telling or slice(None)]).any(axis=1))
     if not missing.any():
@@ -218,5 +218,5 @@ def _without_gaps(table: _Table, names: dict[str, Column], path: Path) -> _Table
     )
     if table.cells is None:
         return evolve(table, points=table.points[~missing], values=table.values[~missing])
-    # Points without cells are dropped with the rest of what no cell uses.
+    # Points without cells are dropped later with all points that no cell uses.
     return evolve(table, cells=table.cells[~missing[table.cells].any(axis=1)])

@@ -24,7 +24,7 @@ _COORDINATE = re.compile(r"([xyz])[-_ ]?coord(?:inate)?", re.IGNORECASE)
 _COMPLEX = re.compile(r"[\d.][+-][\d.eE+-]*[ij](?:[\s,;]|$)")
 _TECPLOT = re.compile(r"\s*(?:TITLE|VARIABLES)\s*=", re.IGNORECASE)
 
-# After a key come a sign of any kind or, before a single word, blanks.
+# A key is followed by a sign of any kind or, before a single word, by blanks.
 _SET = r"\s*\"?\s*(?:[:;,=\t]|(?<=\s)(?=[^\s(]+$))"
 _ENTRY = re.compile(
     r"[%#]*\s*\"?(?P<key>Model|Version|Date|Dimension|Nodes|Elements|Expressions|Description"
@@ -45,7 +45,7 @@ _ASSIGNMENT = re.compile(r"\s*[\w.]+\s*=[^@()]*")
 class Section:
     """Rows that follow each other, with the comments right above them."""
 
-    comments: list[str]  # begin with % or #, but for the names of a spreadsheet without either
+    comments: list[str]  # begin with % or #, except the names of a spreadsheet without either
     rows: list[str]
 
     @property
@@ -56,7 +56,7 @@ class Section:
 
     @property
     def titles(self) -> list[str]:
-        """Comments that are no entries of the header."""
+        """Comments that are not entries of the header."""
         return [line for line in self.comments if not _ENTRY.match(line)]
 
     @property
@@ -97,7 +97,7 @@ class TextFile:
         return {"µm": "um", "μm": "um", '"': "inch"}.get(text, text) or None
 
     def origin(self, state: str) -> str:
-        """Program, model and state, as results name the field they were made of."""
+        """Program, model and state, as a result states its origin."""
         model = self.entries.get("model", "")
         words = (self.entries.get("version", "COMSOL"), f"model {model}" if model else "", state)
         return ", ".join(filter(None, words))
@@ -107,7 +107,7 @@ class TextFile:
         return [section for section in self.sections if section.kind == kind]
 
     def only(self, kind: str) -> Section:
-        """The one section of a kind; an InputError where there is none, or several."""
+        """The only section of a kind; raises InputError if there is none, or several."""
         found = self.of_kind(kind)
         if len(found) != 1:
             raise InputError(
@@ -122,20 +122,20 @@ class TextFile:
         return numbers(rows, self.separator, self.path, what)
 
     def count(self, key: str) -> int | None:
-        """A number that the header states, or None; an InputError if it is no number."""
+        """A number in the header, or None; raises InputError if it is not a number."""
         text = self.entries.get(key)
         try:
             return None if text is None else int(text)
         except ValueError:
             raise InputError(
-                f"The header of {self.path} gives {text!r} for {key}, which is no number; export "
+                f"The header of {self.path} gives {text!r} for {key}, not a number; export "
                 "the file again."
             ) from None
 
     def check_count(self, key: str, *found: int) -> None:
-        """Refuse a file that has not as many of a kind as its header states.
+        """Refuse a file whose number of nodes, elements or expressions differs from its header.
 
-        `key` is ``"nodes"``, ``"elements"`` or ``"expressions"``; `found` are the counts that fit.
+        `key` is ``"nodes"``, ``"elements"`` or ``"expressions"``; `found` are the accepted counts.
         """
         stated = self.count(key)
         if stated is not None and stated not in found:
@@ -145,16 +145,16 @@ class TextFile:
             )
 
     def check_expressions(self, columns: Sequence[Column]) -> None:
-        """Refuse a file with results whose number is not that of the header's expressions.
+        """Refuse a file whose number of results differs from the number of expressions stated.
 
-        With several states an expression is counted once, or once a state.
+        A file with several states may count an expression once, or once for each state.
         """
         if columns:
             self.check_count("expressions", len(columns), len({column.name for column in columns}))
 
 
 def text_file(path: Path) -> TextFile:
-    """Read a text export and split it; an InputError if it is no table in three dimensions."""
+    """Read a text export and split it; raises InputError if it is not a table in 3D."""
     raw = path.read_bytes()
     if b"\0" in raw[:4096]:
         raise InputError(f"{path} is not text; export it again as a text file in UTF-8.")
@@ -194,14 +194,14 @@ def text_file(path: Path) -> TextFile:
     dimension = file.count("dimension")
     if dimension is not None and dimension != 3:
         raise InputError(
-            f"{path} holds data in {dimension} dimensions, and light needs the air in three; "
+            f"{path} holds data in {dimension} dimensions, but rays need the air in three; "
             "revolve or extrude them to a 3D dataset in COMSOL and export that."
         )
     return file
 
 
 def _unquoted(line: str) -> str:
-    """A line with the mark of a comment before the quotation mark of its first word."""
+    """A line whose comment mark is moved out of the quotation marks of its first word."""
     return re.sub(r'^"\s*([%#]+)\s*', r'\1 "', line)
 
 
@@ -213,13 +213,13 @@ def _text_of(comment: str) -> str:
 def spreadsheet_columns(file: TextFile) -> list[Column]:
     """All columns of a spreadsheet, coordinates included, in the order of the file.
 
-    An InputError if no line names them, or another number, or x, y and z are not among them.
+    Raises InputError if no line names them, the number of names is wrong, or x, y or z is missing.
     """
     first = file.sections[0]
     if not first.titles:
         raise InputError(
-            f"{file.path} has no header line that names its columns (% x y z T (K)), so nothing "
-            "tells which is the temperature; export it with its header."
+            f"{file.path} has no header line that names its columns (% x y z T (K)), so the "
+            "temperature cannot be identified; export it with its header."
         )
     line = _text_of(first.titles[-1])
     separator = file.separator
@@ -242,23 +242,23 @@ def spreadsheet_columns(file: TextFile) -> list[Column]:
 
 
 def _axis_or(column: Column) -> Column:
-    """A column named ``x-coordinate``, as Fluent does, as that of x; others as they are."""
+    """Rename a column ``x-coordinate``, as in Fluent's files, to x; keep other names."""
     match = _COORDINATE.fullmatch(column.name)
     return column if match is None else evolve(column, name=match[1].lower())
 
 
 def _padded_names(line: str, count: int) -> list[str]:
-    """Names that blanks pad to the width of their columns."""
+    """Names that are padded with blanks to the width of their columns."""
     names = [name for name in _PADDED.split(line) if name]
     if len(names) == count:
         return names
-    # A name longer than its column leaves one blank only.
+    # A name longer than its column is followed by a single blank.
     words = line.split(None, 3)
     return words[:3] + (_NAMED.findall(words[3]) if len(words) > 3 else [])
 
 
 def _separated_names(line: str, separator: str) -> list[str]:
-    """Names between separators, but for the commas between several parameters of one state."""
+    """Names between separators; commas between several parameters of one state do not separate."""
     names: list[str] = []
     for piece in next(csv.reader([line], delimiter=separator, skipinitialspace=True)):
         if names and "@" in names[-1] and _ASSIGNMENT.fullmatch(piece):
@@ -269,10 +269,10 @@ def _separated_names(line: str, separator: str) -> list[str]:
 
 
 def section_columns(file: TextFile) -> list[Column]:
-    """Results of a sectionwise or grid file, one a section of data.
+    """Results of a sectionwise or grid file, one for each section of data.
 
-    Their names stand in the section's title, ``% Data (T (K) @ t=1)``, or in a line below it; else
-    the header's description must tell them, without units, or an InputError says so.
+    Their names are in the section's title, ``% Data (T (K) @ t=1)``, or in a line below it.
+    Otherwise the header's description must name them, without units; else raises InputError.
     """
     sections = file.of_kind("data")
     if not sections:
@@ -282,7 +282,7 @@ def section_columns(file: TextFile) -> list[Column]:
         titles = [name.strip() for name in file.entries.get("description", "").split(",")]
         if len(titles) != len(sections) or not all(titles):
             raise InputError(
-                f"{file.path} does not name its {len(sections)} sections of data, so nothing tells "
-                "which is the temperature; export it with its header."
+                f"{file.path} does not name its {len(sections)} sections of data, so the "
+                "temperature cannot be identified; export it with its header."
             )
     return [column_of(title) for title in titles]

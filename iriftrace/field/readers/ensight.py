@@ -25,7 +25,7 @@ def states(path: Path) -> list[State]:
 
 
 def read(path: Path, member: int | None) -> Contents:
-    """The parts of one state; an InputError if the case or a file that it names is damaged."""
+    """The parts of one state; raises InputError if the case or a file that it names is damaged."""
     found = states(path)
     number = state_number(found, member, path)
     times = _times(path)
@@ -39,8 +39,8 @@ def _times(path: Path) -> list[str]:
     text = path.read_text(encoding="utf-16" if wide else "utf-8", errors="replace")
     if not _FORMAT.search(text):
         raise InputError(
-            f"{path} is no EnSight case (it states no `type: ensight`); name the field's file, or "
-            "the folder of an OpenFOAM case."
+            f"{path} is not an EnSight case (it states no `type: ensight`); name the field's file, "
+            "or the folder of an OpenFOAM case."
         )
     _refuse_unread(path, text)
     sets = [match["values"].split() for match in _TIMES.finditer(text)]
@@ -49,13 +49,13 @@ def _times(path: Path) -> list[str]:
         list(map(float, times))
     except ValueError:
         raise InputError(
-            f"The time values in {path} are no numbers; export the case again."
+            f"The time values in {path} are not numbers; export the case again."
         ) from None
     return times
 
 
 def _refuse_unread(path: Path, text: str) -> None:
-    """Refuse a case that other programs read and VTK does not."""
+    """Refuse a case that VTK does not read although other programs do."""
     marks = (codecs.BOM_UTF8, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
     entries = [(entry["key"], entry["value"]) for entry in _ENTRY.finditer(text)]
     lower = "".join(key + (value if key.lower() == "type" else "") for key, value in entries)

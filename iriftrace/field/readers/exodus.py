@@ -15,7 +15,7 @@ def states(path: Path) -> list[State]:
 
 
 def read(path: Path, member: int | None) -> Contents:
-    """The blocks of one state; an InputError if the file is damaged."""
+    """The blocks of one state; raises InputError if the file is damaged."""
     found = states(path)
     number = state_number(found, member, path)
     data, _ = read_exodus(path, number)

@@ -1,4 +1,4 @@
-"""Field files of any format: their states, the choice among them, and one state read.
+"""Field files of any format: list their states, choose among them, and read one.
 
 Every reader has two functions: ``states(path)`` lists label and time of the states in a file, and
 ``read(path, number)`` reads one of them as `iriftrace.field.readers.states.Contents`.
@@ -29,7 +29,7 @@ SUFFIXES = (*VTK, *ENSIGHT, *EXODUS, *CGNS, *OPENFOAM, *COMSOL_TEXT)
 """Suffixes of files that can hold a field; an OpenFOAM case may also be named by its folder."""
 
 
-# Solvers write their times with six digits and more.
+# Solvers write their times with six digits or more.
 _SAME_TIME = 1e-5
 
 
@@ -42,12 +42,12 @@ class Member:
     path : Path
         The file, or the folder of a case.
     label : str
-        What tells it from the others, such as ``"t = 2.5"`` or ``"t=2, P=100"``; "" where the file
-        has one state and no name for it.
+        What identifies it, such as ``"t = 2.5"`` or ``"t=2, P=100"``; "" if the file has one state
+        without a name.
     time : float or None
-        In the file's unit, s as a rule; None where the file does not say.
+        In the file's unit, usually s; None if the file does not state it.
     index : int
-        Its place in the file, from 0; `iriftrace.field.read.read_field` takes it as ``member``.
+        Its number in the file, from 0; ``member`` of `iriftrace.field.read.read_field`.
     """
 
     path: Path
@@ -60,14 +60,14 @@ def kind_of(path: Path) -> str:
     """Format of a field file: ``"vtk"``, ``"ensight"``, ``"exodus"``, ``"cgns"``,
     ``"openfoam"`` or ``"comsol"``.
 
-    An InputError if the file does not exist, may not be read, is of another type, or is a folder
-    that is no OpenFOAM case.
+    Raises InputError if the file does not exist, may not be read, is of another type, or is a
+    folder that is not an OpenFOAM case.
     """
     if path.is_dir():
         if openfoam.is_case(path):
             return "openfoam"
         raise InputError(
-            f"The folder {path} is no OpenFOAM case (it has neither system/controlDict nor "
+            f"The folder {path} is not an OpenFOAM case (it has neither system/controlDict nor "
             "constant/polyMesh); name the case's folder or the field's file."
         )
     if not path.is_file():
@@ -89,7 +89,7 @@ def kind_of(path: Path) -> str:
     if suffix in COMPRESSED:
         raise InputError(f"The field file {path} is compressed; unpack it first.")
     raise InputError(
-        f"{path} is not a field file that can be read here; export it as one of "
+        f"{path} is not a field file of a supported format; export it as one of "
         f"{', '.join(SUFFIXES)}, or name the folder of an OpenFOAM case."
     )
 
@@ -170,15 +170,15 @@ def member_at(path: str | Path, when: str) -> Member:
 
 
 def chosen_members(paths: Sequence[str | Path], when: str | None = None) -> tuple[Member, ...]:
-    """States of several files that make an ensemble, labelled so that each label occurs once.
+    """States of several files that form an ensemble, with unique labels.
 
     Parameters
     ----------
     paths : sequence of str or Path
         Files or cases, each once.
     when : str, optional
-        Of each file: one state as in `member_at`, a span of times ``"FIRST:LAST"``, or ``"all"``;
-        when left out all states, of an OpenFOAM case the latest.
+        Which states of each file: one state as in `member_at`, a span of times ``"FIRST:LAST"``, or
+        ``"all"``. By default all states, or the latest one of an OpenFOAM case.
 
     Raises
     ------
@@ -200,7 +200,7 @@ def chosen_members(paths: Sequence[str | Path], when: str | None = None) -> tupl
 
 def _chosen(path: Path, when: str | None) -> tuple[Member, ...]:
     if when is None and kind_of(path) == "openfoam":
-        # A case that was run to its steady state keeps the times before it, too.
+        # A case that was run to its steady state keeps earlier times, too.
         when = "latest"
     if when is None or when.strip() == "all":
         return members(path)
@@ -215,7 +215,7 @@ def _chosen(path: Path, when: str | None) -> tuple[Member, ...]:
 
 
 def _span(when: str) -> tuple[float, float]:
-    """First and last time of FIRST:LAST."""
+    """First and last time of a span FIRST:LAST."""
     try:
         begin, end = (float(time) for time in when.split(":"))
     except ValueError:
@@ -228,7 +228,7 @@ def _span(when: str) -> tuple[float, float]:
 
 
 def _listed(found: tuple[Member, ...]) -> str:
-    """Labels of states for a message, the first and last ones of many."""
+    """Labels of states for a message; only the first and last ones if there are many."""
     labels = [m.label or "one state without a time" for m in found]
     if len(labels) > 12:
         labels = [*labels[:6], "...", *labels[-3:]]
@@ -248,7 +248,7 @@ def _same_time(time: float, word: str) -> bool:
 
 @contextmanager
 def _file_errors(path: Path) -> Iterator[None]:
-    """Report what the file system or a decompressor refuses as wrong input."""
+    """Raise InputError for errors of the file system or a decompressor."""
     try:
         yield
     except (OSError, EOFError) as error:

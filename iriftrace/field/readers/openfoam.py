@@ -24,7 +24,7 @@ from iriftrace.field.readers.vtk_files import blocks_by_name
 from iriftrace.field.readers.vtk_process import read_case
 
 _PROCESSOR = re.compile(r"processor(\d+)")
-# Their faces state no value of their own: neighbours, mirrors, or nothing.
+# Types of patches whose faces have no values of their own: neighbours, mirrors, or empty.
 _NO_VALUES = re.compile(r"processor.*|symmetry.*|wedge|empty|.*cyclic.*", re.IGNORECASE)
 _PATCH = re.compile(r"(?P<name>[^\s{}();]+)\s*\{[^{}]*?\btype\s+(?P<kind>\w+)\s*;")
 
@@ -43,14 +43,14 @@ class _Case:
 
 
 def states(path: Path) -> list[State]:
-    """Label and time of every time folder; time 0 only where there is no other."""
+    """Label and time of every time folder; time 0 only if it is the only one."""
     return _case(path).states
 
 
 def read(path: Path, member: int | None, *, flow: bool = False) -> Contents:
     """Temperatures, other scalars and, if `flow`, velocities at a case's points, in m and SI units.
 
-    An InputError if the case has no mesh, no time, several regions, or damaged files.
+    Raises InputError if the case has no mesh, no time, several regions, or damaged files.
     """
     case = _case(path)
     number = state_number(case.states, member, path)
@@ -79,7 +79,7 @@ def read(path: Path, member: int | None, *, flow: bool = False) -> Contents:
 
 
 def _refuse_bare_patches(path: Path, pieces: Iterable[Piece], names: Iterable[str]) -> None:
-    """Refuse boundaries without the values that the points on them have."""
+    """Refuse patches without the values that are needed at their points."""
     for piece in pieces:
         for patch, mesh in piece.patches.items():
             missing = [name for name in names if mesh.n_cells and name not in mesh.cell_data]
@@ -109,7 +109,7 @@ def processor_folders(case: Path) -> list[Path]:
 
 
 def time_folders(piece: Path) -> dict[float, Path]:
-    """Folders of the times, by time in s and in its order, of a case or of one of its pieces."""
+    """Folders of the times of a case or of one of its pieces, by time in s, in ascending order."""
     found = {}
     for entry in piece.iterdir():
         try:
@@ -132,7 +132,7 @@ def _case(path: Path) -> _Case:
         if apart and float(apart[-1]) > float(whole[-1]):
             warn(
                 f"{folder} is reconstructed up to t = {whole[-1]}, which is read, but its "
-                f"processors go on to t = {apart[-1]}; run reconstructPar to read on.",
+                f"processors continue to t = {apart[-1]}; run reconstructPar to read later times.",
                 IriftraceWarning,
                 stacklevel=5,
             )
@@ -178,7 +178,7 @@ def _solver(folder: Path) -> str:
 
 
 def _names(piece: Piece, flow: bool) -> list[str]:
-    """Cell arrays of scalars and, if `flow`, of the vectors that tell how the air moves."""
+    """Cell arrays of scalars and, if `flow`, of the vectors that describe the air's motion."""
     return [
         name
         for name, values in piece.grid.cell_data.items()
@@ -197,7 +197,7 @@ def _piece(folder: Path, time: str, flow: bool) -> Piece:
         )
     there = {file.name.removesuffix(".gz") for file in (folder / time).iterdir()}
     empty = {file.name for file in (folder / time).iterdir() if not file.stat().st_size}
-    # VTK passes over an empty file as if it were not there.
+    # VTK ignores an empty file as if it did not exist.
     damaged = there.intersection(n for n in (*named, *empty) if quantity_of(n))
     damaged = damaged.difference(grid.cell_data)
     if damaged:

@@ -1,7 +1,7 @@
 """Finite-volume meshes as linear cells with values at their points.
 
-Polyhedra are split around their centroids (`iriftrace.field.polyhedra`), and cells and boundary
-faces give their values to the points around them.
+Polyhedra are split around their centroids (`iriftrace.field.polyhedra`), and the values of cells
+and boundary faces are averaged onto the points around them.
 """
 
 from __future__ import annotations
@@ -19,31 +19,31 @@ from iriftrace.field.gradient import cell_corners
 from iriftrace.field.polyhedra import SplitPolyhedra, added, split_polyhedra
 
 _CELLS, _PATCHES, _WALLS = range(3)
-"""Kinds of places from which a point can have its value, the one that counts most last."""
+"""Kinds of locations that give a point its value, in ascending priority."""
 
 
 @frozen(eq=False)
 class Piece:
-    """A mesh as it was read, whole or from one processor, and in linear cells."""
+    """A mesh as read, whole or from one processor, and as linear cells."""
 
     grid: pv.UnstructuredGrid  # with cell data
-    patches: Mapping[str, pv.PolyData]  # those that state values, as cell data
-    walls: frozenset[str]  # names of those that are walls
+    patches: Mapping[str, pv.PolyData]  # those that have values, as cell data
+    walls: frozenset[str]  # names of the patches that are walls
     # (n + f + p, 3), the mesh's points, the centres of its f faces with more than four corners
     # and the centroids of its p polyhedra.
     points: FloatArray
     cells: dict[int, IntArray]  # VTK cell type to (k, corners) point numbers
-    centres: FloatArray  # (c, 3) of the mesh's own cells, where their values belong
+    centres: FloatArray  # (c, 3) of the mesh's own cells, where their values are located
     split: SplitPolyhedra
 
 
 def split_piece(
     grid: pv.UnstructuredGrid, patches: Mapping[str, pv.PolyData], walls: frozenset[str]
 ) -> Piece:
-    """Split the polyhedra of a grid; its other cells stay.
+    """Split the polyhedra of a grid; its other cells do not change.
 
-    The gradients of a cell's parts then start from its own value at its own centroid, whereas
-    triangulating by corners alone would drop that value and split all other cells too.
+    The gradients in a cell's pieces then start from its own value at its own centroid.
+    Triangulating by corners alone would drop that value and split all other cells too.
     """
     split = split_polyhedra(grid)
     centres = np.array(grid.cell_centers().points, dtype=np.float64)
@@ -59,11 +59,11 @@ def split_piece(
 def joined(pieces: Sequence[Piece], names: Sequence[str]) -> pv.UnstructuredGrid:
     """One grid of all pieces, joined at points that coincide exactly, with values at its points.
 
-    A point has a mean of the places around it that is exact for values linear in space, so that
-    cells may double in size there. VTK's own translation averages the cells alone, which puts air
-    from half a cell away onto the wall. Here points on patches have values of the patches' faces
+    A point gets a weighted mean of the values around it that is exact for values linear in space,
+    even where cells double in size. VTK's own translation averages only the cells, which assigns
+    air from half a cell away to the wall. Here points on patches get values of the patches' faces
     only, and points on walls those of the walls' faces only, so a wall of one temperature keeps it
-    to the last digit. Centres of faces have the means of the faces' corners. `names` are cell
+    to the last digit. Centres of faces get the means of the faces' corners. `names` are cell
     arrays, scalars or vectors, that all pieces have.
     """
     points = np.concatenate([piece.points for piece in pieces])
@@ -87,7 +87,7 @@ def joined(pieces: Sequence[Piece], names: Sequence[str]) -> pv.UnstructuredGrid
 def _point_means(
     pieces: Sequence[Piece], numbers: Sequence[IntArray], count: int, names: Sequence[str]
 ) -> dict[str, FloatArray]:
-    """Values at `count` points, where `numbers` are those of the points of each piece."""
+    """Values at `count` points; `numbers` are those of the points of each piece."""
     around = [
         places
         for piece, number in zip(pieces, numbers, strict=True)
@@ -122,9 +122,9 @@ def _point_means(
 
 @frozen(eq=False)
 class _Around:
-    """Cells of a grid, or faces of a patch, around points: k pairs of a point and a place."""
+    """Cells of a grid, or faces of a patch, around points: k pairs of a point and a location."""
 
-    kind: int  # of the places
+    kind: int  # of the locations: `_CELLS`, `_PATCHES` or `_WALLS`
     point: IntArray  # (k,)
     owner: IntArray  # (k,) cell or face
     arm: FloatArray  # (k, 3) from the point to its centre
@@ -132,7 +132,7 @@ class _Around:
 
 
 def _around(piece: Piece, number: IntArray) -> Iterator[_Around]:
-    """Cells and faces of each patch around points, whose numbers in the joined grid are given."""
+    """Cells and faces of each patch around points, with the points' numbers in the joined grid."""
     starts = np.asarray(piece.grid.cell_offsets, dtype=np.int64)
     corner = np.asarray(piece.grid.cell_connectivity, dtype=np.int64)
     cell = np.repeat(np.arange(len(starts) - 1), np.diff(starts))

@@ -1,7 +1,7 @@
-"""Values at OpenFOAM's boundaries whose files state a gradient instead of a value.
+"""Values on OpenFOAM's patches whose files state a gradient instead of a value.
 
-VTK gives the faces of such patches the values of the cells next to them, but a heated wall of type
-``fixedGradient`` may be hundreds of kelvin hotter.
+VTK assigns to the faces of such patches the values of the cells next to them, but a heated wall of
+type ``fixedGradient`` can be hundreds of kelvin hotter.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _MIXED = ("refValue", "refGradient", "valueFraction")
 """Entries of a mixed condition: value = f refValue + (1 - f) (cell + refGradient distance)."""
 
 _COMPONENTS = {b"vector": 3, b"symmTensor": 6, b"tensor": 9}
-"""Numbers of an entry of a list, one for all other kinds."""
+"""Numbers per entry of a list; one for all other kinds."""
 
 _TOKEN = re.compile(
     rb"""(?P<skip>\s+|//[^\n]*|/\*.*?\*/|\#[^\n]*)
@@ -48,14 +48,14 @@ _TOKEN = re.compile(
 def set_values_of_gradients(piece: Piece, folder: Path, names: frozenset[str]) -> None:
     """Compute the values of patches for which the files of fields state a gradient.
 
-    `folder` is that of the time, `names` are the fields to look at. An InputError for a wall with
-    neither value nor gradient; a warning for other patches.
+    `folder` is that of the time, `names` are the fields to look at. Raises InputError for a wall
+    with neither value nor gradient; warns for other patches.
     """
     for name in sorted(names):
         stated = boundary_entries(folder / name)
         for patch, mesh in piece.patches.items():
             entries = _of_patch(stated, patch)
-            # What macros stand for is left to VTK.
+            # Macros are left to VTK.
             if "value" in entries or "type" not in entries or not mesh.n_cells:
                 continue
             if entries["type"] not in _OF_THE_CELL:
@@ -63,7 +63,7 @@ def set_values_of_gradients(piece: Piece, folder: Path, names: frozenset[str]) -
 
 
 def boundary_entries(file: Path) -> Entries:
-    """What a field's file states for its patches, by their names or, in quotes, patterns."""
+    """Entries of a field's file for its patches, by their names or, in quotes, patterns."""
     packed = file.with_name(f"{file.name}.gz")
     try:
         data = gzip.decompress(packed.read_bytes()) if packed.is_file() else file.read_bytes()
@@ -78,7 +78,7 @@ def boundary_entries(file: Path) -> Entries:
 
 
 def _bytes_of_scalars(data: bytes) -> int:
-    """Bytes of a scalar in lists; 0 where they are text."""
+    """Bytes per scalar in lists; 0 for text."""
     head = data.partition(b"}")[0]
     if not re.search(rb"format\s+binary", head):
         return 0
@@ -86,7 +86,7 @@ def _bytes_of_scalars(data: bytes) -> int:
 
 
 def _tokens(data: bytes, width: int) -> Iterator[str | FloatArray]:
-    """Words, signs and lists of scalars, (n,), or vectors, (n, 3), of a dictionary."""
+    """Words, punctuation and lists of scalars, (n,), or vectors, (n, 3), of a dictionary."""
     place = 0
     while place < len(data) and (found := _TOKEN.match(data, place)):
         place = found.end()
@@ -108,7 +108,7 @@ def _tokens(data: bytes, width: int) -> Iterator[str | FloatArray]:
 
 
 def _closing(data: bytes, place: int) -> int:
-    """Place of the parenthesis that closes the list whose first entry begins at a place."""
+    """Position of the parenthesis that closes the list whose first entry starts at a position."""
     depth = 1
     for sign in re.finditer(rb"[()]", data[place:]):
         depth += 1 if sign[0] == b"(" else -1
@@ -137,7 +137,7 @@ def _dictionary(tokens: Iterator[str | FloatArray]) -> Entries:
 
 
 def _of_patch(stated: Entries, patch: str) -> Entries:
-    """Entries of a patch: under its name, else under the last pattern that fits."""
+    """Entries of a patch: under its name, else under the last pattern that matches."""
     patterns = [key for key in stated if key.startswith('"') and _fits(key, patch)]
     found = stated.get(patch, stated[patterns[-1]] if patterns else {})
     return found if isinstance(found, dict) else {}
@@ -170,7 +170,7 @@ def _refuse_or_warn(wall: bool, patch: str, name: str, kind: str, file: Path) ->
     what = f"{file} states neither a value nor a gradient of {name} on the "
     if wall:
         raise InputError(
-            f"{what}wall {patch} (type {kind}), so what the air has there is not known; choose a "
+            f"{what}wall {patch} (type {kind}), so the temperature there is not known; choose a "
             "time that the solver has written (--time), or add a `value` there."
         )
     warn(
@@ -183,7 +183,7 @@ def _refuse_or_warn(wall: bool, patch: str, name: str, kind: str, file: Path) ->
 def _numbers(
     stated: str | FloatArray | Entries | None, count: int, file: Path
 ) -> float | FloatArray | None:
-    """One number or (count,) numbers of an entry; None where it states none."""
+    """One number or (count,) numbers of an entry; None if it has none."""
     if stated is None or isinstance(stated, dict):
         return None
     if isinstance(stated, np.ndarray):

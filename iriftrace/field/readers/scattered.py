@@ -1,4 +1,4 @@
-"""Scattered points as a volume: tetrahedra between them, and the part cut out of these."""
+"""Scattered points as a volume: tetrahedra between them, without those inside the part."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ if TYPE_CHECKING:
     from iriftrace.part.part import Part
 
 
-# Two values at one place may differ by this share of all values' range: neighbouring elements
-# evaluate a little differently.
+# Two values at one point may differ by this fraction of the range of all values: neighbouring
+# elements evaluate slightly differently.
 _SAME_VALUE = 0.01
-# Tetrahedra whose longest edge is so many times what is usual at their corners bridge a notch in
+# Tetrahedra whose longest edge is this many times the usual one at their corners bridge a notch in
 # the outer boundary.
 _BRIDGE = 5.0
-# Depth below the wall, as share of the longest edge, that a chord of a curved wall does not reach.
+# Depth below the wall, as a fraction of the longest edge, that chords of curved walls stay within.
 _DEEP = 0.1
-# Distance from the wall, as share of the longest edge, below which a corner lies on it.
+# Distance from the wall, as a fraction of the longest edge, within which a corner lies on it.
 _ON_WALL = 0.01
 
 
 def merged(points: FloatArray, values: FloatArray, path: Path) -> tuple[FloatArray, FloatArray]:
-    """Points that occur several times, once each with the mean of their values.
+    """Merge points that occur several times, with the mean of their values.
 
-    An InputError if values at one place differ by more than 1 % of their range.
+    Raises InputError if values at one point differ by more than 1 % of their range.
     """
     unique, number = np.unique(points, axis=0, return_inverse=True)
     if len(unique) == len(points):
@@ -55,7 +55,7 @@ def merged(points: FloatArray, values: FloatArray, path: Path) -> tuple[FloatArr
                 "export one state of one domain."
             )
     warn(
-        f"{path} names {len(points) - len(unique)} points again with the same values; each is used "
+        f"{path} repeats {len(points) - len(unique)} points with the same values; each is used "
         "once.",
         IriftraceWarning,
         stacklevel=5,
@@ -64,17 +64,17 @@ def merged(points: FloatArray, values: FloatArray, path: Path) -> tuple[FloatArr
 
 
 def tetrahedra_between(points: FloatArray, path: Path) -> IntArray:
-    """Delaunay's tetrahedra of points, (k, 4), without those that bridge notches of their outline.
+    """Delaunay tetrahedra of points, (k, 4), without those that bridge notches of their outline.
 
-    An InputError if the points lie in a plane, or there are fewer than four.
+    Raises InputError if the points lie in a plane, or there are fewer than four.
     """
     try:
-        # Scaled, since Qhull's tolerances are absolute for coordinates near one.
+        # Scaled, because Qhull's tolerances are absolute and meant for coordinates near one.
         extent = max(float(np.ptp(points, axis=0).max()), np.finfo(float).tiny)
         mesh = Delaunay((points - points.mean(axis=0)) / extent)
     except (QhullError, ValueError) as error:
         raise InputError(
-            f"The {len(points)} points in {path} fill no volume, and light needs the air between; "
+            f"The {len(points)} points in {path} fill no volume, but rays need the air volume; "
             "export the volume and not a surface, slice or line."
         ) from error
     tetrahedra = mesh.simplices.astype(np.int64)
@@ -82,7 +82,7 @@ def tetrahedra_between(points: FloatArray, path: Path) -> IntArray:
     if bridges.any():
         bridges = _open_to_outside(bridges, mesh.neighbors)
     kept: IntArray = tetrahedra[~bridges]
-    # Qhull does not care which way round a simplex is; volumes elsewhere have a sign.
+    # Qhull does not care about the orientation of a simplex, but volumes elsewhere are signed.
     edges = points[kept[:, 1:]] - points[kept[:, :1]]
     turned = np.linalg.det(edges) < 0.0
     kept[turned, :2] = kept[turned, 1::-1]
@@ -90,7 +90,7 @@ def tetrahedra_between(points: FloatArray, path: Path) -> IntArray:
 
 
 def _bridges(points: FloatArray, tetrahedra: IntArray) -> BoolArray:
-    """Mask of the tetrahedra that are much longer than what is usual at all of their corners."""
+    """Mask of the tetrahedra that are much longer than usual at all of their corners."""
     ends = np.sort(tetrahedra[:, TETRAHEDRON_EDGES], axis=2)
     edge, number = np.unique(ends[..., 0] * len(points) + ends[..., 1], return_inverse=True)
     first, second = np.divmod(edge, len(points))
@@ -107,7 +107,7 @@ def _bridges(points: FloatArray, tetrahedra: IntArray) -> BoolArray:
 
 
 def _open_to_outside(mask: BoolArray, neighbours: Int32Array) -> BoolArray:
-    """Those of the masked tetrahedra that can be reached from the hull through masked ones."""
+    """The masked tetrahedra that can be reached from the hull through masked ones."""
     chosen = np.flatnonzero(mask)
     local = np.full(len(mask), -1)
     local[chosen] = np.arange(len(chosen))
@@ -123,15 +123,15 @@ def _open_to_outside(mask: BoolArray, neighbours: Int32Array) -> BoolArray:
 
 
 def cells_outside(grid: pv.UnstructuredGrid, part: Part | None, path: str) -> IntArray:
-    """Numbers of the tetrahedra that do not lie in the part.
+    """Numbers of the tetrahedra outside the part.
 
-    Delaunay's tetrahedra fill the part too, from wall to wall. A tetrahedron is left out if it
+    Delaunay tetrahedra fill the part too, from wall to wall. A tetrahedron is removed if it
     reaches deep below the part's surface, or if none of its corners is in the air and it lies
-    below or flat on the surface. Depth is measured against the tetrahedron's size, since chords of
-    a curved wall cut into the part a little.
+    below or flat on the surface. Depth is relative to the tetrahedron's size, because chords of
+    a curved wall cut into the part slightly.
 
-    The grid is of tetrahedra, mm, world. An InputError if there is no part, it is not closed, or
-    nothing is left.
+    The grid consists of tetrahedra, mm, world. Raises InputError if there is no part, it is not
+    closed, or nothing is left.
     """
     if part is None:
         raise InputError(
@@ -151,7 +151,7 @@ def cells_outside(grid: pv.UnstructuredGrid, part: Part | None, path: str) -> In
     first, second = TETRAHEDRON_EDGES.T
     size = np.linalg.norm(at[:, first] - at[:, second], axis=2).max(axis=1)
     at_corners = _distance_or_less(surface, points, corners, size)[corners]
-    # Farther from the surface than it is long, a tetrahedron in the air cannot reach it.
+    # A tetrahedron in the air that is farther from the surface than it is long cannot reach it.
     near = np.flatnonzero(at_corners.min(axis=1) < size)
     at, at_corners, size = at[near], at_corners[near], size[near]
     centre = at.mean(axis=1)
@@ -197,12 +197,12 @@ def _distance_or_less(
 def _below(
     surface: Surface, places: FloatArray, at: FloatArray, at_corners: FloatArray, limit: FloatArray
 ) -> FloatArray:
-    """Distance of one place in each tetrahedron where it can be below a limit, else infinity.
+    """Distance of one point in each tetrahedron if it can be below a limit, else infinity.
 
-    Distances change no faster than the place does, so those of the corners tell most.
+    Distances change no faster than the point moves, so those of the corners decide most cases.
     """
     least = (at_corners - np.linalg.norm(at - places[:, None], axis=2)).max(axis=1)
     result = np.full(len(places), np.inf)
-    asked = np.flatnonzero(least < limit)
-    result[asked] = _distance(surface, places[asked])
+    near = np.flatnonzero(least < limit)
+    result[near] = _distance(surface, places[near])
     return result

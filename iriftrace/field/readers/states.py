@@ -1,6 +1,6 @@
-"""One state of a field file as readers hand it over, and the states that column names tell.
+"""One state of a field file as returned by readers, and the states named by columns.
 
-COMSOL writes times and values of a parameter into the names of its result columns.
+COMSOL writes times and parameter values into the names of its result columns.
 """
 
 from __future__ import annotations
@@ -15,39 +15,39 @@ from attrs import frozen
 from iriftrace.core.errors import InputError
 from iriftrace.field.source import FieldFacts
 
-# In .vtu files COMSOL writes an underscore for every space: ``Temperature_@_t=0.5``.
+# In .vtu files COMSOL replaces every space by an underscore: ``Temperature_@_t=0.5``.
 _STATE = re.compile(r"(?P<name>.*?\S)[\s_]*@[\s_]*(?P<state>\S.*)")
 _UNIT = re.compile(r"(?P<name>.*?\S)[\s_]+\((?P<unit>(?:[^()]|\([^()]*\))+)\)")
-# As CFD-Post and others write it; a function's argument is not in such brackets.
+# As in files of CFD-Post and others; a function's argument is not in such brackets.
 _UNIT_IN_SQUARES = re.compile(r"(?P<name>.*?\S)[\s_]*\[(?P<unit>[^\[\]]+)\]")
 _TIME = re.compile(r"(?:^|[\s,])t\s*=\s*(?P<time>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
 
 State = tuple[str, float | None]
-"""Label and time of a state; "" and None where the file names none."""
+"""Label and time of a state; "" and None if the file names none."""
 
 
 @frozen(eq=False)
 class Contents:
-    """One state of a field file, as it was written."""
+    """One state of a field file, as stored."""
 
     # A pyvista.DataSet or, before the volume cells are joined, a pyvista.MultiBlock; in the file's
     # own units.
     data: Any
-    # Of the file; of an OpenFOAM case that of the list of the checksums of the files read, as
-    # ``sha256sum`` prints it.
+    # SHA-256 of the file; for an OpenFOAM case of the list of checksums of the files read, in the
+    # format of ``sha256sum``.
     sha256: str
-    states: Sequence[State] = (("", None),)  # all of the file
-    length_unit: str | None = None  # of the coordinates, where the file states it
-    # Of each array, "" where its header states none; None for formats without a place for units.
+    states: Sequence[State] = (("", None),)  # all states of the file
+    length_unit: str | None = None  # of the coordinates, if the file states it
+    # Unit of each array, "" if the header states none; None for formats that do not store units.
     units: Mapping[str, str] | None = None
-    origin: str = ""  # what the file says of its own making, besides field data
-    wall_heat_w: float | None = None  # heat from the whole part, W, where field data state it
-    facts: FieldFacts | None = None  # where field data state them
-    scattered: bool = False  # the cells only fill the hull of scattered points, the part included
+    origin: str = ""  # what the file states about its origin, besides field data
+    wall_heat_w: float | None = None  # heat from the whole part, W, if field data state it
+    facts: FieldFacts | None = None  # if field data state them
+    scattered: bool = False  # the cells fill the hull of scattered points, including the part
 
 
 def state_number(states: Sequence[State], member: int | None, path: Path) -> int:
-    """Number of the state that is meant, which has to exist: the last one when none is named."""
+    """Number of the chosen state, which has to exist; the last one if none is chosen."""
     if member is None:
         return len(states) - 1
     if not 0 <= member < len(states):
@@ -63,8 +63,8 @@ class Column:
     """One column of results."""
 
     name: str  # expression or description, without unit and state
-    unit: str | None  # as written, such as "K"; None where the name states none
-    state: str  # time or parameters, such as "t=0.5, P=100"; "" where it is the same for all
+    unit: str | None  # as written, such as "K"; None if the name states none
+    state: str  # time or parameters, such as "t=0.5, P=100"; "" for a column of all states
 
 
 def column_of(text: str) -> Column:
@@ -86,11 +86,11 @@ def states_of(columns: Iterable[Column]) -> list[State]:
 
 
 def states_at(times: Iterable[str]) -> list[State]:
-    """States at times as a file writes them, or one without a name."""
+    """States at times as written in a file, or one without a name."""
     return [(f"t = {time}", float(time)) for time in times] or [("", None)]
 
 
 def time_in(state: str) -> float | None:
-    """The time that a state names, or None."""
+    """The time in the name of a state, or None."""
     found = _TIME.search(state)
     return float(found["time"]) if found else None

@@ -1,8 +1,8 @@
-"""Child process that reads files with VTK, whose readers may end the process on damaged ones.
+"""Child process that reads files with VTK, whose readers can crash on damaged files.
 
-`iriftrace.field.readers.vtk_process` calls its readers through `iriftrace.core.child`. They import
-nothing of pyvista: that would take longer than to read most files. A data set goes to the parent
-as plain values and arrays.
+`iriftrace.field.readers.vtk_process` calls its readers through `iriftrace.core.child`. The child
+does not import pyvista, which would take longer than reading most files. A data set is sent to the
+parent as plain values and arrays.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ Cells = list[AnyArray]
 class Described(TypedDict, total=False):
     """A data set, or a tree of blocks, as plain values and arrays."""
 
-    kind: Required[str]  # says which of the others there are
+    kind: Required[str]  # determines which of the other entries there are
     names: list[str | None]  # of blocks
     blocks: list[Described | None]
     field: Arrays
@@ -68,7 +68,7 @@ class Described(TypedDict, total=False):
 
 
 Answer = tuple[Described | None, list[str]]
-"""What was read, and names of what the file has: times, or fields of an OpenFOAM case."""
+"""What was read, and names of what the file contains: times, or fields of an OpenFOAM case."""
 
 
 class _Reader(Protocol):
@@ -85,7 +85,7 @@ def _array(array: vtkDataArray | None) -> AnyArray:
 
 
 def read_file(path: str, suffix: str) -> Answer:
-    """A file of one of VTK's own formats, as its suffix says."""
+    """A file in one of VTK's own formats, chosen by its suffix."""
     if suffix == ".vtk":
         from vtkmodules.vtkIOLegacy import vtkDataSetReader
 
@@ -99,7 +99,7 @@ def read_file(path: str, suffix: str) -> Answer:
 
 
 def read_ensight(path: str, time: str) -> Answer:
-    """One time of an EnSight case; its only state where `time` is empty."""
+    """One time of an EnSight case; its only state if `time` is empty."""
     from vtkmodules.vtkIOEnSight import vtkGenericEnSightReader
 
     reader = vtkGenericEnSightReader()
@@ -111,7 +111,7 @@ def read_ensight(path: str, time: str) -> Answer:
 
 
 def read_exodus(path: str, step: int | None) -> Answer:
-    """One step of an Exodus file, and its times; only these where `step` is None."""
+    """One step of an Exodus file, and its times; only the times if `step` is None."""
     from vtkmodules.vtkIOExodus import vtkExodusIIReader
 
     reader = vtkExodusIIReader()
@@ -128,7 +128,7 @@ def read_exodus(path: str, step: int | None) -> Answer:
 
 
 def read_cgns(path: str, time: str | None) -> Answer:
-    """One time of a CGNS file, its only one where `time` is "", and all times; None: only these."""
+    """One time of a CGNS file ("" for its only one), and all times; None for the times alone."""
     from vtkmodules.vtkIOCGNSReader import vtkCGNSReader
 
     reader = vtkCGNSReader()
@@ -147,7 +147,7 @@ def read_cgns(path: str, time: str | None) -> Answer:
 
 
 def _times(reader: vtkAlgorithm) -> list[str]:
-    """Times that a file states, once its reader has looked into it."""
+    """Times that a file states, after its reader has updated its information."""
     vtkOutputWindow.SetInstance(vtkStringOutputWindow())
     reader.UpdateInformation()
     times = reader.GetOutputInformation(0).Get(vtkStreamingDemandDrivenPipeline.TIME_STEPS()) or ()
@@ -155,13 +155,13 @@ def _times(reader: vtkAlgorithm) -> list[str]:
 
 
 def _output(reader: _Reader) -> Described | None:
-    """Description of what a reader has read; a ValueError with its first complaint."""
+    """Data set that a reader has read; raises ValueError with its first message if it failed."""
     window = vtkStringOutputWindow()
     vtkOutputWindow.SetInstance(window)
     reader.Update()
     _, error, text = window.GetOutput().partition("ERROR: ")
     if error:
-        # Without the places in VTK's source and the reader's address.
+        # Without the location in VTK's source and the reader's address.
         lines = [line.partition("): ")[2] or line for line in text.splitlines()[1:]]
         raise ValueError(next(filter(None, map(str.strip, lines)), "VTK says no more"))
     return _described(reader.GetOutput())
@@ -170,13 +170,13 @@ def _output(reader: _Reader) -> Described | None:
 def read_case(path: str, time: str) -> Answer:
     """One time of an OpenFOAM case, and the names of the fields that VTK found there.
 
-    VTK complains of much that a case may well have; whoever asks checks what is there.
+    VTK warns about much that is harmless in a case; the caller checks what was read.
     """
     from vtkmodules.vtkIOGeometry import vtkOpenFOAMReader
 
     vtkOutputWindow.SetInstance(vtkStringOutputWindow())
     reader = vtkOpenFOAMReader()
-    # Any name in the case's folder will do; the file itself is not looked for.
+    # Any name in the case's folder works; the file itself is not opened.
     reader.SetFileName(os.path.join(path, "case.foam"))
     reader.SetSkipZeroTime(False)
     reader.SetCreateCellToPoint(False)
@@ -208,7 +208,7 @@ def _described(data: model.vtkDataObject | None) -> Described | None:
         pieces = [_described(data.GetPartitionAsDataObject(k)) for k in count]
         return {"kind": "blocks", "names": [None] * len(pieces), "blocks": pieces, "field": {}}
     if not isinstance(data, model.vtkDataSet) or (mesh := _mesh(data)) is None:
-        raise ValueError(f"it holds a {data.GetClassName()}, which is no mesh")
+        raise ValueError(f"it holds a {data.GetClassName()}, which is not a mesh")
     mesh["point"] = _data_of(data.GetPointData())
     mesh["cell"] = _data_of(data.GetCellData())
     mesh["field"] = _data_of(data.GetFieldData())

@@ -24,7 +24,7 @@ def states(path: Path) -> list[State]:
 
 
 def read(path: Path, member: int | None) -> Contents:
-    """The data of one state; arrays of other states are left out, its own lose the state's name."""
+    """The data of one state, its arrays without the state's name; other states are dropped."""
     if path.suffix.lower() == ".pvd":
         found = states(path)
         number = state_number(found, member, path)
@@ -44,12 +44,12 @@ def read(path: Path, member: int | None) -> Contents:
 
 
 def _series(path: Path) -> dict[float, list[Path]]:
-    """Files of every time of a .pvd, in the order of time."""
+    """Files of every time of a .pvd, in ascending order of time."""
     text = path.read_bytes()
     if b"<!" in text.replace(b"<!--", b""):
         raise InputError(
-            f"{path} declares entities, which no series does and which can fill the memory; export "
-            "the series again."
+            f"{path} declares entities, which a series does not need and which can fill the "
+            "memory; export the series again."
         )
     found: dict[float, list[Path]] = {}
     try:
@@ -65,8 +65,7 @@ def _series(path: Path) -> dict[float, list[Path]]:
     for file in (file for files in found.values() for file in files):
         if file.suffix.lower() not in SUFFIXES or not os.path.isfile(file):
             raise InputError(
-                f"{path} names {file}, which is no file of VTK that is there; export the series "
-                "again."
+                f"{path} names {file}, which is not an existing VTK file; export the series again."
             )
     return dict(sorted(found.items()))
 
@@ -81,7 +80,7 @@ def blocks_of(data: Data | None) -> Iterator[pv.DataSet]:
 
 
 def blocks_by_name(data: Data | None) -> dict[str, Data | None]:
-    """The blocks of a tree; none of anything else."""
+    """The blocks of a tree; none for anything else."""
     return dict(zip(data.keys(), data, strict=True)) if isinstance(data, pv.MultiBlock) else {}
 
 
@@ -95,7 +94,7 @@ def _states_in(data: Data) -> list[State]:
 
 
 def _keep_state(arrays: pv.DataSetAttributes, state: str) -> None:
-    """Drop the arrays of other states, and name those of this one without it."""
+    """Drop the arrays of other states, and remove the state from the names of this one's."""
     for name in list(arrays):
         column = column_of(name)
         if not column.state:

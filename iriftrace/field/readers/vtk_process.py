@@ -1,6 +1,6 @@
-"""Files read with VTK in a child process; a crash, hang or memory overrun is an InputError.
+"""Read files with VTK in a child process; a crash, hang or memory overrun raises InputError.
 
-`iriftrace.field.readers.vtk_child` reads; what it hands over is checked here before it is an index.
+`iriftrace.field.readers.vtk_child` reads; its answers are checked here before they are used.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Data = pv.DataSet | pv.MultiBlock
 """What a file holds: one data set, or a tree of blocks."""
 
 SUFFIXES = (".vtu", ".pvtu", ".vtk", ".vti", ".vtr", ".vts", ".vtp", ".vtm")
-"""Endings of the files that `read_file` reads."""
+"""Suffixes of the files that `read_file` reads."""
 
 _NAMED = re.compile(rb"""(?:file|Source)\s*=\s*["']([^"']+)["']""")
 
@@ -35,14 +35,14 @@ _SIZES = {
     **{21: 3, 22: 6, 23: 8, 24: 10, 25: 20, 26: 15, 27: 13, 28: 9, 29: 27, 30: 6, 31: 12, 32: 18},
     **{33: 24, 34: 7, 35: 4, 37: 19},
 }
-"""Corners of the cells that always have the same number, by VTK's number of their type."""
+"""Number of corners of the cell types with a fixed number, by VTK's number of the type."""
 
 _FEWEST = {
     **{2: 1, 4: 2, 6: 3, 7: 3, 36: 3, 41: 4, 42: 4},
     **{68: 2, 69: 3, 70: 4, 71: 4, 72: 8, 73: 6, 74: 5},
     **{75: 2, 76: 3, 77: 4, 78: 4, 79: 8, 80: 6, 81: 5},
 }
-"""Fewest corners of the others."""
+"""Smallest number of corners of the other cell types."""
 
 _POLYHEDRON = 42
 
@@ -52,18 +52,18 @@ for _row, _numbers in enumerate(({**_SIZES, **_FEWEST}, _SIZES)):
 
 
 def read_file(path: Path) -> Data:
-    """Data set or blocks of a file of VTK, by its suffix; an InputError if it is damaged."""
+    """Data set or blocks of a VTK file, by its suffix; raises InputError if it is damaged."""
     size, suffix = path.stat().st_size, path.suffix.lower()
     if suffix in (".vtm", ".pvtu"):
-        # These name other files, which are read too.
+        # These formats name other files, which are read too.
         pieces = {path.parent / os.fsdecode(name) for name in _NAMED.findall(path.read_bytes())}
         size += sum(piece.stat().st_size for piece in pieces if os.path.isfile(piece))
     return _read(path, size, "read_file", suffix)[0]
 
 
 def read_ensight(path: Path, time: str) -> Data:
-    """Blocks of one time of an EnSight case (its only one: ""); an InputError if it is damaged."""
-    # The files that it names, in which asterisks stand for the number of a step.
+    """Blocks of one time of an EnSight case ("" for the only one); InputError if damaged."""
+    # The files that it names, with asterisks in place of the number of a step.
     words = {word.strip('"') for word in path.read_text(errors="replace").split()}
     names = [re.sub(r"\*+", "*", word) for word in words if re.search(r"[^*/.]", word)]
     # An absolute name replaces the folder.
@@ -73,25 +73,25 @@ def read_ensight(path: Path, time: str) -> Data:
 
 
 def read_exodus(path: Path, step: int | None) -> tuple[Data, list[str]]:
-    """Blocks of one step of an Exodus file and the times of all; None reads the times alone.
+    """Blocks of one step of an Exodus file and all times; None for the times alone.
 
-    An InputError if it is damaged.
+    Raises InputError if it is damaged.
     """
     return _read(path, path.stat().st_size, "read_exodus", step)
 
 
 def read_cgns(path: Path, time: str | None) -> tuple[Data, list[str]]:
-    """Zones of one time of a CGNS file (its only one: "") and all times; None reads these alone.
+    """Zones of one time of a CGNS file ("" for the only one) and all times; None for these alone.
 
-    An InputError if it is damaged.
+    Raises InputError if it is damaged.
     """
     return _read(path, path.stat().st_size, "read_cgns", time)
 
 
 def read_case(folder: Path, time: str) -> tuple[Data, list[str]]:
-    """Blocks of one time of an OpenFOAM case, and the names of the fields that VTK found there.
+    """Blocks of one time of an OpenFOAM case, and the names of the fields that VTK found in it.
 
-    An InputError if its mesh is damaged.
+    Raises InputError if its mesh is damaged.
     """
     parts = (folder / "constant/polyMesh", folder / time)
     size = sum(file.stat().st_size for part in parts for file in part.rglob("*"))
@@ -99,7 +99,7 @@ def read_case(folder: Path, time: str) -> tuple[Data, list[str]]:
 
 
 def _read(path: Path, size: int, reader: str, option: str | int | None) -> tuple[Data, list[str]]:
-    """Answer of a reader of `vtk_child` about a file, with its data set checked."""
+    """Answer of a reader of `vtk_child` for a file, with its data set checked."""
     try:
         described, names = read_in_child(
             f"iriftrace.field.readers.vtk_child:{reader}", size, str(path.absolute()), option
@@ -114,11 +114,11 @@ def _read(path: Path, size: int, reader: str, option: str | int | None) -> tuple
 
 
 class _Damage(Exception):
-    """What is wrong with a file, as half a sentence."""
+    """What is wrong with a file, as part of a sentence."""
 
 
 def _checked(read: Described | None) -> Data | None:
-    """Data set or blocks; None for a block that is empty."""
+    """Data set or blocks; None for an empty block."""
     if read is None:
         return None
     if read["kind"] == "blocks":
@@ -137,7 +137,7 @@ def _checked(read: Described | None) -> Data | None:
 def _fill(into: pv.DataSetAttributes, read: Arrays, count: int | None = None) -> None:
     for name, array in read.items():
         if count is not None and len(array) != count:
-            raise _Damage(f"its array {name!r} has {len(array)} values in place of {count}")
+            raise _Damage(f"its array {name!r} has {len(array)} values instead of {count}")
         if len(array):
             into[name] = array
 
@@ -145,17 +145,17 @@ def _fill(into: pv.DataSetAttributes, read: Arrays, count: int | None = None) ->
 def _points(read: Described) -> AnyArray:
     points = read["points"]
     if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind != "f":
-        raise _Damage("its points are no rows of three numbers")
+        raise _Damage("its points are not rows of three numbers")
     return points
 
 
 def _cells(read: Cells, count: int) -> tuple[IntArray, IntArray]:
-    """Offsets and connectivity that name existing points or faces only."""
+    """Offsets and connectivity, checked to name only existing points or faces."""
     offsets, corners = (np.asarray(each, dtype=np.int64) for each in read)
     if not len(offsets):
         offsets = np.zeros(1, dtype=np.int64)
     if offsets[0] or offsets[-1] != len(corners) or (np.diff(offsets) < 0).any():
-        raise _Damage("where its cells begin and end does not fit their corners")
+        raise _Damage("the offsets of its cells do not fit their corners")
     if len(corners) and not (corners.min() >= 0 and corners.max() < count):
         raise _Damage(f"its cells name corners that are not among its {count} points")
     return offsets, corners
@@ -170,14 +170,14 @@ def _unstructured(read: Described) -> pv.UnstructuredGrid:
         raise _Damage(f"it has {len(types)} types for {len(sizes)} cells")
     fewest, exact = _CORNERS_OF_ALL[:, types]
     if ((fewest < 0) | (sizes < fewest) | ((exact >= 0) & (sizes != exact))).any():
-        raise _Damage("some of its cells have other corners than their type has")
+        raise _Damage("some of its cells do not have the number of corners of their type")
     _refuse_endless(points, corners)
     grid = pv.UnstructuredGrid()
     grid.SetPoints(pv.vtk_points(points))
     kinds = pv.convert_array(types, deep=True)
     cells = _cell_array(offsets, corners)
     polyhedral = types == _POLYHEDRON
-    # VTK's reader of .pvtu hands over empty faces at random where there are no polyhedra.
+    # VTK's reader for .pvtu returns empty faces at random if there are no polyhedra.
     if "faces" not in read or not (polyhedral.any() or len(read["faces"][1])):
         grid.SetCells(kinds, cells)
         return grid
@@ -186,7 +186,7 @@ def _unstructured(read: Described) -> pv.UnstructuredGrid:
     if len(place_offsets) != len(offsets) or (np.diff(face_offsets) < 3).any():
         raise _Damage("the faces of its polyhedra do not fit its cells")
     if (np.diff(place_offsets)[polyhedral] < 4).any():
-        raise _Damage("some of its polyhedra have less than four faces")
+        raise _Damage("some of its polyhedra have fewer than four faces")
     of_cells = _cell_array(place_offsets, places)
     grid.SetPolyhedralCells(kinds, cells, of_cells, _cell_array(face_offsets, face_corners))
     return grid
@@ -201,7 +201,7 @@ def _poly(read: Described) -> pv.PolyData:
     ):
         offsets, corners = _cells(cells, len(points))
         if (np.diff(offsets) < fewest).any():
-            raise _Damage(f"some of its cells have less than {fewest} corners")
+            raise _Damage(f"some of its cells have fewer than {fewest} corners")
         _refuse_endless(points, corners)
         getattr(mesh, f"Set{name}")(_cell_array(offsets, corners))
     return mesh
@@ -211,7 +211,7 @@ def _image(read: Described) -> pv.ImageData:
     _refuse_empty(read)
     numbers = (*read["spacing"], *read["origin"], *read["directions"])
     if not np.isfinite(numbers).all() or not all(read["spacing"]):
-        raise _Damage("the places of its points are no finite numbers, or they coincide")
+        raise _Damage("the coordinates of its points are not finite numbers, or they coincide")
     grid = pv.ImageData()
     grid.SetExtent(read["extent"])
     grid.spacing, grid.origin = read["spacing"], read["origin"]
@@ -225,7 +225,7 @@ def _rectilinear(read: Described) -> pv.RectilinearGrid:
     if [len(axis) for axis in axes] != list(read["dimensions"]):
         raise _Damage("its coordinates do not fit its dimensions")
     if not all(np.isfinite(axis).all() for axis in axes):
-        raise _Damage("the places of its points are no finite numbers")
+        raise _Damage("the coordinates of its points are not finite numbers")
     return pv.RectilinearGrid(*axes)
 
 
@@ -241,7 +241,7 @@ def _structured(read: Described) -> pv.StructuredGrid:
 
 
 def _refuse_empty(read: Described) -> None:
-    """Refuse dimensions that no array bears out: a file can state any."""
+    """Refuse dimensions without matching arrays, because a file can state any dimensions."""
     if not (read["point"] or read["cell"]):
         raise _Damage("it has a grid without values")
 
@@ -256,7 +256,7 @@ _MADE: dict[str, Callable[[Described], pv.DataSet]] = {
 
 
 def _refuse_endless(points: AnyArray, used: IntArray | slice) -> None:
-    """Refuse corners of cells at infinity or nowhere, with which searches in VTK do not end."""
+    """Refuse cells with corners at infinity or NaN, on which VTK's searches do not end."""
     if np.isfinite(points).all():
         return
     wrong = np.zeros(len(points), dtype=bool)

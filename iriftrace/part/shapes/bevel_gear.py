@@ -133,7 +133,7 @@ def bevel_gear(
     Returns
     -------
     Part
-        Regions `REGIONS`, and `TOOTH` first where one is asked for. Front and back are the ends
+        Regions `REGIONS`, and `TOOTH` first if it is requested. Front and back are the ends
         with the teeth's end faces.
 
     Raises

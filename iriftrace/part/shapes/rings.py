@@ -32,9 +32,9 @@ def between_rings(rings: Sequence[FloatArray], *, closed: bool) -> tuple[FloatAr
     count, length, _ = points.shape
     strip = np.arange(count if closed else count - 1)[:, None]
     place = np.arange(length)[None, :]
-    above, beside = (strip + 1) % count, (place + 1) % length
-    a, b = strip * length + place, strip * length + beside
-    c, d = above * length + place, above * length + beside
+    above, following = (strip + 1) % count, (place + 1) % length
+    a, b = strip * length + place, strip * length + following
+    c, d = above * length + place, above * length + following
     vertices = points.reshape(-1, 3)
     first = np.linalg.norm(vertices[a] - vertices[d], axis=-1)
     second = np.linalg.norm(vertices[b] - vertices[c], axis=-1)

@@ -43,10 +43,10 @@ def _rounded_cylinder(
     across: FloatArray, along: FloatArray, radius: float, ends: tuple[float, float]
 ) -> FloatArray:
     """Cylinder with rounded edges, at distances from its axis and places along it, mm."""
-    beside = across - radius + _EDGE
+    around = across - radius + _EDGE
     beyond = np.maximum(along - ends[1], ends[0] - along) + _EDGE
-    inside = np.minimum(np.maximum(beside, beyond), 0.0)
-    outside = np.sqrt(np.maximum(beside, 0.0) ** 2 + np.maximum(beyond, 0.0) ** 2)
+    inside = np.minimum(np.maximum(around, beyond), 0.0)
+    outside = np.sqrt(np.maximum(around, 0.0) ** 2 + np.maximum(beyond, 0.0) ** 2)
     return np.asarray(inside + outside - _EDGE)
 
 
