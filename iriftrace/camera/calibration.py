@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from warnings import warn
 
@@ -23,6 +24,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import Distortion
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.units import length_factor
 from iriftrace.geometry.transform import nearest_rotations
 
 LARGEST_PIXEL_MM = 0.5
@@ -132,7 +134,7 @@ class Calibration:
         )
 
 
-def read_calibration(path: str | Path, *, length_mm: float = 1.0) -> Calibration:
+def read_calibration(path: str | Path, *, length_mm: float | None = None) -> Calibration:
     """Read a camera calibration that OpenCV's FileStorage or a program like it wrote.
 
     Read are ``camera_matrix``, ``distortion_coefficients`` (4, 5 or 8 in OpenCV's order; more if
@@ -144,8 +146,8 @@ def read_calibration(path: str | Path, *, length_mm: float = 1.0) -> Calibration
     ----------
     path : path
         YAML, XML or JSON.
-    length_mm : float
-        Length unit of the translation, mm.
+    length_mm : float, optional
+        Length unit of the translation, mm; that which the file states, else 1, when left out.
 
     Raises
     ------
@@ -158,8 +160,10 @@ def read_calibration(path: str | Path, *, length_mm: float = 1.0) -> Calibration
     IriftraceWarning
         The rotation is rounded to few digits; four coefficients could be those of a fisheye lens.
     """
-    values = _without_scalars(CalibrationValues(Path(path), calibration_content(Path(path))))
+    values = without_scalars(CalibrationValues(Path(path), calibration_content(Path(path))))
     _refuse_two_cameras(values)
+    if length_mm is None:
+        length_mm = length_factor(values.length_unit or "mm")
     return calibration_of(values, length_mm)
 
 
@@ -180,7 +184,7 @@ def calibration_of(values: CalibrationValues, length_mm: float) -> Calibration:
     )
 
 
-def _without_scalars(values: CalibrationValues) -> CalibrationValues:
+def without_scalars(values: CalibrationValues) -> CalibrationValues:
     """Values with `intrinsics` and coefficients in place of fx, fy, cx, cy and k1, k2, p1 ..."""
     pinhole = [values.named((name,)) for name in _PINHOLE_SCALARS]
     lens = [values.named((name,)) for name in _LENS_SCALARS]
@@ -266,7 +270,10 @@ def _matrix(values: CalibrationValues) -> FloatArray:
 
 def _resolution(values: CalibrationValues) -> tuple[int, int]:
     """Pixels across and down."""
-    if values.named(WIDTH) is None and values.named(SIZE) is not None:
+    size = values.named(SIZE)
+    if isinstance(size, Mapping) and "data" not in size:
+        values = evolve(values, content=size)
+    elif values.named(WIDTH) is None and size is not None:
         width, height = values.array(SIZE, (2,))
         values = evolve(values, content={WIDTH[0]: width, HEIGHT[0]: height})
     if values.named(WIDTH) is None and values.named(HEIGHT) is None:

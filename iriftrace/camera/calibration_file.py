@@ -21,6 +21,7 @@ from iriftrace.camera.calibration_programs import (
 )
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
+from iriftrace.core.units import LENGTH_UNITS
 
 LARGEST_BYTES = 4_000_000
 """Size of a calibration with the poses of ten thousand boards, which YAML reads in ten seconds."""
@@ -157,6 +158,9 @@ def folded(name: str) -> str:
     return "".join(letter for letter in name.casefold() if letter.isalnum())
 
 
+_LENGTH_UNIT = ("length_unit", "units", "unit", "translation_unit", "length_units")
+
+
 @frozen(eq=False)
 class CalibrationValues:
     """Named values of one camera, checked when they are read.
@@ -178,6 +182,11 @@ class CalibrationValues:
     def called(self) -> str:
         """File and camera, for messages."""
         return f"{self.path}, {self.camera}" if self.camera else str(self.path)
+
+    @property
+    def length_unit(self) -> str | None:
+        """Unit of lengths that the file states, as `length_factor` takes it."""
+        return LENGTH_UNITS.get(str(self.named(_LENGTH_UNIT)).casefold())
 
     def wrong(self, fault: str) -> InputError:
         """The error for a fault of this file."""

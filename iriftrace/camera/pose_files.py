@@ -15,17 +15,15 @@ ros        forward  left     up        ROS bodies (REP 103)
 
 from __future__ import annotations
 
-import csv
 import io
 import json
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from attrs import evolve, frozen
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from iriftrace.camera.pose_set import PoseSet, aimed, refuse_distorted
+from iriftrace.camera.pose_set import PoseSet, refuse_distorted
+from iriftrace.camera.pose_table import ANGLES, MATRIX, columns_of_table
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import array_in, whole_file
@@ -45,14 +43,6 @@ CONVENTIONS: dict[str, FloatArray] = {
 
 _FORMATS = (".csv", ".txt", ".json", ".npy")
 _LARGEST_ROUNDING = 1e-3  # of printed rotations, which often have four digits
-
-ANGLES = ("azimuth_deg", "elevation_deg")
-MATRIX = tuple(f"m{row}{column}" for row in range(4) for column in range(4))
-
-_ORIGIN = ("x", "y", "z")
-_QUATERNION = ("qx", "qy", "qz", "qw")
-_TARGET = ("target_x", "target_y", "target_z")
-_NAMES = "m00 ... m33, or x, y, z with qx, qy, qz, qw, or x, y, z with target_x, target_y, target_z"
 
 
 def to_convention(matrices: ArrayLike, name: str) -> FloatArray:
@@ -82,9 +72,9 @@ def read_poses(path: str | Path, convention: str = "opencv", *, length_unit: str
         between the columns and # before comments. Without a header: 16 numbers a row, the matrix
         row by row, or blocks of four rows of four. With a header, columns are found by name and
         others are ignored: ``m00`` ... ``m33`` (row, column), or ``x y z qx qy qz qw`` (origin,
-        quaternion camera to world), or ``x y z target_x target_y target_z`` (no roll, see
-        `iriftrace.camera.pose_set.aimed`); besides, ``azimuth_deg``, ``elevation_deg``,
-        ``convention``.
+        quaternion camera to world; also as ``tx``, ``x [m]``, ``pose.position.x``, ``q_w``), or
+        ``x y z target_x target_y target_z`` (no roll, see `iriftrace.camera.pose_set.aimed`);
+        besides, ``azimuth_deg``, ``elevation_deg``, ``convention``, ``length_unit``.
     convention : str
         Axes of the camera in the file's matrices and quaternions, one of `CONVENTIONS`.
     length_unit : str
@@ -111,7 +101,7 @@ def read_poses(path: str | Path, convention: str = "opencv", *, length_unit: str
         if stated != given:
             raise InputError(
                 f"{path} states {name} {stated!r}, but is read with {given!r}, which would "
-                "misplace every camera; read it with its own."
+                f"misplace every camera; read it with its own (--{name.replace('_', '-')})."
             )
     matrices = _stack(columns["matrices"], path)
     refuse_distorted(matrices, _LARGEST_ROUNDING, f" of {path}")
@@ -190,7 +180,7 @@ def _columns(path: Path) -> dict[str, object]:
         raise InputError(
             f"{path} is not text; poses are read from {', '.join(_FORMATS)}."
         ) from None
-    return _object(text, path) if kind == ".json" else _table(text, path)
+    return _object(text, path) if kind == ".json" else columns_of_table(text, path)
 
 
 def _object(text: str, path: Path) -> dict[str, object]:
@@ -232,135 +222,6 @@ def _angles(columns: dict[str, object], name: str, count: int, path: Path) -> Fl
             f"{path} has {count} poses, but '{name}' is not a list of as many numbers."
         )
     return angles
-
-
-@frozen
-class _Table:
-    """Cells of a table (rows, columns), with the numbers of their lines for messages."""
-
-    path: Path
-    lines: list[int]
-    cells: NDArray[np.object_]
-
-    def numbers(self, columns: Sequence[int]) -> FloatArray:
-        """(rows, columns) array."""
-        for line, row in zip(self.lines, self.cells[:, columns], strict=True):
-            for cell in row:
-                if not _is_number(cell):
-                    raise InputError(
-                        f"{self.path}, line {line}: {cell!r} is not a number; correct it."
-                    )
-        return self.cells[:, columns].astype(np.float64)
-
-
-def _table(text: str, path: Path) -> dict[str, object]:
-    """Columns of a text table of poses, as `read_poses` describes it, by name.
-
-    ``matrices`` are (n, 4, 4); ``aimed`` is true for poses that came from targets, which are in
-    iriftrace's own convention.
-    """
-    numbered = [(k, line.split("#")[0].strip()) for k, line in enumerate(text.splitlines(), 1)]
-    numbered = [(k, line) for k, line in numbered if line]
-    if not numbered:
-        raise InputError(f"{path} holds no pose; give at least one.")
-    delimiter = next((d for d in ";," if any(d in line for _, line in numbered)), "")
-    try:
-        rows = [
-            next(csv.reader([line], delimiter=delimiter)) if delimiter else line.split()
-            for _, line in numbered
-        ]
-    except csv.Error as error:
-        raise InputError(f"{path} is not a table of poses ({error}); write it again.") from error
-    for (line, _), row in zip(numbered, rows, strict=True):
-        if len(row) != len(rows[0]):
-            raise InputError(
-                f"{path}, line {line} has {len(row)} columns, but the first row has "
-                f"{len(rows[0])}; give all rows the same."
-            )
-    comma = "." if delimiter == ";" else ","
-    cells = np.array([[cell.strip().replace(",", comma) for cell in row] for row in rows], object)
-    lines = [line for line, _ in numbered]
-    if any(map(_is_number, cells[0])):
-        return {"matrices": _unnamed(_Table(path, lines, cells))}
-    if len(cells) == 1:
-        raise InputError(f"{path} has a header but no pose below it; add one.")
-    return _named(_Table(path, lines[1:], cells[1:]), [name.lower() for name in cells[0]])
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
-
-
-def _unnamed(table: _Table) -> FloatArray:
-    count, width = table.cells.shape
-    if width == 16 or (width == 4 and count % 4 == 0):
-        return table.numbers(range(width)).reshape(-1, 4, 4)
-    if width == 4:
-        raise InputError(
-            f"{table.path} has {count} rows of 4 numbers, but 4x4 matrices need four rows each; is "
-            "one missing?"
-        )
-    # Six or seven numbers could be Euler angles or a quaternion in either order: never guess.
-    raise InputError(
-        f"{table.path} has {width} numbers a row and no header, which has no one meaning; give 16, "
-        f"or name the columns in a first line: {_NAMES}."
-    )
-
-
-def _named(table: _Table, names: list[str]) -> dict[str, object]:
-    twice = [name for name in (*MATRIX, *_ORIGIN, *_QUATERNION, *_TARGET) if names.count(name) > 1]
-    if twice:
-        raise InputError(f"{table.path} has the column {twice[0]} twice; remove one.")
-
-    def columns(selected: Sequence[str]) -> FloatArray:
-        return table.numbers([names.index(name) for name in selected])
-
-    forms = [MATRIX, _ORIGIN + _QUATERNION, _ORIGIN + _TARGET]
-    complete = [set(form) <= set(names) for form in forms]
-    if sum(complete) != 1:
-        fault = "describes poses twice" if any(complete) else "does not describe poses"
-        raise InputError(
-            f"The header of {table.path} ({', '.join(names)}) {fault}; name the columns {_NAMES}."
-        )
-    read: dict[str, object] = {"aimed": complete[2]}
-    if complete[0]:
-        read["matrices"] = columns(MATRIX).reshape(-1, 4, 4)
-    elif complete[1]:
-        read["matrices"] = _from_quaternions(columns(_ORIGIN), columns(_QUATERNION), table)
-    else:
-        origins, targets = columns(_ORIGIN), columns(_TARGET)
-        try:
-            read["matrices"] = aimed(origins, targets)
-        except InputError as error:
-            raise InputError(f"{table.path}: {error}") from error
-    known = evolve(table, cells=np.where(table.cells == "", "nan", table.cells))
-    for name in set(ANGLES) & set(names):
-        read[name] = known.numbers([names.index(name)])[:, 0]
-    if "convention" in names:
-        stated = table.cells[:, names.index("convention")]
-        read["convention"] = ", ".join(sorted(set(stated.tolist())))
-    return read
-
-
-def _from_quaternions(origins: FloatArray, quaternions: FloatArray, table: _Table) -> FloatArray:
-    from scipy.spatial.transform import Rotation
-
-    lengths = np.linalg.norm(quaternions, axis=1)
-    wrong = ~(np.abs(lengths - 1.0) < 1e-3)
-    if wrong.any():
-        number = int(np.argmax(wrong))
-        raise InputError(
-            f"{table.path}, line {table.lines[number]}: the quaternion has length "
-            f"{lengths[number]:g} instead of 1, so it is not a rotation; correct it."
-        )
-    matrices = np.tile(np.eye(4), (len(origins), 1, 1))
-    matrices[:, :3, :3] = Rotation.from_quat(quaternions).as_matrix()
-    matrices[:, :3, 3] = origins
-    return matrices
 
 
 def _described(poses: PoseSet, matrices: FloatArray, convention: str) -> dict[str, object]:

@@ -32,6 +32,7 @@ from iriftrace.camera.calibration import (
     is_part_of_a_distortion,
     rotation_in,
     to_world,
+    without_scalars,
 )
 from iriftrace.camera.calibration_file import CalibrationValues, calibration_content, folded
 from iriftrace.camera.calibration_matlab import is_matlab, matlab_length_unit, matlab_motion
@@ -45,7 +46,7 @@ BASELINES_MM = (3.0, 20_000.0)
 LARGEST_ANGLE_DEG, LEAST_ANGLE_DEG = 120.0, 3.0
 """Angles of two axes above which cameras face each other, and below which they are parallel."""
 
-_SIDES = (("1", "2"), ("left", "right"), ("l", "r"), ("0", "1"))
+_SIDES = (("1", "2"), ("left", "right"), ("l", "r"), ("0", "1"), ("cam", "proj"))
 _OF_A_CAMERA = ("", "cam", "camera", "cameraparameters", "cameraparams", "sensor", "intrinsics")
 _RECTIFICATION = ("R", "rectification_matrix", "rectification")
 _KALIBR = ("T_cn_cnm1",)
@@ -137,7 +138,7 @@ def read_stereo_calibration(
         )
     first, second, rest, sides = _cameras_in(paths)
     rotation, translation, usual = _motion(first, second, rest)
-    unit = length_unit or usual
+    unit = length_unit or rest.length_unit or usual
     shift = translation * length_factor(unit)
     _check_baseline(rest, float(np.linalg.norm(shift)), unit)
     if sides[0] in ("left", "l") and (-rotation.T @ shift)[0] < 0.0:
@@ -174,7 +175,7 @@ def _cameras_in(
 
 def _is_camera(content: Mapping[str, object]) -> bool:
     """True if the values are those of a single camera."""
-    values = CalibrationValues(Path(), content)
+    values = without_scalars(CalibrationValues(Path(), content))
     return is_matlab(values) or isinstance(values.named((*MATRIX, *PINHOLE)), (list, Mapping))
 
 
@@ -188,7 +189,7 @@ def _lens(values: CalibrationValues) -> CalibrationValues:
     """The values without the pose, which a relative one would be taken for."""
     pose = set(map(folded, (*ROTATION, *TRANSLATION)))
     content = {name: value for name, value in values.content.items() if folded(name) not in pose}
-    return evolve(values, content=content)
+    return without_scalars(evolve(values, content=content))
 
 
 def _two_cameras(
@@ -259,7 +260,7 @@ def _motion(
     if second.named(_KALIBR) is not None:
         matrix = second.array(_KALIBR, (16,)).reshape(4, 4)
         return exact_rotation(second, matrix[:3, :3]), matrix[:3, 3], "m"
-    for values in (rest, second):
+    for values in (rest, *_parts_for_both(rest), second):
         if values.named(ROTATION) is not None and values.named(TRANSLATION) is not None:
             _refuse_pose_of_the_first(first)
             return rotation_in(values), values.array(TRANSLATION, (3,)), "mm"
@@ -270,8 +271,17 @@ def _motion(
         return rotation, shift, "m" if first.named(LENS) is not None else "mm"
     raise rest.wrong(
         "R and T from camera 1 to camera 2 are missing, as stereoCalibrate gives them (its names "
-        f"are {_listed(rest)}); add both"
+        f"are {_listed(rest if rest.content else second)}); add both"
     )
+
+
+def _parts_for_both(rest: CalibrationValues) -> list[CalibrationValues]:
+    """Mappings in a file that hold what is between the cameras, such as ``extrinsics``."""
+    return [
+        evolve(rest, content=value)
+        for name, value in rest.content.items()
+        if isinstance(value, Mapping) and folded(str(name)).startswith(("stereo", "extrinsic"))
+    ]
 
 
 def _motion_of_rectified(

@@ -109,7 +109,8 @@ class CameraOptions:
         refuse_unseen_part(
             camera,
             part,
-            f"The pose in {self.calibration}, read in {self.calibration_length_unit or 'mm'},",
+            f"The pose in {self.calibration}, read in "
+            f"{self.calibration_length_unit or 'the unit that it states, else mm'},",
             "give the unit of its translation (--calibration-length-unit), or --origin and "
             "--target. OpenCV's pose leads from the part's frame to the camera's, and not back.",
         )
@@ -152,7 +153,8 @@ class CameraOptions:
             return None
         self.refuse_intrinsics("--calibration")
         try:
-            unit = length_factor(self.calibration_length_unit or "mm")
+            given = self.calibration_length_unit
+            unit = None if given is None else length_factor(given)
         except InputError as error:
             raise InputError(f"--calibration-length-unit: {error}") from error
         found = read_calibration(self.calibration, length_mm=unit)

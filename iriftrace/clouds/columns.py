@@ -19,6 +19,7 @@ _MOST_LISTED = 20
 
 _BRACKETS = re.compile(r"\s*[\[(<{]\s*([^\])>}]*?)\s*[\])>}]")
 _SUFFIX = re.compile(r"[\s_/,.-]+(?:in\s+)?(um|µm|μm|mm|cm|m|inch)$")
+_UNREAD_UNITS = frozenset("nm dm km ft feet foot mil mils thou px pixel pixels".split())
 
 _AXES = {"x": 0, "y": 1, "z": 2, "0": 0, "1": 1, "2": 2}
 _FORMS = tuple(
@@ -55,7 +56,7 @@ class Axis:
     """A column that is a coordinate of something.
 
     `what` is "" for the points themselves, and such as "true" or "n" else; `number` is 0, 1 or 2;
-    `unit` is "" where the name has none.
+    `unit` is "" where the name has none, and may be one that is not read, such as "ft".
     """
 
     what: str
@@ -68,7 +69,8 @@ def axis_of(name: str) -> Axis | None:
     text, unit = name.strip(f"{MARKS} \t\"'").casefold(), ""
     in_brackets = _BRACKETS.search(text)
     if in_brackets:
-        unit, text = LENGTH_UNITS.get(in_brackets[1], ""), _BRACKETS.sub("", text)
+        word, text = in_brackets[1], _BRACKETS.sub("", text)
+        unit = word if word in _UNREAD_UNITS else LENGTH_UNITS.get(word, "")
     elif suffix := _SUFFIX.search(text):
         unit, text = LENGTH_UNITS[suffix[1]], text[: suffix.start()]
     for form in _FORMS:
@@ -200,6 +202,11 @@ def unit_of(names: Sequence[str], lines: Iterable[str], chosen: Sequence[int], c
         raise InputError(
             f"The columns {', '.join(names[i] for i in chosen)} are in different units "
             f"({', '.join(sorted(units))}); write all three in one."
+        )
+    if units & _UNREAD_UNITS:
+        raise InputError(
+            f"The columns {', '.join(names[i] for i in chosen)} are in {units.pop()}, which is not "
+            "read; export them in mm."
         )
     if units:
         return units.pop()

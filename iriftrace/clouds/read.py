@@ -114,7 +114,8 @@ def read_cloud(
         raise InputError(f"There is no file {file}; check the name.")
     rows, stated, further, remarks = _rows(file, columns)
     if rows.ndim != 2 or rows.shape[1] != 3 or len(rows) == 0:
-        raise InputError(f"{file} holds no points; export the cloud again.")
+        why = ", as no row of it is numbers alone" if file.suffix.lower() in TEXT else ""
+        raise InputError(f"{file} holds no points{why}; export the cloud again.")
     if file.suffix.lower() == ".stl":
         # Every triangle has its own corners.
         rows = np.unique(rows, axis=0)

@@ -24,7 +24,11 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.number_table import is_numbers, numbers, separator_of, with_exponents
 
 _WORD = "nan"
-_QUOTES = str.maketrans("", "", "\"'")
+_QUOTES = str.maketrans("", "", "\"'[](){}")
+_QUOTED_COMMA = re.compile(r"\"([-+\d]*),(\d+)\"")
+_REMARK = re.compile(r"(?<=[\d.])\s+(?:#|//|%).*")
+_DATE = re.compile(r"\d[:/]\d|\d-\d|\d\.\d+\.\d")
+"""Times of a day and dates, which have no letters."""
 
 
 def read_table(
@@ -36,10 +40,10 @@ def read_table(
     and words are NaN; columns of words are left out with a warning. A count of the points in the
     first row is left out; one that is wrong is warned of.
     """
-    lines = _text(file).splitlines()
+    lines = [_REMARK.sub("", line) for line in _text(file).splitlines()]
     rows = _rows(lines)
     # A header is before the first row; words after it are in cells.
-    worded = not rows or len(rows) < _filled(lines, rows[0])
+    worded = not rows or len(rows) < _filled(lines, rows[0]) or bool(_DATE.search(rows[-1]))
     if worded:
         lines = _without_words(lines)
         rows = _rows(lines)
@@ -152,7 +156,9 @@ def _without_count(rows: Sequence[str], file: Path) -> Sequence[str]:
 
 
 def _cells(rows: Sequence[str]) -> tuple[Sequence[str], str | None]:
-    """Rows without quotes, "nan" in their empty cells, and their separator."""
+    """Rows without quotes and brackets, "nan" in their empty cells, and their separator."""
+    if not any("." in row for row in rows):
+        rows = [_QUOTED_COMMA.sub(r"\1.\2", row) for row in rows]
     bare = [row.translate(_QUOTES) for row in rows]
     separator = separator_of(bare[0])
     if separator is None and any(re.search(r"^\t|\t\t|\t$", row) for row in bare):
@@ -174,7 +180,7 @@ def _text(file: Path) -> str:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = content.decode("cp1252", errors="replace")
-    return text.rstrip("\x1a")
+    return text.rstrip("\x1a").replace("\u2212", "-")  # the sign of a minus in print
 
 
 def _counts_rows(column: FloatArray) -> bool:

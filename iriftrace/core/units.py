@@ -25,7 +25,11 @@ LENGTH_UNITS = {
 }
 """Length units by the names that files give them."""
 
-_STATED_UNIT = re.compile(r"\bunits?\s*[:=]\s*[\[(]?([a-zµμ]+)", re.IGNORECASE)
+_STATED_UNIT = re.compile(
+    r"(?<![^\W_])(?:units?|einheit(?:en)?)(?:\s*[:=]\s*[\[(]?|\s+(?:in\s+)?)(?!in\s)([a-zµμ]+)"
+    r"|\b(?:coordinates|points|positions|lengths|values|koordinaten)\s+(?:are\s+)?in\s+([a-zµμ]+)",
+    re.IGNORECASE,
+)
 _NAME = r"[A-Za-z°µμ%_]+(?:(?:\*\*|\^)[-+]?\d+)?"
 _QUANTITY = re.compile(
     r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*"
@@ -63,14 +67,17 @@ def parse_quantity(text: str | float, unit: str) -> float:
 
 def stated_length_unit(remark: str) -> str:
     """Length unit that a remark states, as in ``# Unit: mm``; "" for none."""
-    found = _STATED_UNIT.search(remark)
-    return LENGTH_UNITS.get(found[1].casefold(), "") if found else ""
+    found = (match[1] or match[2] for match in _STATED_UNIT.finditer(remark))
+    return next(
+        (LENGTH_UNITS[name] for name in map(str.casefold, found) if name in LENGTH_UNITS), ""
+    )
 
 
 def length_factor(unit: str) -> float:
     """Millimetres in one length unit (um, mm, cm, m, inch, in); InputError for another name."""
+    name = unit.strip()
     try:
-        return _MILLIMETRES[unit.strip()]
+        return _MILLIMETRES[LENGTH_UNITS.get(name.casefold(), name)]
     except KeyError:
         raise InputError(
             f"{unit!r} is not a length unit known here; use one of {', '.join(_MILLIMETRES)}."

@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
+from iriftrace.core.number_table import with_exponents
+from iriftrace.core.units import length_factor, stated_length_unit
 
 _AXES = {"x": 0, "y": 1, "z": 2}
 _FORMS = "'rotate x 90', 'scale 0.001', 'translate 1 2 3', 16 numbers, or a file with 16 numbers"
@@ -26,7 +28,8 @@ def parse_transform(text: str) -> FloatArray:
         Comma-separated steps, the left one applied first: ``rotate x 90`` (degrees, counter
         clockwise seen from the tip of the axis), ``scale 2`` or ``scale 1 1 -1``,
         ``translate 1 2 3`` (mm). Or the 16 numbers of a matrix, row by row, or the path of a
-        text file that holds them.
+        text file that holds them, next to brackets and comments, of which one may state the
+        unit of the translation (``# unit: m``).
 
     Returns
     -------
@@ -40,10 +43,12 @@ def parse_transform(text: str) -> FloatArray:
         rotation in radians, or a file that cannot be read.
     """
     path = Path(text.strip())
-    numbers = _numbers(text)
+    numbers, unit = _numbers(text), "mm"
     # Other than the path's own method, this takes any text.
     if numbers is None and os.path.isfile(path):
-        numbers = _numbers(path.read_text(encoding="utf-8", errors="replace"))
+        written = path.read_text(encoding="utf-8-sig", errors="replace")
+        unit = next(filter(None, map(stated_length_unit, written.splitlines())), "mm")
+        numbers = _numbers(_bare(written))
         if numbers is None:
             raise InputError(f"{path} does not hold a transform: expected 16 numbers, row by row.")
     elif numbers is None and path.suffix and len(text.split()) == 1:
@@ -55,6 +60,7 @@ def parse_transform(text: str) -> FloatArray:
     elif len(numbers) == 16:
         matrix = checked_matrix(np.array(numbers).reshape(4, 4), repr(text))
         _refuse_distorting(matrix, text)
+        matrix[:3, 3] *= length_factor(unit)
     else:
         raise InputError(
             f"The transform {text!r} has {len(numbers)} numbers; a 4x4 matrix has 16, row by row, "
@@ -132,11 +138,21 @@ def checked_matrix(matrix: ArrayLike, name: str = "") -> FloatArray:
     return affine
 
 
+def _bare(text: str) -> str:
+    """A file's text without comments, a name before its matrix, and decimal commas."""
+    bare = re.sub(r"(?:#|%|//).*", "", text)
+    bare = re.sub(r"^\s*\w+\s*[=:]|\barray\b", "", bare)
+    # Sixteen words with commas in them are numbers between blanks or semicolons.
+    words = re.findall(r"[^\s;\[\](){}]+", bare)
+    decimal = len(words) == 16 and "." not in bare and all(w.strip(",") == w for w in words)
+    return bare.replace(",", ".") if decimal else bare
+
+
 def _numbers(text: str) -> list[float] | None:
-    """The numbers in a text, without brackets and comments (#); None if it holds anything else."""
-    lines = [line for line in text.lstrip("\ufeff").splitlines() if not line.startswith("#")]
+    """The numbers in a text, without brackets; None if it holds anything else."""
     try:
-        return [float(word) for word in re.split(r"[\s,;\[\]]+", "\n".join(lines)) if word] or None
+        words = re.split(r"[\s,;\[\](){}]+", with_exponents(text))
+        return [float(word) for word in words if word] or None
     except ValueError:
         return None
 

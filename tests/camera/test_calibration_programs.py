@@ -97,3 +97,5 @@ def test_matrices_of_other_units_or_orders(
 def test_a_matrix_of_another_resolution_is_noticed(tmp_path: Path) -> None:
     with pytest.warns(IriftraceWarning, match="outside the pictures of 640 x 512 px"):
         read(tmp_path, plain(width=640, height=512))
+    with pytest.warns(IriftraceWarning, match="the middle of pictures of about 1300 x 996 px"):
+        read(tmp_path, plain(width=2560, height=2048))

@@ -362,3 +362,47 @@ def one_sentence(error, path):
     assert str(path) in text
     assert "\n" not in text
     assert text.endswith((".", "?"))
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "x_mm,y_mm,z_mm,qx,qy,qz,qw",
+        "x[mm],y [mm],z (mm),q_x,q_y,q_z,q_w",
+        "tx ty tz qx qy qz qw",
+        "# x y z qx qy qz qw",
+        "# unit: mm\n# tx ty tz qx qy qz qw",
+        "X\tY\tZ\tQX\tQY\tQZ\tQW",
+        ",".join([f"pose.position.{axis}" for axis in "xyz"])
+        + "".join(f",pose.orientation.{part}" for part in "xyzw"),
+    ],
+)
+def test_names_of_other_programs(tmp_path, header):
+    row = "1.5,2.5,3.5,0.6,0,0,0.8"
+    if "\t" in header:
+        row = row.replace(",", "\t").replace(".", ",")
+    elif "," not in header:
+        row = row.replace(",", " ")
+    read = read_poses(written(tmp_path, f"{header}\n{row}\n")).matrices
+    assert_allclose(read, [pose((0.6, 0.0, 0.0, 0.8), (1.5, 2.5, 3.5))], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x [m],y [m],z [m],qx,qy,qz,qw\n1,2,3,0,0,0,1\n",
+        "# unit: m\nx,y,z,qx,qy,qz,qw\n1,2,3,0,0,0,1\n",
+        "x,y,z,qx,qy,qz,qw,length_unit\n1,2,3,0,0,0,1,m\n",
+        f"# unit: m\n{IDENTITY}\n",
+    ],
+)
+def test_a_unit_that_a_table_states_must_be_the_one_it_is_read_in(tmp_path, text):
+    path = written(tmp_path, text)
+    with pytest.raises(InputError, match="states length_unit 'm', but is read with 'mm'"):
+        read_poses(path)
+    assert len(read_poses(path, length_unit="m").matrices) == 1
+
+
+def test_matrices_may_have_brackets(tmp_path):
+    path = written(tmp_path, str(LEVEL).replace("\n ", "\n"), "pose.txt")
+    assert_array_equal(read_poses(path).matrices, [LEVEL])

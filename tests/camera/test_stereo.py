@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -101,6 +102,33 @@ def test_the_unit_of_the_translation(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"0\.2326 mm apart where T is in mm"):
         read_stereo_calibration(metres)
     _assert_the_rig(read_stereo_calibration(metres, length_unit="m"), rig.COEFFICIENTS)
+
+
+def test_the_unit_that_a_file_states(tmp_path: Path) -> None:
+    inches = rig.opencv(tmp_path / "in.yaml", T=rig.TRANSLATION / 25.4, units="inch")
+    _assert_the_rig(read_stereo_calibration(inches), rig.COEFFICIENTS)
+    assert read_stereo_calibration(inches, length_unit="cm").length_unit == "cm"
+
+
+def test_mappings_of_cameras_sizes_and_the_motion(tmp_path: Path) -> None:
+    """As programs of single labs nest them, with focal lengths as single numbers."""
+    content: dict[str, Any] = {
+        "image_size": {"width": rig.SIZE[0], "height": rig.SIZE[1]},
+        "extrinsics": {"rotation": rig.ROTATION.tolist(), "translation": rig.TRANSLATION.tolist()},
+    }
+    for side, matrix, lens in zip(
+        ("leftCamera", "rightCamera"), rig.MATRICES, rig.COEFFICIENTS, strict=True
+    ):
+        pinhole = matrix[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
+        content[side] = dict(zip(("fx", "fy", "cx", "cy"), pinhole, strict=True))
+        content[side] |= dict(zip(("k1", "k2", "p1", "p2", "k3"), lens.tolist(), strict=True))
+    path = tmp_path / "stereo.json"
+    path.write_text(json.dumps(content))
+    found = read_stereo_calibration(path)
+    assert_allclose(found.translation_mm, rig.TRANSLATION, rtol=0, atol=1e-9)
+    assert_allclose(found.second.centre_px, rig.MATRICES[1][:2, 2])
+    assert found.first.distortion.coefficients[:5] == tuple(rig.COEFFICIENTS[0])
+    assert found.first.resolution == rig.SIZE
 
 
 def test_left_and_right_exchanged(tmp_path: Path) -> None:

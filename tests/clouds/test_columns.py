@@ -81,6 +81,35 @@ def test_cells_may_be_quoted_or_empty_and_a_count_may_come_first(tmp_path: Path)
             np.testing.assert_array_equal(read.columns["i"][[0, -1]], [np.nan, 7.0])
 
 
+@pytest.mark.filterwarnings("ignore:.*(rounded to|words or dates)")
+@pytest.mark.parametrize(
+    "text",
+    [
+        '"1,5","2,5","-3,5"\n"4,5","5,5","6,5"\n',
+        "[1.5, 2.5, -3.5]\n[4.5, 5.5, 6.5]\n",
+        "1.5 2.5 -3.5 # first\n4.5 5.5 6.5  // second\n",
+        "Time,x,y,z\n12:00:01,1.5,2.5,-3.5\n12:00:02,4.5,5.5,6.5\n",
+        "2024-01-31;1,5;2,5;-3,5\n2024-01-31;4,5;5,5;6,5\n",
+        "1.5 2.5 \N{MINUS SIGN}3.5\n4.5 5.5 6.5\n",
+    ],
+)
+def test_quotes_brackets_remarks_and_dates_are_no_part_of_numbers(
+    text: str, tmp_path: Path
+) -> None:
+    cloud = tmp_path / "cloud.csv"
+    cloud.write_text(text, encoding="utf-8")
+    columns = ("2", "3", "4") if text.startswith("2024") else None
+    read = read_cloud(cloud, columns=columns).points
+    np.testing.assert_array_equal(read, [(1.5, 2.5, -3.5), (4.5, 5.5, 6.5)])
+
+
+def test_quoted_signs_between_thousands_are_refused(tmp_path: Path) -> None:
+    cloud = tmp_path / "cloud.csv"
+    cloud.write_text('x,y,z\n"1,012",2.5,3.5\n"1,013",5.5,6.5\n')
+    with pytest.raises(InputError, match="over 4 columns"):
+        read_cloud(cloud)
+
+
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
 def test_marks_of_the_byte_order_are_no_part_of_a_name(encoding: str, tmp_path: Path) -> None:
     cloud = write(tmp_path / "cloud.txt", "z;y;x", [2, 1, 0], ";", encoding)
@@ -158,6 +187,12 @@ def test_a_unit_beside_the_names_is_that_of_the_numbers(header: str, tmp_path: P
     )
     with pytest.raises(InputError, match=r"states its coordinates in m, but .* in mm"):
         read_cloud(cloud, length_unit="mm")
+
+
+def test_units_that_are_not_read_are_refused(tmp_path: Path) -> None:
+    cloud = write(tmp_path / "cloud.csv", "x [ft],y [ft],z [ft]", [0, 1, 2])
+    with pytest.raises(InputError, match=r"are in ft, which is not read; export them in mm"):
+        read_cloud(cloud)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from iriftrace.core.errors import InputError
-from iriftrace.core.units import length_factor, parse_quantity
+from iriftrace.core.units import length_factor, parse_quantity, stated_length_unit
 
 
 @pytest.mark.parametrize(
@@ -85,3 +85,26 @@ def test_pint_is_loaded_only_for_units():
         "assert 'pint' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize(
+    ("remark", "unit"),
+    [
+        ("# Unit: mm", "mm"),
+        ("comment length_unit = m", "m"),
+        ("obj_info units m", "m"),
+        ("# Einheit: [m]", "m"),
+        ("# Coordinates in metres", "m"),
+        ("# units in mm", "mm"),
+        ("# units: x in m", ""),
+        ("# unit vectors, in m", ""),
+        ("# scanned in Munich", ""),
+    ],
+)
+def test_remarks_state_length_units(remark, unit):
+    assert stated_length_unit(remark) == unit
+
+
+def test_spellings_of_units_are_known():
+    assert length_factor("µm") == length_factor("um") == 1e-3
+    assert length_factor("Metres") == 1e3

@@ -117,9 +117,21 @@ def test_a_rounded_motion_is_made_rigid_and_others_are_refused():
 def test_files_with_brackets_comments_and_marks(tmp_path: Path) -> None:
     matrix = np.eye(4)
     matrix[:3, 3] = 1.0, 2.0, 3.0
-    for text in (json.dumps(matrix.tolist()), str(matrix), f"\ufeff# CloudCompare\n{matrix}"):
+    rows = [" ".join(f"{number:.1f}" for number in row) for row in matrix]
+    for text in (
+        json.dumps(matrix.tolist()),
+        str(matrix),
+        f"\ufeff# CloudCompare\n{matrix}",
+        f"% MATLAB\nT = [ {' ; '.join(rows)} ];",
+        "// with remarks\n" + "\n".join(f"{row}  # of a row" for row in rows),
+        repr(matrix),
+        "\n".join(rows).replace(".", ","),
+        ";".join(rows).replace(".", ",").replace(" ", ";"),
+    ):
         (tmp_path / "m.txt").write_text(text, encoding="utf-8")
         np.testing.assert_array_equal(parse_transform(str(tmp_path / "m.txt")), matrix)
-    (tmp_path / "m.txt").write_text("1,5 " * 16)
-    with pytest.raises(InputError, match=r"32 numbers; .* with decimal points"):
+    (tmp_path / "m.txt").write_text(f"# unit: m\n{matrix}")
+    assert_array_equal(parse_transform(str(tmp_path / "m.txt"))[:3, 3], (1e3, 2e3, 3e3))
+    (tmp_path / "m.txt").write_text("1,5 " * 17)
+    with pytest.raises(InputError, match=r"34 numbers; .* with decimal points"):
         parse_transform(str(tmp_path / "m.txt"))

@@ -33,6 +33,7 @@ NAMES = {
     "sides": ("cameraMatrix{}", "distCoeffs{}", ("Left", "Right")),
     "before": ("{}_camera_matrix", "{}_dist_coeff", ("left", "right")),
     "short": ("mtx{}", "dist{}", ("L", "R")),
+    "projector": ("{}_K", "{}_kc", ("cam", "proj")),
 }
 """Names of matrix and distortion, and of the two cameras."""
 
