@@ -42,7 +42,7 @@ def check_pixels(values: CalibrationValues, matrix: FloatArray, size: IntArray) 
         warn(
             f"The principal point ({centre[0]:.0f}, {centre[1]:.0f}) px in {values.called} is the "
             f"middle of pictures of about {2 * centre[0]:.0f} x {2 * centre[1]:.0f} px, and not of "
-            f"{size[0]} x {size[1]} px; if the pictures are no cut-out, the camera matrix is of "
+            f"{size[0]} x {size[1]} px; if the pictures were not cropped, the camera matrix is of "
             "another resolution.",
             IriftraceWarning,
             stacklevel=4,

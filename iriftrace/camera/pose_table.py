@@ -188,7 +188,7 @@ def _from_quaternions(origins: FloatArray, quaternions: FloatArray, table: _Tabl
         number = int(np.argmax(wrong))
         raise InputError(
             f"{table.path}, line {table.lines[number]}: the quaternion has length "
-            f"{lengths[number]:g} instead of 1, so it is no rotation; correct it."
+            f"{lengths[number]:g} instead of 1, so it is not a rotation; correct it."
         )
     matrices = np.tile(np.eye(4), (len(origins), 1, 1))
     matrices[:, :3, :3] = Rotation.from_quat(quaternions).as_matrix()
