@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
 
 import pytest
+from failing import Failing
 
 from iriftrace.cli import main
 from iriftrace.figures import pose, space, style, sweep_space
 from validation.inputs import hot_block
 from validation.inputs.hot_block import HotBlock
-
-Failing = Callable[..., str]
 
 
 @pytest.fixture(scope="session")

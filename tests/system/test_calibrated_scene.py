@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import pytest
 import xarray as xr
-from conftest import Failing
+from failing import Failing
 
 from iriftrace.cli import main
 from iriftrace.image.aov_image import read_exr

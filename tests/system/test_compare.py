@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import Failing
+from failing import Failing
 from scipy.spatial.transform import Rotation
 
 from iriftrace.cli import main

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import Failing
+from failing import Failing
 
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, IriftraceWarning

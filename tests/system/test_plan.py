@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from conftest import Failing
+from failing import Failing
 
 import iriftrace
 from iriftrace.camera.pose import look_at

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from conftest import Failing
+from failing import Failing
 
 from iriftrace.cli import main
 from iriftrace.figures import sweep as sweep_figures

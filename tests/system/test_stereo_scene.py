@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import Failing
+from failing import Failing
 
 from iriftrace.camera.pose import look_at
 from iriftrace.cli import main

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import Failing
+from failing import Failing
 
 from iriftrace.cli import main
 from iriftrace.field.path_data import FIELD_FILE

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from conftest import Failing
+from failing import Failing
 
 from iriftrace.air.refractivity import Air
 from iriftrace.cli import main
