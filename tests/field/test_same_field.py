@@ -9,6 +9,7 @@ import pytest
 from validation.sections.readers import compare
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("variant")
 # Shells of the .vti end a cell before the wall, so their steps do not add up there.
 @pytest.mark.filterwarnings("ignore:.*have no reliable refracted ray")

@@ -147,6 +147,7 @@ def test_options_that_belong_together(
     assert said in " ".join(capsys.readouterr().err.split())
 
 
+@pytest.mark.slow
 def test_a_search_never_returns_anything_worse(
     dataset: xr.Dataset, swept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -160,8 +160,10 @@ def gear() -> tuple[iriftrace.Part, iriftrace.IndexField]:
 @pytest.mark.filterwarnings("ignore:.*off the field's wall")
 @pytest.mark.parametrize(
     ("place", "layers", "engine"),
-    [((150.0, -100.0, 20.0), 21, "shells"), ((1.0, 2.0, 220.0), 21, "cells")],
-    ids=["side", "plume"],
+    [
+        pytest.param((150.0, -100.0, 20.0), 21, "shells", id="side"),
+        pytest.param((1.0, 2.0, 220.0), 21, "cells", id="plume", marks=pytest.mark.slow),
+    ],
 )
 def test_commands_and_python_give_the_same_numbers(
     tmp_path: Path,

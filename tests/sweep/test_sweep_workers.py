@@ -71,6 +71,7 @@ def untimed(dataset: xr.Dataset) -> xr.Dataset:
     return dataset.drop_vars([name for name in dataset if str(name).startswith("time_")])
 
 
+@pytest.mark.slow
 def test_workers_give_the_same_to_the_last_bit_even_if_one_is_killed(
     scene: LoadedScene, poses: PoseSet, alone: xr.Dataset, cluster: Any, tmp_path: Path
 ) -> None:

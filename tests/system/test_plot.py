@@ -38,6 +38,7 @@ def names(folder: Path, suffix: str) -> set[str]:
     return {path.stem for path in folder.iterdir() if path.suffix == suffix}
 
 
+@pytest.mark.slow
 def test_a_sweep_becomes_pictures(
     sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

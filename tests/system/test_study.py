@@ -161,6 +161,7 @@ def test_explain_adds_a_mode_for_every_choice(
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL")
 def test_a_killed_study_goes_on(
     hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]

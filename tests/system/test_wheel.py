@@ -88,6 +88,7 @@ def test_the_wheel_holds_code_plugins_and_whole_scenes(wheel: Path) -> None:
     assert {name.split("/")[0].split("-")[0] for name in names} == {"iriftrace"}
 
 
+@pytest.mark.slow
 def test_the_demo_runs_in_an_empty_folder_outside_the_checkout(
     program: Path, tmp_path: Path
 ) -> None:

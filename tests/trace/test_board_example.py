@@ -43,6 +43,7 @@ def picture(places: np.ndarray, glow: float, seed: int) -> np.ndarray:
     return np.clip(grey + noise, 0, 255).astype(np.uint8).reshape(height, width)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("variant")
 @pytest.mark.filterwarnings("ignore:Hits of this view")
 def test_pictures_to_weights(
