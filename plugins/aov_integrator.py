@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from iriftrace.camera.camera import Camera
 from iriftrace.image.aov_image import CHANNELS
 from iriftrace.plugins.film import Window, camera_of
+from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.bundle import Bundle, Trace, paired_straight_rays, trace_bundle
 from iriftrace.plugins.kernels.prepared import PreparedScene
 from iriftrace.plugins.kernels.queries import StraightHits
@@ -39,14 +39,14 @@ def integrator_class(variant: str) -> type:
         def aov_names(self) -> list[str]:
             return list(CHANNELS)
 
-        def prepare(self, scene: Any) -> PreparedScene:
+        def prepare(self, scene: mi.Scene) -> PreparedScene:
             """Tables and sub-scene of a scene; kept until another scene is given."""
             if self._prepared is None or self._prepared.scene is not scene:
                 with full_precision():
                     self._prepared = PreparedScene(scene)
             return self._prepared
 
-        def prepare_as(self, other: Any) -> None:
+        def prepare_as(self, other: AovIntegrator) -> None:
             """Take over what another integrator has prepared, for the same scene."""
             self._prepared = other._prepared
 
@@ -54,19 +54,19 @@ def integrator_class(variant: str) -> type:
             """Let go of the scene, which holds this integrator and would never be freed else."""
             self._prepared = None
 
-        def surroundings(self, scene: Any, sensor: Any) -> str | None:
+        def surroundings(self, scene: mi.Scene, sensor: mi.Sensor) -> str | None:
             """The surroundings of a sensor: ``"part"``, ``"hot air"`` or None for neither."""
             matrix = np.asarray(camera_of(sensor).description()["matrix"])
             return self.surroundings_of(scene, matrix[:3, 3])
 
-        def surroundings_of(self, scene: Any, point: NDArray[np.float64]) -> str | None:
+        def surroundings_of(self, scene: mi.Scene, point: NDArray[np.float64]) -> str | None:
             """The surroundings of a point (3,), mm, world, in the same words."""
             return self.prepare(scene).surroundings(point)
 
         def trace(
             self,
-            scene: Any,
-            rays: Any,
+            scene: mi.Scene,
+            rays: dt.Rays,
             count: int,
             *,
             focus: tuple[float, float],
@@ -88,32 +88,34 @@ def integrator_class(variant: str) -> type:
                 straight=straight,
             )
 
-        def bender(self, prepared: PreparedScene, coherent: bool) -> Callable[[Any, Any], Any]:
+        def bender(self, prepared: PreparedScene, coherent: bool) -> dt.Bend:
             """The rule that bends rays: from origins and directions to where they end."""
             raise NotImplementedError
 
-        def checking(self, prepared: PreparedScene) -> Callable[[Any], tuple[Any, Any]]:
+        def checking(self, prepared: PreparedScene) -> dt.Check:
             """The check of the index along the bent rays; see ``trace_bundle``."""
             raise NotImplementedError
 
-        def shell_triangles(self, scene: Any, camera: Any, window: Window) -> int | None:
+        def shell_triangles(
+            self, scene: mi.Scene, camera: dt.RayCamera, window: Window
+        ) -> int | None:
             """Triangles of shells in a window of the picture, None where rays pass by them."""
             return self.prepare(scene).tables.triangles_in_view(camera.project64, *window)
 
-        def straight(self, scene: Any, sensor: Any) -> StraightHits:
+        def straight(self, scene: mi.Scene, sensor: mi.Sensor) -> StraightHits:
             """Straight hits of a sensor's picture, for `image` and `sharp_rays`."""
             rays = PixelRays(sensor, len(self.aov_names()))
             return paired_straight_rays(self.prepare(scene), rays, len(rays), coherent=True)
 
         def sharp_rays(
-            self, sensor: Any, straight: StraightHits, most: int
-        ) -> tuple[Any, Any] | None:
+            self, sensor: mi.Sensor, straight: StraightHits, most: int
+        ) -> tuple[dt.Point3d, dt.Vector3d] | None:
             """See :func:`iriftrace.plugins.picture.sharp_rays`."""
             return sharp_rays(PixelRays(sensor, len(self.aov_names())), straight, most)
 
         def image(
-            self, scene: Any, sensor: Any, straight: StraightHits | None = None
-        ) -> tuple[Any, dict[str, Any]]:
+            self, scene: mi.Scene, sensor: mi.Sensor, straight: StraightHits | None = None
+        ) -> tuple[dt.TensorXf, dict[str, Any]]:
             """All channels of a sensor's picture.
 
             Parameters
@@ -169,19 +171,21 @@ def integrator_class(variant: str) -> type:
             """Numbers of rays for the report."""
             return {"open_boundary": int(dr.count(trace.open_boundary)[0])}
 
-        def channel_values(self, trace: Trace, camera: Any) -> list[tuple[Any, Any]]:
+        def channel_values(
+            self, trace: Trace, camera: dt.RayCamera
+        ) -> list[tuple[dt.Array, dt.Bool]]:
             """Value of each channel and where it exists, in the order of ``aov_names()``."""
             return channel_values(trace, camera)
 
         def render(
             self,
-            scene: Any,
-            sensor: Any = 0,
-            seed: Any = 0,
+            scene: mi.Scene,
+            sensor: dt.Sensor | int = 0,
+            seed: dt.UInt32 | int = 0,
             spp: int = 0,
             develop: bool = True,
             evaluate: bool = True,
-        ) -> Any:
+        ) -> dt.TensorXf:
             """Picture of all channels, for ``mi.render``; the film keeps the channels' names."""
             sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
             film = sensor.film()

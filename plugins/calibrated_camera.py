@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cache
-from typing import Any
 
 import numpy as np
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
+from iriftrace.core.plain import JsonObject
+from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.projection import Projection, flip_axes
 from iriftrace.plugins.properties import camera_of, number
 
 
-def sensor_of(camera: Camera) -> Any:
+def sensor_of(camera: Camera) -> dt.Sensor:
     """A ``calibrated_camera`` for a camera, with its own film, in the variant in force.
 
     Raises
@@ -152,7 +154,7 @@ def plugin_class(variant: str) -> type:
             self.to_world = mi.Transform4d(flip_axes(described.matrix))
             self._projection = Projection(self._description.as_dict())
 
-        def _resize(self, film: Any, full: tuple[int, ...]) -> None:
+        def _resize(self, film: mi.Film, full: tuple[int, ...]) -> None:
             if tuple(film.crop_size()) != full:
                 raise InputError(
                     "The film has a crop window, which loses its meaning when scale changes the "
@@ -162,7 +164,7 @@ def plugin_class(variant: str) -> type:
             parameters["size"] = list(self._description.resolution)
             parameters.update()
 
-        def description(self) -> dict[str, Any]:
+        def description(self) -> JsonObject:
             """The camera as ``iriftrace.Camera.as_dict`` gives it."""
             return self._description.as_dict()
 
@@ -170,22 +172,22 @@ def plugin_class(variant: str) -> type:
             """Width and height of the film before ``scale`` changed them, px."""
             return self._full
 
-        def rays64(self, x: Any, y: Any) -> tuple[Any, Any]:
+        def rays64(self, x: dt.Float64, y: dt.Float64) -> tuple[dt.Point3d, dt.Vector3d]:
             """Origins and directions through image positions, double precision, world, mm."""
             return self._projection.rays64(x, y)
 
-        def project64(self, point: Any) -> tuple[Any, Any, Any]:
+        def project64(self, point: dt.Point3d) -> tuple[dt.Float64, dt.Float64, dt.Bool]:
             """Image position in pixels of points of the world, and whether they are in front."""
             return self._projection.project64(point)
 
         def sample_ray(
             self,
-            time: Any,
-            wavelength_sample: Any,
-            position_sample: Any,
-            aperture_sample: Any,
-            active: Any = True,
-        ) -> tuple[Any, Any]:
+            time: dt.Float,
+            wavelength_sample: dt.Float,
+            position_sample: dt.Point2f,
+            aperture_sample: dt.Point2f,
+            active: dt.Bool = True,
+        ) -> tuple[dt.Ray3f, dt.Spectrum]:
             size, offset = self.film().crop_size(), self.film().crop_offset()
             origin, direction = self.rays64(
                 mi.Float64(position_sample.x) * size.x + offset.x,
@@ -199,22 +201,22 @@ def plugin_class(variant: str) -> type:
 
         def sample_ray_differential(
             self,
-            time: Any,
-            wavelength_sample: Any,
-            position_sample: Any,
-            aperture_sample: Any,
-            active: Any = True,
-        ) -> tuple[Any, Any]:
+            time: dt.Float,
+            wavelength_sample: dt.Float,
+            position_sample: dt.Point2f,
+            aperture_sample: dt.Point2f,
+            active: dt.Bool = True,
+        ) -> tuple[dt.RayDifferential3f, dt.Spectrum]:
             ray, weight = self.sample_ray(
                 time, wavelength_sample, position_sample, aperture_sample, active
             )
             return mi.RayDifferential3f(ray), weight
 
-        def traverse(self, callback: Any) -> None:
+        def traverse(self, callback: mi.TraversalCallback) -> None:
             super().traverse(callback)
             callback.put("to_world", self.to_world, mi.ParamFlags.NonDifferentiable)
 
-        def parameters_changed(self, keys: Any = ()) -> None:
+        def parameters_changed(self, keys: Sequence[str] = ()) -> None:
             # Entry by entry: a conversion as a whole would compile a kernel for each pose.
             matrix = self.to_world.matrix
             pose = np.array([[float(matrix[i, j][0]) for j in range(4)] for i in range(4)])

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from iriftrace.core.errors import InputError
+from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.stock_sensor import StockSensor
 from iriftrace.runtime.variant import cuda_state, current_variant
+
+if TYPE_CHECKING:
+    import mitsuba as mi
 
 BYTES_PER_PIXEL = 170
 """Least memory of a picture: channels, straight rays, their state and the metrics.
@@ -70,7 +74,7 @@ Window = tuple[tuple[int, int], tuple[int, int]]
 """Left upper and right lower corner of a part of the picture, px."""
 
 
-def check_film(film: Any) -> None:
+def check_film(film: mi.Film) -> None:
     """Refuse films that would smear or round the channels."""
     text = str(film)
     if film.class_name() != "HDRFilm" or "component_format = float32" not in text:
@@ -86,6 +90,6 @@ def check_film(film: Any) -> None:
         )
 
 
-def camera_of(sensor: Any) -> Any:
+def camera_of(sensor: dt.Sensor) -> dt.RayCamera:
     """The sensor itself if it gives rays in double precision, else an adapter."""
     return sensor if hasattr(sensor, "rays64") else StockSensor(sensor)

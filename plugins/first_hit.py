@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 from iriftrace.plugins.aov_integrator import integrator_class
+from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.layers import AtShells, InLayers
 from iriftrace.plugins.kernels.ledger import index_check
 from iriftrace.plugins.kernels.march import refracted_hits
@@ -112,7 +111,7 @@ def plugin_class(variant: str) -> type:
                 return InLayers(tables)
             return AtShells(tables, self.normals == "gradient" and tables.has_normals)
 
-        def bender(self, prepared: PreparedScene, coherent: bool) -> Callable[[Any, Any], Any]:
+        def bender(self, prepared: PreparedScene, coherent: bool) -> dt.Bend:
             """Refraction by the scene's shells."""
             tables = prepared.tables
             rule = self.rule(tables)
@@ -129,7 +128,9 @@ def plugin_class(variant: str) -> type:
                 drop_inside_hits=self.inside_hit == "drop",
             )
 
-        def moved_by_fewer_shells(self, scene: Any, origin: Any, direction: Any) -> Any:
+        def moved_by_fewer_shells(
+            self, scene: mi.Scene, origin: dt.Point3d, direction: dt.Vector3d
+        ) -> tuple[dt.Float64, dt.Float64, dt.Bool] | None:
             """Displacements of rays, and ways of their hits without every second shell.
 
             Both are in mm (Float64), NaN where one of the three hits is not on the part. Third
@@ -165,7 +166,7 @@ def plugin_class(variant: str) -> type:
             dr.eval(ways, unmet)
             return *ways, prepared.between_shells(origin, direction, straight.distance, unmet)
 
-        def checking(self, prepared: PreparedScene) -> Callable[[Any], tuple[Any, Any]]:
+        def checking(self, prepared: PreparedScene) -> dt.Check:
             """The index steps add up to the layer at the hit."""
             return lambda hits: index_check(prepared, hits)
 

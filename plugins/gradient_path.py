@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +11,9 @@ from iriftrace.field.path_data import FieldCells, load_field_file
 from iriftrace.image.aov_image import CHANNELS, ERROR_CHANNEL
 from iriftrace.plugins.aov_integrator import integrator_class
 from iriftrace.plugins.film import Window
+from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.bundle import Trace
-from iriftrace.plugins.kernels.curve import CurvedHits, curved_hits
+from iriftrace.plugins.kernels.curve import curved_hits
 from iriftrace.plugins.kernels.prepared import PreparedScene
 from iriftrace.plugins.kernels.queries import HIT_PART
 from iriftrace.plugins.kernels.tetrahedra import TetrahedralAir
@@ -115,19 +114,19 @@ def plugin_class(variant: str) -> type:
             super().forget()
             self._air = None
 
-        def prepare(self, scene: Any) -> PreparedScene:
+        def prepare(self, scene: mi.Scene) -> PreparedScene:
             """Tables and sub-scene of a scene, and the field; kept until another scene is given."""
             assert self.air is not None
             return super().prepare(scene)
 
-        def surroundings_of(self, scene: Any, point: NDArray[np.float64]) -> str | None:
+        def surroundings_of(self, scene: mi.Scene, point: NDArray[np.float64]) -> str | None:
             """The surroundings of a point; which air it is, the field says, and not the shells."""
             prepared = self.prepare(scene)
             if prepared.surroundings(point) == "part":
                 return "part"
             return "hot air" if self.air.is_hot(point, prepared.opaque) else None
 
-        def bender(self, prepared: PreparedScene, coherent: bool) -> Callable[[Any, Any], Any]:
+        def bender(self, prepared: PreparedScene, coherent: bool) -> dt.Bend:
             """The ray equation."""
             return lambda origin, direction: curved_hits(
                 prepared.opaque,
@@ -140,11 +139,13 @@ def plugin_class(variant: str) -> type:
                 step=prepared.step,
             )
 
-        def checking(self, prepared: PreparedScene) -> Callable[[CurvedHits], tuple[Any, Any]]:
+        def checking(self, prepared: PreparedScene) -> dt.Check:
             """There are no index steps that could be missed."""
             return lambda hits: (mi.Bool(True), ~hits.opened)
 
-        def channel_values(self, trace: Trace, camera: Any) -> list[tuple[Any, Any]]:
+        def channel_values(
+            self, trace: Trace, camera: dt.RayCamera
+        ) -> list[tuple[dt.Array, dt.Bool]]:
             """Those of both integrators, and the error."""
             bent_hit = trace.refracted.outcome == HIT_PART
             return [*super().channel_values(trace, camera), (trace.refracted.error, bent_hit)]
@@ -154,7 +155,7 @@ def plugin_class(variant: str) -> type:
             relocated = int(dr.count(trace.refracted.relocations > 0)[0])
             return {**super().counts(trace), "relocated": relocated}
 
-        def shell_triangles(self, scene: Any, camera: Any, window: Window) -> None:
+        def shell_triangles(self, scene: mi.Scene, camera: dt.RayCamera, window: Window) -> None:
             """Not counted, as no ray looks at shells."""
 
     return GradientPath

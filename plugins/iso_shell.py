@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
 
 from iriftrace.core.errors import InputError
+from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.properties import number
 
 
@@ -70,8 +70,13 @@ def plugin_class(variant: str) -> type:
             self.m_flags = flags
 
         def sample(
-            self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True
-        ) -> tuple[Any, Any]:
+            self,
+            ctx: mi.BSDFContext,
+            si: dt.SurfaceInteraction3f,
+            sample1: dt.Float,
+            sample2: dt.Point2f,
+            active: dt.Bool = True,
+        ) -> tuple[dt.BSDFSample3f, dt.Spectrum]:
             cos_in = mi.Frame3f.cos_theta(si.wi)
             active = mi.Mask(active) & (cos_in != 0)
             if not ctx.is_enabled(mi.BSDFFlags.DeltaTransmission):
@@ -94,13 +99,31 @@ def plugin_class(variant: str) -> type:
             sample.sampled_component = mi.UInt32(0)
             return sample, mi.Spectrum(1) & active
 
-        def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+        def eval(
+            self,
+            ctx: mi.BSDFContext,
+            si: dt.SurfaceInteraction3f,
+            wo: dt.Vector3f,
+            active: dt.Bool = True,
+        ) -> dt.Spectrum:
             return mi.Spectrum(0)
 
-        def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+        def pdf(
+            self,
+            ctx: mi.BSDFContext,
+            si: dt.SurfaceInteraction3f,
+            wo: dt.Vector3f,
+            active: dt.Bool = True,
+        ) -> dt.Float:
             return mi.Float(0)
 
-        def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> tuple[Any, Any]:
+        def eval_pdf(
+            self,
+            ctx: mi.BSDFContext,
+            si: dt.SurfaceInteraction3f,
+            wo: dt.Vector3f,
+            active: dt.Bool = True,
+        ) -> tuple[dt.Spectrum, dt.Float]:
             return mi.Spectrum(0), mi.Float(0)
 
         def to_string(self) -> str:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING
 
 from iriftrace.camera.tiles import pixels_in_tiles
 from iriftrace.plugins.film import camera_of, check_film, check_picture_size
+from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.bundle import Trace
 from iriftrace.plugins.kernels.queries import HIT_PART, StraightHits
+
+if TYPE_CHECKING:
+    import mitsuba as mi
 
 
 class PixelRays:
@@ -28,7 +32,7 @@ class PixelRays:
         First column and row of the window, and its width and height.
     """
 
-    def __init__(self, sensor: Any, channels: int) -> None:
+    def __init__(self, sensor: mi.Sensor, channels: int) -> None:
         import drjit as dr
         import mitsuba as mi
 
@@ -45,7 +49,7 @@ class PixelRays:
     def __len__(self) -> int:
         return self.size[0] * self.size[1]
 
-    def __call__(self, place: Any) -> tuple[Any, Any]:
+    def __call__(self, place: dt.UInt32) -> tuple[dt.Point3d, dt.Vector3d]:
         import drjit as dr
         import mitsuba as mi
 
@@ -57,14 +61,16 @@ class PixelRays:
 
 
 @lru_cache(maxsize=2)
-def _tiles(width: int, height: int, variant: str) -> Any:
+def _tiles(width: int, height: int, variant: str) -> dt.UInt32:
     """Row-major numbers of a picture's pixels, tile by tile, on the variant's device."""
     import mitsuba as mi
 
     return mi.UInt32(pixels_in_tiles(width, height))
 
 
-def sharp_rays(rays: PixelRays, straight: StraightHits, most: int) -> tuple[Any, Any] | None:
+def sharp_rays(
+    rays: PixelRays, straight: StraightHits, most: int
+) -> tuple[dt.Point3d, dt.Vector3d] | None:
     """Rays whose straight hits are on the part, in focus: a sample of `most` of them.
 
     Origins (Point3d, mm) and unit directions (Vector3d); None if there are none.
@@ -87,7 +93,7 @@ def sharp_rays(rays: PixelRays, straight: StraightHits, most: int) -> tuple[Any,
     return sample
 
 
-def channel_values(trace: Trace, camera: Any) -> list[tuple[Any, Any]]:
+def channel_values(trace: Trace, camera: dt.RayCamera) -> list[tuple[dt.Array, dt.Bool]]:
     """Value of each channel of `iriftrace.image.aov_image.CHANNELS`, and where it exists."""
     import drjit as dr
     import mitsuba as mi
@@ -122,10 +128,10 @@ def channel_values(trace: Trace, camera: Any) -> list[tuple[Any, Any]]:
 def written(
     rays: PixelRays,
     names: list[str],
-    status: Any,
-    traced: Any,
-    values: list[tuple[Any, Any]],
-) -> Any:
+    status: dt.UInt32,
+    traced: dt.UInt32 | None,
+    values: list[tuple[dt.Array, dt.Bool]],
+) -> dt.Float:
     """All channels of a picture, (c * h * w,) Float.
 
     The status of every pixel; the values of the rays that were traced on, given by their places

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +17,14 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import Distortion
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import length_factor
+from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.projection import flip_axes
 
+if TYPE_CHECKING:
+    import mitsuba as mi
 
-def number(props: Any, name: str, default: float | None = None) -> float:
+
+def number(props: mi.Properties, name: str, default: float | None = None) -> float:
     """Read a finite number from plugin properties in double precision."""
     if name not in props:
         if default is None:
@@ -36,7 +40,7 @@ def number(props: Any, name: str, default: float | None = None) -> float:
     return float(value)
 
 
-def whole_number(props: Any, name: str, default: int) -> int:
+def whole_number(props: mi.Properties, name: str, default: int) -> int:
     """Read a whole number of at least one, small enough for 32 bits."""
     value = number(props, name, default)
     if not (value.is_integer() and 1 <= value < 2**32):
@@ -47,7 +51,7 @@ def whole_number(props: Any, name: str, default: int) -> int:
     return int(value)
 
 
-def flag(props: Any, name: str, default: bool) -> bool:
+def flag(props: mi.Properties, name: str, default: bool) -> bool:
     """Read a boolean from plugin properties."""
     value = props.get(name, default)
     if not isinstance(value, bool):
@@ -58,7 +62,7 @@ def flag(props: Any, name: str, default: bool) -> bool:
     return value
 
 
-def word(props: Any, name: str, default: str) -> str:
+def word(props: mi.Properties, name: str, default: str) -> str:
     """Read a text from plugin properties."""
     value = props.get(name, default)
     if not isinstance(value, str):
@@ -66,7 +70,7 @@ def word(props: Any, name: str, default: str) -> str:
     return value
 
 
-def file_beside(props: Any, name: str, default: str) -> Path:
+def file_beside(props: mi.Properties, name: str, default: str) -> Path:
     """Read a file's name from plugin properties; it is in the folder of the scene's file."""
     import mitsuba as mi
 
@@ -74,7 +78,7 @@ def file_beside(props: Any, name: str, default: str) -> Path:
     return Path(str(mi.file_resolver().resolve(word(props, name, default))))
 
 
-def choice(props: Any, name: str, allowed: tuple[str, ...]) -> str:
+def choice(props: mi.Properties, name: str, allowed: tuple[str, ...]) -> str:
     """Read one of several words from plugin properties; the first is the default."""
     value = props.get(name, allowed[0])
     if value not in allowed:
@@ -100,7 +104,7 @@ _SAID_BY_A_CALIBRATION = (
 )
 
 
-def camera_of(props: Any, resolution: tuple[int, int]) -> Camera:
+def camera_of(props: mi.Properties, resolution: tuple[int, int]) -> Camera:
     """The camera that plugin properties describe, at its full resolution.
 
     Parameters
@@ -151,12 +155,14 @@ def camera_of(props: Any, resolution: tuple[int, int]) -> Camera:
     )
 
 
-def _pose(props: Any) -> NDArray[np.float64] | None:
+def _pose(props: dt.Properties) -> NDArray[np.float64] | None:
     """Camera to world, (4, 4) array, mm, where the properties have one."""
     return flip_axes(props["to_world"].matrix) if "to_world" in props else None
 
 
-def _calibrated(props: Any, resolution: tuple[int, int], focus: tuple[float, float]) -> Camera:
+def _calibrated(
+    props: mi.Properties, resolution: tuple[int, int], focus: tuple[float, float]
+) -> Camera:
     for name in _SAID_BY_A_CALIBRATION:
         if name in props:
             raise InputError(f'"calibration" says "{name}" too; leave one of them out.')
@@ -188,7 +194,9 @@ def _calibrated(props: Any, resolution: tuple[int, int], focus: tuple[float, flo
     )
 
 
-def _calibrated_pose(props: Any, calibration: Calibration, path: Path) -> NDArray[np.float64]:
+def _calibrated_pose(
+    props: mi.Properties, calibration: Calibration, path: Path
+) -> NDArray[np.float64]:
     """Camera to world, (4, 4) array, mm: that of the scene, or else that of the calibration."""
     own = _pose(props)
     if "length_unit" in props and (own is not None or calibration.matrix is None):

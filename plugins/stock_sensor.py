@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
+from iriftrace.core.plain import JsonObject
+from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.projection import Projection, flip_axes
 
 
@@ -29,7 +30,7 @@ class StockSensor:
         If the sensor is of another kind.
     """
 
-    def __init__(self, sensor: Any) -> None:
+    def __init__(self, sensor: dt.Sensor) -> None:
         import mitsuba as mi
 
         self._sensor = sensor
@@ -67,7 +68,7 @@ class StockSensor:
         self._description = camera.as_dict()
         self._projection = Projection(self._description)
 
-    def description(self) -> dict[str, Any]:
+    def description(self) -> JsonObject:
         """The camera as ``iriftrace.Camera.as_dict`` gives it."""
         return self._description
 
@@ -75,7 +76,7 @@ class StockSensor:
         """Width and height of the film, px."""
         return tuple(self._description["resolution"])
 
-    def rays64(self, x: Any, y: Any) -> tuple[Any, Any]:
+    def rays64(self, x: dt.Float64, y: dt.Float64) -> tuple[dt.Point3d, dt.Vector3d]:
         """Origins and directions through image positions, world, mm."""
         import drjit as dr
         import mitsuba as mi
@@ -86,6 +87,6 @@ class StockSensor:
         ray, _ = self._sensor.sample_ray(0.0, 0.5, position, mi.Point2f(0.5))
         return mi.Point3d(ray.o), dr.normalize(mi.Vector3d(ray.d))
 
-    def project64(self, point: Any) -> tuple[Any, Any, Any]:
+    def project64(self, point: dt.Point3d) -> tuple[dt.Float64, dt.Float64, dt.Bool]:
         """Image position in pixels of points of the world, and whether they are in front."""
         return self._projection.project64(point)

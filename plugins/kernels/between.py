@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
+
+from iriftrace.plugins.kernels import types as dt
 
 DIRECTION_ERROR = 0.3
 """Error of a recovered gradient's direction (rad, about each axis) over that of its length
@@ -19,14 +21,14 @@ LEAST_COSINE = 1e-3
 plane by a micrometre, it would be moved along by more than a millimetre."""
 
 
-def transverse(vector: Any, direction: Any) -> Any:
+def transverse(vector: dt.Vector, direction: dt.Vector) -> dt.Vector:
     """The part of a vector at right angles to a unit direction."""
     import drjit as dr
 
     return vector - direction * dr.dot(vector, direction)
 
 
-def onto_plane(offset: Any, direction: Any, facet: Any) -> Any:
+def onto_plane(offset: dt.Vector3d, direction: dt.Vector3d, facet: dt.Vector3d) -> dt.Float64:
     """Distance along a ray (Float64, mm) that moves a point near a plane back onto it.
 
     The offset (Vector3d, mm) is from a point of the plane; direction and facet are unit vectors.
@@ -39,7 +41,7 @@ def onto_plane(offset: Any, direction: Any, facet: Any) -> Any:
     return dr.select(crosses, -dr.dot(offset, facet) / cosine, 0)
 
 
-def length_gain(cosine: Any) -> Any:
+def length_gain(cosine: dt.Real) -> dt.Real:
     r"""Factor for the error of a gradient's length, given that of its component along a ray.
 
     Let a recovered gradient have independent errors: :math:`\sigma` along itself (of its length)
@@ -58,7 +60,9 @@ def length_gain(cosine: Any) -> Any:
     return cosine / (squared + DIRECTION_ERROR * DIRECTION_ERROR * (1 - squared))
 
 
-def fading_length(gradient: Any, change: Any, contrast: Any, direction: Any) -> Any:
+def fading_length(
+    gradient: dt.Vector, change: dt.Vector, contrast: dt.Real, direction: dt.Vector
+) -> dt.Real:
     r"""Way over which the air outside the shells turns a ray as much as at the last of them, mm.
 
     Along the ray the index approaches that of the layer outside as
@@ -85,12 +89,14 @@ def fading_length(gradient: Any, change: Any, contrast: Any, direction: Any) -> 
 class AtShell(NamedTuple):
     """The air at a shell, as a ray sees it."""
 
-    gradient: Any  # vector g, 1/mm
-    change: Any  # vector g' = H t, 1/mm^2
-    index: Any  # Float64: n
+    gradient: dt.Vector  # g, 1/mm
+    change: dt.Vector  # g' = H t, 1/mm^2
+    index: dt.Float64  # n
 
 
-def between_shells(before: AtShell, here: AtShell, direction: Any, length: Any) -> tuple[Any, Any]:
+def between_shells(
+    before: AtShell, here: AtShell, direction: dt.Vector, length: dt.Real
+) -> tuple[dt.Vector, dt.Vector]:
     """Deflection (vector, rad) between two shells, and lateral offset (mm) at the second one.
 
     The offset is that of the same cubic; the correction counts as if it lay in the middle. The
@@ -114,7 +120,9 @@ def between_shells(before: AtShell, here: AtShell, direction: Any, length: Any) 
     return deflection, offset
 
 
-def beside_part(shell: AtShell, direction: Any, length: Any) -> tuple[Any, Any]:
+def beside_part(
+    shell: AtShell, direction: dt.Vector, length: dt.Real
+) -> tuple[dt.Vector, dt.Vector]:
     """Deflection (vector, rad) between a shell and the part, and its first moment about the shell.
 
     By Taylor's series of the gradient, along a unit direction from the shell to the part and a
@@ -127,7 +135,9 @@ def beside_part(shell: AtShell, direction: Any, length: Any) -> tuple[Any, Any]:
     return deflection, transverse(first / 2 + second / 3, direction) * (length / index)
 
 
-def stays_in_layer(shell: AtShell, contrast: Any, direction: Any, length: Any) -> Any:
+def stays_in_layer(
+    shell: AtShell, contrast: dt.Real, direction: dt.Vector, length: dt.Real
+) -> dt.Bool:
     """True for ways along which Taylor's series neither leaves a layer nor turns over.
 
     Other ways, of which but the length is known, began outside the data. Parameters as for
@@ -141,7 +151,9 @@ def stays_in_layer(shell: AtShell, contrast: Any, direction: Any, length: Any) -
     return within & (dr.norm(shell.change) * (length / 2) <= dr.norm(shell.gradient))
 
 
-def outside(shell: AtShell, contrast: Any, direction: Any, length: Any) -> tuple[Any, Any]:
+def outside(
+    shell: AtShell, contrast: dt.Real, direction: dt.Vector, length: dt.Real
+) -> tuple[dt.Vector, dt.Vector]:
     """Deflection (vector, rad) in air whose other end is not known, and its first moment, mm.
 
     The moment is the deflection times its mean distance from the shell, and the contrast the index
@@ -157,8 +169,8 @@ def outside(shell: AtShell, contrast: Any, direction: Any, length: Any) -> tuple
 
 
 def open_layer(
-    shell: AtShell, ambient: Any, contrast: Any, direction: Any, length: Any
-) -> tuple[Any, Any]:
+    shell: AtShell, ambient: dt.Bool, contrast: dt.Real, direction: dt.Vector, length: dt.Real
+) -> tuple[dt.Vector, dt.Vector]:
     """Deflection, and its moment, in a layer with one shell, along a ray that leaves that.
 
     The layer is that of the `ambient` air (Bool) or another.
@@ -171,7 +183,9 @@ def open_layer(
     return tuple(dr.select(inside, a, b) for a, b in zip(there, beyond, strict=True))
 
 
-def layer_at_rim(known: Any, ambient: Any, first: Any, _through: Any) -> tuple[Any, Any]:
+def layer_at_rim(
+    known: dt.Struct, ambient: dt.Bool, first: dt.Bool, _through: dt.Struct
+) -> tuple[dt.Vector, dt.Vector]:
     """Deflection and lateral offset to a ray's first shell, or from shell to shell outside all."""
     import drjit as dr
 
@@ -188,7 +202,7 @@ def layer_at_rim(known: Any, ambient: Any, first: Any, _through: Any) -> tuple[A
     return tuple(dr.select(first, a, b) for a, b in zip(start, gap, strict=True))
 
 
-def weighted_mean(heading: Any, deflection: Any) -> Any:
+def weighted_mean(heading: dt.Vector, deflection: dt.Vector) -> dt.Vector:
     """Mean direction of a way that begins with a unit direction and is deflected."""
     import drjit as dr
 

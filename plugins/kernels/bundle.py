@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from iriftrace.image.aov_image import Status
 from iriftrace.plugins.kernels import types as dt
@@ -32,7 +31,7 @@ class Trace(NamedTuple):
     straight_outcome: dt.UInt32
     straight_face: dt.UInt32  # face of the part
     incidence: dt.Float64  # rad
-    refracted: Any  # RefractedHits or CurvedHits
+    refracted: dt.Hits
     status: dt.UInt32
     open_boundary: dt.Bool
 
@@ -48,11 +47,11 @@ class Bundle(NamedTuple):
 
 def trace_bundle(
     prepared: PreparedScene,
-    rays: Any,
+    rays: dt.Rays,
     count: int,
     *,
-    bend: Callable[[Any, Any], Any],
-    check: Callable[[Any], tuple[Any, Any]],
+    bend: dt.Bend,
+    check: dt.Check,
     focus: tuple[float, float],
     coherent: bool,
     trace_all: bool,
@@ -105,7 +104,7 @@ def trace_bundle(
 
 
 def paired_straight_rays(
-    prepared: PreparedScene, rays: Any, count: int, coherent: bool
+    prepared: PreparedScene, rays: dt.Rays, count: int, coherent: bool
 ) -> StraightHits:
     """Straight hits of a bundle of rays, with faces of the part from 0; see `trace_bundle`."""
     import drjit as dr
@@ -128,12 +127,12 @@ def paired_straight_rays(
 
 def _judged(
     prepared: PreparedScene,
-    chosen: Any,
+    chosen: dt.UInt32,
     origin: dt.Point3d,
     direction: dt.Vector3d,
-    straight: dt.Point3d,
-    refracted: Any,
-    check: Callable[[Any], tuple[Any, Any]],
+    straight: StraightHits,
+    refracted: dt.Hits,
+    check: dt.Check,
     focus: tuple[float, float],
 ) -> Trace:
     """Join both rays' hits and judge them."""
@@ -185,12 +184,12 @@ def _judged(
     )
 
 
-def is_lost(direction: dt.Vector3d, refracted: Any) -> Any:
+def is_lost(direction: dt.Vector3d, refracted: dt.Hits) -> dt.Bool:
     """Mask of rays (Bool) that gave up or are bent too much, from their first directions."""
     return (refracted.outcome == GAVE_UP) | _bent_too_much(direction, refracted)
 
 
-def _bent_too_much(direction: dt.Vector3d, refracted: Any) -> Any:
+def _bent_too_much(direction: dt.Vector3d, refracted: dt.Hits) -> dt.Bool:
     """Mask of rays (Bool) that are deflected more than the index range along them can give.
 
     Through layers, n times the sine of the angle to their gradient is conserved: a ray that enters

@@ -10,14 +10,25 @@ where it ends is then computed here in double precision.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from iriftrace.plugins.kernels.nystrom import nystrom_step
 from iriftrace.plugins.kernels.queries import HIT_BLOCKER, HIT_PART, query_error, settled
 from iriftrace.plugins.kernels.snell import distance_to_plane
 from iriftrace.plugins.kernels.tables import PART, SceneTables
-from iriftrace.plugins.kernels.types import Bool, Float, Float64, Point3d, UInt32, Vector3d
+from iriftrace.plugins.kernels.types import (
+    Bool,
+    Float,
+    Float64,
+    Medium,
+    Point3d,
+    UInt32,
+    Vector3d,
+)
 from iriftrace.plugins.kernels.walk import INSIDE, Walk, WalkState
+
+if TYPE_CHECKING:
+    import mitsuba as mi
 
 
 class CurvedHits(NamedTuple):
@@ -38,11 +49,11 @@ class CurvedHits(NamedTuple):
 
 
 def curved_hits(
-    opaque: Any,
+    opaque: mi.Scene,
     tables: SceneTables,
-    medium: Any,
-    origin: Any,
-    direction: Any,
+    medium: Medium,
+    origin: Point3d,
+    direction: Vector3d,
     *,
     coherent: bool,
     max_steps: int,
@@ -60,7 +71,7 @@ def curved_hits(
     return _ended(tables, medium, end, query_error(end.point, walk.smallest_step))
 
 
-def _ended(tables: SceneTables, medium: Any, end: WalkState, tolerance: Any) -> CurvedHits:
+def _ended(tables: SceneTables, medium: Medium, end: WalkState, tolerance: Float64) -> CurvedHits:
     """Take the last piece of each ray, up to what it hit.
 
     ``tolerance`` is that of :func:`iriftrace.plugins.kernels.snell.distance_to_plane`.
@@ -76,7 +87,7 @@ def _ended(tables: SceneTables, medium: Any, end: WalkState, tolerance: Any) -> 
     cell = medium.cell(end.place, inside)
     ahead = dr.normalize(end.velocity)
 
-    def acceleration(point: Any) -> Any:
+    def acceleration(point: Point3d) -> Vector3d:
         return dr.select(inside, cell.acceleration(point, ahead), 0)
 
     speed = dr.norm(end.velocity)

@@ -36,13 +36,13 @@ def edge_neighbours(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> 
 
 
 def settle(
-    tables: Any,
+    tables: Any,  # SceneTables, which needs this module
     origin: dt.Point3d,
     direction: dt.Vector3d,
     face: dt.UInt32,
     distance: dt.Float64,
     active: dt.Bool,
-) -> tuple[Any, Any]:
+) -> tuple[dt.UInt32, dt.Float64]:
     """Face and distance of a hit on the part, moved across the edges that it lies beyond.
 
     Of rays (Point3d, mm; Vector3d), the row of the part's face in the tables (UInt32) that the
@@ -72,7 +72,9 @@ def settle(
     return face, distance
 
 
-def _room(point: dt.Point3d, triangle: Triangle, normal: dt.Vector3d) -> tuple[Any, Any]:
+def _room(
+    point: dt.Point3d, triangle: Triangle, normal: dt.Vector3d
+) -> tuple[dt.Float64, dt.UInt32]:
     """Distance to the nearest edge's line, negative outside the triangle, and that edge."""
     import drjit as dr
     import mitsuba as mi

@@ -33,7 +33,7 @@ From the last shell to the part the segment's length is known and :math:`g(s) = 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.between import (
@@ -87,11 +87,13 @@ class AtShells:
         self._tables = tables
         self._gradient_normals = gradient_normals
 
-    def start(self, width: int) -> tuple[Any, ...]:
+    def start(self, width: int) -> tuple[dt.Array, ...]:
         """What is remembered of rays that have crossed no shell."""
         return ()
 
-    def cross(self, memory: tuple[Any, ...], passage: Passage) -> tuple[Any, Any, tuple[Any, ...]]:
+    def cross(
+        self, memory: tuple[dt.Array, ...], passage: Passage
+    ) -> tuple[dt.Vector3d, dt.Bool, tuple[dt.Array, ...]]:
         """Direction (Vector3d) behind a shell, whether it is reflected (Bool), and the memory."""
         shading = None
         if self._gradient_normals:
@@ -105,12 +107,12 @@ class AtShells:
 
     def end(
         self,
-        memory: tuple[Any, ...],
+        memory: tuple[dt.Array, ...],
         direction: dt.Vector3d,
         length: dt.Float64,
         facet: dt.Vector3d,
         any_shell: dt.Bool,
-    ) -> tuple[Any, Any]:
+    ) -> tuple[dt.Vector3d, dt.Vector3d]:
         """Lateral offset of the last segment's end (Vector3d, mm), and the direction there."""
         return 0 * direction, direction
 
@@ -156,7 +158,7 @@ class InLayers:
     def __init__(self, tables: SceneTables) -> None:
         self._tables = tables
 
-    def start(self, width: int) -> tuple[Any, ...]:
+    def start(self, width: int) -> tuple[dt.Array, ...]:
         """What is remembered of rays that have crossed no shell."""
         import drjit as dr
         import mitsuba as mi
@@ -165,7 +167,9 @@ class InLayers:
         index, beyond, along = (dr.zeros(mi.Float64, width) for _ in range(3))
         return gradient, change, index, beyond, offset, along
 
-    def cross(self, memory: Any, passage: Passage) -> tuple[Any, Any, tuple[Any, ...]]:
+    def cross(
+        self, memory: tuple[dt.Array, ...], passage: Passage
+    ) -> tuple[dt.Vector3d, dt.Bool, tuple[dt.Array, ...]]:
         """Direction (Vector3d) behind a shell, whether it is reflected (Bool), and the memory."""
         import drjit as dr
         import mitsuba as mi
@@ -206,9 +210,9 @@ class InLayers:
         before: AtShell,
         here: AtShell,
         passage: Passage,
-        heading: dt.Vector3d,
-        length: dt.Float64,
-    ) -> tuple[Any, Any]:
+        heading: dt.Vector3f,
+        length: dt.Float,
+    ) -> tuple[dt.Vector3f, dt.Vector3f]:
         """Deflection and lateral offset up to a shell."""
         import drjit as dr
 
@@ -228,12 +232,12 @@ class InLayers:
 
     def end(
         self,
-        memory: Any,
+        memory: tuple[dt.Array, ...],
         direction: dt.Vector3d,
         length: dt.Float64,
         facet: dt.Vector3d,
         any_shell: dt.Bool,
-    ) -> tuple[Any, Any]:
+    ) -> tuple[dt.Vector3d, dt.Vector3d]:
         """Lateral offset of the last way's end (Vector3d, mm), and the direction there."""
         import drjit as dr
         import mitsuba as mi
@@ -255,7 +259,7 @@ class InLayers:
         )
 
     @property
-    def _ambient(self) -> Any:
+    def _ambient(self) -> dt.Float64:
         import drjit as dr
         import mitsuba as mi
 

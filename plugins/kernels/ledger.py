@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from iriftrace.core.arrays import BoolArray, FloatArray
+from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.march import RefractedHits
 from iriftrace.plugins.kernels.prepared import PreparedScene
 from iriftrace.plugins.kernels.queries import HIT_PART
@@ -20,7 +22,7 @@ LINES = 9
 """Lines by which the layer at a hit is counted where one along the normal speaks against it."""
 
 
-def index_check(prepared: PreparedScene, refracted: RefractedHits) -> tuple[Any, Any]:
+def index_check(prepared: PreparedScene, refracted: RefractedHits) -> tuple[dt.Bool, dt.Bool]:
     """Masks of rays whose index steps lead to the layer at the hit, and start from ambient.
 
     The steps of a ray and the index before the first of them give the layer in which it
@@ -66,8 +68,12 @@ def index_check(prepared: PreparedScene, refracted: RefractedHits) -> tuple[Any,
 
 
 def _touches(
-    prepared: PreparedScene, points: Any, normals: Any, layer: Any, lines: int
-) -> tuple[Any, Any]:
+    prepared: PreparedScene,
+    points: FloatArray,
+    normals: FloatArray,
+    layer: FloatArray,
+    lines: int,
+) -> tuple[Any, FloatArray]:  # NumPy's stubs take a mask for one truth value
     """Mask of layers that touch the part at points, and the layers before it, by so many lines."""
     if len(points) == 0:
         return np.zeros(0, dtype=bool), np.zeros(0)
@@ -76,8 +82,12 @@ def _touches(
 
 
 def _records(
-    prepared: PreparedScene, refracted: RefractedHits, layer: Any, silent: Any, rays: Any
-) -> tuple[Any, Any, Any, Any]:
+    prepared: PreparedScene,
+    refracted: RefractedHits,
+    layer: dt.Float64,
+    silent: dt.Bool,
+    rays: dt.UInt32,
+) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
     """Points (n, 3), normals (n, 3), layers and `silent` of some rays, in one copy.
 
     The normals point to where the ray came from: an open part may be seen from its back.

@@ -7,10 +7,10 @@ the next query starts from that exact point, a small step further along the ray.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from iriftrace.plugins.kernels.between import onto_plane
-from iriftrace.plugins.kernels.layers import Passage
+from iriftrace.plugins.kernels.layers import AtShells, InLayers, Passage
 from iriftrace.plugins.kernels.queries import (
     ESCAPED,
     GAVE_UP,
@@ -23,10 +23,13 @@ from iriftrace.plugins.kernels.queries import (
     same_crossing,
     settled,
 )
-from iriftrace.plugins.kernels.snell import distance_to_plane
+from iriftrace.plugins.kernels.snell import Triangle, distance_to_plane
 from iriftrace.plugins.kernels.tables import BLOCKER, PART, SceneTables
-from iriftrace.plugins.kernels.types import Bool, Float, Float64, Point3d, UInt32, Vector3d
+from iriftrace.plugins.kernels.types import Array, Bool, Float, Float64, Point3d, UInt32, Vector3d
 from iriftrace.plugins.kernels.vertex_table import SHELL
+
+if TYPE_CHECKING:
+    import mitsuba as mi
 
 GRAZING_COSINE = 1e-3
 """A ray that leaves a triangle at a smaller cosine is queried from a little beyond its plane."""
@@ -59,14 +62,14 @@ class RefractedHits(NamedTuple):
 
 
 def refracted_hits(
-    scene: Any,
-    opaque: Any,
+    scene: mi.Scene,
+    opaque: mi.Scene,
     tables: SceneTables,
-    origin: Any,
-    direction: Any,
+    origin: Point3d,
+    direction: Vector3d,
     *,
     coherent: bool,
-    bending: Any,
+    bending: AtShells | InLayers,
     max_crossings: int,
     step: float,
     drop_inside_hits: bool = False,
@@ -104,7 +107,7 @@ class _State(NamedTuple):
     shape: UInt32  # number of the shell that was crossed last
     outward: Bool  # and whether it was from its inside
     start: Point3d  # of the next query
-    memory: Any  # of the rule that bends
+    memory: tuple[Array, ...]  # of the rule that bends
     active: Bool
 
 
@@ -113,7 +116,7 @@ class _Met(NamedTuple):
 
     shape: UInt32
     face: UInt32
-    triangle: Any
+    triangle: Triangle
     normal: Vector3d
     on_shell: Bool
     on_part: Bool
@@ -129,9 +132,9 @@ class _March:
 
     def __init__(
         self,
-        scene: Any,
+        scene: mi.Scene,
         tables: SceneTables,
-        bending: Any,
+        bending: AtShells | InLayers,
         coherent: bool,
         max_crossings: int,
         step: float,
@@ -147,7 +150,7 @@ class _March:
         self.limit = dr.opaque(mi.UInt32, max_crossings)
         self.ambient = dr.opaque(mi.Float64, tables.ambient)
 
-    def to_the_end(self, origin: Any, direction: Any) -> _State:
+    def to_the_end(self, origin: Point3d, direction: Vector3d) -> _State:
         """Advance rays, (Point3d, mm) and (Vector3d), until all have ended."""
         import drjit as dr
 
@@ -170,7 +173,7 @@ class _March:
         step = dr.inf if self.tables.stock_shells else 2 * self.tables.open_step
         return RefractedHits(*end[:8], contrast=end.contrast + dr.opaque(mi.Float, step))
 
-    def _start(self, origin: Any, direction: Any) -> _State:
+    def _start(self, origin: Point3d, direction: Vector3d) -> _State:
         import drjit as dr
         import mitsuba as mi
 
@@ -283,8 +286,14 @@ class _March:
         )
 
     def _next_start(
-        self, s: _State, met: _Met, crossed: Any, point: Any, bent: Any, reflected: Any
-    ) -> Any:
+        self,
+        s: _State,
+        met: _Met,
+        crossed: Bool,
+        point: Point3d,
+        bent: Vector3d,
+        reflected: Bool,
+    ) -> Point3d:
         """A small step beyond the crossing; from a plane that is grazed, also off it."""
         import drjit as dr
 
@@ -298,7 +307,11 @@ class _March:
 
 
 def _fix_transitions(
-    bending: Any, tables: SceneTables, hits: RefractedHits, memory: Any, length: Any
+    bending: AtShells | InLayers,
+    tables: SceneTables,
+    hits: RefractedHits,
+    memory: tuple[Array, ...],
+    length: Float64,
 ) -> RefractedHits:
     """Ends of rays where they really are, and their directions there.
 
@@ -321,10 +334,10 @@ def _fix_transitions(
 
 
 def _back_on_front(
-    opaque: Any,
+    opaque: mi.Scene,
     tables: SceneTables,
     hits: RefractedHits,
-    segment: Any,
+    segment: Float64,
     coherent: bool,
     step: float,
 ) -> RefractedHits:

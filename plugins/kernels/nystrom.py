@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from iriftrace.plugins.kernels.types import Point3d, Vector3d
+from iriftrace.plugins.kernels.types import Float64, Point3d, Vector3d
 
 
 class Step(NamedTuple):
@@ -17,7 +17,12 @@ class Step(NamedTuple):
     middle: Point3d  # mm
 
 
-def nystrom_step(point: Any, velocity: Any, acceleration: Callable[[Any], Any], time: Any) -> Step:
+def nystrom_step(
+    point: Point3d,
+    velocity: Vector3d,
+    acceleration: Callable[[Point3d], Vector3d],
+    time: Float64,
+) -> Step:
     """Advance a ray by one step of Nystrom's method of order 4 (Hairer, Norsett and Wanner, II.14).
 
     From a point (Point3d, mm) and a velocity (Vector3d, index times unit direction), with the

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from copy import copy
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,9 @@ from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.queries import query_step, ray_query, same_crossing
 from iriftrace.plugins.kernels.tables import PART, SceneTables, shell_indices, surface_index
 from iriftrace.plugins.kernels.vertex_table import SHELL, aligned
+
+if TYPE_CHECKING:
+    import mitsuba as mi
 
 MOST_STEPS = 30_000
 """Crossings of a straight line after which it is not followed any farther."""
@@ -39,7 +42,7 @@ FEWEST = 5
 """Layers' steps below which leaving half of them out says nothing of the rest."""
 
 
-def scene_beside(scene: Any, shapes: list[Any]) -> Any:
+def scene_beside(scene: mi.Scene, shapes: list[mi.Shape]) -> dt.Scene:
     """A scene of other shapes that rays may be traced into in the kernels that query `scene`.
 
     OptiX allows one shader binding table in a kernel, and drops queries of other scenes silently;
@@ -63,7 +66,7 @@ def scene_beside(scene: Any, shapes: list[Any]) -> Any:
 class PreparedScene:
     """A scene ready for tracing, loaded with ``optimize=False``; InputError as of `SceneTables`."""
 
-    def __init__(self, scene: Any) -> None:
+    def __init__(self, scene: mi.Scene) -> None:
         import mitsuba as mi
 
         self.scene = scene
@@ -143,7 +146,7 @@ class PreparedScene:
 
     def between_shells(
         self, origin: dt.Point3d, direction: dt.Vector3d, length: dt.Float64, unmet: dt.Bool
-    ) -> Any:
+    ) -> dt.Bool:
         """Mask (Bool) of the rays among `unmet` that run through air which is not ambient.
 
         They have origins (Point3d, mm), unit directions (Vector3d) and straight lengths (Float64,
@@ -223,13 +226,13 @@ def with_every_second_shell(prepared: PreparedScene) -> PreparedScene | None:
 
 
 def crossed_steps(
-    scene: Any,
+    scene: mi.Scene,
     tables: SceneTables,
     origin: dt.Point3d,
     direction: dt.Vector3d,
     step: float,
     passed: dt.Float64 | float = 0.0,
-) -> tuple[Any, Any, Any]:
+) -> tuple[dt.Float64, dt.Float64, dt.Bool]:
     """Index steps along straight lines to infinity, opaque shapes being transparent.
 
     Gives the indices (Float64) of the layers at the start, and where the line has passed a length
@@ -254,7 +257,7 @@ def crossed_steps(
         count: dt.UInt32
         active: dt.Bool
 
-    def advance(*values: Any) -> tuple[Any, ...]:
+    def advance(*values: dt.Array) -> tuple[dt.Array, ...]:
         s = State(*values)
         start = origin + direction * s.travelled
         preliminary = ray_query(scene, start, direction, False, s.active)

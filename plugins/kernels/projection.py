@@ -7,13 +7,12 @@ the one place that converts.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import distorted, fold_radius, newton_step
+from iriftrace.core.plain import JsonObject
 from iriftrace.plugins.kernels import types as dt
 
 
@@ -30,11 +29,11 @@ class Projection:
     (none by default).
     """
 
-    def __init__(self, description: dict[str, Any]) -> None:
+    def __init__(self, description: JsonObject) -> None:
         import drjit as dr
         import mitsuba as mi
 
-        def opaque(value: float) -> Any:
+        def opaque(value: float) -> dt.Float64:
             # A literal would become part of the kernel, and every pose would compile again.
             return dr.opaque(mi.Float64, float(value))
 
@@ -57,7 +56,7 @@ class Projection:
             self.rounds = camera.seen_field.rounds
             self.fold_radius = opaque(fold_radius(camera.distortion))
 
-    def rays64(self, x: dt.Float64, y: dt.Float64) -> tuple[Any, Any]:
+    def rays64(self, x: dt.Float64, y: dt.Float64) -> tuple[dt.Point3d, dt.Vector3d]:
         """Origins (Point3d, mm) and unit directions (Vector3d) through image positions, world."""
         import drjit as dr
 
@@ -70,7 +69,7 @@ class Projection:
             return self.origin + offset, self.forward + 0 * offset
         return self.origin + 0 * offset, dr.normalize(offset + self.forward * self.focal_length)
 
-    def _undistorted(self, across: dt.Float64, along: dt.Float64) -> tuple[Any, Any]:
+    def _undistorted(self, across: dt.Float64, along: dt.Float64) -> tuple[dt.Float64, dt.Float64]:
         """Places on the sensor (mm from the axis) without distortion; NaN where nothing is seen."""
         import drjit as dr
 
@@ -86,7 +85,7 @@ class Projection:
         factor = dr.select(right, self.focal_length, dr.nan)
         return x * factor, y * factor
 
-    def project64(self, point: dt.Point3d) -> tuple[Any, Any, Any]:
+    def project64(self, point: dt.Point3d) -> tuple[dt.Float64, dt.Float64, dt.Bool]:
         """Image position (Float64, px) of points (Point3d, mm, world), and if it means anything.
 
         It does (Bool) before the pinhole, and not so far outside the picture that the lens

@@ -6,12 +6,15 @@ triangle's plane is computed in double precision.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.edges import settle
 from iriftrace.plugins.kernels.snell import distance_to_plane
 from iriftrace.plugins.kernels.tables import PART, SceneTables
+
+if TYPE_CHECKING:
+    import mitsuba as mi
 
 ESCAPED, HIT_PART, HIT_BLOCKER, GAVE_UP = range(4)
 
@@ -41,13 +44,13 @@ class StraightHits(NamedTuple):
     face: dt.UInt32  # row of the part's face in the tables
 
 
-def query_step(scene: Any) -> float:
+def query_step(scene: mi.Scene) -> float:
     """Step along the ray that keeps a query from finding the triangle it starts on, mm."""
     box = scene.bbox()
     return RELATIVE_STEP * max(abs(x) for corner in (box.min, box.max) for x in corner)
 
 
-def query_error(origin: dt.Point3d, smallest_step: dt.Float64) -> Any:
+def query_error(origin: dt.Point3d, smallest_step: dt.Float64) -> dt.Float64:
     """Largest error of a query from a point across the ray, mm; more from far away."""
     import drjit as dr
 
@@ -62,7 +65,7 @@ def same_crossing(
     last_outward: dt.Bool,
     gap: dt.Float64,
     smallest_step: dt.Float64,
-) -> Any:
+) -> dt.Bool:
     """True where a crossing is the last one met again.
 
     A shell cannot be crossed twice in a row in one direction. When it seems so, the query has found
@@ -73,8 +76,8 @@ def same_crossing(
 
 
 def ray_query(
-    scene: Any, origin: dt.Point3d, direction: dt.Vector3d, coherent: bool, active: dt.Bool
-) -> Any:
+    scene: dt.Scene, origin: dt.Point3d, direction: dt.Vector3d, coherent: bool, active: dt.Bool
+) -> dt.PreliminaryIntersection3f:
     """First triangle along rays, in single precision (PreliminaryIntersection3f)."""
     import drjit as dr
     import mitsuba as mi
@@ -89,7 +92,7 @@ def ray_query(
 
 
 def straight_hits(
-    opaque: Any,
+    opaque: mi.Scene,
     tables: SceneTables,
     origin: dt.Point3d,
     direction: dt.Vector3d,
@@ -123,7 +126,7 @@ def straight_hits(
     )
 
 
-def settled(tables: SceneTables, hits: Any) -> Any:
+def settled(tables: SceneTables, hits: dt.Hits) -> dt.Hits:
     """Hits (RefractedHits or CurvedHits) near an edge on the face that is really met."""
     import drjit as dr
     import mitsuba as mi

@@ -6,7 +6,7 @@ neighbouring indices is about 1.00001, and its seven digits leave only two of th
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from iriftrace.plugins.kernels import types as dt
 
@@ -25,12 +25,12 @@ the engine still took the recovered gradient's length, which was the most of the
 class Triangle(NamedTuple):
     """Corners of one triangle per ray (Point3d, mm, world)."""
 
-    a: Any
-    b: Any
-    c: Any
+    a: dt.Vector
+    b: dt.Vector
+    c: dt.Vector
 
 
-def facet_normal(triangle: Triangle) -> Any:
+def facet_normal(triangle: Triangle) -> dt.Vector3d:
     """Unit normal of the triangle's plane, counter-clockwise side (Vector3d)."""
     import drjit as dr
 
@@ -44,7 +44,7 @@ def distance_to_plane(
     normal: dt.Vector3d,
     rough: dt.Float64,
     tolerance: dt.Float64,
-) -> Any:
+) -> dt.Float64:
     """Distance along a ray to the plane of a triangle, mm (Float64).
 
     `rough` is the distance at which the single precision query met the triangle, and the tolerance
@@ -62,7 +62,9 @@ def distance_to_plane(
     return dr.clip(exact, rough - reach, rough + reach)
 
 
-def corner_weights(point: dt.Point3d, triangle: Triangle, facet: dt.Vector3d) -> tuple[Any, Any]:
+def corner_weights(
+    point: dt.Point3d, triangle: Triangle, facet: dt.Vector3d
+) -> tuple[dt.Float64, dt.Float64]:
     """Weights (Float64) of a triangle's corners b and c at a point; that of a is the rest of 1.
 
     The point (Point3d, mm) is on the triangle's plane, of the unit normal `facet`; outside the
@@ -79,7 +81,7 @@ def corner_weights(point: dt.Point3d, triangle: Triangle, facet: dt.Vector3d) ->
     return weight_b, dr.clip(weight_c, 0, 1 - weight_b)
 
 
-def between_corners(vectors: Triangle, weights: tuple[Any, Any]) -> Any:
+def between_corners(vectors: Triangle, weights: tuple[dt.Real, dt.Real]) -> dt.Vector:
     """Vectors at a triangle's corners interpolated with :func:`corner_weights`."""
     b, c = weights
     return vectors.a * (1 - b - c) + vectors.b * b + vectors.c * c
@@ -87,7 +89,7 @@ def between_corners(vectors: Triangle, weights: tuple[Any, Any]) -> Any:
 
 def interpolated_normal(
     point: dt.Point3d, triangle: Triangle, normals: Triangle, facet: dt.Vector3d
-) -> Any:
+) -> dt.Vector3d:
     """Unit normal (Vector3d) between the vertex normals at a point of the triangle.
 
     The facet's own where the interpolated one vanishes.
@@ -99,7 +101,7 @@ def interpolated_normal(
     return dr.select(length > 1e-3, normal / length, facet)
 
 
-def _push(cosine: dt.Float64, step: Any) -> tuple[Any, Any]:
+def _push(cosine: dt.Float64, step: dt.Float64) -> tuple[dt.Float64, dt.Bool]:
     """Push along a normal by which a direction of length one gains ``step`` in squared length.
 
     The gain is that of the cosine's square alone. Returns the push, and whether there is one: a
@@ -113,7 +115,9 @@ def _push(cosine: dt.Float64, step: Any) -> tuple[Any, Any]:
     return dr.select(total != 0, step / total, 0), squared > 0
 
 
-def _stretch(direction: dt.Vector3d, push: Any, smooth: dt.Vector3d, step: Any) -> Any:
+def _stretch(
+    direction: dt.Vector3d, push: dt.Float64, smooth: dt.Vector3d, step: dt.Float64
+) -> dt.Float64:
     """Fraction of the mean direction to add to a push along ``smooth`` to gain ``step``.
 
     It does not change the direction, but would if it were added on one side of the triangle only.
@@ -125,8 +129,8 @@ def _stretch(direction: dt.Vector3d, push: Any, smooth: dt.Vector3d, step: Any) 
 
 
 def _gradual_push(
-    direction: dt.Vector3d, flat: dt.Vector3d, smooth: dt.Vector3d, step: Any
-) -> tuple[Any, Any]:
+    direction: dt.Vector3d, flat: dt.Vector3d, smooth: dt.Vector3d, step: dt.Float64
+) -> tuple[dt.Vector3d, dt.Bool]:
     """Vector that is added to a direction of length one at a triangle with interpolated normals.
 
     The rule of :func:`cross_surface`, for the ray's mean direction before and behind the triangle,
@@ -159,10 +163,10 @@ def _gradual_push(
 def cross_surface(
     direction: dt.Vector3d,
     facet: dt.Vector3d,
-    shading: Any | None,
+    shading: dt.Vector3d | None,
     ratio: dt.Float64,
     outward: dt.Bool,
-) -> tuple[Any, Any]:
+) -> tuple[dt.Vector3d, dt.Bool]:
     """Direction behind a surface between two media, by Snell's law.
 
     With an interpolated normal N, the ray is bent along N. By how much is a question of how often

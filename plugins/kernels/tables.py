@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from copy import copy
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,10 +29,13 @@ from iriftrace.plugins.kernels.vertex_table import (
     has_derivatives,
 )
 
+if TYPE_CHECKING:
+    import mitsuba as mi
+
 PART_ID = "part"
 
 
-def shell_indices(bsdf: Any) -> tuple[float, float] | None:
+def shell_indices(bsdf: dt.BSDF | None) -> tuple[float, float] | None:
     """Index outside and inside, if the bsdf is a shell's; None for an opaque one."""
     import mitsuba as mi
 
@@ -45,7 +48,7 @@ def shell_indices(bsdf: Any) -> tuple[float, float] | None:
     return None
 
 
-def surface_index(bsdf: Any) -> float:
+def surface_index(bsdf: dt.BSDF) -> float:
     """Index of the air on a shell itself."""
     pair = shell_indices(bsdf)
     assert pair is not None
@@ -74,7 +77,7 @@ def is_closed(vertices: NDArray[np.float32], faces: NDArray[np.uint32]) -> bool:
     )
 
 
-def _runs_against_its_normals(shape: dt.UInt32) -> bool:
+def _runs_against_its_normals(shape: mi.Mesh) -> bool:
     """True if most of a mesh's triangles face away from its vertex normals, by area."""
     import drjit as dr
     import mitsuba as mi
@@ -86,7 +89,7 @@ def _runs_against_its_normals(shape: dt.UInt32) -> bool:
     return bool(dr.sum(dr.select(dr.isfinite(facing), facing, 0))[0] < 0)
 
 
-def _part_of(shapes: list[Any]) -> tuple[Any, int]:
+def _part_of(shapes: list[dt.Shape]) -> tuple[mi.Mesh, int]:
     """The measured part, and its place in a scene's list."""
     parts = [i for i, shape in enumerate(shapes) if shape.id() == PART_ID]
     if len(parts) != 1:
@@ -114,7 +117,7 @@ def _part_of(shapes: list[Any]) -> tuple[Any, int]:
     return part, parts[0]
 
 
-def _described(shape: dt.UInt32, is_part: bool) -> Described:
+def _described(shape: dt.Shape, is_part: bool) -> Described:
     """A shape's row of the tables; InputError for a shell that cannot be traced."""
     sides = shell_indices(shape.bsdf())
     if sides is None and not is_part:
@@ -150,7 +153,7 @@ class SceneTables:
     or the part is too large.
     """
 
-    def __init__(self, scene: Any) -> None:
+    def __init__(self, scene: mi.Scene) -> None:
         import mitsuba as mi
 
         shapes = scene.shapes()
@@ -184,7 +187,7 @@ class SceneTables:
         self._neighbours = mi.UInt32(aligned(beyond.ravel()))
 
     @staticmethod
-    def _numbers(shapes: list[Any]) -> Any:
+    def _numbers(shapes: list[mi.Shape]) -> dt.UInt32:
         """Table from Mitsuba's registry number of a shape to its place in the list."""
         import drjit as dr
         import mitsuba as mi
@@ -194,7 +197,7 @@ class SceneTables:
         table[registry] = np.arange(len(shapes))
         return mi.UInt32(table)
 
-    def shape_number(self, preliminary: Any, active: dt.Bool) -> Any:
+    def shape_number(self, preliminary: dt.PreliminaryIntersection3f, active: dt.Bool) -> dt.UInt32:
         """Place of the hit shape in the scene's list (UInt32)."""
         import drjit as dr
         import mitsuba as mi
@@ -202,14 +205,14 @@ class SceneTables:
         registry = dr.reinterpret_array(mi.UInt32, preliminary.shape)
         return dr.gather(mi.UInt32, self._number, registry, active)
 
-    def kind(self, shape: dt.UInt32, active: dt.Bool) -> Any:
+    def kind(self, shape: dt.UInt32, active: dt.Bool) -> dt.UInt32:
         """SHELL, PART or BLOCKER (UInt32)."""
         import drjit as dr
         import mitsuba as mi
 
         return dr.gather(mi.UInt32, self._kind, shape, active)
 
-    def sides(self, shape: dt.UInt32, active: dt.Bool) -> tuple[Any, Any]:
+    def sides(self, shape: dt.UInt32, active: dt.Bool) -> tuple[dt.Float64, dt.Float64]:
         """Index outside and inside a shell (Float64)."""
         import drjit as dr
         import mitsuba as mi
@@ -228,7 +231,7 @@ class SceneTables:
         other._outside, other._inside = mi.Float64(outside), mi.Float64(inside)
         return other
 
-    def face(self, shape: dt.UInt32, primitive: dt.UInt32, active: dt.Bool) -> Any:
+    def face(self, shape: dt.UInt32, primitive: dt.UInt32, active: dt.Bool) -> dt.UInt32:
         """Row of a triangle in the face table (UInt32)."""
         import drjit as dr
         import mitsuba as mi
@@ -244,7 +247,7 @@ class SceneTables:
         return self._table.normals(face, active)
 
     def gradients(
-        self, face: dt.UInt32, direction: dt.Vector3d, active: dt.Bool
+        self, face: dt.UInt32, direction: dt.Vector3f, active: dt.Bool
     ) -> tuple[Triangle, Triangle]:
         """Gradient of the index at the corners of shells' triangles, 1/mm (Vector3f).
 
@@ -252,14 +255,14 @@ class SceneTables:
         """
         return self._table.gradients(face, direction, active)
 
-    def level(self, shape: dt.UInt32, active: dt.Bool) -> Any:
+    def level(self, shape: dt.UInt32, active: dt.Bool) -> dt.Float64:
         """Index of the air on a shell itself (Float64)."""
         import drjit as dr
         import mitsuba as mi
 
         return dr.gather(mi.Float64, self._level, shape, active)
 
-    def neighbour(self, face: dt.UInt32, edge: dt.UInt32, active: dt.Bool) -> Any:
+    def neighbour(self, face: dt.UInt32, edge: dt.UInt32, active: dt.Bool) -> dt.UInt32:
         """Row of the part's face beyond an edge of another (UInt32); ``NONE`` without one."""
         import drjit as dr
         import mitsuba as mi
@@ -298,7 +301,7 @@ class SceneTables:
         return total
 
     def triangles_in_view(
-        self, project: Any, lowest: tuple[int, int], highest: tuple[int, int]
+        self, project: dt.Project, lowest: tuple[int, int], highest: tuple[int, int]
     ) -> int:
         """Number of shell triangles whose centre appears in a window of the picture."""
         import drjit as dr
@@ -316,7 +319,7 @@ class SceneTables:
         )
         return int(dr.count(seen & ~part)[0])
 
-    def plane(self, face: dt.UInt32, active: dt.Bool) -> tuple[Triangle, Any]:
+    def plane(self, face: dt.UInt32, active: dt.Bool) -> tuple[Triangle, dt.Vector3d]:
         """Corners and unit normal of triangles."""
         triangle = self.triangle(face, active)
         return triangle, facet_normal(triangle)

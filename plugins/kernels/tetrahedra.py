@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from functools import cached_property
 from itertools import combinations, product
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from iriftrace.core.arrays import Float32Array, NumberArray
 from iriftrace.field.gradient import consistent_gradient, point_gradient
 from iriftrace.field.path_data import FieldCells
 from iriftrace.field.tetrahedra import BOUNDARY, OPPOSITE, tetrahedra_of
@@ -22,6 +23,9 @@ from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.between import length_gain
 from iriftrace.plugins.kernels.prepared import scene_beside
 from iriftrace.plugins.kernels.vertex_table import aligned
+
+if TYPE_CHECKING:
+    import mitsuba as mi
 
 NO_FACE = 4
 """In the place of a face's number: the tetrahedron was not entered through one of its faces."""
@@ -98,13 +102,13 @@ class Cell:
             dr.gather(mi.Vector4f, air.points, 2 * c + 1, active).xyz for c in corners
         ]
 
-    def refractivity(self, point: dt.Point3d) -> Any:
+    def refractivity(self, point: dt.Point3d) -> dt.Float64:
         """Linear n - 1 at points (Float64; Point3d, mm)."""
         import mitsuba as mi
 
         return self._air.ambient_air + mi.Float64(self._excess(point))
 
-    def acceleration(self, point: dt.Point3d, heading: dt.Vector3d) -> Any:
+    def acceleration(self, point: dt.Point3d, heading: dt.Vector3d) -> dt.Vector3d:
         """n grad n, with the gradient that bends a ray of a unit direction (Vector3d, 1/mm)."""
         import mitsuba as mi
 
@@ -112,13 +116,13 @@ class Cell:
         gradient = self._smooth_gradient(point, heading) if air.recovered else self.constant
         return mi.Vector3d(gradient * (1 + mi.Float(air.ambient_air) + self._excess(point)))
 
-    def _excess(self, point: dt.Point3d) -> Any:
+    def _excess(self, point: dt.Point3d) -> dt.Float:
         """Linear n less that of the ambient air."""
         import drjit as dr
 
         return self._index + dr.dot(self.constant, self._local(point))
 
-    def gradient_error(self, point: dt.Point3d, heading: dt.Vector3d) -> Any:
+    def gradient_error(self, point: dt.Point3d, heading: dt.Vector3d) -> dt.Vector3f:
         """Gradient with the recovered direction less the constant one (Vector3f, 1/mm).
 
         The usual estimate of the constant one's error (Zienkiewicz and Zhu 1987, "A simple error
@@ -128,13 +132,13 @@ class Cell:
 
         return dr.select(self._solid, self._smooth_gradient(point, heading) - self.constant, 0)
 
-    def _local(self, point: dt.Point3d) -> Any:
+    def _local(self, point: dt.Point3d) -> dt.Vector3f:
         """The way from the first corner to a point."""
         import mitsuba as mi
 
         return mi.Vector3f(point - self._origin)
 
-    def _smooth_gradient(self, point: dt.Point3d, heading: dt.Vector3d) -> Any:
+    def _smooth_gradient(self, point: dt.Point3d, heading: dt.Vector3d) -> dt.Vector3f:
         """Along the recovered direction N, as strong as n changes along the ray.
 
         With g the cell's own gradient and d the ray's direction that is (g.d) / (N.d) N, so that
@@ -161,7 +165,7 @@ class Cell:
 
     def _faces_along(
         self, point: dt.Point3d, direction: dt.Vector3d
-    ) -> tuple[list[Any], list[Any], list[Any]]:
+    ) -> tuple[list[dt.Float], list[dt.Float], list[dt.Float]]:
         r"""For each face: how far inside a line passes, its area across the line, the distance.
 
         Seen from the line's origin, :math:`w_{ab} = d \cdot (a \times b)` says at which side the
@@ -198,7 +202,7 @@ class Cell:
             )
         return inside, across, distance
 
-    def entry_distance(self, point: dt.Point3d, direction: dt.Vector3d) -> tuple[Any, Any]:
+    def entry_distance(self, point: dt.Point3d, direction: dt.Vector3d) -> tuple[dt.Float, dt.Bool]:
         """Distance from a point close by to the entry face (mm), and whether rays enter there.
 
         A cell turned inside out lies on the wrong side of its face, but behind it all the same.
@@ -244,7 +248,7 @@ class Cell:
         )
 
 
-def _chosen(values: list[Any], number: Any) -> Any:
+def _chosen(values: list[dt.Float], number: dt.UInt32) -> dt.Float:
     """Entry of a list by a number per ray; the first where there is none."""
     import drjit as dr
 
@@ -289,15 +293,15 @@ class TetrahedralAir:
         self.boundary_place = mi.UInt32(aligned(tetrahedra.boundary_place))
         self._boundary_faces = tetrahedra.boundary
         self._boundary_mesh = _mesh(cells.points, tetrahedra.boundary)
-        self._boundary: tuple[Any, Any] | None = None
+        self._boundary: tuple[mi.Scene, mi.Scene] | None = None
 
-    def boundary_beside(self, scene: Any) -> Any:
+    def boundary_beside(self, scene: mi.Scene) -> mi.Scene:
         """The data's boundary, as a scene that kernels may query together with another one."""
         if self._boundary is None or self._boundary[0] is not scene:
             self._boundary = scene, scene_beside(scene, [self._boundary_mesh])
         return self._boundary[1]
 
-    def is_hot(self, point: NDArray[np.float64], scene: Any) -> bool:
+    def is_hot(self, point: NDArray[np.float64], scene: mi.Scene) -> bool:
         """True if a point (3,), mm, world, lies in the data where the air is not ambient."""
         import drjit as dr
         import mitsuba as mi
@@ -324,11 +328,11 @@ class TetrahedralAir:
         return Cell(self, place, active)
 
     @staticmethod
-    def unentered(place: dt.UInt32) -> Any:
+    def unentered(place: dt.UInt32) -> dt.UInt32:
         """The same tetrahedra, not entered through one of their faces."""
         return (place >> 3) * 8 + NO_FACE
 
-    def entrance(self, preliminary: Any, active: dt.Bool) -> Entrance:
+    def entrance(self, preliminary: dt.PreliminaryIntersection3f, active: dt.Bool) -> Entrance:
         """The next boundary face, from a ray query of `boundary_beside`."""
         import drjit as dr
         import mitsuba as mi
@@ -344,7 +348,7 @@ class TetrahedralAir:
         )
 
 
-def _mesh(points: Any, faces: Any) -> Any:
+def _mesh(points: Float32Array, faces: NumberArray) -> mi.Mesh:
     """Triangles as Mitsuba's mesh."""
     import mitsuba as mi
 

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import AnyArray, FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.snell import Triangle
 from iriftrace.shells.hessian import HESSIAN_AXES, PLY_COLUMNS
 
+if TYPE_CHECKING:
+    import mitsuba as mi
 
-def has_derivatives(shape: dt.UInt32) -> bool:
+
+def has_derivatives(shape: mi.Mesh) -> bool:
     """True if a shell has the derivatives of the index at its vertices, False if it has none.
 
     InputError for some of them, or under other names: they would be ignored in silence.
@@ -42,7 +45,7 @@ def _listed(attributes: dict[str, int]) -> str:
 
 
 def shell_derivatives(
-    shape: dt.UInt32, normals: NDArray[np.floating], step: float
+    shape: mi.Mesh, normals: NDArray[np.floating], step: float
 ) -> tuple[FloatArray, FloatArray]:
     """Normals, (n, 3), and derivatives of the index, (n, 7), at the vertices of a shell with them.
 
@@ -92,7 +95,7 @@ BYTES = 128
 """The widest vector that Dr.Jit loads: 16 numbers of 8 bytes."""
 
 
-def aligned(values: NDArray[Any]) -> NDArray[Any]:
+def aligned(values: AnyArray) -> AnyArray:
     """Copy an array of one dimension to memory that starts at a multiple of 128 bytes.
 
     Dr.Jit uses NumPy's own memory if it can, and compiles into the kernel whether an address is
@@ -104,7 +107,7 @@ def aligned(values: NDArray[Any]) -> NDArray[Any]:
     return copy
 
 
-def aligned_zeros(count: int, dtype: Any) -> NDArray[Any]:
+def aligned_zeros(count: int, dtype: DTypeLike) -> AnyArray:
     """Array (count,) of zeros in such memory, to be filled in."""
     size = count * np.dtype(dtype).itemsize
     memory = np.zeros(size + BYTES, dtype=np.uint8)
@@ -166,7 +169,7 @@ class VertexTable:
         return Triangle(*(mi.Vector3d(row.xyz) for row in self._gather(1, face, active)))
 
     def gradients(
-        self, face: dt.UInt32, direction: dt.Vector3d, active: dt.Bool
+        self, face: dt.UInt32, direction: dt.Vector3f, active: dt.Bool
     ) -> tuple[Triangle, Triangle]:
         """Gradient of the index at corners, 1/mm, and its change along a direction, 1/mm^2.
 
@@ -184,7 +187,7 @@ class VertexTable:
             )
         return Triangle(*gradients), Triangle(*changes)
 
-    def _gather(self, row: int, face: dt.UInt32, active: dt.Bool) -> list[Any]:
+    def _gather(self, row: int, face: dt.UInt32, active: dt.Bool) -> list[dt.Vector4f]:
         """One row of each corner of triangles (three Vector4f)."""
         import drjit as dr
         import mitsuba as mi
@@ -199,7 +202,7 @@ SHELL, PART, BLOCKER = 0, 1, 2
 class Described(NamedTuple):
     """One shape, as the tables have it."""
 
-    shape: dt.UInt32
+    shape: dt.Shape
     kind: int
     sides: tuple[float, float]  # index outside and inside
     level: float  # index of the air on it

@@ -11,7 +11,7 @@ valid until the ray has come as far, or is some roundings off that line.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.nystrom import nystrom_step
@@ -25,6 +25,11 @@ from iriftrace.plugins.kernels.queries import (
     ray_query,
 )
 from iriftrace.plugins.kernels.tables import SceneTables
+
+if TYPE_CHECKING:
+    import mitsuba as mi
+
+    from iriftrace.plugins.kernels.tetrahedra import Entrance, Passage
 
 OUTSIDE, INSIDE, SEEKING = range(3)
 
@@ -76,10 +81,10 @@ class _Way(NamedTuple):
     outside: dt.Bool
     inside: dt.Bool
     seeking: dt.Bool
-    entrance: Any  # of the data's boundary, ahead
-    cell: Any  # the piece of the medium
+    entrance: Entrance  # of the data's boundary, ahead
+    cell: dt.Cell  # the piece of the medium
     place: dt.UInt32
-    passage: Any  # of a ray through the cell
+    passage: Passage  # of a ray through the cell
     length: dt.Float64  # mm: of the piece; infinite where it has no end
     gap: dt.Float64  # mm: up to where the ray comes in
     back: dt.Float64  # mm: remaining path back to a seeking ray
@@ -98,7 +103,7 @@ class _Sight(NamedTuple):
     """Opaque shapes ahead."""
 
     ended: dt.Bool  # one stands in this piece
-    hit: Any  # preliminary intersection
+    hit: dt.PreliminaryIntersection3f
     rough: dt.Float64  # mm: distance to it, in single precision
     free: dt.Float64  # of `WalkState`, from the piece's beginning
     deflection: dt.Float  # likewise
@@ -129,7 +134,13 @@ class Walk:
     """Rays on their way through a medium between opaque shapes."""
 
     def __init__(
-        self, opaque: Any, tables: SceneTables, medium: Any, coherent: bool, most: int, step: float
+        self,
+        opaque: mi.Scene,
+        tables: SceneTables,
+        medium: dt.Medium,
+        coherent: bool,
+        most: int,
+        step: float,
     ) -> None:
         import drjit as dr
         import mitsuba as mi
@@ -142,7 +153,7 @@ class Walk:
         self.ambient = dr.opaque(mi.Float64, medium.ambient)
         self.open_step = dr.opaque(mi.Float64, medium.open_step)
 
-    def to_the_end(self, origin: Any, direction: Any) -> WalkState:
+    def to_the_end(self, origin: dt.Point3d, direction: dt.Vector3d) -> WalkState:
         """Advance rays, (Point3d, mm) and (Vector3d), until all have ended."""
         import drjit as dr
 
@@ -157,7 +168,7 @@ class Walk:
             )
         )
 
-    def _start(self, origin: Any, direction: Any) -> WalkState:
+    def _start(self, origin: dt.Point3d, direction: dt.Vector3d) -> WalkState:
         import drjit as dr
         import mitsuba as mi
 
@@ -182,7 +193,7 @@ class Walk:
             **zero,
         )
 
-    def _step_at(self, point: Any) -> Any:
+    def _step_at(self, point: dt.Point3d) -> dt.Float64:
         import drjit as dr
 
         return dr.maximum(RELATIVE_STEP * dr.max(dr.abs(point)), self.smallest_step / 50)
