@@ -51,7 +51,7 @@ def test_index_on_the_surface_is_the_mean_unless_given() -> None:
         ({"ext_ior": 1.0, "int_ior": 7.0}, '"int_ior" is 7.0, not a refractive index'),
         ({"ext_ior": float("nan"), "int_ior": 1.0}, '"ext_ior" is nan; give a finite number'),
         ({"ext_ior": float("inf"), "int_ior": 1.0}, '"ext_ior" is inf; give a finite number'),
-        ({"ext_ior": 1.0, "int_ior": 1.0, "iso_ior": 2.6e-4}, '"iso_ior" is 0.00026, which is no'),
+        ({"ext_ior": 1.0, "int_ior": 1.0, "iso_ior": 2.6e-4}, '"iso_ior" is 0.00026, not a'),
         ({"ext_ior": 1.0, "int_ior": 1.0, "iso_ior": "1.0"}, "\"iso_ior\" is '1.0', not a number"),
         ({"ext_ior": 1.0, "int_ior": 1.0, "lyer": "1"}, 'unreferenced property.*\n.*"lyer"'),
     ],
