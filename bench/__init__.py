@@ -1,1 +1,1 @@
-"""Speed as ratios within one run, since machines are noisy: ``python -m bench``."""
+"""Speed as ratios within one run, because absolute times vary: ``python -m bench``."""

@@ -40,7 +40,7 @@ def timed(engine: str, scale: float, variant: str) -> tuple[dict[str, float], Re
 
 
 def difference(one: AovImage, other: AovImage) -> tuple[int, float]:
-    """Pixels of another status, and the 99.9th percentile of the displacements' distance, nm."""
+    """Number of pixels whose status differs, and 99.9th percentile of the distance, nm."""
     good = (one.status == 0) & (other.status == 0)
     apart = (one.vector("displacement") - other.vector("displacement"))[good]
     differ = int((one.status != other.status).sum())
@@ -48,7 +48,7 @@ def difference(one: AovImage, other: AovImage) -> tuple[int, float]:
 
 
 def device() -> str:
-    """Name and driver of the device, as NVIDIA's program has them."""
+    """Name and driver of the device, as stated by NVIDIA's program."""
     command = ["nvidia-smi", "--query-gpu=name,driver_version", "--format=csv,noheader"]
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=True)

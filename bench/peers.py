@@ -1,4 +1,4 @@
-"""The same refraction by a loop that anyone would write with trimesh and Embree, for comparison."""
+"""The same refraction by a straightforward loop with trimesh and Embree, for comparison."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from iriftrace.trace.pose_image import pose_image
 from iriftrace.trace.render import render_scene
 
 STEP_MM = 2e-4
-"""Along the ray, beyond the triangle that it left."""
+"""Offset along the ray beyond the triangle that it left, mm."""
 
 MOST_CROSSINGS = 100
 

@@ -29,7 +29,7 @@ from iriftrace.scenes import folder_of
 from iriftrace.trace.render import render_scene
 
 CELLS_MM = (4.0, 2.5, 1.6, 1.0)
-"""Edges of the cells at the wall."""
+"""Edges of the cells at the wall, mm."""
 
 SCALES = (0.0625, 0.125, 0.25, 0.5, 1.0)
 """Scales of the picture, with the second of the meshes."""
@@ -72,7 +72,7 @@ def measured(folder: Path) -> list[Cost]:
 
 
 def figure(costs: list[Cost]) -> Figure:
-    """Microseconds a ray over rays and over cells."""
+    """Microseconds per ray over rays and over cells."""
     drawn = Figure(figsize=(7.2, 2.8), layout="constrained")
     over_rays, over_cells = drawn.subplots(1, 2, sharey=True)
     for engine, colour in zip(("shells", "cells"), COLOURS, strict=False):

@@ -131,7 +131,7 @@ def plugin_class(variant: str) -> type:
         def moved_by_fewer_shells(
             self, scene: mi.Scene, origin: dt.Point3d, direction: dt.Vector3d
         ) -> tuple[dt.Float64, dt.Float64, dt.Bool] | None:
-            """Displacements of rays, and ways of their hits without every second shell.
+            """Displacements of rays, and shifts of their hits without every second shell.
 
             Both are in mm (Float64), NaN where one of the three hits is not on the part. Third
             comes a mask of the rays (Bool) that meet no shell and run through hot air all the same.
@@ -159,12 +159,12 @@ def plugin_class(variant: str) -> type:
             on_part = straight.outcome == HIT_PART
             on_part &= (one.outcome == HIT_PART) & (other.outcome == HIT_PART)
             twin = origin + direction * straight.distance
-            ways = tuple(
+            shifts = tuple(
                 dr.select(on_part, dr.norm(end - one.point), dr.nan) for end in (twin, other.point)
             )
             unmet = one.crossings == 0
-            dr.eval(ways, unmet)
-            return *ways, prepared.between_shells(origin, direction, straight.distance, unmet)
+            dr.eval(shifts, unmet)
+            return *shifts, prepared.between_shells(origin, direction, straight.distance, unmet)
 
         def checking(self, prepared: PreparedScene) -> dt.Check:
             """The index steps add up to the layer at the hit."""

@@ -1,1 +1,1 @@
-"""Accuracy of the tracer, as a page that is computed again: ``python -m validation``."""
+"""Compute the page on the accuracy of the tracer: ``python -m validation``."""

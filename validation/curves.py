@@ -1,4 +1,4 @@
-"""The picture of errors that fall with a number of steps or shells."""
+"""Figure of errors that fall with a number of steps or shells."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Curves = Mapping[str, tuple[Sequence[int], Sequence[float]]]
 def draw_convergence(
     path: Path, panels: Mapping[str, Curves], across: str, up: str, order: float
 ) -> None:
-    """Errors over numbers of steps, with the slope that is expected.
+    """Errors over numbers of steps, with the expected slope.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""One line of the accuracy page: a number, what it should be, and how far off it may be."""
+"""One line of the accuracy page: a number, its expected value and its bound."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Millions of rays from all around every scene and field, and by name all that were lost.
+"""Trace millions of rays from all around every scene and field, and list those that were lost.
 
 ``docs/reliability.md`` holds the table between its two marks: ``python -m validation.lost_rays``.
 """
@@ -44,7 +44,7 @@ FIELDS = ("cylinder", "cylinder_C", "hybrid_cylinder", "bevel_gear", "wishbone",
 ENGINES = ("shells", "cells")
 LAYERS = 13
 PIECE = 250_000
-"""Rays that are traced at a time."""
+"""Number of rays that are traced at once."""
 
 FAR = 2.5
 """Distance of the rays' starts over the diagonal of the part."""

@@ -1,4 +1,4 @@
 """Camera: intrinsics, lens distortion, calibration files, poses and orbits.
 
-From what a user says of a camera to the rays of its pixels and the places of points in its picture.
+From the user's description of a camera to the rays of its pixels and the image positions of points.
 """

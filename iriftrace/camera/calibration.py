@@ -1,4 +1,4 @@
-"""Camera calibrations that OpenCV or a program like it wrote, as YAML, XML or JSON.
+"""Camera calibrations written by OpenCV or similar programs, as YAML, XML or JSON.
 
 OpenCV knows lengths in pixels only: a focal length of 3650 px is that of a 10 mm lens before pixels
 of 2.74 um as well as of any other with the same ratio. All rays are the same; only the size of a
@@ -28,7 +28,7 @@ from iriftrace.core.units import length_factor
 from iriftrace.geometry.transform import nearest_rotations
 
 LARGEST_PIXEL_MM = 0.5
-"""No camera has such; a number of this size is one in micrometres."""
+"""Larger than for any camera; a number of this size is in micrometres."""
 
 LARGEST_ROUNDING = 1.5e-3
 """Largest relative change of lengths by a rotation matrix that has three decimals."""
@@ -114,7 +114,7 @@ class Calibration:
             Width of a pixel. Its height follows from the two focal lengths, which belong to one
             lens.
         focus_mm, matrix
-            As of :class:`iriftrace.camera.camera.Camera`.
+            As in :class:`iriftrace.camera.camera.Camera`.
         """
         if not 0 < pixel_size_mm < LARGEST_PIXEL_MM:
             raise InputError(
@@ -135,10 +135,10 @@ class Calibration:
 
 
 def read_calibration(path: str | Path, *, length_mm: float | None = None) -> Calibration:
-    """Read a camera calibration that OpenCV's FileStorage or a program like it wrote.
+    """Read a camera calibration written by OpenCV's FileStorage or a similar program.
 
-    Read are ``camera_matrix``, ``distortion_coefficients`` (4, 5 or 8 in OpenCV's order; more if
-    the others are 0), ``image_width``, ``image_height``, and, where they are, ``rvec`` and ``tvec``
+    Reads ``camera_matrix``, ``distortion_coefficients`` (4, 5 or 8 in OpenCV's order; more if the
+    others are 0), ``image_width``, ``image_height``, and optionally ``rvec`` and ``tvec``
     (world to camera) or one row of ``extrinsic_parameters``; matrices as OpenCV writes them or as
     plain lists. Their other names in OpenCV, ROS, Kalibr and MATLAB are known, too.
 

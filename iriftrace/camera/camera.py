@@ -4,8 +4,8 @@ Frame of the camera: x right, y down, z forward. Image positions count as in Ope
 the first pixel is (0, 0), so pixel ``i`` covers ``[i - 0.5, i + 0.5)``. Mitsuba's film counts from
 the pixel's edge, 0.5 more; the plugins add it.
 
-With lens distortion the picture's places are turned into those of a pinhole camera and back by
-`iriftrace.camera.distortion`; without it nothing of that is computed.
+With lens distortion image positions are converted to those of a pinhole camera and back by
+`iriftrace.camera.distortion`; without it nothing is converted.
 """
 
 from __future__ import annotations
@@ -137,10 +137,10 @@ class Camera:
 
     @property
     def seen_field(self) -> SeenField:
-        """Part of a distorting lens's field that the picture holds.
+        """Part of a distorting lens's field that is in the picture.
 
-        An InputError if a place in the picture sees nothing, because the distortion turns back
-        before it.
+        Raises InputError if a position in the picture has no line of sight, because the distortion
+        turns back before it.
         """
         assert self.distortion is not None
         ends = self._normalised(self.corners[[0, 2]])
@@ -207,7 +207,7 @@ class Camera:
         return evolve(self, resolution=resolution, principal_point_px=point)
 
     def without_distortion(self) -> Camera:
-        """The pinhole camera at the same place whose picture just holds all that this one sees."""
+        """The pinhole camera here with the smallest picture of all that this one sees."""
         if self.distortion is None:
             return self
         seen, f = self.seen_field, self.focal_length_mm
@@ -349,7 +349,7 @@ class Camera:
         try:
             near, far = values["focus_mm"]
             focal = values["focal_length_mm"]
-            # Files of earlier versions know no distortion.
+            # Files of earlier versions have no distortion.
             distortion = values.get("distortion")
             return cls(
                 projection=values["projection"],

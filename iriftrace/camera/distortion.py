@@ -4,9 +4,9 @@ Everything is in normalised coordinates x/z, y/z of the camera frame. :func:`dis
 :func:`jacobian` and :func:`newton_step` are plain arithmetic, so that they serve NumPy and Dr.Jit
 arrays alike.
 
-A fitted polynomial is good for the picture it was fitted to. Farther out it may turn back: several
-directions would then be seen at one place of the picture. The disk around the axis up to the first
-such turn is the *fold radius*; only directions inside it count as seen.
+A fitted polynomial is valid in the picture it was fitted to. Farther out it may turn back: several
+directions would then be seen at one position of the picture. The disk around the axis up to the
+first such turn is the *fold radius*; only directions inside it count as seen.
 """
 
 from __future__ import annotations
@@ -208,10 +208,10 @@ class SeenField:
 def seen_field(
     distortion: Distortion, upper_left: tuple[float, float], lower_right: tuple[float, float]
 ) -> SeenField | None:
-    """Look at a picture between two corners, normalised; None if a place in it sees nothing.
+    """Field of a picture between two corners, normalised; None if a position in it sees nothing.
 
-    The picture's border decides: the disk inside the fold radius has no hole, so what holds the
-    border holds the whole picture.
+    Only the picture's border is tested: the disk inside the fold radius has no hole, so a disk
+    that contains the border contains the whole picture.
     """
     fraction = np.linspace(0.0, 1.0, 65)
     columns, rows = (a + fraction * (b - a) for a, b in zip(upper_left, lower_right, strict=True))

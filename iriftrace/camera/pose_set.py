@@ -132,9 +132,9 @@ def offset_outward(
 ) -> tuple[PoseSet, NDArray[np.bool_]]:
     """Move cameras back along their optical axes, by 5 mm at a time, out of the hot air.
 
-    `is_hot` takes (n, 3) points, mm, world, and says for each whether no camera may stand there.
-    The poses keep orientations and angles, which say where a moved pose came from; besides, (n,)
-    bool: which were moved. An InputError if there is no way out within 10 m.
+    `is_hot` takes (n, 3) points, mm, world, and returns True for those where no camera may stand.
+    The poses keep their orientations and angles, which identify a moved pose. Also returns an (n,)
+    mask of the moved poses. Raises InputError if the air is still hot after 10 m.
     """
     matrices = np.array(poses.matrices)
     hot = np.asarray(is_hot(poses.origins), dtype=bool)

@@ -1,4 +1,4 @@
 """Errors, units, array types and files written whole, which every room needs.
 
-Nothing here knows of air, cameras or rays, and nothing here imports from another room.
+This room does not depend on air, cameras or rays, and imports from no other room.
 """

@@ -1,8 +1,8 @@
-"""Files read in a child process, whose crash, hang or memory overrun is a `ChildError`.
+"""Read files in a child process; a crash, timeout or memory overrun raises `ChildError`.
 
-Libraries trust what a file says of itself: a damaged one can end the process that reads it, keep it
-busy for ever or fill the memory. One server imports a reader's libraries and forks for each file,
-so that what one file does to the process is gone with it.
+Libraries trust the header of a file: a damaged file can crash the process that reads it, run for
+ever or fill the memory. One server imports a reader's libraries and forks for each file, so a
+crash does not affect the next file.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _SECONDS, _BYTES_A_SECOND = 5, 1_000_000
 _MEMORY, _MEMORY_A_BYTE = 3 << 30, 64
 """Address space of a child: VTK's libraries take 1 GB, and compression packs fields 3 to 20 times.
 
-What packs better than 64 times and is larger than 2 GB holds no field of a solver.
+A file that packs better than 64 times and is larger than 2 GB does not hold a solver's field.
 """
 
 _ARRAY = "\0"
@@ -40,7 +40,7 @@ _ARRAY = "\0"
 
 
 class ChildError(Exception):
-    """Reason why a child process did not come to its end, as half a sentence."""
+    """Why a child process failed, as half a sentence."""
 
 
 def read_in_child(function: str, size: int, *arguments: object) -> Any:
@@ -58,7 +58,7 @@ def read_in_child(function: str, size: int, *arguments: object) -> Any:
     Raises
     ------
     ChildError
-        If the function raises an error, is ended by its limits or breaks down.
+        If the function raises an error, exceeds its limits or crashes.
     """
     seconds, memory = _SECONDS + size // _BYTES_A_SECOND, _MEMORY + _MEMORY_A_BYTE * size
     answer, status = _server.ask([function, arguments, memory, seconds])
@@ -108,7 +108,7 @@ class _Server:
             self._channel, theirs = socket.socketpair()
             with theirs:
                 self._process = subprocess.Popen(
-                    # -P: nothing of the working folder is taken for a module.
+                    # -P: no modules are imported from the working folder.
                     [sys.executable, "-P", "-m", "iriftrace.core.child", str(theirs.fileno())],
                     pass_fds=[theirs.fileno()],
                     stdin=subprocess.DEVNULL,
@@ -165,7 +165,7 @@ def _answer(out: BinaryIO, work: Callable[..., object], arguments: Sequence[obje
 
     try:
         head = json.dumps({"value": work(*arguments)}, default=placeholder)
-    except Exception as error:  # libraries that read files let any through
+    except Exception as error:  # libraries that read files raise any
         arrays.clear()
         said = " ".join(str(error).split())
         head = json.dumps({"error": said or "it needs more memory than it may take"})

@@ -5,13 +5,13 @@ from __future__ import annotations
 from enum import StrEnum
 
 AUTO = "auto"
-"""The engine that the scene's file names, and cells where its shells are too few."""
+"""The scene file's engine, and the cells engine if its shells are too coarse."""
 
 ENGINES = {
     "shells": "nested shells of equal refractive index",
     "cells": "ray equation through the field's own cells, order 4",
 }
-"""Engines that can be insisted on, with their descriptions."""
+"""Engines that can be requested, with their descriptions."""
 
 
 class Bending(StrEnum):

@@ -1,4 +1,4 @@
-"""The errors and the warning that iriftrace raises on purpose.
+"""Errors and the warning of iriftrace.
 
 Every message says what is wrong (with the value), why it matters and what to do.
 """
@@ -23,7 +23,7 @@ class SetupError(IriftraceError, RuntimeError):
 
 
 class IriftraceWarning(UserWarning):
-    """The result stands, but the user should know what limits it."""
+    """The result is valid, but the user should know its limits."""
 
 
 def warn(text: str, *, stacklevel: int = 3) -> None:

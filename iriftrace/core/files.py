@@ -1,4 +1,4 @@
-"""Files written whole or not at all, known by their SHA-256, and refused in clear words."""
+"""Write files completely or not at all, compute their SHA-256, and check them before reading."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from iriftrace.core.errors import InputError
 
 @contextmanager
 def whole_file(path: str | Path) -> Iterator[Path]:
-    """Name to write to; the file gets its own name when the block ends without an error.
+    """Temporary name to write to; the file is renamed when the block ends without an error.
 
     The temporary name is in the same folder, which must exist, so that the renaming is one step of
     the file system. It is removed when the block fails or the program is interrupted. A missing
-    folder, and what the file system refuses, is an InputError.
+    folder, or an error of the file system, raises InputError.
     """
     target = Path(path)
     if not target.parent.is_dir():
@@ -41,7 +41,7 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     except OSError as error:
         raise InputError(f"cannot write {target}: {error.strerror or error}.") from error
     finally:
-        # What could not be written need not be removed either.
+        # A file that could not be written need not be removed.
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
 
@@ -59,7 +59,7 @@ def sha256_of_list(files: Sequence[Path], folder: Path) -> str:
 
 
 def check_readable(path: Path) -> None:
-    """Refuse a file that is there but may not be read, before its content is called damaged."""
+    """Refuse a file without read permission, before its content is reported as damaged."""
     if not path.is_file():
         return
     try:
@@ -89,7 +89,7 @@ def array_in(content: bytes) -> AnyArray:
         raise ValueError("it holds something else than arrays of numbers")
     stated, there = math.prod(shape) * kind.itemsize, len(content) - file.tell()
     if min(shape, default=0) < 0 or stated != there:
-        raise ValueError(f"its header states {stated:,} bytes in place of {there:,}")
+        raise ValueError(f"its header states {stated:,} bytes instead of {there:,}")
     flat = np.frombuffer(content, dtype=kind, offset=file.tell())
     return flat.reshape(shape, order="F" if by_columns else "C").copy()
 

@@ -1,6 +1,6 @@
-"""NetCDF files looked through in a child process before anyone opens them.
+"""Check netCDF files in a child process before they are opened.
 
-HDF5 trusts what a file says of itself: a damaged one can keep it busy for ever or end the process.
+HDF5 trusts the header of a file: a damaged file can make it run for ever or crash.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from iriftrace.core.errors import InputError
 
 
 def check_netcdf(path: Path) -> None:
-    """Refuse a file of which HDF5 cannot read all, or that states variables too large for it."""
+    """Refuse a file that HDF5 cannot read, or with variables too large for its size."""
     state = path.stat()
     fault = _fault(path.absolute(), state.st_size, state.st_mtime_ns)
     if fault:
@@ -22,7 +22,7 @@ def check_netcdf(path: Path) -> None:
 
 @cache
 def _fault(path: Path, size: int, _changed_ns: int) -> str:
-    """What the child says of a file in this state; "" where all of it can be read."""
+    """Fault of a file in this state, from the child; "" if all of it can be read."""
     try:
         read_in_child("iriftrace.core.netcdf_child:read_through", size, str(path), size)
     except ChildError as error:

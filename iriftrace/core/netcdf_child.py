@@ -18,7 +18,7 @@ _ROWS = 1 << 20
 
 
 def read_through(path: str, size: int) -> None:
-    """Read all attributes and variables, part by part; there is nothing to hand over."""
+    """Read all attributes and variables, part by part; returns nothing."""
     with h5py.File(path, "r") as file:
         dict(file.attrs)
         variables = [found for found in file.values() if _is_variable(found)]
@@ -33,6 +33,6 @@ def read_through(path: str, size: int) -> None:
 
 
 def _is_variable(found: h5py.HLObject) -> bool:
-    """True for what netCDF takes for a variable: no group, and no dimension without values."""
+    """True for a variable of netCDF, not a group or a dimension without values."""
     name = str(dict(found.attrs).get("NAME", ""))
     return isinstance(found, h5py.Dataset) and "This is a netCDF dimension" not in name

@@ -25,7 +25,7 @@ def is_numbers(line: str) -> bool:
 
 
 def with_exponents(line: str) -> str:
-    """A line with Fortran's exponents, 1.5D+02, as others write them."""
+    """A line with Fortran's exponents, 1.5D+02, in the usual form."""
     return _FORTRAN.sub("e", line)
 
 
@@ -51,7 +51,7 @@ def separator_of(row: str) -> str | None:
 def numbers(rows: Sequence[str], separator: str | None, path: Path, what: str) -> FloatArray:
     """Rows, without comments and empty lines, as an array (rows, columns).
 
-    `separator` is as `separator_of` tells, `what` names the rows in messages ("coordinates").
+    `separator` is that of `separator_of`, `what` names the rows in messages ("coordinates").
     Raises InputError if a row has other columns than the first, or an entry is not a number.
     """
     lines = [_QUOTED.sub(r"\1", with_exponents(row)) for row in rows]

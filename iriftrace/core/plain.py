@@ -1,4 +1,4 @@
-"""Our classes as plain values of JSON files and headers, and back, by cattrs."""
+"""Convert iriftrace's classes to plain values of JSON files and headers, and back, with cattrs."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ _KINDS: dict[type, tuple[str, tuple[type, ...]]] = {
 
 
 def plain(value: object) -> Any:
-    """A value of ours as dictionaries, lists, numbers, texts and None."""
+    """A value of iriftrace's classes as dictionaries, lists, numbers, texts and None."""
     return _converter().unstructure(value)
 
 
 def structured(values: object, kind: type[T]) -> T:
-    """The value of a class of ours that plain values stand for; ValueError says what is wrong.
+    """The value of a class from plain values; raises ValueError with the fault.
 
-    Further keys of a dictionary are not read.
+    Additional keys of a dictionary are ignored.
     """
     from cattrs import BaseValidationError, transform_error
 
@@ -47,7 +47,7 @@ def structured(values: object, kind: type[T]) -> T:
 
 @cache
 def _converter() -> Converter:
-    # Imported at the first need: it takes as long as all of the package's own modules.
+    # Imported when needed: it takes as long as all of the package's own modules.
     from cattrs import Converter
 
     converter = Converter(use_alias=True, unstruct_collection_overrides={tuple: list})
@@ -78,7 +78,7 @@ def _fault(error: BaseException, kind: type | None) -> str:
 
 
 def _strict(kind: type, name: str, taken: tuple[type, ...]) -> Callable[[object, object], object]:
-    """cattrs would make numbers of texts, texts of anything, and take NaN, which JSON has not."""
+    """cattrs would convert texts to numbers, anything to texts, and accept NaN (not JSON)."""
 
     def convert(value: object, _: object) -> object:
         if type(value) not in taken or value != value:

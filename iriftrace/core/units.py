@@ -1,4 +1,4 @@
-"""Numbers with units, as files and the command line write them."""
+"""Numbers with units, as written in files and on the command line."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def parse_quantity(text: str | float, unit: str) -> float:
     Parameters
     ----------
     text : str or float
-        Such as ``"20 degC"``, ``"1 atm"``, ``"14e-6/K"``; a bare number is taken in `unit`.
+        Such as ``"20 degC"``, ``"1 atm"``, ``"14e-6/K"``; a bare number is in `unit`.
     unit : str
         Unit of the result, in pint's names (``"kelvin"``, ``"pascal"``, ``"mm"``, ``"1/kelvin"``).
 
@@ -86,7 +86,7 @@ def length_factor(unit: str) -> float:
 
 @cache
 def _registry() -> pint.UnitRegistry[float]:
-    # Imported late: pint takes a noticeable time, and most numbers come without a unit.
+    # Imported when needed: pint takes a noticeable time, and most numbers have no unit.
     import pint
 
     return pint.UnitRegistry()

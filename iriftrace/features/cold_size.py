@@ -24,7 +24,7 @@ _PLACES = np.full((3, 3), 1.0 / 6.0) + np.eye(3) / 2.0
 
 @frozen
 class ColdSizes:
-    """How sizes of an expanded part are brought to the temperature of its drawing.
+    """Converts sizes of an expanded part to the temperature of its drawing.
 
     A size is divided by the growth of the same feature of the model: its size hot over that cold,
     fitted to the surfaces of the hot part and of its drawing.
@@ -48,7 +48,7 @@ class ColdSizes:
         ``temperature_k`` of the drawing, ``size_mm`` there, ``expansion_uncertainty_mm`` (k = 2) by
         the standard uncertainties of expansion and temperature, None where one is not given; and
         ``holds_at_k``, the temperature of a part that is equally hot everywhere and grows as much.
-        Rows stay as they are where the part has not grown, or a feature has no size.
+        Rows do not change if the part has not grown, or a feature has no size.
         """
         growth = self.part.growth
         if growth is None:
@@ -59,9 +59,9 @@ class ColdSizes:
         ]
 
     def add_to_relations(self, rows: Rows, features: Rows, true: str) -> Rows:
-        """The same for the `relations` of features; of an angle ``angle_deg`` without uncertainty.
+        """The same for the `relations` of features; for an angle ``angle_deg`` without uncertainty.
 
-        An angle changes by what the model's does.
+        An angle changes by the same amount as the model's.
         """
         growth = self.part.growth
         if growth is None:

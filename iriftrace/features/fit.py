@@ -1,7 +1,7 @@
 """Gaussian best-fit features of points: least squares of the distances from the surface or curve.
 
-As ISO 10360-6 asks of software for coordinate measuring machines. A start in closed form, then
-Levenberg and Marquardt's method by SciPy.
+As required by ISO 10360-6 for software of coordinate measuring machines: a closed-form start, then
+Levenberg and Marquardt's method of SciPy.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ EXACT, ROUGH = 1e-13, 1e-4
 between the principal axes of a cylinder or cone."""
 
 SAMPLE = 1000
-"""Points that choose between those axes, which differ by far."""
+"""Number of points used to choose between those axes, whose residuals differ by far."""
 
 FEWEST = {"plane": 3, "line": 2, "circle": 3, "sphere": 4, "cylinder": 5, "cone": 6}
-"""Points that determine each kind of feature."""
+"""Smallest number of points that determine each kind of feature."""
 
 DIMENSIONS = {"plane": 2, "line": 1, "circle": 2, "sphere": 3, "cylinder": 3, "cone": 3}
-"""Dimensions in which those points have an extent: on a plane lies no one sphere."""
+"""Dimensions in which those points must extend: points in a plane do not determine a sphere."""
 
 FLAT = 1e-6
 """Rounding of single precision, as a fraction of the largest extent."""
@@ -55,13 +55,13 @@ class Feature:
         Standard uncertainty of the diameter by the residuals, as if they were independent: s times
         the root of its element of (J^T J)^-1, s^2 = residuals squared over degrees of freedom.
     half_angle : float or None, rad
-        Of a cone.
+        Half opening angle of a cone.
     u_position_mm : float or None, mm
-        Of a plane, the standard uncertainty of `position` along the normal, as of the diameter.
+        Standard uncertainty of a plane's `position` along the normal, by the residuals.
     normal_covariance : (3, 3) array or None
-        Of a plane's normal, by the residuals too.
+        Covariance of a plane's normal, by the residuals too.
     residuals : (n,) array, mm
-        Signed distances, positive outwards; of a line or circle unsigned.
+        Signed distances, positive outwards; unsigned for a line or circle.
     """
 
     kind: str
@@ -93,7 +93,7 @@ class Feature:
             return np.asarray(np.hypot(radial, height))
         if self.half_angle is None:
             return np.asarray(radial)
-        # The direction does not tell to which side the cone opens; the points do.
+        # The points determine to which side the cone opens, not the direction.
         sides = (
             radial * np.cos(angle) - height * np.sin(angle)
             for angle in (self.half_angle, -self.half_angle)
@@ -115,7 +115,7 @@ def fit_feature(
     kind : str
         ``"plane"``, ``"line"``, ``"circle"``, ``"sphere"``, ``"cylinder"`` or ``"cone"``.
     weights : (n,) array, optional
-        Of the squared distances; `u_size_mm` is right for equal ones, the default.
+        Weights of the squared distances; `u_size_mm` is right for equal ones, the default.
     near : Feature, optional
         A fit to nearly the same points; the search for an axis starts from its own.
 
@@ -163,7 +163,7 @@ def fit_feature(
 
 
 def check_kind(kind: str) -> None:
-    """An InputError for a kind of feature that there is not."""
+    """Raise InputError for an unknown kind of feature."""
     if kind not in get_args(Kind):
         raise InputError(
             f"There is no feature {kind!r}; use one of {', '.join(get_args(Kind))}, of a region "
@@ -327,7 +327,7 @@ def _round_of(points: FloatArray, frame: FloatArray, values: FloatArray) -> _Rou
     """Points about 0 and a surface whose axis is near that of a frame.
 
     Its parameters are two coordinates of a point of the axis, two of the axis' lean, the radius
-    there, and of a cone the angle.
+    there, and for a cone the angle.
     """
     axis = frame[2] + values[2:4] @ frame[:2]
     unit = axis / np.linalg.norm(axis)

@@ -1,4 +1,4 @@
-"""Outliers of a feature's points, left out by a gate of robust standard deviations."""
+"""Outliers of a feature's points, removed by a gate of robust standard deviations."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from iriftrace.features.fit import FEWEST, FLAT, SAMPLE, Feature, fit_feature
 from iriftrace.geometry.query import Surface
 
 GATE = 3.5
-"""Robust standard deviations beyond which a point is an outlier: a choice. One of 2,150 points of
-normal noise is beyond, and would have changed a standard deviation by 0.3 %."""
+"""Number of robust standard deviations beyond which a point is an outlier. With normal noise one of
+2,150 points is removed, which changes the standard deviation by 0.3 %."""
 
 LEAST_GATE = 1.0
 
@@ -19,7 +19,7 @@ NORMAL_MAD = 1.4826
 """Standard deviation of normal noise over the median of its sizes."""
 
 ROUNDS = 20
-"""Most rounds of the robust start and of the gate, which take three to eight."""
+"""Largest number of iterations of the robust start and of the gate, which take three to eight."""
 
 SETTLED = 0.05
 """Fraction of the noise: a robust fit that moves by less is accurate enough to judge outliers."""
@@ -65,7 +65,7 @@ def inliers(
 
 
 def _robust_fit(points: FloatArray, kind: str, least: float) -> Feature:
-    """Fit that outliers hardly change: the loss soft_l1 by reweighted least squares."""
+    """Robust fit: the loss soft_l1 by reweighted least squares."""
     found = fit_feature(points, kind)
     for _ in range(ROUNDS):
         off = found.distances(points)

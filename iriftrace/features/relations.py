@@ -12,7 +12,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.plain import JsonObject
 
 NEAR_DEG = 2.0
-"""Two planes are parallel or square to this by their fits: forged faces are off by tenths."""
+"""Tolerance within which two planes are parallel or square: forged faces are off by tenths."""
 
 Row = Mapping[str, Any]
 
@@ -24,7 +24,7 @@ def relations(features: Sequence[Row]) -> list[JsonObject]:
     "u_size_mm": {cloud: mm}}``: how far the points' centres are apart along the mean of both
     normals. For square ones ``{"kind": "angle", "regions": [a, b], "angle_deg": {cloud: deg},
     "u_angle_deg": {cloud: deg}}``, below or above 90 degrees as their normals point (each with its
-    largest component positive). The first cloud tells which planes these are. u is the standard
+    largest component positive). The first cloud decides which planes these are. u is the standard
     uncertainty by the scatter of the points, as in `Feature`. For an ensemble also ``by_member``
     with the distances or angles by each member.
     """

@@ -1,4 +1,4 @@
-"""Features of a part's regions, fitted to the same points as they are in several clouds."""
+"""Features of a part's regions, fitted to the same points in several clouds."""
 
 from __future__ import annotations
 
@@ -52,11 +52,11 @@ def feature_table(
     by_member: Iterable[FloatArray] = (),
     gate: float | None = GATE,
 ) -> list[JsonObject]:
-    """Fit features to the same (n, 3) points, mm, as they are in several clouds, by name.
+    """Fit features to the same (n, 3) points, mm, in several clouds, by name.
 
     `face` (n,) is the part's face on which each point lies. A choice is a kind of feature and a
     region, ``"cylinder:lateral"``; ``"sphere:"`` is for all points; a kind alone for all regions
-    that are one, and of a part of one region for all points. Without any choice, `found_features`.
+    of that kind, and for all points of a part with one region. The default is `found_features`.
     Warns of points that do not fit the feature or leave its diameter uncertain, and omits what they
     do not determine.
 
@@ -105,16 +105,16 @@ def feature_table(
 
 
 def _refuse_unmeasured(choice: str, count: int, part: Part, found: Sequence[str]) -> None:
-    """Refuse a feature with too few of `count` points, or a kind that no measured region is."""
+    """Refuse a feature with too few of `count` points, or a kind without measured regions."""
     kind, named, _ = choice.partition(":")
     if count < FEWEST[kind]:
         raise InputError(
             f"{count} {'point was' if count == 1 else 'points were'} measured on it, and a "
-            f"{kind} takes at least {FEWEST[kind]}; choose a region that both devices see."
+            f"{kind} needs at least {FEWEST[kind]}; choose a region that both devices see."
         )
     if len(part.region_names) > 1 and not named:
         raise InputError(
-            f"No region that is one has {FEWEST_MEASURED} measured points; those that have "
+            f"No region of this kind has {FEWEST_MEASURED} measured points; those that have "
             f"are {', '.join(found) or 'none'}."
         )
 
@@ -183,7 +183,7 @@ def _doubt(fit: Feature, extent: float, region: str, found: Sequence[str]) -> st
 
 
 def check_choices(choices: Iterable[str], part: Part) -> None:
-    """An InputError for a choice of `feature_table` whose kind or region there is not."""
+    """Raise InputError for a choice of `feature_table` with an unknown kind or region."""
     for choice in choices:
         kind = choice.partition(":")[0]
         if choice in part.region_names and kind not in get_args(Kind):
@@ -228,7 +228,7 @@ def chosen_points(choice: str, face: IntArray, part: Part) -> tuple[str, str, Bo
 def found_features(part: Part, face: IntArray) -> list[str]:
     """Features that regions of a part are: ``"cylinder:lateral"``.
 
-    Regions on whose faces (n,) fewer than `FEWEST_MEASURED` points were measured are left out.
+    Regions on whose faces (n,) fewer than `FEWEST_MEASURED` points were measured are omitted.
     """
     region = part.region_of_face
     measured = np.bincount(region[face], minlength=len(part.region_names))
@@ -241,7 +241,7 @@ def found_features(part: Part, face: IntArray) -> list[str]:
 
 
 def _kind_of_region(part: Part, name: str) -> str | None:
-    """Kind of surface that a region is, None where it is none of `FOUND_KINDS`."""
+    """Kind of surface of a region; None if it is none of `FOUND_KINDS`."""
     known = _KINDS_OF_REGIONS.setdefault(part, {})
     if name not in known:
         known[name] = surface_kind(_corners(part, name))
@@ -261,9 +261,9 @@ def surface_kind(corners: FloatArray) -> str | None:
 
 
 def _lies_on(corners: FloatArray, kind: str) -> bool:
-    """True if corners (n, 3) lie on a surface of a kind, and are enough to tell."""
+    """True if enough corners (n, 3) lie on a surface of a kind."""
     sample = corners[:: max(1, len(corners) // SAMPLE)]
     allowed = FOUND_SHARE * float(np.ptp(sample, axis=0).max())
-    # A surface through any points tells nothing.
+    # So few points always lie on such a surface.
     enough = kind == "plane" or len(sample) > 2 * FEWEST[kind]
     return enough and fit_feature(sample, kind).form_mm <= allowed

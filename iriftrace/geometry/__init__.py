@@ -1,5 +1,5 @@
 """Rigid motions and triangle surfaces.
 
-Topology, nearest points and the inside, areas shared out among neighbouring faces, PLY files: of
-any surface, whether it is a part's or a shell's.
+Topology, nearest points, inside or outside, areas distributed among neighbouring faces, and PLY
+files, for any surface: a part's or a shell's.
 """

@@ -1,10 +1,10 @@
-"""Faces of a surface in nested blocks of neighbours, and areas shared out within them.
+"""Faces of a surface in nested blocks of neighbours, and areas distributed within them.
 
-How many pixel centres fall on a face scatters: footprints add up to more than one face's area and
-to less than the next one's. What is too much on a face therefore belongs to the faces around it. It
-is shared out in blocks: first among four faces that lie together, what finds no room there among
-sixteen, and so on up to the whole smooth patch. That conserves the sum, costs a few passes over the
-faces however far an excess has to go, and does not depend on an order of steps.
+The number of pixel centres on a face scatters: footprints add up to more than one face's area and
+to less than the next one's. The excess on a face therefore belongs to the faces around it. It is
+distributed in blocks: first among four neighbouring faces, the remainder among sixteen, and so on
+up to the whole smooth patch. This conserves the sum, takes a few passes over the faces for any
+distance, and does not depend on the order of steps.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from iriftrace.geometry.query import runs
 # Blocks of one level in one of the next: the curve below fills a surface in squares of four.
 _TOGETHER = 4
 
-# Bits of each coordinate that the curve tells apart; three times as many fit into 64.
+# Bits of each coordinate on the curve; three times as many fit into 64.
 _BITS = 16
 
 
@@ -54,10 +54,10 @@ def nest_faces(patch: IntArray, centres: FloatArray) -> FaceBlocks:
 def share_out(
     amount: FloatArray, limit: FloatArray, may_take: BoolArray, blocks: FaceBlocks
 ) -> FloatArray:
-    """Keep each face's amount below its limit and give what is too much to faces close by.
+    """Limit each face's amount and distribute the excess to faces close by.
 
-    `amount` and `limit` are (m,), mm^2, not negative; a face that `may_take` (m,) gets what others
-    have too much in proportion to its room. The result (m,), mm^2, is at most `limit`, exactly, and
+    `amount` and `limit` are (m,), mm^2, not negative; a face that `may_take` (m,) gets excess from
+    others in proportion to its room. The result (m,), mm^2, is at most `limit`, exactly, and
     adds up to the sum of `amount` less what the patches that it belongs to have no room for.
     """
     order = blocks.order
@@ -77,7 +77,7 @@ def share_out(
         left = room - taken
         kept.append(np.divide(left, room, out=np.ones_like(room), where=room > 0))
         room = left
-    # What is left of a face's room is the product over all the blocks that it lies in.
+    # The remaining room of a face is the product over all the blocks that contain it.
     weight = np.ones(len(room))
     for level in range(len(kept) - 1, -1, -1):
         count = len(kept[level - 1]) if level else len(order)
@@ -93,7 +93,7 @@ def _sizes(starts: IntArray, count: int) -> IntArray:
 
 
 def _along_z_curve(points: FloatArray) -> NDArray[np.uint64]:
-    """Place of each point on a curve that fills space and keeps close what is close (Morton 1966).
+    """Position of each point on a space-filling curve that preserves neighbourhoods (Morton 1966).
 
     The bits of the three coordinates, one after the other.
     """

@@ -19,9 +19,9 @@ from iriftrace.core.units import stated_length_unit
 
 @frozen(eq=False)
 class PlyMesh:
-    """A mesh as its file has it: (n, 3) vertices, (m, 3) faces, further columns by name.
+    """A mesh as stored in its file: (n, 3) vertices, (m, 3) faces, further columns by name.
 
-    Where the file's faces were not all triangles, their columns are longer or shorter than `faces`.
+    If the file's faces are not all triangles, their columns are longer or shorter than `faces`.
     Remarks are the header's lines ``obj_info``.
     """
 
@@ -36,12 +36,12 @@ class PlyMesh:
 def read_ply(path: Path) -> PlyMesh:
     """Read a PLY file of any program; polygons are split into triangles.
 
-    What is wrong with a damaged file is raised as the reader of trimesh finds it, or as ValueError.
+    A damaged file raises the errors of trimesh's reader, or ValueError.
     """
     head = _checked_header(path)
     header = head.decode("utf-8", "replace").splitlines()
     remarks = [line for line in header if line.startswith(("comment ", "obj_info "))]
-    # Imported late, as whoever writes a mesh needs no reader.
+    # Imported when needed, because writing a mesh needs no reader.
     import trimesh
 
     # Without processing, the order of the faces is that of the file and of Mitsuba.

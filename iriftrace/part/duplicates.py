@@ -11,10 +11,10 @@ from iriftrace.geometry.topology import open_edges
 def distinct_faces(faces: IntArray) -> BoolArray:
     """Mask (m,) of the triangles to keep so that none lies on another.
 
-    Of triangles with the same corners and winding the first stays. Two of opposite windings are
-    either both sides of one surface, of which the first stays, or the wall between two bodies that
-    touch, of which none does; what leaves fewer open edges in the whole mesh is right. Triangles
-    that use a vertex twice all stay.
+    The first of several triangles with the same corners and winding is kept. Two with opposite
+    windings are either both sides of one surface, of which the first is kept, or the wall between
+    two bodies that touch, of which none is kept; the case with fewer open edges in the whole mesh
+    is chosen. Triangles that use a vertex twice are all kept.
 
     `faces` are (m, 3) vertex numbers of a welded mesh (see `iriftrace.geometry.topology.weld`).
     """

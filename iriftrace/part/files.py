@@ -34,19 +34,19 @@ WRITTEN_SUFFIXES = (".ply", ".stl")
 
 @frozen(eq=False)
 class MeshFile:
-    """One triangle mesh as its file has it."""
+    """One triangle mesh as stored in its file."""
 
     vertices: FloatArray  # (n, 3)
     faces: IntArray  # (m, 3), in the file's order
     regions: Regions | None
-    unit: str | None  # of length, where the file itself declares one
+    unit: str | None  # of length, if the file declares one
     sha256: str
     growth: Growth | None = None
     drawing: FloatArray | None = None  # (n, 3), vertices of the cold part in the file's unit
 
 
 def load_mesh_file(path: Path) -> MeshFile:
-    """Read a mesh file; the parts of a scene (``.glb``) are put together."""
+    """Read a mesh file; the parts of a scene (``.glb``) are combined."""
     if not path.is_file():
         raise InputError(f"there is no part file {path}; give an existing mesh.")
     suffix = path.suffix.removeprefix(".").lower()
@@ -71,7 +71,7 @@ def load_mesh_file(path: Path) -> MeshFile:
             mesh = trimesh.load(path, process=False)
             unit = _remarked_unit(path) if suffix == "obj" else getattr(mesh, "units", None)
             mesh = mesh.to_mesh() if isinstance(mesh, trimesh.Scene) else mesh
-    except Exception as error:  # its readers let any error through that a damaged file causes
+    except Exception as error:  # its readers raise any error for a damaged file
         if _DECIMAL_COMMA.search(path.read_bytes()[:4096]):
             raise InputError(
                 f"{path} has decimal commas, which no mesh format knows; export it with decimal "
@@ -102,7 +102,7 @@ def _remarked_unit(path: Path) -> str | None:
 
 
 def _drawing(mesh: PlyMesh) -> FloatArray | None:
-    """Vertices (n, 3) of the cold part, where a file has them."""
+    """Vertices (n, 3) of the cold part, if a file has them."""
     columns = [mesh.vertex_columns.get(name) for name in _DRAWING]
     if any(column is None or len(column) != len(mesh.vertices) for column in columns):
         return None
@@ -142,7 +142,7 @@ def _regions(path: Path, column: AnyArray, face_count: int) -> Regions:
 
 
 def check_part_name(path: Path) -> None:
-    """Refuse a name that is none of a part's file."""
+    """Refuse a file name without the suffix of a part's file."""
     if path.suffix.lower() not in WRITTEN_SUFFIXES:
         proposed = path.with_name((path.stem or "part") + ".ply")
         raise InputError(

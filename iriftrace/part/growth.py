@@ -42,7 +42,7 @@ class Growth:
 
     @classmethod
     def of_header(cls, lines: list[str]) -> Growth | None:
-        """The growth that a header states; None where it states none or no numbers."""
+        """The growth stated in a header; None if missing or not numeric."""
         for match in filter(None, map(_COMMENT.fullmatch, lines)):
             try:
                 return cls(*(float(word) for word in match.groups()))

@@ -32,7 +32,7 @@ from iriftrace.part.soundness import (
 )
 
 FARTHEST_MM = 1e9
-"""Coordinates beyond are damage: a thousand kilometres, of which even the cube fits in float32."""
+"""Larger coordinates mean damage: a thousand kilometres, whose cube still fits in float32."""
 
 MOST_FACES = 2**24 - 2
 """The EXR channel ``part.face`` is float32, which holds face number + 1 exactly up to here."""
@@ -47,8 +47,8 @@ class Part:
     vertices
         (n, 3) array, mm, world.
     faces
-        (m, 3) vertex numbers, counter-clockwise seen from outside, in the order of the file, from
-        which triangles that lie on others are left out.
+        (m, 3) vertex numbers, counter-clockwise seen from outside, in the order of the file,
+        without triangles that lie on others.
     region_of_face
         (m,) number of each face's region, an index into `region_names`.
     region_names
@@ -62,9 +62,9 @@ class Part:
     closed
         Whether every edge belongs to an even number of triangles.
     growth
-        Thermal expansion that the vertices contain, where it is known.
+        Thermal expansion contained in the vertices, if known.
     drawing
-        (n, 3) array, mm, world: the vertices of the cold part, where it has grown unevenly.
+        (n, 3) array, mm, world: the vertices of the cold part, if it has grown unevenly.
     """
 
     vertices: FloatArray
@@ -161,7 +161,7 @@ class Part:
         return middle
 
     def transformed(self, matrix: ArrayLike) -> Part:
-        """The same part elsewhere; a mirrored one keeps its outward orientation.
+        """The part transformed; a mirrored one keeps its outward orientation.
 
         Parameters
         ----------
@@ -195,7 +195,7 @@ def read_part(
 ) -> Part:
     """Read a part's surface, check it and find its regions.
 
-    The coordinates are taken in `length_unit`, then expanded about the file's origin, then
+    The coordinates are read in `length_unit`, then expanded about the file's origin, then
     transformed.
 
     Parameters
@@ -203,7 +203,7 @@ def read_part(
     path
         A mesh that trimesh reads: PLY, STL, OBJ, OFF, GLB and others.
     length_unit
-        Unit of the file's coordinates; what the file states (glTF: m), else mm, when left out.
+        Unit of the file's coordinates; by default that stated in the file (glTF: m), else mm.
     transform
         (4, 4) array, part to world, mm.
     expansion
@@ -228,7 +228,7 @@ def read_part(
     -----
     IriftraceWarning
         The surface is not closed, was turned over, has triangles that lie on others, which are
-        left out, or its unit is doubtful.
+        removed, or its unit is doubtful.
     """
     path = Path(path)
     if length_unit is not None:
@@ -280,13 +280,13 @@ def part_of_mesh(
     faces
         (m, 3) vertex numbers.
     name
-        Where the mesh comes from, for messages and provenance.
+        Origin of the mesh, for messages and provenance.
     sha256, length_unit
-        Of the file behind it, where there is one.
+        Those of its file, if there is one.
     regions
-        Named regions, where they are known.
+        Named regions, if known.
     transform, region_angle_deg
-        As for `read_part`, which see for errors and warnings too.
+        As for `read_part`; errors and warnings are the same, too.
     """
     if not 0 < region_angle_deg < 180:
         raise InputError(
@@ -322,7 +322,7 @@ def part_of_mesh(
 
 
 def _named_regions(groups: IntArray, surface: Surface, transform: ArrayLike | None) -> Regions:
-    """Regions whose names have directions of the world, in which the user sees the part."""
+    """Regions with names by directions in the world's frame, in which the user sees the part."""
     normals, vertices = surface.normals, surface.vertices
     if transform is not None:
         matrix = checked_matrix(transform)
@@ -348,10 +348,10 @@ def _refuse_unusable(name: str, points: FloatArray, triangles: IntArray) -> None
 
 
 def save_part(part: Part, path: str | Path) -> None:
-    """Write a part as binary PLY (float32, mm), or as STL, which many programs want.
+    """Write a part as binary PLY (float32, mm), or as STL, which many programs need.
 
     The PLY keeps the order of the faces and the regions: Mitsuba, trimesh and ParaView read the
-    file, and `read_part` gives the regions back.
+    file, and `read_part` restores the regions.
 
     Raises
     ------
@@ -363,10 +363,10 @@ def save_part(part: Part, path: str | Path) -> None:
 
 
 def refuse_unlikely_size(part: Part) -> None:
-    """Refuse to make air around a part that was read in the wrong unit.
+    """Refuse to generate air around a part that was read in the wrong unit.
 
-    Where there is a field already, its size tells (`iriftrace.field.part_fit`); air that is made
-    for the part would be of the wrong size too, and nothing would show it.
+    With an existing field the sizes are compared (`iriftrace.field.part_fit`); air generated for
+    the part would have the wrong size too, so the mistake would not be detected.
     """
     size = float(np.linalg.norm(np.ptp(part.bounds, axis=0)))
     if is_unlikely_size(size):

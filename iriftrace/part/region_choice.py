@@ -1,4 +1,4 @@
-"""Regions of a part as a user names them, and as messages show them: with their place."""
+"""Regions of a part as named by users, and as shown in messages: with their position."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _ALONG_AN_AXIS = re.compile(r"(?:plane|head) [+-](?P<axis>[xyz])(?: \d+)?")
 def placed_regions(part: Part) -> tuple[str, ...]:
     """Names of a part's regions; a plane across an axis with its place, ``plane -x 1 (x 80 mm)``.
 
-    Names of holes hold their places already.
+    Names of holes contain their positions already.
     """
     return tuple(name + _place(part, number, name) for number, name in enumerate(part.region_names))
 
@@ -33,9 +33,9 @@ def _place(part: Part, number: int, name: str) -> str:
 
 
 def regions_like(part: Part, pattern: str) -> tuple[str, ...]:
-    """Names of the regions that a name, with its place or without, or a pattern stands for.
+    """Names of the regions that match a name, with or without position, or a pattern.
 
-    Patterns have ``*`` and ``?``. An InputError, with the regions of the part, if there is none.
+    Patterns have ``*`` and ``?``. Raises InputError with the part's regions if none matches.
     """
     if pattern in part.region_names:
         return (pattern,)
@@ -54,9 +54,9 @@ def regions_like(part: Part, pattern: str) -> tuple[str, ...]:
 
 
 def values_by_region(part: Part, values: Mapping[str, float]) -> dict[str, float]:
-    """Values of each region that names or patterns stand for; a full name precedes patterns.
+    """Values of each region that matches names or patterns; a full name overrides patterns.
 
-    An InputError if a pattern fits no region, or two of them give a region different values.
+    Raises InputError if a pattern matches no region, or two give a region different values.
     """
     found = {name: value for name, value in values.items() if name in part.region_names}
     patterns: dict[str, str] = {}

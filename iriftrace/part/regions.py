@@ -49,8 +49,8 @@ class Regions:
 def find_smooth_groups(neighbours: Neighbours, normals: FloatArray, angle_deg: float) -> IntArray:
     """Group faces that are connected without a sharp edge: (m,) numbers; group 0 holds face 0.
 
-    Connected are neighbours whose unit normals, (m, 3), differ by less than the angle; a face
-    without area has a zero one, and joins nothing.
+    Neighbours are connected if their unit normals, (m, 3), differ by less than the angle; a face
+    without area has a zero normal and is not connected.
     """
     first, second = neighbours.pairs.T
     cosine = np.einsum("ij,ij->i", normals[first], normals[second])
@@ -67,8 +67,8 @@ def name_regions(
     ``head -x``, ``head +x``, ``lateral``. Otherwise planes are called by their direction
     (``plane +z``), surfaces on a cylinder ``cylinder r 25`` or, seen from within, ``hollow r 25``,
     all around its axis ``hole 1 (x 43, y 0, r 7)`` with the place of an axis along x, y or z; other
-    curved ones ``surface``. With a number, the largest first, where several would have the same
-    name. Lengths are mm. Groups below `SMALLEST_SHARE` of the area form the region ``rest``.
+    curved ones ``surface``. Equal names get a number, the largest region
+    first. Lengths are mm. Groups below `SMALLEST_SHARE` of the area form the region ``rest``.
 
     The faces have unit normals (m, 3), areas (m,) and corners (m, 3, 3), mm.
     """
@@ -107,7 +107,7 @@ def _names(mean: FloatArray, rounds: Sequence[_Round | None]) -> list[str]:
             kinds.append(("lateral", ""))
         else:
             kinds.append(("surface", "") if found is None else found.name)
-    # Numbered are those that occur more than once, and those that say nothing else.
+    # Names that occur more than once, and names without other information, are numbered.
     names, seen = [], Counter[str]()
     stems = [stem for stem, _ in kinds]
     for stem, more in kinds:
@@ -129,7 +129,7 @@ class _Round:
 
     @property
     def name(self) -> tuple[str, str]:
-        """What comes before the number, and after it."""
+        """Text before the number, and after it."""
         radius = f"r {_short(self.radius)}"
         if not (self.hollow and self.whole):
             return f"{'hollow' if self.hollow else 'cylinder'} {radius}", ""

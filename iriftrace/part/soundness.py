@@ -1,4 +1,4 @@
-"""Size, growth and orientation of a part's mesh: what is refused, warned of or repaired."""
+"""Checks of size, growth and orientation of a part's mesh: refuse, warn or repair."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PLAUSIBLE_SIZE_MM = (1.0, 10_000.0)
 """Parts outside these sizes are rarely real; a metre read as a millimetre is common."""
 
 
-# As files name them, without the s of the plural.
+# Names in files, without the s of the plural.
 SHORT_UNITS = {
     **{"meter": "m", "millimeter": "mm", "centimeter": "cm"},
     **{"inche": "inch", "micron": "um"},
@@ -33,7 +33,7 @@ def stated_growth(
     reference_k: float,
     hot_k: float | None,
 ) -> tuple[Growth | None, float]:
-    """Growth of a part whose file states one or not, and by what its coordinates are enlarged."""
+    """Growth of a part, from its file or the arguments, and the factor for its coordinates."""
     if expansion is None:
         return stated, 1.0
     if hot_k is None:
@@ -117,7 +117,7 @@ def oriented_outward(
     if signed_volume(vertices - vertices.mean(axis=0), faces) < 0.0:
         faces = faces[:, ::-1]
         warnings.warn(
-            f"{path} has its inside out (negative volume); all triangles were turned over.",
+            f"{path} has inward-facing normals (negative volume); all triangles were turned over.",
             IriftraceWarning,
             stacklevel=3,
         )

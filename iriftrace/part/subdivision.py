@@ -1,4 +1,4 @@
-"""Shorter edges for a triangle mesh, without changing its surface.
+"""Split the edges of a triangle mesh without changing its surface.
 
 CAD programs write a cylinder as slivers, of 100 mm by 1 mm for example. Halving all long edges, as
 VTK's and trimesh's subdivisions do, cuts such a sliver lengthwise too, since its diagonals are as
@@ -41,10 +41,10 @@ class Mesh:
 
 
 def subdivide(mesh: Mesh, edge_mm: float, most_faces: int) -> Mesh | None:
-    """Split edges until none is longer; None where that takes more than `most_faces` triangles.
+    """Split edges until none is longer; None if that needs more than `most_faces` triangles.
 
-    The surface and its regions stay, and a closed one stays closed: an edge is split alike in all
-    its triangles.
+    The surface and its regions do not change, and a closed one stays closed: an edge is split in
+    the same way in all its triangles.
     """
     while True:
         mesh = _flipped(mesh)

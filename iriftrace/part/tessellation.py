@@ -1,4 +1,4 @@
-"""Fewer or more triangles for a part: thinned out, with what that moves, or with shorter edges."""
+"""Fewer or more triangles for a part: decimation with its error, or shorter edges."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ if TYPE_CHECKING:
 from attrs import evolve
 
 SAMPLE = 20_000
-"""Places of each surface at which its distance from the other is taken."""
+"""Number of points of each surface at which its distance from the other is computed."""
 
 FEWEST = 4
-"""Triangles of the smallest closed surface."""
+"""Number of triangles of the smallest closed surface."""
 
 MOST_FACES = 2**24 - 2
-"""Faces that the channel of a picture, in single precision, can number."""
+"""Largest number of faces for the channel of a picture in single precision."""
 
 
 def decimate_part(part: Part, faces: int) -> tuple[Part, FloatArray]:
-    """Thin out a part to about so many faces, and tell by how much that moves its surface.
+    """Decimate a part to about so many faces, and measure how far this moves its surface.
 
-    By VTK's quadric decimation (Garland and Heckbert, 1997). The part has the regions of the one
-    before, each face that of the nearest face there. Besides, (n,), mm, the distances between the
-    two surfaces at corners and face centres of both; at every so many where there are more than
-    `SAMPLE`. An InputError if the part has no more triangles than that, or none would be left.
+    Uses VTK's quadric decimation (Garland and Heckbert, 1997). Each face gets the region of the
+    nearest original face. Also returns the distances, (n,), mm, between the two surfaces at corners
+    and face centres of both, or at a sample if there are more than `SAMPLE`. Raises InputError if
+    the part does not have more triangles than that, or none would be left.
     """
     if not FEWEST <= faces < len(part.faces):
         raise InputError(
@@ -59,7 +59,7 @@ def decimate_part(part: Part, faces: int) -> tuple[Part, FloatArray]:
 
 
 def subdivide_part(part: Part, edge_mm: float) -> Part:
-    """Split a part's triangles until no edge is longer, mm; its surface stays as it is.
+    """Split a part's triangles until no edge is longer, mm; its surface does not change.
 
     See `iriftrace.part.subdivision`. InputError if the length is not positive, or would need more
     triangles than a part may have.

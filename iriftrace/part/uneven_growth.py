@@ -1,7 +1,7 @@
 """Thermal growth of a part that is not equally hot everywhere: free expansion of an elastic body.
 
-Each place inside the part has the temperature of the nearest wall, which is an approximation. Where
-the strains of neighbouring places do not fit together, elasticity decides.
+Each place inside the part has the temperature of the nearest wall, which is an approximation. If
+the strains of neighbouring places are incompatible, the elastic equations are solved.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ POISSON = 0.3
 """Poisson's ratio of steel; the modulus does not matter where no force acts."""
 
 EMPTIEST = 0.01
-"""Fraction of a cube that is taken for filled at least, so that no corner hangs free."""
+"""Smallest filled fraction of a cube, so that every corner has stiffness."""
 
 EXACT = 1e-6
 """Relative residual of the elastic equations."""
@@ -47,7 +47,7 @@ def grown_unevenly(
     wall_k: Temperatures,
     about: ArrayLike = (0.0, 0.0, 0.0),
 ) -> Part:
-    """The part with the size and shape that it has hot, and with its drawing.
+    """The part with its hot size and shape, and with its drawing.
 
     Thermal strain is isotropic, and the body elastic and free (no creep, no stress from its
     history). Without differences of temperature it grows about `about`; what differs from that has

@@ -21,7 +21,7 @@ from iriftrace.runtime.variant import CudaState, cuda_state, wanted_variant
 
 State = Literal["ok", "warn", "error"]
 
-# In a process of its own: without a driver VTK does not raise, it dies.
+# In a separate process: without a driver VTK crashes instead of raising an error.
 _DRAWING = """
 import pyvista
 plotter = pyvista.Plotter(off_screen=True, window_size=(64, 64))
@@ -58,7 +58,7 @@ class Finding:
 
 @frozen
 class Diagnosis:
-    """All findings, in the order in which they are worth reading."""
+    """All findings, the most important first."""
 
     findings: tuple[Finding, ...]
 
@@ -69,7 +69,7 @@ class Diagnosis:
 
 
 def diagnose() -> Diagnosis:
-    """Look at Python, the packages, LLVM and CUDA, run one kernel and draw one picture.
+    """Check Python, the packages, LLVM and CUDA, run one kernel and draw one picture.
 
     The last two happen in other processes, so that a broken library is a finding and not a crash.
     """
@@ -85,7 +85,7 @@ def _python() -> Finding:
 
 
 def _packages() -> list[Finding]:
-    """Compare the installed packages with those that the installed iriftrace asks for."""
+    """Compare the installed packages with those that the installed iriftrace requires."""
     try:
         own = importlib.metadata.distribution("iriftrace")
     except importlib.metadata.PackageNotFoundError:
@@ -114,7 +114,7 @@ def _package(requirement: Requirement) -> Finding:
 
 
 def _llvm(libraries: tuple[LlvmLibrary, ...]) -> list[Finding]:
-    """The first library is the one that will be used, or the one the variable insists on."""
+    """Check the LLVM libraries; the first one is used, or the one that the variable names."""
     if not libraries:
         return [Finding("LLVM", "error", "none was found", llvm_install_command())]
     first, *others = libraries
@@ -174,8 +174,8 @@ def _drawing() -> Finding:
 def drawing_trouble() -> str:
     """Draw a sphere off screen in another process; return why it failed, or "" when it did not.
 
-    Ask before drawing with VTK in this process: where no OpenGL driver is installed VTK does not
-    raise an error but ends the process.
+    Call this before drawing with VTK in this process: without an OpenGL driver VTK ends the
+    process instead of raising an error.
     """
     return _last_words(_DRAWING)
 

@@ -1,4 +1,4 @@
-"""Open one LLVM or CUDA library in a process of its own and write what is found as JSON.
+"""Open one LLVM or CUDA library in a separate process and write the result as JSON.
 
 Run as a file (`python -I -S library_probe.py llvm PATH`), never imported by iriftrace: a library
 that aborts on loading, or two LLVMs that disagree, must not take the user's process with them.

@@ -1,6 +1,6 @@
 """LLVM libraries of this machine, and which of them Dr.Jit can use.
 
-None is loaded into this process: an old LLVM aborts it, and Dr.Jit would take what is there.
+None is loaded into this process: an old LLVM aborts it, and Dr.Jit would use a loaded one.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class LlvmLibrary:
 
     @property
     def ok(self) -> bool:
-        """True where Dr.Jit can run iriftrace's kernels with it."""
+        """True if Dr.Jit can run iriftrace's kernels with it."""
         return not self.why
 
     @property
@@ -168,7 +168,7 @@ def _objection(version: tuple[int, int, int] | None, answer: JsonObject) -> str:
 
 
 def run_probe(*arguments: str) -> JsonObject:
-    """Run library_probe.py with `arguments`; a probe that dies becomes an answer with "error"."""
+    """Run library_probe.py with `arguments`; a crash becomes an answer with "error"."""
     probe = Path(__file__).with_name("library_probe.py")
     command = [sys.executable, "-I", "-S", str(probe), *arguments]
     nothing: JsonObject = {"version": None, "missing": [], "devices": []}

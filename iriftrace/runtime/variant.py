@@ -1,6 +1,6 @@
 """Choice of Mitsuba's variant, with an LLVM or CUDA that works.
 
-Everything that other modules need to know of LLVM, CUDA and variants is here.
+All other modules use LLVM, CUDA and variants through this one.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ def ensure(variant: str | None = None) -> str:
     if name != current_variant():
         _set_variant(name)
     if name.startswith("llvm"):
-        # Someone else may have imported Mitsuba first: what has Dr.Jit really loaded?
+        # Mitsuba may have been imported before: check which library Dr.Jit has loaded.
         version = importlib.import_module("drjit.detail").llvm_version()
         if version[0] < OLDEST_MAJOR:
             raise SetupError(
@@ -118,7 +118,7 @@ def ensure(variant: str | None = None) -> str:
 
 
 def refuse_foreign_plugins(folder: Path) -> None:
-    """Refuse a folder whose compiled plugins Mitsuba would load in place of its own.
+    """Refuse a folder whose compiled plugins Mitsuba would load instead of its own.
 
     For a plugin Mitsuba runs the library ``plugins/NAME.so`` of a scene's folder and of the working
     folder, whoever put it there, before it looks among its own.
@@ -145,7 +145,7 @@ def full_precision() -> Iterator[None]:
 def using(variant: str) -> Iterator[str]:
     """Work with `variant` inside the `with` block and set the former variant again afterwards.
 
-    Objects of one variant are of no use in another: what a block loads ends with it. When no
+    Objects of one variant cannot be used in another, so they end with the block. When no
     variant was set before, this one stays, because Mitsuba cannot unset one.
 
     Raises
@@ -197,7 +197,7 @@ def _set_variant(name: str) -> None:
 
 
 def refuse_gpu_without_optix(error: Exception) -> None:
-    """Raise what to do where Mitsuba's error is that the driver brings no OptiX it can use."""
+    """Raise SetupError with the remedy if the driver has no OptiX that Mitsuba can use."""
     if "initialize OptiX" in str(error):
         raise SetupError(
             "This GPU's driver has no OptiX that Mitsuba can trace rays with; install a newer "

@@ -38,13 +38,12 @@ def contour_shells(
     precision of the renderer's geometry), welded, freed of degenerate triangles and of small
     components, and wound so that facets face the cooler air. Vertex normals are
     ``field.consistent_gradient``, interpolated along the cell edges and normalised. Each vertex
-    knows the derivatives of the index there (``field.hessian``); not with the rule ``"outer"``,
-    which is about steps at the shells.
+    has the derivatives of the index there (``field.hessian``), except with the rule ``"outer"``,
+    which bends rays at the shells.
 
-    Levels that the field does not reach are left out with a warning, and no other step changes:
-    there is no such air. Should a level in between be left without triangles (all of it small),
-    its step is added to the next shell inwards, so that the steps still sum up to the difference of
-    the layers.
+    Levels that the field does not reach are omitted with a warning; the other steps do not change.
+    If a level in between has no triangles left (all its pieces are small), its step is added to the
+    next shell inwards, so the steps still sum up to the difference of the layers.
 
     Parameters
     ----------
@@ -105,7 +104,7 @@ _Mesh = tuple[Float32Array, IntArray, Float32Array, FloatArray]
 def _large_surfaces(
     field: IndexField, surfaces: FloatArray, min_size_mm: float
 ) -> tuple[dict[int, _Mesh], list[SmallComponents]]:
-    """Surfaces by layer, where they have large components, and the small ones left out."""
+    """Surfaces by layer, if they have large components, and the small components removed."""
     grid = _bare_grid(field)
     found: dict[int, _Mesh] = {}
     small = []
@@ -136,7 +135,7 @@ def _size_advice(field: IndexField, min_size_mm: float) -> str:
 
 
 def _bare_grid(field: IndexField) -> pv.UnstructuredGrid:
-    """The field's cells with nothing but what is interpolated along their edges."""
+    """The field's cells with only the arrays that are interpolated along their edges."""
     import pyvista as pv
 
     grid = pv.UnstructuredGrid()

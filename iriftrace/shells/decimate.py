@@ -1,4 +1,4 @@
-"""Fewer triangles for the same shells: quadric decimation that keeps the normals of the field."""
+"""Decimation of shells: quadric decimation that preserves the normals of the field."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ BORDER_REACH = 0.5
 """Vertices are moved back onto the border from within this fraction of its edges' median."""
 
 LARGEST_SMALL_HOLE = 4
-"""Edges of the largest hole that is closed without asking where it is."""
+"""Number of edges of the largest hole that is closed in any place."""
 
 FEWEST_CLOSED = 4
-"""Triangles of the smallest closed surface."""
+"""Number of triangles of the smallest closed surface."""
 
 FEWEST = 400
-"""A shell keeps at least this many triangles, where it has them."""
+"""A shell keeps at least this many triangles, if it has them."""
 
 NORMALS_WEIGHT = 3.0
-"""Weight of an error of the normal against one of the place; of 0, 0.1, 1, 3 and 10, this one
-changed the displacement on a bevel gear the least."""
+"""Weight of an error of the normal relative to one of the position. Of 0, 0.1, 1, 3 and 10 this
+value changes the displacement on a bevel gear the least."""
 
 BORDER_WEIGHT = 30.0
 """Weight of an error at the border: shells end on the data's edge or on the part, and a gap there
@@ -39,7 +39,7 @@ would let rays pass. With 1, half of a wishbone's borders were off by 0.1 mm, wi
 
 
 def decimate(stack: ShellStack, triangles: int) -> ShellStack:
-    """Thin out shells to about a number of triangles in all.
+    """Decimate shells to about this total number of triangles.
 
     Garland and Heckbert's quadric error metric with the normals as attributes (1998, "Simplifying
     surfaces with color and texture using quadric error metrics"). All shells keep the same
@@ -49,7 +49,7 @@ def decimate(stack: ShellStack, triangles: int) -> ShellStack:
     Parameters
     ----------
     stack : ShellStack
-        With at most this many triangles it is returned as it is.
+        Returned unchanged if it has at most this many triangles.
     triangles : int
 
     Returns
@@ -59,7 +59,7 @@ def decimate(stack: ShellStack, triangles: int) -> ShellStack:
     Raises
     ------
     InputError
-        The number leaves the shells no shape.
+        The number is too small to keep the shells' shapes.
     """
     least = FEWEST * len(stack.shells)
     if triangles < least:
@@ -117,8 +117,8 @@ def _thinned(shell: Shell, fraction: float) -> Shell:
 def _without_non_manifold(faces: IntArray) -> IntArray:
     """Drop triangles that stick out of the surface: one edge of theirs has three, one has one.
 
-    VTK contracts edges without asking whether their ends have further neighbours in common, which
-    now and then folds a piece of the surface onto itself.
+    VTK contracts edges even if their ends have further neighbours in common, which sometimes folds
+    a piece of the surface onto itself.
     """
     while True:
         edge, count = _edges(faces)
@@ -130,14 +130,14 @@ def _without_non_manifold(faces: IntArray) -> IntArray:
 
 
 def _without_single_triangles(faces: IntArray) -> IntArray:
-    """Drop pieces of fewer triangles than any closed surface has: what is left of small ones."""
+    """Drop pieces with fewer triangles than a closed surface: remainders of small ones."""
     links = np.concatenate((faces[:, :2], faces[:, 1:]))
     piece = connected(links, int(faces.max()) + 1)[faces[:, 0]]
     return faces[np.bincount(piece)[piece] >= FEWEST_CLOSED]
 
 
 def _without_small_holes(faces: IntArray, on_border: BoolArray) -> IntArray:
-    """Close holes of three or four edges that non-manifold triangles left; not the shell's ends."""
+    """Close holes of three or four edges left by non-manifold triangles; not the shell's ends."""
     edge, count = _edges(faces)
     start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     border = (count[edge] == 1).ravel()

@@ -70,16 +70,16 @@ def trim_to_frustum(stack: ShellStack, camera: Camera, margin_mm: float) -> Shel
 
 
 def without_inner(stack: ShellStack, count: int, levels: int | None = None) -> ShellStack:
-    """Leave out the innermost levels, and their index steps with them.
+    """Remove the innermost levels together with their index steps.
 
-    Rays then run on to the part in the air of the last shell that is kept. Kern et al. (2025) did
-    so where shells of a coarse field cut the part; it is for studies only.
+    Rays then continue to the part in the air of the last remaining shell. Kern et al. (2025) did
+    this where shells of a coarse field cut the part; it is for studies only.
 
     Parameters
     ----------
     stack : ShellStack
     count : int
-        Levels to leave out.
+        Number of levels to remove.
     levels : int, optional
         Number of levels, whether the field reaches them or not; by default as many as there are.
 
@@ -150,8 +150,9 @@ def smooth_taubin(
 def subdivide_midpoint(stack: ShellStack, times: int = 1) -> ShellStack:
     """Split every triangle into four at the middles of its edges.
 
-    The surface stays where it is but for the rounding of the new vertices to float32 (4e-6 mm at
-    100 mm), which turns facets by that over their size. Normals and derivatives are interpolated.
+    The surface does not change except for the rounding of the new vertices to float32 (4e-6 mm at
+    100 mm), which turns facets by this error over their size. Normals and derivatives are
+    interpolated.
 
     Parameters
     ----------
@@ -218,7 +219,7 @@ def _subdivided(shell: Shell) -> Shell:
     if shell.normals is not None:
         old = shell.normals.astype(np.float64)
         between = unit_vectors(old[one] + old[two])
-        # Opposite normals leave no mean; either is then as good.
+        # Opposite normals have no mean; either one is used.
         between = np.where(np.any(between, axis=1)[:, None], between, old[one])
         normals = np.vstack((old, between))
     derivatives = None

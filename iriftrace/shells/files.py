@@ -40,7 +40,7 @@ class PartFile:
 
     path: Path
     sha256: str
-    source: str  # name of the user's file that it was made of
+    source: str  # name of the user's original file
 
     @classmethod
     def of(cls, path: Path, part: Part) -> PartFile:
@@ -48,7 +48,7 @@ class PartFile:
         return cls(path, sha256_of(path), Path(part.path).name)
 
     def seen_from(self, folder: Path) -> PartOrigin:
-        """What a table in a folder says of it."""
+        """Its entry in a table in a folder."""
         place = Path(os.path.relpath(self.path, folder)).as_posix()
         return PartOrigin(place, self.sha256, self.source)
 
@@ -68,11 +68,11 @@ def save_shells(
     ----------
     stack : ShellStack
     directory : path
-        Made when missing. Files of an earlier stack with more shells are removed.
+        Created if missing. Files of an earlier stack with more shells are removed.
     report : sequence of ShellReport, optional
         Its numbers are added to the JSON table.
     notes : mapping, optional
-        What else is known of the field, such as ``{"time": "snapshot"}``; kept in the table.
+        Further facts about the field, such as ``{"time": "snapshot"}``; kept in the table.
     paraview : bool
         Whether to write ``shells.vtm`` too, which doubles the size.
     part : PartFile, optional
@@ -167,7 +167,7 @@ def _stem(shell: Shell) -> str:
 def vertex_columns(
     normals: Float32Array | None, derivatives: Float32Array | None
 ) -> dict[str, Float32Array]:
-    """What Mitsuba knows at the n vertices of a shell, (n, 1) or (n, 3) each, by its names."""
+    """Mitsuba's vertex attributes of a shell, (n, 1) or (n, 3) each, by name."""
     if normals is None:
         return {}
     found = {"normal": normals}
@@ -268,7 +268,7 @@ def _write_paraview(folder: Path, stack: ShellStack) -> Path:
 
 
 def remove_stale(folder: Path, stack: ShellStack, paraview: bool) -> None:
-    """Remove what an earlier stack left in a folder, which a user would take for this one's."""
+    """Remove the files of an earlier stack in a folder, which could be mistaken for this one's."""
     stems = {_stem(shell) for shell in stack.shells}
     for path in folder.glob("shell_*.ply"):
         if path.stem not in stems:

@@ -15,7 +15,7 @@ HESSIAN_AXES = {
     "hessian_xz": (0, 2),
     "hessian_xy": (0, 1),
 }
-"""Elements of the Hessian in the order in which they are kept, and their axes."""
+"""Elements of the Hessian in storage order, and their axes."""
 
 DERIVATIVES = 1 + len(HESSIAN_AXES)
 """Numbers per vertex: the gradient's magnitude, then the Hessian."""
@@ -24,8 +24,8 @@ PLY_COLUMNS = {"gradient": 3, **dict.fromkeys(HESSIAN_AXES, 1)}
 """Numbers of each quantity of a shell's file, all over the shell's step of the index.
 
 Mitsuba makes an attribute ``vertex_gradient`` of columns ``gradient_1``, ``gradient_2`` ... and
-needs the number also behind a single one, ``hessian_xx_1``. The gradient tells by how much a
-``to_world`` has turned the mesh.
+needs the number also behind a single one, ``hessian_xx_1``. The gradient shows by how much a
+``to_world`` has rotated the mesh.
 """
 
 
@@ -42,7 +42,7 @@ def derivative_rows(magnitude: FloatArray, hessian: FloatArray, step: float = 1.
 def radial_derivatives(
     normals: NDArray[np.floating], slope: float, bend: float, radius: float, step: float
 ) -> FloatArray:
-    """The same where n depends on the distance from the x axis, or from a plane, alone.
+    """The same if n depends only on the distance from the x axis or from a plane.
 
     `normals` (n, 3) are unit vectors along +grad(n), away from the axis; `slope` and `bend` the
     first and second derivative of n along them, 1/mm and 1/mm^2; `radius`, mm, is infinite for a

@@ -1,4 +1,4 @@
-"""Ready-made iso-surfaces as shells, such as COMSOL and ParaView export them.
+"""Iso-surfaces exported by COMSOL, ParaView and others, as shells.
 
 A file's triangles are read with the refractivity of each, split by value into surfaces, and each
 surface is welded and turned towards the cooler air.
@@ -49,9 +49,9 @@ class Soup:
     vertices: Float32Array  # (n, 3), mm, world
     faces: IntArray  # (m, 3)
     refractivity: FloatArray  # (m,), n - 1 of every triangle's surface
-    gradient: FloatArray | None  # (n, 3), along grad(n) at the vertices, of no certain length
+    gradient: FloatArray | None  # (n, 3), along grad(n) at the vertices, with arbitrary length
     choice: arrays.Choice  # the array that was used
-    origin: str  # what the file says of its own making; "" where it says nothing
+    origin: str  # what the file states about its origin; "" if nothing
 
 
 def import_shells(
@@ -71,28 +71,28 @@ def import_shells(
     The triangles are split by value into shells. The layers between them follow from the midpoint
     rule reversed (:func:`iriftrace.shells.contour.layers_between`): ambient outside, midway between
     neighbouring surfaces, and the same step again inside the innermost. The winding of the file is
-    not trusted: each piece is turned so that it faces the cooler air, which the gradient tells
-    where the file has one, else the neighbouring surfaces, else its own centre.
+    ignored: each piece is oriented towards the cooler air, by the gradient if the file has one,
+    else by the neighbouring surfaces, else by its own centre.
 
     Parameters
     ----------
     path : path
         One ``.vtu``, ``.vtm`` or ``.vtp`` with triangles (or polygons) in mm or ``length_unit``.
     array : str, optional
-        Name of the point or cell array; found by its name, or because it is the only one.
+        Name of the point or cell array; chosen by its name, or because it is the only one.
     quantity : str, optional
-        ``"temperature"``, ``"index"`` (n or n - 1) or ``"density"``. For a name that does not tell
-        (COMSOL's ``Color``): temperature where all values exceed 150, index otherwise.
+        ``"temperature"``, ``"index"`` (n or n - 1) or ``"density"``. For other names
+        (COMSOL's ``Color``): temperature if all values exceed 150, otherwise index.
     gradient : str, optional
         Name of a point array with the gradient of the same quantity; by default the only array with
         three components whose name begins with "grad". Without one the shells have no normals and
         rays use the facets'.
     temperature_unit : str, optional
-        Unit of the temperatures; what brackets in the array's name say, else K, when left out.
+        Unit of the temperatures; by default that in brackets in the array's name, else K.
     length_unit : str
         Unit of the file's coordinates.
     air : Air, optional
-        Ambient air; ``Air()`` when left out.
+        Ambient air; ``Air()`` by default.
     transform : (4, 4) array_like, optional
         Applied to the coordinates after their conversion to mm.
     min_size_mm : float, mm
@@ -155,7 +155,7 @@ def _split(refractivity: FloatArray, name: str, path: Path) -> tuple[FloatArray,
     first = np.flatnonzero(new)
     last = np.append(first[1:], len(ranked)) - 1
     wide = np.any(ranked[first] - ranked[last] > 10.0 * tolerance)
-    # A closed surface has at least four triangles, and nobody exports a thousand of the smallest.
+    # A closed surface has at least four triangles, and a thousand of the smallest are unlikely.
     if wide or len(first) > max(1, len(ranked) // 4):
         raise _continuous(name, path)
     of_triangle = np.empty(len(ranked), dtype=np.int64)
@@ -242,7 +242,7 @@ def _read_triangles(
 
 
 def _read(path: Path) -> tuple[list[pv.PolyData], str]:
-    """Blocks of a file as triangles with their data, and what the file says of its origin."""
+    """Blocks of a file as triangles with their data, and what the file states about its origin."""
     if not path.is_file():
         raise InputError(f"The file of surfaces {path} does not exist; check the path.")
     if path.suffix.lower() not in SUFFIXES:

@@ -18,9 +18,8 @@ MOST_LAYERS = 10_000
 RULES = ("rim", "midpoint", "graded", "outer")
 
 RIM_SHARE = 0.1
-"""Place of the rim's shell in the outermost of the equal steps: the air outside it, of which least
-is known, then makes a tenth of what it makes without, and the step is still shared by two shells
-rather than one."""
+"""Position of the rim's shell in the outermost of the equal steps. The air outside it, which is
+known least, then contributes a tenth of its former error, and two shells divide the step."""
 
 
 def index_levels(
@@ -36,14 +35,14 @@ def index_levels(
         Number of shells N.
     rule : str
         ``"rim"``: N - 1 shells as by ``"midpoint"``, and one at a tenth of the outermost step. The
-        layer between the two has the index midway between their surfaces. One shell alone is that
+        layer between the two has the index midway between their surfaces. A single shell is that
         of the midpoint rule.
         ``"midpoint"``: shell k lies at ``(e_{k-1} + e_k) / 2``, in equal steps of ``e``.
         ``"graded"``: the same, but the steps of ``e`` are the mean of equal ones (weight 0.3) and
-        of the cosine's: 0.3 equal steps at both ends, 1.4 in the middle. It serves few shells in
-        views through a plume, whose air is in the outermost layers, and rays that are bent at the
-        shells alone, where the innermost and the outermost layer make most of the error; see the
-        accuracy page.
+        of the cosine's: 0.3 equal steps at both ends, 1.4 in the middle. Useful for few shells
+        in views through a plume, whose air is in the outermost layers, and for rays that are bent
+        at the shells alone, where the innermost and the outermost layer cause most of the error;
+        see the accuracy page.
         ``"outer"``: shell k lies at ``e_k``, in equal steps, so that each layer has the value of
         its outer surface; first order (5 to 6 % off with 13 shells), for studies only. Its last
         shell is the hottest air itself and so normally empty.
@@ -93,9 +92,9 @@ def layers_between(
 
     ``e_0`` is ambient, the layers between surfaces lie midway, and the innermost is extrapolated
     by the same step (``e_N = 2 s_N - e_{N-1}``) but not beyond ``hottest``, or vacuum. Equal steps
-    give back what :func:`index_levels` says. All are n - 1: (N,) surfaces, given in any order, come
-    back from ambient inwards, with (N + 1,) layers. Surfaces outside ambient to hottest, or twice
-    the same, raise InputError.
+    give the same layers as :func:`index_levels`. All are n - 1: (N,) surfaces, given in any
+    order, are returned from ambient inwards, with (N + 1,) layers. Raises InputError for surfaces
+    outside ambient to hottest, or two equal ones.
     """
     s = np.sort(np.asarray(surfaces, dtype=np.float64).ravel())[::-1]
     limit = 0.0 if hottest is None else hottest

@@ -24,7 +24,7 @@ DATA_BOUNDARY = "data boundary"
 INTERIOR = "interior"
 UNKNOWN = "unknown"
 
-# A part's own surface stands in for the field's wall up to the gap that the fit of both tolerates.
+# A part's own surface replaces the field's wall up to the gap that the fit of both tolerates.
 _PART_TOLERANCE_MM = 0.2
 
 
@@ -53,7 +53,7 @@ class ShellReport:
     gap_part_mm : float or None, mm
         Smallest distance to the part's surface, 0 where the shell cuts it; None without a part.
     part_cut_share : float or None
-        Share of the shell's area inside the part; None without a part or when it is not closed.
+        Fraction of the shell's area inside the part; None without a part or when it is not closed.
     """
 
     layer: int
@@ -83,14 +83,14 @@ def report_shells(
 ) -> tuple[ShellReport, ...]:
     """Report on every shell of a stack.
 
-    Distances are those of `iriftrace.geometry.query.Surface.gap`, which looks from every so many
-    vertices of a large surface. A triangle counts as inside the part when its centre is.
+    Distances are those of `iriftrace.geometry.query.Surface.gap`, which uses a subset of the
+    vertices of a large surface. A triangle counts as inside the part if its centre is.
 
     Parameters
     ----------
     stack : ShellStack
     field : IndexField, optional
-        Tells where the data end, and so why a shell is open.
+        Used to find where the data end, and so why a shell is open.
     part : Part, optional
 
     Returns

@@ -56,7 +56,7 @@ class Shell:
     faces : (m, 3) array of int32
         Counter-clockwise seen from outside, so facet normals point to the ``ext`` side.
     normals : (n, 3) array of float32 or None, world
-        Unit vectors at the vertices along +grad(n), that is outward. None: only facets are known.
+        Unit vectors at the vertices along +grad(n), that is outward. None: only facet normals.
     derivatives : (n, 7) array of float32 or None, 1/mm and 1/mm^2, world
         Magnitude of grad(n) at the vertices and the Hessian of n (xx, yy, zz, yz, xz, xy), all over
         the shell's step ``ext - int_``, by which rays are bent all along the layers. None: rays are
@@ -138,9 +138,9 @@ class ShellStack:
         How surfaces and layers were chosen: one of `iriftrace.shells.levels.RULES`, ``"custom"`` or
         ``"imported"``.
     source : FieldSource or None
-        The file behind the shells, where there is one.
+        The file of the shells, if there is one.
     small_components : tuple of SmallComponents
-        What was left out for its size.
+        Components that were removed for their size.
     """
 
     shells: tuple[Shell, ...] = field(converter=_shells)
@@ -179,7 +179,7 @@ class ShellStack:
 
     @property
     def has_normals(self) -> bool:
-        """True if every shell knows the direction of grad(n) at its vertices."""
+        """True if every shell has the direction of grad(n) at its vertices."""
         return all(shell.normals is not None for shell in self.shells)
 
     def stated(self, notes: Mapping[str, str]) -> AirStatement:

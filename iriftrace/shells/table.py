@@ -12,7 +12,7 @@ SCHEMA = "iriftrace.shells/1"
 
 @frozen
 class SmallComponents:
-    """Components of one shell that were left out for their size."""
+    """Components of one shell that were removed for their size."""
 
     layer: int
     components: int
@@ -21,7 +21,7 @@ class SmallComponents:
 
 @frozen
 class ShellRow:
-    """One shell, as the table lists it; what a report found out of it comes on top."""
+    """One shell as listed in the table; a report adds more entries."""
 
     layer: int  # 1 = outermost
     refractivity: float  # n - 1 at the surface
@@ -39,7 +39,7 @@ class PartOrigin:
 
     file: str  # next to the table
     sha256: str
-    source: str = ""  # name of the user's file that it was made of
+    source: str = ""  # name of the user's original file
 
 
 @frozen

@@ -68,14 +68,14 @@ def fading_length(
     Along the ray the index approaches that of the layer outside as
     :math:`u(s) = u_0 \exp(-a s - b s^2)`, with the slope of n along the ray,
     :math:`a u_0 = |g \cdot t|`, and with b from how the layer curves away from the ray,
-    :math:`2 b u_0 = t \cdot (g')_{\perp g}`. The way is
+    :math:`2 b u_0 = t \cdot (g')_{\perp g}`. The length is
 
     .. math:: \int_0^\infty e^{-a s - b s^2} ds \approx
               \frac{2}{a + \sqrt{a^2 + 16 b / \pi}}
 
     which is exact for a = 0 and for b = 0 (Abramowitz and Stegun 7.1.13). Given are g, 1/mm, and
-    g', its change per way along the ray, 1/mm^2, the contrast :math:`u_0` between the index at the
-    shell and that of the layer, and the unit direction t.
+    g', its change per length along the ray, 1/mm^2, the contrast :math:`u_0` between the index at
+    the shell and that of the layer, and the unit direction t.
     """
     import drjit as dr
 
@@ -138,9 +138,9 @@ def beside_part(
 def stays_in_layer(
     shell: AtShell, contrast: dt.Real, direction: dt.Vector, length: dt.Real
 ) -> dt.Bool:
-    """True for ways along which Taylor's series neither leaves a layer nor turns over.
+    """True for segments along which Taylor's series neither leaves a layer nor turns over.
 
-    Other ways, of which but the length is known, began outside the data. Parameters as for
+    Other segments, of which only the length is known, began outside the data. Parameters as for
     :func:`outside`; a layer reaches to the next shell, twice the contrast away.
     """
     import drjit as dr
@@ -157,14 +157,14 @@ def outside(
     """Deflection (vector, rad) in air whose other end is not known, and its first moment, mm.
 
     The moment is the deflection times its mean distance from the shell, and the contrast the index
-    at the shell less that of the layer outside. The length, mm, is that of the ray's way in this
+    at the shell less that of the layer outside. The length, mm, is that of the ray's path in this
     air: to the camera, the part, or half of that to the next crossing.
     """
     import drjit as dr
 
     fading = fading_length(shell.gradient, shell.change, contrast, direction)
-    way = dr.minimum(length, fading)
-    deflection = transverse(shell.gradient, direction) * (way / type(length)(shell.index))
+    path = dr.minimum(length, fading)
+    deflection = transverse(shell.gradient, direction) * (path / type(length)(shell.index))
     return deflection, deflection * dr.minimum(0.5 * length, fading)
 
 
@@ -203,7 +203,7 @@ def layer_at_rim(
 
 
 def weighted_mean(heading: dt.Vector, deflection: dt.Vector) -> dt.Vector:
-    """Mean direction of a way that begins with a unit direction and is deflected."""
+    """Mean direction of a segment that begins with a unit direction and is deflected."""
     import drjit as dr
 
     return dr.normalize(heading + deflection / 2)

@@ -4,7 +4,7 @@ With time dt = ds / n it is r'' = n grad n (Sharma, Kumar and Ghatak, Applied Op
 which a step of Nystrom's method of order 4 advances
 (:func:`iriftrace.plugins.kernels.nystrom.nystrom_step`).
 
-The way is that of :mod:`iriftrace.plugins.kernels.walk`, which says on which triangle a ray ends;
+The path is that of :mod:`iriftrace.plugins.kernels.walk`, which says on which triangle a ray ends;
 where it ends is then computed here in double precision.
 """
 
@@ -63,7 +63,7 @@ def curved_hits(
 
     A medium is TetrahedralAir, or anything else with its methods; the scene has opaque shapes
     alone. Rays have origins (Point3d, mm) and unit directions (Vector3d), world; those with more
-    than `max_steps`, or that lose their way more than `MOST_RELOCATIONS` times, give up. `coherent`
+    than `max_steps`, or that get lost more than `MOST_RELOCATIONS` times, give up. `coherent`
     is a hint to the ray query; `step` is `query_step`.
     """
     walk = Walk(opaque, tables, medium, coherent, max_steps, step)

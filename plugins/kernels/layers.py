@@ -57,7 +57,7 @@ from iriftrace.plugins.kernels.tables import SceneTables
 
 
 class Passage(NamedTuple):
-    """A ray's way to the next shell, and its crossing there."""
+    """A ray's segment to the next shell, and its crossing there."""
 
     direction: dt.Vector3d  # unit: along the segment
     length: dt.Float64  # mm: since the shell before, or the start
@@ -238,7 +238,7 @@ class InLayers:
         facet: dt.Vector3d,
         any_shell: dt.Bool,
     ) -> tuple[dt.Vector3d, dt.Vector3d]:
-        """Lateral offset of the last way's end (Vector3d, mm), and the direction there."""
+        """Lateral offset of the last segment's end (Vector3d, mm), and the direction there."""
         import drjit as dr
         import mitsuba as mi
 

@@ -103,7 +103,7 @@ class _State(NamedTuple):
     entry_index: Float64
     index_sum: Float64
     contrast: Float
-    segment: Float64  # mm: length of the last way
+    segment: Float64  # mm: length of the last segment
     shape: UInt32  # number of the shell that was crossed last
     outward: Bool  # and whether it was from its inside
     start: Point3d  # of the next query
@@ -128,7 +128,7 @@ class _Met(NamedTuple):
 
 
 class _March:
-    """Rays on their way from shell to shell."""
+    """Rays marched from shell to shell."""
 
     def __init__(
         self,

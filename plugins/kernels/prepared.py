@@ -151,7 +151,7 @@ class PreparedScene:
 
         They have origins (Point3d, mm), unit directions (Vector3d) and straight lengths (Float64,
         mm; 0 or infinite where they hit nothing). They meet no shell, so lines across them do, from
-        places along their way through the box of the shells.
+        places along their path through the box of the shells.
         """
         import drjit as dr
         import mitsuba as mi
@@ -236,9 +236,9 @@ def crossed_steps(
     """Index steps along straight lines to infinity, opaque shapes being transparent.
 
     Gives the indices (Float64) of the layers at the start, and where the line has passed a length
-    (mm): what remains outside less the steps on the way there; 0 for a line without crossing, or
-    with too many (``MOST_STEPS``) to be believed. And whether (Bool) the first shell on the way is
-    crossed from inside.
+    (mm): what remains outside less the steps up to there; 0 for a line without crossing, or
+    with too many (``MOST_STEPS``) to be believed. Also returns whether (Bool) the first shell
+    along the line is crossed from inside.
     """
     import drjit as dr
     import mitsuba as mi

@@ -56,7 +56,7 @@ class Entrance(NamedTuple):
 
 
 class Passage(NamedTuple):
-    """The way through one tetrahedron."""
+    """The segment through one tetrahedron."""
 
     distance: dt.Float64  # mm; negative in a tetrahedron that is turned inside out
     place: dt.UInt32  # where the ray comes to; meaningless where the data end
@@ -133,7 +133,7 @@ class Cell:
         return dr.select(self._solid, self._smooth_gradient(point, heading) - self.constant, 0)
 
     def _local(self, point: dt.Point3d) -> dt.Vector3f:
-        """The way from the first corner to a point."""
+        """Vector from the first corner to a point."""
         import mitsuba as mi
 
         return mi.Vector3f(point - self._origin)
@@ -221,17 +221,17 @@ class Cell:
         import mitsuba as mi
 
         faces = zip(*self._faces_along(point, direction), strict=True)
-        margin, way = mi.Float(-dr.inf), mi.Float(0)
+        margin, exit_ = mi.Float(-dr.inf), mi.Float(0)
         leaving = mi.UInt32(0)
         # A ray along an edge does not leave through the faces that meet there.
         parallel = FLAT * self._size * self._size
         for face, (inside, across, distance) in enumerate(faces):
             better = (self.entry != face) & (across > parallel) & (inside > margin)
             margin = dr.select(better, inside, margin)
-            way = dr.select(better, distance, way)
+            exit_ = dr.select(better, distance, exit_)
             leaving = dr.select(better, mi.UInt32(face), leaving)
         backward = (self.entry < NO_FACE) & (self._volume < 0)
-        lost = (margin < -LOST_MM * self._size) | (~backward & (way < -LOST_MM))
+        lost = (margin < -LOST_MM * self._size) | (~backward & (exit_ < -LOST_MM))
         next_ = dr.gather(
             mi.UInt32, self._air.tetrahedra, self.number * 8 + 4 + leaving, self._active
         )
@@ -240,7 +240,7 @@ class Cell:
             mi.UInt32, self._air.wall, next_ & ~mi.UInt32(BOUNDARY), self._active & ends
         )
         return Passage(
-            distance=mi.Float64(dr.select(backward, dr.minimum(way, 0), dr.maximum(way, 0))),
+            distance=mi.Float64(dr.select(backward, dr.minimum(exit_, 0), dr.maximum(exit_, 0))),
             place=(next_ >> 2) * 8 + (next_ & 3),
             ends=ends,
             wall=wall != 0,

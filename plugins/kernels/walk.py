@@ -73,7 +73,7 @@ class WalkState(NamedTuple):
     active: dt.Bool
 
 
-class _Way(NamedTuple):
+class _Segment(NamedTuple):
     """The next piece of a ray's path unless an opaque shape ends it; masks of rays are Bool."""
 
     speed: dt.Float64  # the index
@@ -125,13 +125,13 @@ class _Move(NamedTuple):
     time: dt.Float64  # mm: length over index
     skipped: dt.Float64  # mm: straight on where it leaves the data after it had gone back
     retreat: dt.Float64
-    way: dt.Float64  # mm
+    segment: dt.Float64  # mm
     gradient_error: dt.Vector3f  # what the gradient's error does to the velocity
     step_error: dt.Float  # and the step's
 
 
 class Walk:
-    """Rays on their way through a medium between opaque shapes."""
+    """Rays in a medium between opaque shapes."""
 
     def __init__(
         self,
@@ -199,13 +199,13 @@ class Walk:
         return dr.maximum(RELATIVE_STEP * dr.max(dr.abs(point)), self.smallest_step / 50)
 
     def _advance(self, s: WalkState) -> WalkState:
-        way = self._way(s)
-        sight = self._sight(s, way)
-        move = self._move(s, way, sight)
-        s = self._with_errors(self._with_mode(s, way, sight, move), way, move)
-        return self._with_outcome(s, way, sight, move)
+        segment = self._segment(s)
+        sight = self._sight(s, segment)
+        move = self._move(s, segment, sight)
+        s = self._with_errors(self._with_mode(s, segment, sight, move), segment, move)
+        return self._with_outcome(s, segment, sight, move)
 
-    def _way(self, s: WalkState) -> _Way:
+    def _segment(self, s: WalkState) -> _Segment:
         """Find the next piece: up to the data, through a cell, or back to one."""
         import drjit as dr
 
@@ -223,7 +223,7 @@ class Walk:
         place = dr.select(outside, entrance.place, s.place)
         cell = medium.cell(place, (outside & entrance.found) | inside | seeking)
         to_face = dr.select(outside, entrance.distance + s.ahead, 0)
-        # A cell sees what is near, as rays need not be that are outside or have lost their way.
+        # A cell sees what is near, as rays need not be that are outside or have lost their segment.
         at_cell = s.point + heading * dr.select(seeking, s.ahead, to_face)
         remaining, entering = cell.entry_distance(at_cell, dr.select(seeking, -heading, heading))
         gap = to_face + remaining
@@ -237,7 +237,7 @@ class Walk:
         back = s.ahead - passage.distance
         came_in = steps_back & passage.ends
         length = dr.select(inside, passage.distance, dr.select(enters, gap, dr.inf))
-        return _Way(
+        return _Segment(
             speed=speed,
             heading=heading,
             outside=outside,
@@ -261,7 +261,7 @@ class Walk:
             came_in=came_in,
         )
 
-    def _sight(self, s: WalkState, way: _Way) -> _Sight:
+    def _sight(self, s: WalkState, segment: _Segment) -> _Sight:
         """Ask for opaque shapes, where the last answer does not hold any more.
 
         It holds while the ray stays within some roundings of that line (0.2 um in a scene that
@@ -271,17 +271,21 @@ class Walk:
         import mitsuba as mi
 
         overlap = OVERLAP_STEPS * RELATIVE_STEP * dr.max(dr.abs(s.point))
-        lateral_offset = s.lateral_offset + s.deflection * mi.Float(way.length)
-        known = (s.free > way.length + overlap + query_error(s.point, self.smallest_step)) & (
+        lateral_offset = s.lateral_offset + s.deflection * mi.Float(segment.length)
+        known = (s.free > segment.length + overlap + query_error(s.point, self.smallest_step)) & (
             lateral_offset < mi.Float(OVERLAP_STEPS * self.smallest_step)
         )
-        looks = (way.walks & (way.length > 0) & ~known) | (way.outside & ~way.leaves) | way.came_in
-        start = s.point - way.heading * overlap
-        hit = ray_query(self.opaque, start, way.heading, self.coherent, looks)
+        looks = (
+            (segment.walks & (segment.length > 0) & ~known)
+            | (segment.outside & ~segment.leaves)
+            | segment.came_in
+        )
+        start = s.point - segment.heading * overlap
+        hit = ray_query(self.opaque, start, segment.heading, self.coherent, looks)
         seen = looks & hit.is_valid()
         rough = mi.Float64(hit.t) - overlap
         return _Sight(
-            ended=seen & (rough <= way.length),
+            ended=seen & (rough <= segment.length),
             hit=hit,
             rough=rough,
             free=dr.select(looks, dr.select(seen, rough, dr.inf), s.free),
@@ -289,30 +293,30 @@ class Walk:
             lateral_offset=dr.select(looks, 0, s.lateral_offset),
         )
 
-    def _move(self, s: WalkState, way: _Way, sight: _Sight) -> _Move:
+    def _move(self, s: WalkState, segment: _Segment, sight: _Sight) -> _Move:
         """Pass the piece: through a cell by a step of order 4, straight to or back to the data."""
         import drjit as dr
         import mitsuba as mi
 
-        cell, heading = way.cell, way.heading
-        passes = way.walks & ~sight.ended
-        enters, came_in = way.enters & ~sight.ended, way.came_in & ~sight.ended
-        time = dr.select(passes, way.length / way.speed, 0)
+        cell, heading = segment.cell, segment.heading
+        passes = segment.walks & ~sight.ended
+        enters, came_in = segment.enters & ~sight.ended, segment.came_in & ~sight.ended
+        time = dr.select(passes, segment.length / segment.speed, 0)
         stepped = nystrom_step(
             s.point, s.velocity, lambda point: cell.acceleration(point, heading), time
         )
         error = mi.Vector3f(cell.gradient_error(stepped.middle, heading))
-        straight = dr.select(enters, way.gap, dr.select(came_in, way.back, 0))
+        straight = dr.select(enters, segment.gap, dr.select(came_in, segment.back, 0))
         # Where the data's boundary is folded, a ray that goes back out of them would meet the same
         # fold for ever: it goes straight on from where it turned back.
-        leaves_data = passes & way.passage.ends
-        length = dr.select(passes, way.length, straight)
+        leaves_data = passes & segment.passage.ends
+        length = dr.select(passes, segment.length, straight)
         retreat = dr.maximum(s.retreat - length, 0)
         skipped = dr.select(leaves_data, retreat, 0)
         point = mi.Point3d(dr.select(passes, stepped.point, s.point + heading * straight))
         point = mi.Point3d(point + heading * skipped)
         refractivity = cell.refractivity(point)
-        starts = (s.entry_index == 0) & (enters | way.arrives | came_in)
+        starts = (s.entry_index == 0) & (enters | segment.arrives | came_in)
         velocity = dr.select(passes, stepped.velocity, s.velocity)
         return _Move(
             passes=passes,
@@ -324,73 +328,75 @@ class Walk:
             velocity=dr.select(starts | enters, heading * (1 + refractivity), velocity),
             gain=velocity - s.velocity,
             refractivity=refractivity,
-            time=dr.select(passes, time, straight / way.speed),
+            time=dr.select(passes, time, straight / segment.speed),
             skipped=skipped,
             retreat=retreat - skipped,
-            way=length,
+            segment=length,
             gradient_error=dr.select(passes, error * mi.Float(time), 0),
             step_error=dr.select(passes, dr.norm(mi.Vector3f(stepped.velocity_error)), 0),
         )
 
-    def _with_mode(self, s: WalkState, way: _Way, sight: _Sight, move: _Move) -> WalkState:
+    def _with_mode(self, s: WalkState, segment: _Segment, sight: _Sight, move: _Move) -> WalkState:
         """Where the ray is now, and what is known of the path ahead."""
         import drjit as dr
         import mitsuba as mi
 
-        inside = move.enters | way.arrives | move.came_in
+        inside = move.enters | segment.arrives | move.came_in
         mode = dr.select(inside, mi.UInt32(INSIDE), s.mode)
-        outside = move.leaves_data | way.lost | (way.seeking & way.passage.lost)
+        outside = move.leaves_data | segment.lost | (segment.seeking & segment.passage.lost)
         mode = dr.select(outside, mi.UInt32(OUTSIDE), mode)
-        mode = dr.select(way.astray, mi.UInt32(SEEKING), mode)
-        place = dr.select(move.passes | way.steps_back, way.passage.place, way.place)
-        here = self.medium.unentered(way.place)
-        place = dr.select(way.arrives | move.came_in, here, place)
-        ahead = dr.select(way.again, 4 * s.ahead, self._step_at(move.point))
-        ahead = dr.select(way.astray, way.gap, ahead)
+        mode = dr.select(segment.astray, mi.UInt32(SEEKING), mode)
+        place = dr.select(move.passes | segment.steps_back, segment.passage.place, segment.place)
+        here = self.medium.unentered(segment.place)
+        place = dr.select(segment.arrives | move.came_in, here, place)
+        ahead = dr.select(segment.again, 4 * s.ahead, self._step_at(move.point))
+        ahead = dr.select(segment.astray, segment.gap, ahead)
         deflection = sight.deflection + dr.norm(mi.Vector3f(move.gain))
-        gone_aside = dr.select(move.passes, deflection * mi.Float(way.length), 0)
+        gone_aside = dr.select(move.passes, deflection * mi.Float(segment.length), 0)
         return s._replace(
             mode=mode,
             place=dr.select(sight.ended, s.place, place),
-            ahead=dr.select(way.steps_back, way.back, ahead),
-            free=sight.free - (move.way + move.skipped),
+            ahead=dr.select(segment.steps_back, segment.back, ahead),
+            free=sight.free - (move.segment + move.skipped),
             deflection=deflection,
             lateral_offset=sight.lateral_offset + gone_aside,
             retreat=move.retreat,
         )
 
-    def _with_errors(self, s: WalkState, way: _Way, move: _Move) -> WalkState:
+    def _with_errors(self, s: WalkState, segment: _Segment, move: _Move) -> WalkState:
         """Add up the path length and the estimates of its errors."""
         import drjit as dr
         import mitsuba as mi
 
         time, gained = mi.Float(move.time), move.gradient_error
-        along = dr.select(move.passes, dr.dot(move.gain, way.heading) / 2, 0)
+        along = dr.select(move.passes, dr.dot(move.gain, segment.heading) / 2, 0)
         of_steps = s.step_velocity_error + move.step_error / 2
         return s._replace(
             point=move.point,
             velocity=move.velocity,
-            path_length=s.path_length + move.skipped + move.time * (way.speed + along),
+            path_length=s.path_length + move.skipped + move.time * (segment.speed + along),
             position_error=s.position_error + (s.velocity_error + gained / 2) * time,
             velocity_error=s.velocity_error + gained,
             step_position_error=s.step_position_error + dr.abs(time) * of_steps,
             step_velocity_error=s.step_velocity_error + move.step_error,
         )
 
-    def _with_outcome(self, s: WalkState, way: _Way, sight: _Sight, move: _Move) -> WalkState:
+    def _with_outcome(
+        self, s: WalkState, segment: _Segment, sight: _Sight, move: _Move
+    ) -> WalkState:
         """Count, and end the rays that hit, escape or give up."""
         import drjit as dr
         import mitsuba as mi
 
         ended, contrast = sight.ended, move.refractivity - self.ambient
-        at_wall = (move.enters & way.entrance.wall) | (move.leaves_data & way.passage.wall)
+        at_wall = (move.enters & segment.entrance.wall) | (move.leaves_data & segment.passage.wall)
         opened = (move.enters | move.came_in | move.leaves_data) & ~at_wall
         # Where a ray starts does not count.
-        sought = way.lost | (way.astray & (s.entry_index != 0))
+        sought = segment.lost | (segment.astray & (s.entry_index != 0))
         relocations = s.relocations + dr.select(sought, mi.UInt32(1), 0)
         gave_up = (s.count + 1 >= self.limit) | (relocations > MOST_RELOCATIONS)
         gave_up &= s.active & ~ended
-        escaped = way.outside & ~way.entrance.found & ~ended
+        escaped = segment.outside & ~segment.entrance.found & ~ended
         # Whether it is the part, `_ended` looks up.
         outcome = dr.select(ended, mi.UInt32(HIT_PART), s.outcome)
         met = dr.select(move.passes | move.enters, dr.abs(mi.Float(contrast)), 0)

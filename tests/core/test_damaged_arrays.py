@@ -34,7 +34,7 @@ def test_arrays_come_back_as_numpy_reads_them(order: str) -> None:
 def test_a_length_that_is_not_there_takes_no_memory() -> None:
     """Before, 2e10 numbers were allocated, 149 GiB."""
     content = _bytes_of(np.zeros(10)).replace(b"(10,), }          ", b"(20000000000,), } ")
-    with pytest.raises(ValueError, match="states 160,000,000,000 bytes in place of 80"):
+    with pytest.raises(ValueError, match="states 160,000,000,000 bytes instead of 80"):
         array_in(content)
 
 

@@ -87,7 +87,7 @@ def test_too_few_points_are_one_clean_sentence() -> None:
     points, face = part.surface.even_places(600)
     top = part.region_of_face[face] == part.region_names.index("plane +z")
     kept = ~top | (np.cumsum(top) == 1) & top
-    said = r"plane:plane \+z is left out: 1 point was measured on it, and a plane takes at least 3;"
+    said = r"plane:plane \+z is left out: 1 point was measured on it, and a plane needs at least 3;"
     with pytest.warns(IriftraceWarning, match=said):
         rows = feature_table(
             {"cold": points[kept]}, face[kept], part, ["plane:plane +z"], gate=None

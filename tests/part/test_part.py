@@ -201,13 +201,13 @@ def test_rotation_names_the_heads_in_the_world(tmp_path: Path) -> None:
     }
 
 
-def test_inside_out_and_mixed_faces_are_mended_with_a_warning(tmp_path: Path) -> None:
+def test_inside_out_and_mixed_faces_are_repaired_with_a_warning(tmp_path: Path) -> None:
     good = trimesh.creation.icosphere(subdivisions=2, radius=20)
     volume = 0.999 * good.volume
     turned = good.faces[:, ::-1]
     mixed = good.faces.copy()
     mixed[::3] = mixed[::3, ::-1]
-    for faces, message in ((turned, "inside out"), (mixed, "face the other way")):
+    for faces, message in ((turned, "inward-facing normals"), (mixed, "face the other way")):
         trimesh.Trimesh(good.vertices, faces, process=False).export(tmp_path / "ball.ply")
         with pytest.warns(IriftraceWarning, match=message):
             part = read_part(tmp_path / "ball.ply")

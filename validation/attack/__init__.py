@@ -1,1 +1,1 @@
-"""Damaged input files, and what each reader makes of them."""
+"""Damaged input files, and how each reader handles them."""

@@ -1,4 +1,4 @@
-"""The formats that commands read: small valid files of each, and the reader that stands for it."""
+"""The formats that commands read: small valid files of each, and its reader."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ from validation.inputs import hot_block, stereo_files
 from validation.inputs.calibration_files import COEFFICIENTS, PLAIN, written_by_opencv
 
 _CELLS = 6
-"""Cells along an edge of the small field: every reader still sees each of its branches."""
+"""Cells along an edge of the small field, enough for every branch of each reader."""
 
 
 @frozen
@@ -70,7 +70,7 @@ class Door:
 
 
 def _saved(name: str, **options: Any) -> Callable[[Path], object]:
-    """Writes the small field under a name; its ending tells the format."""
+    """Writes the small field under a name; its suffix sets the format."""
 
     def make(folder: Path) -> None:
         hot_block.air(_CELLS).save(folder / name, **options)
@@ -281,7 +281,7 @@ def _calibrated(name: str) -> Callable[[Path], object]:
 
 
 def _cloud(name: str) -> Callable[[Path], object]:
-    """Writes 60 points under a name; its ending tells the format."""
+    """Writes 60 points under a name; its suffix sets the format."""
     points = 10.0 * np.random.default_rng(4).normal(size=(60, 3))
     faces = np.arange(60).reshape(-1, 3)
 

@@ -18,7 +18,7 @@ _VALUES = (0, 1, 0xFF, 0xFFFF, 0x7FFFFFFF, 0xFFFFFFFF, 0x7FFFFFFFFFFFFFFF, 0xFFF
 
 
 def mutated(content: bytes, random: Generator) -> bytes:
-    """The content with one kind of damage as a rule, at times with two or three."""
+    """The content with one kind of damage, sometimes with two or three."""
     for _ in range(min(random.geometric(0.6), 3)):
         damage = _DAMAGES[random.integers(len(_DAMAGES))]
         content = damage(content, random) if content else b""
@@ -26,7 +26,7 @@ def mutated(content: bytes, random: Generator) -> bytes:
 
 
 def _span(content: bytes, random: Generator) -> tuple[int, int]:
-    """Start and end of a block, short ones as likely as long ones."""
+    """Start and end of a block; short ones are as likely as long ones."""
     start = int(random.integers(len(content)))
     length = int(np.exp(random.uniform(0.0, np.log(len(content) + 1.0))))
     return start, min(start + length, len(content))
@@ -96,4 +96,4 @@ _DAMAGES: tuple[Callable[[bytes, Generator], bytes], ...] = (
     _integer,
     _integer,
 )
-"""Numbers in text and in binary count twice: what follows trusts them."""
+"""Numbers in text and in binary have twice the weight, because readers rely on them."""

@@ -1,4 +1,4 @@
-"""Processes that read damaged files, one after the other; one that dies or hangs is replaced."""
+"""Processes that read damaged files, one after the other; a crash or hang starts a new one."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from validation.attack.mutations import mutated
 OUTCOMES = ("valid", "InputError", "traceback", "crash", "hang", "above 4 GB")
 
 HANG_S = 20.0
-"""A file of some kilobytes is read in well under a second; a user gives up after some more."""
+"""Time limit, s: a file of some kilobytes is read in well under a second."""
 
 MOST_BYTES = 4 << 30
 """Address space that a worker may add to what it has before it reads."""
 
 _START_S = 10.0
-"""A worker imports for some seconds before its first case."""
+"""Time limit, s, for a worker's imports before its first case."""
 
 
 Task = tuple[int, int]
@@ -47,7 +47,7 @@ def damaged_files(number: int, seed: int, valid: dict[str, bytes]) -> tuple[str,
 
 
 def outcome(door: Door, folder: Path) -> tuple[str, str]:
-    """What the reader makes of the files in a folder: one of `OUTCOMES`, and its last words."""
+    """Outcome of reading the files in a folder, one of `OUTCOMES`, and its last message."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -116,7 +116,7 @@ def _start(room: Path, valid: dict[int, dict[str, bytes]]) -> _Worker:
 def outcomes(
     tasks: Iterator[Task], workers: int, room: Path, valid: dict[int, dict[str, bytes]]
 ) -> Iterator[tuple[Task, str, str]]:
-    """Every case with its outcome and last words; a worker that dies or hangs is replaced."""
+    """Every case with its outcome and last message; a worker that crashes or hangs is replaced."""
     team = [_start(room, valid) for _ in range(workers)]
     for worker in team:
         worker.give(next(tasks))

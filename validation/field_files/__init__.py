@@ -1,1 +1,1 @@
-"""Fields written as other programs write them, for checks of the readers."""
+"""Fields written in the formats of other programs, to test the readers."""

@@ -1,4 +1,4 @@
-"""An unstructured grid as OpenFOAM sees it: faces between an owner and a neighbour."""
+"""An unstructured grid in OpenFOAM's form: faces between an owner and a neighbour."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Patch:
 
 @frozen(eq=False)
 class FaceMesh:
-    """Faces with -1 in place of a fourth corner, in OpenFOAM's order: internal ones first.
+    """Faces with -1 instead of a fourth corner, in OpenFOAM's order: internal ones first.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ def face_mesh(grid: Any, patches: Sequence[Patch], groups: IntArray | None = Non
     order = np.argsort(number, kind="stable")
     count = np.bincount(number)
     if count.max() > 2:
-        raise ValueError("three cells share a face")
+        raise ValueError("three cells have a common face")
     start = np.concatenate(([0], np.cumsum(count)[:-1]))
     here, there = order[start], order[np.minimum(start + 1, len(order) - 1)]
     one = groups[cells[here]]

@@ -19,14 +19,14 @@ from validation.flow.table import Table, per_cent
 DIAMETER_MM, LENGTH_MM = 20.1, 50.0
 RAYS_RAYLEIGH = 2.43e4
 RUNS = {1e4: Run(33.514, 10.0, 8.0, 0.4), RAYS_RAYLEIGH: Run(60.0, 10.0, 6.0, 0.4)}
-"""By the Rayleigh number with the properties at the film temperature."""
+"""Cases by the Rayleigh number with the properties at the film temperature."""
 
 ANGLES_DEG = np.arange(0, 181, 30)
 HALF_SECTOR_DEG = 5.0
 NUSSELT_BOUND = 6.0
 """Per cent."""
 MIDDLE_MM = 10.0
-"""Length at mid-length that is looked at: the ends are not part of the plane solution."""
+"""Evaluated length at mid-length: the ends are not part of the plane solution."""
 
 RAYS_MM = np.array((0.02, 0.5, 1.0, 2.0, 3.0, 5.0))
 RAYS_MRAD = {

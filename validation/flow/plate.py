@@ -23,11 +23,11 @@ from validation.oracles.hot_plate import Profile, profile
 
 WALLS_C = (60.0, 200.0, 1100.0)
 HEIGHT_MM = 50.0
-"""Above the lower edge, of everything on the page."""
+"""Height above the lower edge of all evaluations on the page, mm."""
 DISTANCES_MM = np.array((0.0, 1.0, 2.0, 4.0, 6.0))
 COLUMNS = [f"{distance:g} mm" for distance in DISTANCES_MM]
 _STARTS_MM = np.maximum(DISTANCES_MM, 0.02)
-"""A little off a simulated wall, as a ray in its plane would touch it."""
+"""Distance from a simulated wall, because a ray in its plane would touch it, mm."""
 _OFF_WALL_MM = np.maximum(DISTANCES_MM, 1e-3)
 FLUX_HEIGHTS_MM = (20.0, 30.0, 40.0, 50.0, 60.0)
 ENGINE_BOUND, FLUX_BOUND = 1.0, 5.0

@@ -26,7 +26,7 @@ CAMERA = iriftrace.Camera(
     resolution=(8, 6),
     matrix=iriftrace.look_at((0.0, -500.0, 0.0), (0.0, 0.0, 0.0)),
 )
-"""Far from the hot air; the rays do not start from it."""
+"""Camera far from the hot air, needed for a scene; the rays do not start from it."""
 
 
 ROOM_C = 20.0

@@ -1,4 +1,4 @@
-"""Tables of the page: what a solution says, and by how much a computation differs."""
+"""Tables of the page: values of a solution, and the difference of a computation."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ class Table:
     beyond: list[str] = Factory(list)
 
     def expected(self, name: str, values: ArrayLike, digits: int = 4) -> None:
-        """A row of what the solution says."""
+        """A row of the solution's values."""
         self._row(name, [f"{value:.{digits}g}" for value in np.asarray(values)])
 
     def difference(self, name: str, per_cent: ArrayLike, bound: float | None = None) -> None:
-        """A row of differences, per cent, and what of them is beyond a bound, in bold."""
+        """A row of differences, per cent, with those beyond a bound in bold."""
         texts = []
         for column, value in zip(self.columns, np.asarray(per_cent), strict=True):
             text = f"{round(float(value), 1) + 0.0:+.1f} %"

@@ -1,1 +1,1 @@
-"""Air, parts, cameras, scenes and files that checks are made with."""
+"""Air, parts, cameras, scenes and files for the checks."""

@@ -1,4 +1,4 @@
-"""Camera calibrations as OpenCV writes them, and as others do."""
+"""Camera calibrations in the formats of OpenCV and other programs."""
 
 from __future__ import annotations
 

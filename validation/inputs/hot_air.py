@@ -128,7 +128,7 @@ def cylinder_medium() -> SmoothMedium:
 def formula_scene(
     folder: Path, part: Part, shells: ShellStack, field: IndexField, medium: SmoothMedium
 ) -> LoadedScene:
-    """A scene for the cells engine, whose field a formula then takes the place of."""
+    """A scene for the cells engine, whose field is then replaced by a formula."""
     xml = write_scene(folder, part, shells, ANY_CAMERA, paraview=False, field=field)
     scene = load_scene(xml, engine="cells")
     scene.integrator._air = medium

@@ -1,4 +1,4 @@
-"""Journals of running or killed programs, looked at from outside."""
+"""Read journals of running or killed programs."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 
 def pieces_done(journal: Path) -> int:
-    """Finished pieces in what a kill would leave at this moment.
+    """Finished pieces in the journal that a kill would leave at this moment.
 
     The program that writes has the file locked, so a copy is read; one of two files that do not
     belong together holds nothing for sure.

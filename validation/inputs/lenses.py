@@ -12,7 +12,7 @@ LENSES = {
     "rational": Distortion.of_sequence((0.8, -0.3, 1e-3, -1e-3, 0.1, 0.9, -0.1, 0.02)),
     "tangential": Distortion.of_sequence((0.0, 0.0, 0.01, -0.02)),
 }
-"""Up to a tenth of the picture's width; good lenses have a hundredth of that."""
+"""Distortion of up to a tenth of the picture's width; good lenses have a hundredth of that."""
 
 
 def lens_camera(lens: Distortion | None) -> Camera:

@@ -79,7 +79,7 @@ def nested_spheres(
 
 
 def film(width: int = 48, height: int = 40, **more: Any) -> dict[str, Any]:
-    """The film that first_hit wants."""
+    """The film that first_hit needs."""
     return {
         "type": "hdrfilm",
         "width": width,

@@ -1,4 +1,4 @@
-"""Media whose index is a formula, in the form that the cells engine takes its air."""
+"""Media whose index is a formula, in the form that the cells engine uses."""
 
 from __future__ import annotations
 

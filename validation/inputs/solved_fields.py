@@ -26,7 +26,7 @@ VIEWS: dict[str, Position] = {
     "along the axis": (235.0, 0.0, 0.0),
     "oblique": (60.0, -190.0, 110.0),
 }
-"""Where the cylinder is looked at from, mm."""
+"""Camera position for the cylinder, mm."""
 
 
 @frozen
@@ -52,7 +52,7 @@ class Solved:
         return read_part(folder_of(self.scene) / "part.ply")
 
     def field(self, folder: Path) -> IndexField:
-        """The whole air; where it has to be completed, from a file written to the folder."""
+        """The whole air; if it has to be completed, from a file written to the folder."""
         if not self.mirrored:
             return read_field(self.path)
         pieces = [pv.read(self.path)]

@@ -1,4 +1,4 @@
-"""Calibrations of one stereo sensor, written as the programs that labs use write them."""
+"""Calibrations of one stereo sensor, in the formats of common programs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FOUR = tuple(np.append(values[:4], 0.0) for values in COEFFICIENTS)
 
 ROTATION = cv2.Rodrigues(np.array((0.01, 0.35, -0.02)))[0]
 TRANSLATION = np.array((-229.3, 3.1, 38.7))
-"""From camera 1 to camera 2, mm."""
+"""Translation from camera 1 to camera 2, mm."""
 
 NAMES = {
     "stereoCalibrate": ("cameraMatrix{}", "distCoeffs{}", ("1", "2")),

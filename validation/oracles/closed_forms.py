@@ -169,7 +169,7 @@ def of_each(form: Callable[[float], float], values: Sequence[float]) -> dict[flo
 
 
 SLAB_SHIFT_UM = of_each(slab_shift_um, (15, 60, 85))
-"""By angle of incidence, degrees."""
+"""Shift by angle of incidence, degrees."""
 
 CYLINDER_UM = of_each(cylinder_displacement_um, (0.25, 0.75, 0.95, 0.999))
-"""By height over the axis, in radii."""
+"""Displacement by height over the axis, in radii."""

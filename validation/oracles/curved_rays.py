@@ -116,7 +116,7 @@ def displacements(
     medium : callable
     origin, direction : (r, 3) arrays, mm and unit vectors
     way_mm : float
-        Length of the ways before the part on which there is hot air.
+        Length of the paths before the part on which there is hot air.
     step_mm : float
         Where the gradient jumps, its error is that of one step there.
     """

@@ -1,4 +1,4 @@
-"""An HTML page as a reader meets it: what it refers to, its pictures, its tables and its text."""
+"""Content of an HTML page: references, pictures, tables and text."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Page(HTMLParser):
 
     @property
     def pictures(self) -> list[bytes]:
-        """All that is referred to; only embedded PNG pictures are allowed."""
+        """All references; only embedded PNG pictures are allowed."""
         start = "data:image/png;base64,"
         assert all(reference.startswith(start) for reference in self.references)
         found = [base64.b64decode(r.removeprefix(start), validate=True) for r in self.references]

@@ -97,7 +97,7 @@ def oracle(rays: int = ORACLE_RAYS) -> list[Line]:
 
 
 def sent_back() -> list[Line]:
-    """Light takes the same way back."""
+    """Light takes the same path back."""
     scene = load_scene(folder_of("cylinder") / "scene.xml", engine="shells")
     camera = np.array(CAMERA_MM)
     random = np.random.default_rng(7)
