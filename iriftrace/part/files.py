@@ -70,7 +70,7 @@ def load_mesh_file(path: Path) -> MeshFile:
             # Without processing, the order of the faces is that of the file.
             mesh = trimesh.load(path, process=False)
             if suffix in ("obj", "stl"):
-                unit = _remarked_unit(path)
+                unit = remarked_unit(path)
             else:
                 unit = getattr(mesh, "units", None)
             mesh = mesh.to_mesh() if isinstance(mesh, trimesh.Scene) else mesh
@@ -96,7 +96,7 @@ def load_mesh_file(path: Path) -> MeshFile:
     return MeshFile(vertices, faces, regions, unit, sha256_of(path), growth, drawing)
 
 
-def _remarked_unit(path: Path) -> str | None:
+def remarked_unit(path: Path) -> str | None:
     """Length unit that comments at the beginning of an OBJ file or the header of an STL state."""
     if path.suffix.lower() == ".stl":
         with path.open("rb") as content:
