@@ -91,8 +91,7 @@ def test_cells_may_be_quoted_or_empty_and_a_count_may_come_first(tmp_path: Path)
         "Time,x,y,z\n12:00:01,1.5,2.5,-3.5\n12:00:02,4.5,5.5,6.5\n",
         "2024-01-31;1,5;2,5;-3,5\n2024-01-31;4,5;5,5;6,5\n",
         "1.5 2.5 \N{MINUS SIGN}3.5\n4.5 5.5 6.5\n",
-        "***End_of_Header***\t\nTime\tX\tY\tZ\tComment\n"
-        "0\t1,5\t2,5\t-3,5\t\n1\t4,5\t5,5\t6,5\t\n",
+        "***End_of_Header***\t\nTime\tX\tY\tZ\tComment\n0\t1,5\t2,5\t-3,5\t\n1\t4,5\t5,5\t6,5\t\n",
         "x;y;z;\n1,5;2,5;-3,5;\n4,5;5,5;6,5;\n",
     ],
 )
