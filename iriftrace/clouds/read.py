@@ -223,15 +223,18 @@ def _single(columns: Mapping[str, AnyArray]) -> Columns:
 
 
 def _mesh_rows(file: Path, kind: str) -> tuple[FloatArray, Columns, tuple[str, ...], str]:
-    """Vertices (m, 3) of a mesh and, of a .ply, its columns, remarks and the unit it states."""
+    """Vertices (m, 3) of a mesh, of a .ply its columns and remarks, and the unit it states."""
     import trimesh
+
+    from iriftrace.part.files import remarked_unit
 
     try:
         if kind == ".ply":
             ply = read_ply(file)
             return ply.vertices, ply.vertex_columns, ply.remarks, ply.length_unit
         mesh: Any = trimesh.load(file, process=False)
-        return np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3), {}, (), ""
+        rows = np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3)
+        return rows, {}, (), remarked_unit(file) or ""
     # A damaged file meets trimesh in many ways, which it does not list.
     except Exception as error:
         raise InputError(f"{file} cannot be read ({error}); export the cloud again.") from error

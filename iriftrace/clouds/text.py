@@ -54,12 +54,13 @@ def read_table(
     rows = list(_without_count(rows, file))
     if not rows:
         return np.empty((0, 3)), "", {}
-    cells, separator = _cells(rows)
+    cells, separator, last_is_empty = _cells(rows)
     table = numbers(cells, separator, file, "points")
     count = table.shape[1]
     if count < 3:
         raise InputError(f"{file} has {count} columns; a point has three coordinates.")
-    names = header_of(before, count)
+    names = header_of(before, count + 1)[:count] if last_is_empty else []
+    names = names if len(names) == count else header_of(before, count)
     if not names and chosen is None and count > 3 and _counts_rows(table[:, 0]):
         raise InputError(
             f"The first of the {count} columns in {file} counts the rows, and none has a name; "
@@ -155,8 +156,11 @@ def _without_count(rows: Sequence[str], file: Path) -> Sequence[str]:
     return rows[1:]
 
 
-def _cells(rows: Sequence[str]) -> tuple[Sequence[str], str | None]:
-    """Rows without quotes and brackets, "nan" in their empty cells, and their separator."""
+def _cells(rows: Sequence[str]) -> tuple[Sequence[str], str | None, bool]:
+    """Rows without quotes and brackets, "nan" in their empty cells, and their separator.
+
+    A last column that is empty is left out; the third value is true where there was one.
+    """
     if not any("." in row for row in rows):
         rows = [_QUOTED_COMMA.sub(r"\1.\2", row) for row in rows]
     bare = [row.translate(_QUOTES) for row in rows]
@@ -164,11 +168,12 @@ def _cells(rows: Sequence[str]) -> tuple[Sequence[str], str | None]:
     if separator is None and any(re.search(r"^\t|\t\t|\t$", row) for row in bare):
         separator = "\t"
     if separator is None:
-        return bare, None
-    if all(row.rstrip(" ").endswith(separator) for row in bare):
+        return bare, None, False
+    last_is_empty = all(row.rstrip(" ").endswith(separator) for row in bare)
+    if last_is_empty:
         bare = [row.rstrip(" ").removesuffix(separator) for row in bare]
     empty = re.compile(rf"(?:^|(?<={separator})) *(?={separator}|$)")
-    return [empty.sub("nan", row) for row in bare], separator
+    return [empty.sub("nan", row) for row in bare], separator, last_is_empty
 
 
 def _text(file: Path) -> str:

@@ -27,7 +27,7 @@ LENGTH_UNITS = {
 
 _STATED_UNIT = re.compile(
     r"(?<![^\W_])(?:units?|einheit(?:en)?)(?:\s*[:=]\s*[\[(]?|\s+(?:in\s+)?)(?!in\s)([a-zµμ]+)"
-    r"|\b(?:coordinates|points|positions|lengths|values|koordinaten)\s+(?:are\s+)?in\s+([a-zµμ]+)",
+    r"|\b(?:coordinates|positions|koordinaten)\s+(?:are\s+)?in\s+([a-zµμ]+)",
     re.IGNORECASE,
 )
 _NAME = r"[A-Za-z°µμ%_]+(?:(?:\*\*|\^)[-+]?\d+)?"

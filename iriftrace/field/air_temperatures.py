@@ -14,6 +14,11 @@ from iriftrace.core.number_table import header_columns, numbers, separator_of
 from iriftrace.core.units import ZERO_CELSIUS_K, length_factor, parse_quantity
 
 COLUMNS = ("x", "y", "z", "T")
+_KELVIN_STEPS = {"K", "degC", "°C", "C"}
+_OTHER_NAMES = {"X": "x", "Y": "y", "Z": "z", "Temperature": "T", "temperature": "T"}
+
+COLDEST_K = 200.0
+"""No air around a hot part is colder; lower numbers are in other units."""
 
 
 @frozen(eq=False)
@@ -40,7 +45,15 @@ class AirTemperatures:
 def is_air_temperatures(path: Path) -> bool:
     """True if the first line of a file names the columns of `read_air_temperatures`."""
     with path.open(encoding="utf-8-sig", errors="replace") as file:
-        return set(COLUMNS) <= set(header_columns(file.readline(10_000).strip()))
+        return set(COLUMNS) <= set(_columns(file.readline(10_000)))
+
+
+def _columns(header: str) -> dict[str, str]:
+    """Names of the columns and their units, "" of none; of names between blanks, too."""
+    found = header_columns(header.strip())
+    if len(found) == 1:
+        found = header_columns(",".join(header.lstrip("#% ").split()))
+    return {_OTHER_NAMES.get(name, name): unit for name, unit in found.items()}
 
 
 def read_air_temperatures(path: str | Path) -> AirTemperatures:
@@ -57,13 +70,14 @@ def read_air_temperatures(path: str | Path) -> AirTemperatures:
     Raises
     ------
     InputError
-        The file is missing or damaged, a column is missing, or an uncertainty is not positive.
+        The file is missing or damaged, a column is missing, an uncertainty is not positive or in another
+        unit than T, or the air is colder than 200 K.
     """
     file = Path(path)
     check_readable(file)
     text = file.read_text(encoding="utf-8-sig", errors="replace")
     header, *rows = [line for line in text.splitlines() if line.strip()] or [""]
-    columns = header_columns(header)
+    columns = _columns(header)
     missing = [name for name in COLUMNS if name not in columns]
     if missing or not rows:
         raise InputError(
@@ -82,12 +96,21 @@ def read_air_temperatures(path: str | Path) -> AirTemperatures:
     step = 0.1 * (ten - zero)
     kelvins = zero + step * by_name["T"]
     if "U" in by_name:
+        if columns["U"] not in ("", unit) and {columns["U"], unit} - _KELVIN_STEPS:
+            raise InputError(
+                f"{file} has U in {columns['U']} and T in {unit}; give both in the same unit."
+            )
         deviations = 0.5 * step * by_name["U"]
     else:
         deviations = np.maximum(2.5, 0.0075 * np.abs(kelvins - ZERO_CELSIUS_K)) / np.sqrt(3.0)
     if not (deviations.min() > 0.0 and kelvins.min() > 0.0):
         raise InputError(
             f"{file} has temperatures below 0 K or uncertainties U of 0 K or less; correct them."
+        )
+    if kelvins.min() < COLDEST_K:
+        raise InputError(
+            f"{file} has air of {kelvins.min():.4g} K, as T is read in {unit}; write the unit of T "
+            "into the header, as in T (degC)."
         )
     places = [length_factor(columns[axis] or "mm") * by_name[axis] for axis in "xyz"]
     return AirTemperatures(np.column_stack(places), kelvins, deviations, str(file), sha256_of(file))

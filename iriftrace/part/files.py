@@ -69,7 +69,10 @@ def load_mesh_file(path: Path) -> MeshFile:
         else:
             # Without processing, the order of the faces is that of the file.
             mesh = trimesh.load(path, process=False)
-            unit = _remarked_unit(path) if suffix == "obj" else getattr(mesh, "units", None)
+            if suffix in ("obj", "stl"):
+                unit = remarked_unit(path)
+            else:
+                unit = getattr(mesh, "units", None)
             mesh = mesh.to_mesh() if isinstance(mesh, trimesh.Scene) else mesh
     except Exception as error:  # its readers raise any error for a damaged file
         if _DECIMAL_COMMA.search(path.read_bytes()[:4096]):
@@ -93,8 +96,12 @@ def load_mesh_file(path: Path) -> MeshFile:
     return MeshFile(vertices, faces, regions, unit, sha256_of(path), growth, drawing)
 
 
-def _remarked_unit(path: Path) -> str | None:
-    """Length unit that a comment at the beginning of an OBJ file states."""
+def remarked_unit(path: Path) -> str | None:
+    """Length unit that comments at the beginning of an OBJ file or the header of an STL state."""
+    if path.suffix.lower() == ".stl":
+        with path.open("rb") as content:
+            header = content.readline(80).decode("ascii", errors="replace")
+        return stated_length_unit(header) or None
     with path.open(encoding="utf-8", errors="replace") as file:
         lines = list(itertools.islice(file, 50))
     remarks = (line for line in lines if line.startswith("#"))

@@ -91,6 +91,8 @@ def test_cells_may_be_quoted_or_empty_and_a_count_may_come_first(tmp_path: Path)
         "Time,x,y,z\n12:00:01,1.5,2.5,-3.5\n12:00:02,4.5,5.5,6.5\n",
         "2024-01-31;1,5;2,5;-3,5\n2024-01-31;4,5;5,5;6,5\n",
         "1.5 2.5 \N{MINUS SIGN}3.5\n4.5 5.5 6.5\n",
+        "***End_of_Header***\t\nTime\tX\tY\tZ\tComment\n0\t1,5\t2,5\t-3,5\t\n1\t4,5\t5,5\t6,5\t\n",
+        "x;y;z;\n1,5;2,5;-3,5;\n4,5;5,5;6,5;\n",
     ],
 )
 def test_quotes_brackets_remarks_and_dates_are_no_part_of_numbers(
@@ -187,6 +189,14 @@ def test_a_unit_beside_the_names_is_that_of_the_numbers(header: str, tmp_path: P
     )
     with pytest.raises(InputError, match=r"states its coordinates in m, but .* in mm"):
         read_cloud(cloud, length_unit="mm")
+
+
+def test_an_obj_states_its_unit_in_a_comment(tmp_path: Path) -> None:
+    cloud = tmp_path / "cloud.obj"
+    cloud.write_text(
+        "# File units = meters\n" + "".join(f"v {x} {y} {z}\n" for x, y, z in POINTS[:, :3])
+    )
+    np.testing.assert_allclose(read_cloud(cloud).points, 1e3 * POINTS[:, :3], rtol=1e-6)
 
 
 def test_units_that_are_not_read_are_refused(tmp_path: Path) -> None:

@@ -99,6 +99,7 @@ def test_pint_is_loaded_only_for_units():
         ("# units: x in m", ""),
         ("# unit vectors, in m", ""),
         ("# scanned in Munich", ""),
+        ("# tolerance values in um", ""),
     ],
 )
 def test_remarks_state_length_units(remark, unit):

@@ -382,6 +382,29 @@ def test_a_table_of_fluent(tmp_path: Path) -> None:
     assert_the_box(read_field(tmp_path / "f.txt", temperature_unit="K"))
 
 
+@pytest.mark.parametrize(
+    ("header", "unit"),
+    [
+        ("Points:0,Points:1,Points:2,T", None),
+        ("Points_0,Points_1,Points_2,T", None),
+        ("X Location (m),Y Location (m),Z Location (m),T", "m"),
+        ("x_m,y_m,z_m,T", "m"),
+        ("x,y,z,T\nm,m,m,K", "m"),
+        ("x,y,z,T\n[m],[m],[m],[K]", "m"),
+        ("# units: m, K\n# x,y,z,T", "m"),
+        ("# x y z T", None),
+    ],
+)
+def test_names_and_units_of_other_programs(tmp_path: Path, header: str, unit: str | None) -> None:
+    """ParaView, ANSYS, tables with a row of units, and NumPy."""
+    rows = np.column_stack((POINTS / (1e3 if unit else 1.0), KELVIN))
+    mark = "," if "," in header else " "
+    np.savetxt(tmp_path / "f.txt", rows, "%.12e", mark, header=header, comments="")
+    field = read_field(tmp_path / "f.txt", temperature_unit="K")
+    assert_the_box(field)
+    assert field.source.length_unit == (unit or "mm")
+
+
 def test_complex_values_and_files_of_tecplot_are_named_as_such(tmp_path: Path) -> None:
     complex_values = "% x y z T (K)\n" + "".join(f"1 2 {k} 300+0.5i\n" for k in range(9))
     tecplot = (

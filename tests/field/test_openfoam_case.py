@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import hashlib
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -329,7 +330,18 @@ def wrong_gz(case: Path) -> None:
     (case / "2.5/T.gz").write_bytes(gzip.compress(b"FoamFile")[:-6])
 
 
+def with_variable(case: Path) -> None:
+    text = (case / "2.5/T").read_text()
+    (case / "2.5/T").write_text(re.sub(r"(value\s+)(non)?uniform[^;]*", r"\1uniform $hot", text))
+
+
+def twice(case: Path) -> None:
+    (case / "2.5/T.gz").write_bytes(gzip.compress((case / "2.5/T").read_bytes()))
+
+
 DAMAGE = {
+    "a variable": (with_variable, r"2\.5/T cannot be read; it has variables or directives"),
+    "packed and plain": (twice, r"both T and T\.gz"),
     "no mesh": (remove("constant/polyMesh"), "has no mesh"),
     "regions": (regions, "the regions air; convert the air with `foamToVTK -region air`"),
     "collated": (collated, "collated format.*reconstructPar"),

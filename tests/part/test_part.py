@@ -287,6 +287,21 @@ def test_gltf_is_in_metres_by_its_standard(tmp_path: Path, suffix: str) -> None:
         assert read_part(path, length_unit="mm").length_unit == "mm"
 
 
+@pytest.mark.parametrize("binary", [False, True])
+def test_an_stl_states_its_unit_in_its_header(tmp_path: Path, binary: bool) -> None:
+    mesh = trimesh.creation.box((2.0, 3.0, 4.0))
+    path = tmp_path / "box.stl"
+    content = mesh.export(file_type="stl" if binary else "stl_ascii")
+    header = b"solid UNITS=inch"
+    if binary:
+        path.write_bytes(header.ljust(80) + content[80:])
+    else:
+        path.write_bytes(header + b"\n" + content.encode().split(b"\n", 1)[1])
+    part = read_part(path)
+    assert part.length_unit == "inch"
+    np.testing.assert_allclose(np.ptp(part.bounds, axis=0), (50.8, 76.2, 101.6), rtol=1e-6)
+
+
 @pytest.mark.parametrize("remark", ["File units = meters", "Units: m"])
 def test_an_obj_states_its_unit_in_a_comment(tmp_path: Path, remark: str) -> None:
     text = trimesh.exchange.obj.export_obj(trimesh.creation.box(extents=(0.01, 0.02, 0.03)))

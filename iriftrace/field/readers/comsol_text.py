@@ -17,10 +17,16 @@ from attrs import evolve, frozen
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.number_table import is_numbers, numbers, separator_of
+from iriftrace.core.units import LENGTH_UNITS, stated_length_unit
 from iriftrace.field.readers.states import Column, column_of
 
 AXES = ("x", "y", "z")
-_COORDINATE = re.compile(r"([xyz])[-_ ]?coord(?:inate)?", re.IGNORECASE)
+_COORDINATE = re.compile(
+    r"(?P<axis>[xyz])(?:[-_ ]?(?:coord(?:inate)?|location))?(?:_(?P<unit>um|mm|cm|m|inch))?"
+    r"|points?[:_](?P<number>[012])",
+    re.IGNORECASE,
+)
+"""Names of coordinates: "x", "x-coordinate" (Fluent), "X Location" (ANSYS), "Points:0", "x_mm"."""
 _COMPLEX = re.compile(r"[\d.][+-][\d.eE+-]*[ij](?:[\s,;]|$)")
 _TECPLOT = re.compile(r"\s*(?:TITLE|VARIABLES)\s*=", re.IGNORECASE)
 
@@ -94,6 +100,8 @@ class TextFile:
     def length_unit(self) -> str | None:
         """Unit of the coordinates, where the header states it."""
         text = self.entries.get("length unit", "").strip("[]() ")
+        remarks = (line for line in self.sections[0].comments if line.startswith(("%", "#")))
+        text = text or next(filter(None, map(stated_length_unit, remarks)), "")
         return {"µm": "um", "μm": "um", '"': "inch"}.get(text, text) or None
 
     def origin(self, state: str) -> str:
@@ -221,10 +229,15 @@ def spreadsheet_columns(file: TextFile) -> list[Column]:
             f"{file.path} has no header line that names its columns (% x y z T (K)), so the "
             "temperature cannot be identified; export it with its header."
         )
-    line = _text_of(first.titles[-1])
     separator = file.separator
     count = len(first.rows[0].strip(separator or " ").split(separator))
-    names = _padded_names(line, count) if separator is None else _separated_names(line, separator)
+    names = _names(_text_of(first.titles[-1]), count, separator)
+    units = [name.strip("[]() ") for name in names]
+    if len(first.titles) > 1 and sum(unit.casefold() in LENGTH_UNITS for unit in units) == 3:
+        # A row of units stands below that of the names.
+        above = _names(_text_of(first.titles[-2]), count, separator)
+        if len(above) == len(units):
+            names = [f"{name} [{unit}]" for name, unit in zip(above, units, strict=True)]
     if len(names) != count:
         raise InputError(
             f"The header of {file.path} names {len(names)} columns, but its rows have {count}, so "
@@ -241,10 +254,18 @@ def spreadsheet_columns(file: TextFile) -> list[Column]:
     return columns
 
 
+def _names(line: str, count: int, separator: str | None) -> list[str]:
+    """Names of `count` columns in a line."""
+    return _padded_names(line, count) if separator is None else _separated_names(line, separator)
+
+
 def _axis_or(column: Column) -> Column:
-    """Rename a column ``x-coordinate``, as in Fluent's files, to x; keep other names."""
+    """Rename the column of a coordinate to x, y or z; keep other names."""
     match = _COORDINATE.fullmatch(column.name)
-    return column if match is None else evolve(column, name=match[1].lower())
+    if match is None:
+        return column
+    axis = match["axis"] or AXES[int(match["number"])]
+    return evolve(column, name=axis.lower(), unit=column.unit or match["unit"])
 
 
 def _padded_names(line: str, count: int) -> list[str]:
@@ -252,6 +273,8 @@ def _padded_names(line: str, count: int) -> list[str]:
     names = [name for name in _PADDED.split(line) if name]
     if len(names) == count:
         return names
+    if len(line.split()) == count and not re.search(r"[(\[@]", line):
+        return line.split()
     # A name longer than its column is followed by a single blank.
     words = line.split(None, 3)
     return words[:3] + (_NAMED.findall(words[3]) if len(words) > 3 else [])

@@ -26,6 +26,8 @@ from iriftrace.field.readers.vtk_process import read_case
 _PROCESSOR = re.compile(r"processor(\d+)")
 # Types of patches whose faces have no values of their own: neighbours, mirrors, or empty.
 _NO_VALUES = re.compile(r"processor.*|symmetry.*|wedge|empty|.*cyclic.*", re.IGNORECASE)
+_BINARY = re.compile(rb"\bformat\s+binary")
+_DIRECTIVE = re.compile(rb"\$\w|(?:^|\s)#\s*[a-z]+")
 _PATCH = re.compile(r"(?P<name>[^\s{}();]+)\s*\{[^{}]*?\btype\s+(?P<kind>\w+)\s*;")
 
 
@@ -60,7 +62,10 @@ def read(path: Path, member: int | None, *, flow: bool = False) -> Contents:
         name for name in _names(pieces[0], flow) if all(name in _names(p, flow) for p in pieces)
     ]
     if not names:
-        raise InputError(f"The case {path} has no scalar field at this time; is it complete?")
+        raise InputError(
+            f"The case {path} has no scalar field in its time folder {time}; choose another time "
+            "(--time)."
+        )
     _refuse_bare_patches(path, pieces, names)
     files = (
         file
@@ -195,16 +200,25 @@ def _piece(folder: Path, time: str, flow: bool) -> Piece:
         raise InputError(
             f"The mesh of the case {folder} cannot be read; is constant/polyMesh complete?"
         )
-    there = {file.name.removesuffix(".gz") for file in (folder / time).iterdir()}
+    files = [file.name for file in (folder / time).iterdir()]
+    there = {name.removesuffix(".gz") for name in files}
+    twice = {name for name in there if {name, f"{name}.gz"} <= set(files) and quantity_of(name)}
+    if twice:
+        raise InputError(
+            f"{folder / time} has both {min(twice)} and {min(twice)}.gz, of which OpenFOAM reads "
+            "the first; remove the one that is out of date."
+        )
     empty = {file.name for file in (folder / time).iterdir() if not file.stat().st_size}
     # VTK ignores an empty file as if it did not exist.
     damaged = there.intersection(n for n in (*named, *empty) if quantity_of(n))
     damaged = damaged.difference(grid.cell_data)
     if damaged:
-        raise InputError(
-            f"The file {folder / time / min(damaged)} cannot be read; a solver that was stopped "
-            "leaves such files, so choose another time (--time)."
-        )
+        file = folder / time / min(damaged)
+        why = "a solver that was stopped leaves such files"
+        text = file.read_bytes() if file.is_file() else b""
+        if _DIRECTIVE.search(text) and not _BINARY.search(text):
+            why = "it has variables or directives ($ or #), and a solver writes files without them"
+        raise InputError(f"The file {file} cannot be read; {why}, so choose another time (--time).")
     kinds = _patch_kinds(folder)
     patches = {
         name: mesh

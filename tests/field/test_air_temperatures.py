@@ -1,0 +1,44 @@
+"""Tables of thermocouples: their columns, units, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from numpy.testing import assert_allclose
+
+from iriftrace.core.errors import InputError
+from iriftrace.field.air_temperatures import is_air_temperatures, read_air_temperatures
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x,y,z,T (degC),U\n1.5,2,3,100,4\n",
+        "X [mm]\tY [mm]\tZ [mm]\tTemperature [°C]\tU [K]\n1,5\t2,0\t3,0\t100,0\t4,0\n",
+        "x (m);y (m);z (m);T;U\n0,0015;0,002;0,003;373,15;4\n",
+        "# x y z T U\n1.5 2 3 373.15 4\n",
+    ],
+)
+def test_names_and_units(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "air.csv"
+    path.write_text(text, encoding="utf-8")
+    assert is_air_temperatures(path)
+    found = read_air_temperatures(path)
+    assert_allclose(found.places, [(1.5, 2.0, 3.0)])
+    assert_allclose(found.kelvins, [373.15])
+    assert_allclose(found.deviations, [2.0])
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("x,y,z,T\n1,2,3,100\n", r"air of 100 K, as T is read in K.*T \(degC\)"),
+        ("x,y,z,T (K),U (mK)\n1,2,3,400,4\n", "U in mK and T in K"),
+    ],
+)
+def test_other_units_are_refused(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "air.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=words):
+        read_air_temperatures(path)
