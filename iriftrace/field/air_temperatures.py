@@ -70,8 +70,8 @@ def read_air_temperatures(path: str | Path) -> AirTemperatures:
     Raises
     ------
     InputError
-        The file is missing or damaged, a column is missing, an uncertainty is not positive or in another
-        unit than T, or the air is colder than 200 K.
+        The file is missing or damaged, a column is missing, an uncertainty is not positive or in
+        another unit than T, or the air is colder than 200 K.
     """
     file = Path(path)
     check_readable(file)
