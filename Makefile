@@ -39,7 +39,7 @@ test: $(VENV)/installed-dev $(VENV)/drawing llvm
 test-all: $(VENV)/installed-dev $(VENV)/drawing llvm
 	$(BIN)/python -m pytest $(TWO_AT_A_TIME) -m 'slow or not slow'
 
-# The linter of imports follows one folder, so it gets the package as it is once installed.
+# The linter of imports and mypy follow one folder, so they get the package as it is once installed.
 define rooms
 @rm -rf build/imports && mkdir -p build/imports && cp -r iriftrace build/imports/ \
     && cp -r plugins build/imports/iriftrace/plugins
@@ -50,7 +50,7 @@ lint: $(VENV)/installed-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(call rooms)
-	$(BIN)/mypy
+	cd build/imports && $(abspath $(BIN))/mypy --config-file ../../pyproject.toml
 
 docs: $(VENV)/installed-dev $(VENV)/drawing llvm
 	$(BIN)/python -m sphinx --builder html --fail-on-warning --keep-going --quiet docs docs/_build/html

@@ -26,7 +26,7 @@ def integrator_class(variant: str) -> type:
     import drjit as dr
     import mitsuba as mi
 
-    class AovIntegrator(mi.SamplingIntegrator):  # type: ignore[misc]
+    class AovIntegrator(mi.SamplingIntegrator):
         """Straight and bent first hits of each pixel's ray; what bends them is left open."""
 
         engine = "shells"
@@ -169,7 +169,8 @@ def integrator_class(variant: str) -> type:
 
         def counts(self, trace: Trace) -> dict[str, int]:
             """Numbers of rays for the report."""
-            return {"open_boundary": int(dr.count(trace.open_boundary)[0])}
+            count: dt.UInt32 = dr.count(trace.open_boundary)
+            return {"open_boundary": int(count[0])}
 
         def channel_values(
             self, trace: Trace, camera: dt.RayCamera

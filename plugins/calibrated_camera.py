@@ -59,7 +59,7 @@ def plugin_class(variant: str) -> type:
     import drjit as dr
     import mitsuba as mi
 
-    class CalibratedCamera(mi.Sensor):  # type: ignore[misc]
+    class CalibratedCamera(mi.Sensor):
         r"""Calibrated camera (``calibrated_camera``).
 
         =====================  =========  ==============================================  =========
@@ -218,7 +218,7 @@ def plugin_class(variant: str) -> type:
 
         def parameters_changed(self, keys: Sequence[str] = ()) -> None:
             # Entry by entry: a conversion as a whole would compile a kernel for each pose.
-            matrix = self.to_world.matrix
+            matrix: dt.Array = self.to_world.matrix
             pose = np.array([[float(matrix[i, j][0]) for j in range(4)] for i in range(4)])
             self._description = self._description.at(flip_axes(pose))
             self._projection = Projection(self._description.as_dict())

@@ -117,7 +117,8 @@ def plugin_class(variant: str) -> type:
         def prepare(self, scene: mi.Scene) -> PreparedScene:
             """Tables and sub-scene of a scene, and the field; kept until another scene is given."""
             assert self.air is not None
-            return super().prepare(scene)
+            prepared: PreparedScene = super().prepare(scene)
+            return prepared
 
         def surroundings_of(self, scene: mi.Scene, point: NDArray[np.float64]) -> str | None:
             """The surroundings of a point; which air it is, the field says, and not the shells."""
@@ -152,8 +153,8 @@ def plugin_class(variant: str) -> type:
 
         def counts(self, trace: Trace) -> dict[str, int]:
             """Also the rays whose tetrahedron had to be searched again."""
-            relocated = int(dr.count(trace.refracted.relocations > 0)[0])
-            return {**super().counts(trace), "relocated": relocated}
+            relocated: dt.UInt32 = dr.count(trace.refracted.relocations > 0)
+            return {**super().counts(trace), "relocated": int(relocated[0])}
 
         def shell_triangles(self, scene: mi.Scene, camera: dt.RayCamera, window: Window) -> None:
             """Not counted, as no ray looks at shells."""

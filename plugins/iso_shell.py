@@ -15,7 +15,7 @@ def plugin_class(variant: str) -> type:
     import drjit as dr
     import mitsuba as mi
 
-    class IsoShell(mi.BSDF):  # type: ignore[misc]
+    class IsoShell(mi.BSDF):
         r"""Iso-index shell (``iso_shell``).
 
         ============  =========  =====================================================  ========
@@ -78,9 +78,9 @@ def plugin_class(variant: str) -> type:
             active: dt.Bool = True,
         ) -> tuple[dt.BSDFSample3f, dt.Spectrum]:
             cos_in = mi.Frame3f.cos_theta(si.wi)
-            active = mi.Mask(active) & (cos_in != 0)
+            active = mi.Bool(active) & (cos_in != 0)
             if not ctx.is_enabled(mi.BSDFFlags.DeltaTransmission):
-                active = mi.Mask(False)
+                active = mi.Bool(False)
             inward = cos_in > 0
             into_inside = mi.Float(self.int_ior / self.ext_ior)
             into_outside = mi.Float(self.ext_ior / self.int_ior)
@@ -91,7 +91,7 @@ def plugin_class(variant: str) -> type:
             refracted = mi.Vector3f(
                 -si.wi.x / eta, -si.wi.y / eta, dr.select(inward, -cos_out, cos_out)
             )
-            sample = dr.zeros(mi.BSDFSample3f, dr.width(si.wi))
+            sample: dt.BSDFSample3f = dr.zeros(mi.BSDFSample3f, dr.width(si.wi))
             sample.wo = dr.select(reflected, mi.Vector3f(-si.wi.x, -si.wi.y, si.wi.z), refracted)
             sample.pdf = dr.select(active, mi.Float(1), 0)
             sample.eta = dr.select(reflected, mi.Float(1), eta)

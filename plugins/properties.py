@@ -75,7 +75,8 @@ def file_beside(props: mi.Properties, name: str, default: str) -> Path:
     import mitsuba as mi
 
     # Mitsuba's resolver knows the folder of the scene's file while that is read.
-    return Path(str(mi.file_resolver().resolve(word(props, name, default))))
+    resolver = mi.file_resolver()  # type: ignore[operator]  # a function that the stubs do not know
+    return Path(str(resolver.resolve(word(props, name, default))))
 
 
 def choice(props: mi.Properties, name: str, allowed: tuple[str, ...]) -> str:

@@ -7,10 +7,10 @@ them with their volumes, `consistent_gradient` then corrects its length to match
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from iriftrace.core.arrays import FloatArray, IntArray
 
@@ -60,7 +60,23 @@ MOST_CHANGE = 0.5
 """Largest relative change of a length in one iteration."""
 
 
-def cell_corners(grid: pv.UnstructuredGrid) -> dict[int, tuple[IntArray, IntArray]]:
+class LinearCells(Protocol):
+    """Cells at points, with the arrays of a pyvista.UnstructuredGrid."""
+
+    @property
+    def points(self) -> ArrayLike: ...
+
+    @property
+    def celltypes(self) -> ArrayLike: ...
+
+    @property
+    def cell_offsets(self) -> ArrayLike: ...
+
+    @property
+    def cell_connectivity(self) -> ArrayLike: ...
+
+
+def cell_corners(grid: LinearCells) -> dict[int, tuple[IntArray, IntArray]]:
     """Cells of a grid by VTK cell type: the (c,) cell and the (c, corners) point numbers."""
     types = np.asarray(grid.celltypes)
     starts = np.asarray(grid.cell_offsets, dtype=np.int64)[:-1]
@@ -73,7 +89,7 @@ def cell_corners(grid: pv.UnstructuredGrid) -> dict[int, tuple[IntArray, IntArra
     return result
 
 
-def point_gradient(grid: pv.UnstructuredGrid, values: FloatArray) -> FloatArray:
+def point_gradient(grid: LinearCells, values: FloatArray) -> FloatArray:
     """Gradient of a quantity at the points of a grid, whose cells are of the types in `CORNERS`.
 
     The volume-weighted mean of the constant gradients of the tetrahedra around a point (recovery by
@@ -120,7 +136,7 @@ def cell_centroids(grid: pv.UnstructuredGrid) -> FloatArray:
     return result
 
 
-def _point_columns(grid: pv.UnstructuredGrid) -> FloatArray:
+def _point_columns(grid: LinearCells) -> FloatArray:
     """Points of a grid as (3, n) float64, the layout in which gathering them is fast."""
     return np.ascontiguousarray(np.asarray(grid.points, dtype=np.float64).T)
 

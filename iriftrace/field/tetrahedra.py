@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from attrs import frozen
 
@@ -16,12 +14,10 @@ from iriftrace.field.gradient import (
     TETRAHEDRON,
     TETRAHEDRON_EDGES,
     WEDGE,
+    LinearCells,
     cell_corners,
 )
 from iriftrace.geometry.topology import cells_to_flip
-
-if TYPE_CHECKING:
-    import pyvista as pv
 
 BOUNDARY = 0x80000000
 """Flag in a neighbour's number where the data end; the rest is the boundary face's number."""
@@ -67,7 +63,7 @@ class Tetrahedra:
     boundary_place: NumberArray  # (b,) four times the tetrahedron's number plus that of its face
 
 
-def tetrahedra_of(grid: pv.UnstructuredGrid) -> Tetrahedra:
+def tetrahedra_of(grid: LinearCells) -> Tetrahedra:
     """Split linear cells into tetrahedra and find the neighbours.
 
     Every quadrilateral is cut at its lowest point number, which is the same from both sides. Every

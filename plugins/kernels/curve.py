@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from iriftrace.plugins.kernels.nystrom import nystrom_step
 from iriftrace.plugins.kernels.queries import HIT_BLOCKER, HIT_PART, query_error, settled
 from iriftrace.plugins.kernels.snell import distance_to_plane
-from iriftrace.plugins.kernels.tables import PART, SceneTables
+from iriftrace.plugins.kernels.tables import SceneTables
 from iriftrace.plugins.kernels.types import (
     Bool,
     Float,
@@ -25,6 +25,7 @@ from iriftrace.plugins.kernels.types import (
     UInt32,
     Vector3d,
 )
+from iriftrace.plugins.kernels.vertex_table import PART
 from iriftrace.plugins.kernels.walk import INSIDE, Walk, WalkState
 
 if TYPE_CHECKING:
@@ -128,4 +129,5 @@ def _ended(tables: SceneTables, medium: Medium, end: WalkState, tolerance: Float
         relocations=end.relocations,
         contrast=end.contrast,
     )
-    return settled(tables, hits)
+    on_their_faces: CurvedHits = settled(tables, hits)
+    return on_their_faces

@@ -24,9 +24,9 @@ from iriftrace.plugins.kernels.queries import (
     settled,
 )
 from iriftrace.plugins.kernels.snell import Triangle, distance_to_plane
-from iriftrace.plugins.kernels.tables import BLOCKER, PART, SceneTables
+from iriftrace.plugins.kernels.tables import SceneTables
 from iriftrace.plugins.kernels.types import Array, Bool, Float, Float64, Point3d, UInt32, Vector3d
-from iriftrace.plugins.kernels.vertex_table import SHELL
+from iriftrace.plugins.kernels.vertex_table import BLOCKER, PART, SHELL
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -88,7 +88,9 @@ def refracted_hits(
     marched = march.hits(end)
     hits = _back_on_front(opaque, tables, marched, end.segment, coherent, step)
     length = end.segment + (hits.path_length - marched.path_length)
-    return settled(tables, _fix_transitions(bending, tables, hits, end.memory, length))
+    fixed = _fix_transitions(bending, tables, hits, end.memory, length)
+    on_their_faces: RefractedHits = settled(tables, fixed)
+    return on_their_faces
 
 
 class _State(NamedTuple):

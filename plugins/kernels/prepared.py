@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from iriftrace.core.sampling import r2_sequence
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.queries import query_step, ray_query, same_crossing
-from iriftrace.plugins.kernels.tables import PART, SceneTables, shell_indices, surface_index
-from iriftrace.plugins.kernels.vertex_table import SHELL, aligned
+from iriftrace.plugins.kernels.tables import SceneTables, shell_indices, surface_index
+from iriftrace.plugins.kernels.vertex_table import PART, SHELL, aligned
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -217,7 +217,9 @@ def with_every_second_shell(prepared: PreparedScene) -> PreparedScene | None:
     sides = dict(zip(kept, pairwise(ends), strict=True))
 
     fewer = copy(prepared)
-    fewer.tables = prepared.tables.with_sides([sides.get(pair, (1.0, 1.0)) for pair in pairs])
+    fewer.tables = prepared.tables.with_sides(
+        [sides[pair] if pair in sides else (1.0, 1.0) for pair in pairs]
+    )
     fewer.scene = scene_beside(
         prepared.scene,
         [s for s, pair in zip(shapes, pairs, strict=True) if pair is None or pair in sides],

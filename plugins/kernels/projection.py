@@ -48,7 +48,9 @@ class Projection:
             opaque(size / count)
             for size, count in zip(description["sensor_mm"], description["resolution"], strict=True)
         )
-        self.focal_length = None if self.orthographic else opaque(description["focal_length_mm"])
+        self.focal_length: dt.Float64 = (
+            None if self.orthographic else opaque(description["focal_length_mm"])
+        )
         self.coefficients = None
         camera = Camera.from_dict(description)
         if camera.distortion is not None:

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.edges import settle
 from iriftrace.plugins.kernels.snell import distance_to_plane
-from iriftrace.plugins.kernels.tables import PART, SceneTables
+from iriftrace.plugins.kernels.tables import SceneTables
+from iriftrace.plugins.kernels.vertex_table import PART
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -47,7 +48,8 @@ class StraightHits(NamedTuple):
 def query_step(scene: mi.Scene) -> float:
     """Step along the ray that keeps a query from finding the triangle it starts on, mm."""
     box = scene.bbox()
-    return RELATIVE_STEP * max(abs(x) for corner in (box.min, box.max) for x in corner)
+    largest: float = max(abs(x) for corner in (box.min, box.max) for x in corner)
+    return RELATIVE_STEP * largest
 
 
 def query_error(origin: dt.Point3d, smallest_step: dt.Float64) -> dt.Float64:

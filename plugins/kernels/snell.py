@@ -140,7 +140,8 @@ def _gradual_push(
 
     lean = dr.dot(flat, smooth)
     cos_flat = dr.dot(direction, flat)
-    push, stretch, exists = dr.zeros(type(lean)), dr.zeros(type(lean)), None
+    push, stretch = dr.zeros(type(lean)), dr.zeros(type(lean))
+    exists: dt.Bool = None
     for _ in range(2):
         mean = dr.normalize(direction + 0.5 * push * smooth)
         cosine = dr.dot(mean, smooth)

@@ -84,8 +84,9 @@ def _runs_against_its_normals(shape: mi.Mesh) -> bool:
 
     corners = dr.unravel(mi.Vector3u, shape.faces_buffer())
     a, b, c = (dr.gather(mi.Point3f, shape.vertex_positions_buffer(), v) for v in corners)
-    normal = sum(dr.gather(mi.Vector3f, shape.vertex_normals_buffer(), v) for v in corners)
-    facing = dr.dot(dr.cross(b - a, c - a), normal)
+    normals = shape.vertex_normals_buffer()
+    normal: dt.Vector3f = sum(dr.gather(mi.Vector3f, normals, v) for v in corners)
+    facing: dt.Float = dr.dot(dr.cross(b - a, c - a), normal)
     return bool(dr.sum(dr.select(dr.isfinite(facing), facing, 0))[0] < 0)
 
 
@@ -192,7 +193,10 @@ class SceneTables:
         import drjit as dr
         import mitsuba as mi
 
-        registry = [int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape))[0]) for shape in shapes]
+        numbers: list[dt.UInt32] = [
+            dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape)) for shape in shapes
+        ]
+        registry = [int(number[0]) for number in numbers]
         table = np.zeros(max(registry) + 1, dtype=np.uint32)
         table[registry] = np.arange(len(shapes))
         return mi.UInt32(table)
@@ -202,7 +206,7 @@ class SceneTables:
         import drjit as dr
         import mitsuba as mi
 
-        registry = dr.reinterpret_array(mi.UInt32, preliminary.shape)
+        registry: dt.UInt32 = dr.reinterpret_array(mi.UInt32, preliminary.shape)
         return dr.gather(mi.UInt32, self._number, registry, active)
 
     def kind(self, shape: dt.UInt32, active: dt.Bool) -> dt.UInt32:
@@ -317,7 +321,8 @@ class SceneTables:
         part = (face >= self.part_first_face) & (
             face < self.part_first_face + self.part.face_count()
         )
-        return int(dr.count(seen & ~part)[0])
+        count: dt.UInt32 = dr.count(seen & ~part)
+        return int(count[0])
 
     def plane(self, face: dt.UInt32, active: dt.Bool) -> tuple[Triangle, dt.Vector3d]:
         """Corners and unit normal of triangles."""

@@ -79,7 +79,10 @@ class Cell:
         self._air, self._active = air, active
         self.number, self.entry = place >> 3, place & 7
         corners = dr.gather(mi.Vector4u, air.tetrahedra, 2 * self.number, active)
-        first, *others = (dr.gather(mi.Vector4f, air.points, 2 * c, active) for c in corners)
+        rows: list[dt.Vector4f] = [
+            dr.gather(mi.Vector4f, air.points, 2 * c, active) for c in corners
+        ]
+        first, *others = rows
         self._origin = mi.Point3d(first.xyz)
         self._edges = e1, e2, e3 = [other.xyz - first.xyz for other in others]
         areas = dr.cross(e2, e3), dr.cross(e3, e1), dr.cross(e1, e2)
@@ -98,9 +101,10 @@ class Cell:
             ),
             mi.Vector3f(0),
         )
-        self._recovered = [
-            dr.gather(mi.Vector4f, air.points, 2 * c + 1, active).xyz for c in corners
+        recovered: list[dt.Vector4f] = [
+            dr.gather(mi.Vector4f, air.points, 2 * c + 1, active) for c in corners
         ]
+        self._recovered = [row.xyz for row in recovered]
 
     def refractivity(self, point: dt.Point3d) -> dt.Float64:
         """Linear n - 1 at points (Float64; Point3d, mm)."""
@@ -288,7 +292,7 @@ class TetrahedralAir:
         places = np.column_stack((cells.points, excess, gradient, np.zeros(len(excess))))
         self.points = mi.Float(aligned(places.astype(np.float32).ravel()))
         self.recovered = recovered
-        wall = cells.wall[tetrahedra.boundary].all(axis=1)
+        wall = np.asarray(cells.wall[tetrahedra.boundary].all(axis=1))
         self.wall = mi.UInt32(aligned(wall.astype(np.uint32)))
         self.boundary_place = mi.UInt32(aligned(tetrahedra.boundary_place))
         self._boundary_faces = tetrahedra.boundary

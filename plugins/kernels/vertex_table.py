@@ -58,10 +58,11 @@ def shell_derivatives(
     import mitsuba as mi
 
     values = mi.traverse(shape)
-    gradient, *others = (
+    columns: list[FloatArray] = [
         np.nan_to_num(np.array(values[f"vertex_{name}"], dtype=np.float64).reshape(-1, size))
         for name, size in PLY_COLUMNS.items()
-    )
+    ]
+    gradient, *others = columns
     hessian = np.hstack(others)
     length = np.linalg.norm(gradient, axis=1, keepdims=True)
     found = np.divide(gradient, length, out=np.array(normals, dtype=np.float64), where=length > 0)
@@ -71,7 +72,7 @@ def shell_derivatives(
     return found, step * np.hstack((length, hessian))
 
 
-def _rotation(before: FloatArray, after: FloatArray) -> FloatArray:
+def _rotation(before: FloatArray, after: NDArray[np.floating]) -> FloatArray:
     """Rotation (3, 3) that takes vectors into unit vectors, in least squares (Kabsch 1976).
 
     A mesh's ``to_world`` turns its normals, but not what else its file knows.

@@ -180,7 +180,7 @@ class Walk:
             mi.UInt32: "shape primitive crossings relocations place count",
             mi.Bool: "opened",
         }
-        zero = {
+        zero: dict[str, dt.Array] = {
             name: dr.zeros(kind, width) for kind, names in kinds.items() for name in names.split()
         }
         return WalkState(
@@ -305,7 +305,7 @@ class Walk:
         stepped = nystrom_step(
             s.point, s.velocity, lambda point: cell.acceleration(point, heading), time
         )
-        error = mi.Vector3f(cell.gradient_error(stepped.middle, heading))
+        error: dt.Vector3f = mi.Vector3f(cell.gradient_error(stepped.middle, heading))
         straight = dr.select(enters, segment.gap, dr.select(came_in, segment.back, 0))
         # Where the data's boundary is folded, a ray that goes back out of them would meet the same
         # fold for ever: it goes straight on from where it turned back.
