@@ -197,7 +197,7 @@ def test_the_demo_keeps_a_scene_that_was_changed(fails: Failing, tmp_path: Path)
     changed = tmp_path / "out" / "scene" / "scene.xml"
     changed.parent.mkdir(parents=True)
     changed.write_text("<scene/>")
-    assert "has been changed" in fails("demo", "-o", "out")
+    assert "was edited by hand" in fails("demo", "-o", "out")
 
 
 def test_the_scene_does_not_replace_the_part(fails: Failing, hot: HotBlock, tmp_path: Path) -> None:
@@ -324,11 +324,11 @@ def test_definitions(fails: Failing, hot: HotBlock, text: str, words: str) -> No
 
 def test_a_scene_that_is_no_text(fails: Failing, tmp_path: Path) -> None:
     (tmp_path / "scene.xml").write_bytes(bytes(range(256)))
-    assert "scene.xml is no scene" in fails("render", "scene.xml")
+    assert "scene.xml is not a Mitsuba scene" in fails("render", "scene.xml")
 
 
 def test_a_field_in_place_of_a_scene(fails: Failing, hot: HotBlock) -> None:
-    assert "is no scene of Mitsuba's" in fails("render", hot.field)
+    assert "is not a Mitsuba scene" in fails("render", hot.field)
 
 
 # Images --------------------------------------------------------------------------------------
