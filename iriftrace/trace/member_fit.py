@@ -97,7 +97,7 @@ class MemberFit:
 
     @property
     def contained(self) -> bool:
-        """Whether the residual is below `DOUBTFUL` times the noise."""
+        """True if the residual is below `DOUBTFUL` times the noise."""
         return self.ratio < DOUBTFUL
 
     @property
