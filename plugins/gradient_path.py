@@ -1,4 +1,4 @@
-"""The integrator ``gradient_path``: rays through the field itself, without shells."""
+"""The integrator ``gradient_path``: rays through the field data, without shells."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """
-Shells, or the field itself
-===========================
+Shells, or the field data
+=========================
 
 The cells engine solves the ray equation from cell to cell of the solver's mesh and needs no
 shells. Both take gradients from the same cells, so their agreement says that there are shells

@@ -16,14 +16,14 @@ def main(arguments: list[str] | None = None) -> int:
     with watching():
         status = _run(sys.argv[1:] if arguments is None else arguments)
     if arguments is None and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        # What is left is Python's own end, which would show Ctrl-C as a traceback.
+        # The rest is Python's own end, which would show Ctrl-C as a traceback.
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     return status
 
 
 def _run(arguments: list[str]) -> int:
     try:
-        # Takes a moment, in which Ctrl-C must be noticed already.
+        # The import takes a moment, in which Ctrl-C must already be noticed.
         from iriftrace.cli.program import run
 
         raise_if_noticed()
@@ -37,5 +37,5 @@ def _run(arguments: list[str]) -> int:
             raise
         kept = ""
     ignore()
-    print(f"interrupted; {kept or 'nothing half written was left behind'}", file=sys.stderr)
+    print(f"interrupted; {kept or 'no incomplete file was left behind'}", file=sys.stderr)
     return exit_status()

@@ -37,16 +37,16 @@ def board(
     """Make a board of dots: its mesh, a page to print (.pdf) and the dots' centres (.csv).
 
     The board's frame has its origin at the middle dot, x to the right, y up and z towards the
-    viewer. Three larger dots, at the origin, two to the right of it and one above it, tell right
-    from up.
+    viewer. Three larger dots, at the origin, two to the right of it and one above it, mark right
+    and up.
 
     Example: ``iriftrace part board --size 300x200 --pitch 3 -o board.stl``
 
     Parameters
     ----------
     output
-        The board's mesh, a .ply, which keeps the named regions, or a .stl; page and table go beside
-        it.
+        The board's mesh, a .ply, which keeps the named regions, or a .stl; page and table are
+        written next to it.
     size
         Width and height, mm.
     pitch
@@ -54,7 +54,7 @@ def board(
     dot
         Diameter of the dots; by default half the pitch.
     thickness
-        Of the board, behind the dots.
+        Thickness of the board, behind the dots.
     """
     from iriftrace.cli.part import check_name, save_made
     from iriftrace.figures.board import write_board

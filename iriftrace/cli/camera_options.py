@@ -1,4 +1,4 @@
-"""Options about the camera and its orbit, and the camera and poses they stand for."""
+"""Options about the camera and its orbit, and the camera and poses that they define."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ FOCUS_MM = (50.0, 250.0)
 """Nearest and farthest sharp distance of the camera of Kern et al. (2025)."""
 
 FEWEST_PIXELS = 10
-"""Across the whole part; a picture with fewer measures nothing of it."""
+"""Minimum number of pixels across the whole part for a measurement."""
 
 Scale = Annotated[float, Parameter(group=CAMERA, help="Factor on the resolution.")]
 """Not one of the camera's options, because every command has its own default."""
@@ -61,27 +61,27 @@ class CameraOptions:
     resolution
         Pixels across and down, "2448,2048".
     principal_point
-        Where the axis meets the sensor in pixels as OpenCV counts them, from the centre of the
-        first one, "1223.5,1023.5".
+        Point where the axis meets the sensor, in pixels as OpenCV counts them, from the centre of
+        the first one, "1223.5,1023.5".
     distortion
         Lens distortion in OpenCV's order k1,k2,p1,p2[,k3[,k4,k5,k6]].
     calibration
-        Calibration of OpenCV, ROS or MATLAB (.yaml, .xml or .json) in place of the five options
-        above; its pose, where it has one, holds unless origin or target is given.
+        Calibration of OpenCV, ROS or MATLAB (.yaml, .xml or .json) instead of the five options
+        above; its pose, if it has one, is used unless origin or target is given.
     pixel_size
-        Width of a pixel, "2.74 um". A calibration, which knows pixels only, needs it for the
+        Width of a pixel, "2.74 um". A calibration, which is in pixels only, needs it for the
         lengths in mm that results state; no ray depends on it.
     calibration_length_unit
-        Unit of the translation in the calibration, mm by default; of a stereo calibration what
-        the file states, and m for ROS and Kalibr.
+        Unit of the translation in the calibration, mm by default; for a stereo calibration the
+        unit that the file states, and m for ROS and Kalibr.
     focus
         Nearest and farthest sharp distance NEAR:FAR; "0:inf" for no limit. By default 50:250, and
-        to the part's far end where the camera stands by default or as its calibration says.
+        to the part's far end if the camera stands by default or as its calibration states.
     origin
         Camera position in mm, "150,-100,120"; by default diagonally above, outside the hot air,
-        not nearer than the focus interval and so far that the picture holds the whole part.
+        beyond the near end of the focus and so far that the picture shows the whole part.
     target
-        Point that is looked at; by default the part's centre.
+        Point that the camera looks at; by default the part's centre.
     up
         Direction that is up in the picture.
     """
@@ -100,7 +100,7 @@ class CameraOptions:
     up: Vector = (0.0, 0.0, 1.0)
 
     def camera(self, part: Part, field: IndexField | None, stack: ShellStack) -> Camera:
-        """The camera these options describe, at its whole resolution."""
+        """The camera that these options describe, at its full resolution."""
         calibration = self._calibration()
         camera = self._described() if calibration is None else self._calibrated(calibration)
         placed = self.origin is not None or self.target is not None
@@ -117,7 +117,7 @@ class CameraOptions:
         return camera if self.focus is not None else with_all_in_focus(camera, camera, part)
 
     def has_pose(self) -> bool:
-        """True if the calibration says where its camera stands."""
+        """True if the calibration states the pose of its camera."""
         calibration = self._calibration()
         return calibration is not None and calibration.matrix is not None
 
@@ -160,27 +160,27 @@ class CameraOptions:
         found = read_calibration(self.calibration, length_mm=unit)
         if found.matrix is None and found.views and self.origin is None and self.target is None:
             warn(
-                f"{self.calibration} has {found.views} views of a calibration board, which are no "
-                "pose of the camera, so it looks from its usual place; give --origin and --target.",
+                f"{self.calibration} has {found.views} views of a calibration board, which are not "
+                "the camera's pose, so it looks from its usual place; give --origin and --target.",
                 stacklevel=2,
             )
         return found
 
     def refuse_intrinsics(self, option: str) -> None:
-        """Refuse options that a calibration, given by `option`, states too."""
+        """Refuse options that a calibration, given by `option`, also states."""
         standard = CameraOptions()
         for name in ("focal_length", "sensor", "resolution", "principal_point", "distortion"):
             if getattr(self, name) != getattr(standard, name):
                 raise InputError(
-                    f'--{name.replace("_", "-")} is "{getattr(self, name)}", but {option} says '
-                    "that too; leave one of them out."
+                    f'--{name.replace("_", "-")} is "{getattr(self, name)}", but {option} states '
+                    "it as well; leave one of them out."
                 )
 
     def _calibrated(self, calibration: Calibration) -> Camera:
-        """Intrinsics and, where there is one, the pose of a calibration."""
+        """Intrinsics and the pose, if there is one, of a calibration."""
         if self.pixel_size is None:
             raise InputError(
-                f"{self.calibration} knows lengths in pixels only; give the width of a pixel too, "
+                f"{self.calibration} has lengths in pixels only; give the width of a pixel too, "
                 'such as --pixel-size "2.74 um" (no ray depends on it, only the focal length and '
                 "the sensor's size that results state)."
             )
@@ -193,12 +193,12 @@ class CameraOptions:
     def placed(
         self, camera: Camera, part: Part, field: IndexField | None, stack: ShellStack
     ) -> Camera:
-        """The camera where origin, target and up have it, or where it sees all of the part."""
+        """The camera as origin, target and up place it, or where it sees all of the part."""
         from iriftrace.camera.pose import look_at
         from iriftrace.scene.viewpoint import default_viewpoint
 
         if not any(self.up):
-            raise InputError('--up is "0,0,0", which is no direction; give one, "0,0,1".')
+            raise InputError('--up is "0,0,0", which is not a direction; give one, "0,0,1".')
         if self.origin is not None:
             target = part.centre if self.target is None else self.target
             return camera.at(look_at(self.origin, target, self.up))
@@ -221,7 +221,7 @@ def refuse_unseen_part(camera: Camera, part: Part, source: str, remedy: str) -> 
 
 
 def with_all_in_focus(device: Camera, camera: Camera, part: Part) -> Camera:
-    """A device with a camera's focus interval, but as far as the part's farthest point at least."""
+    """A device with a camera's focus interval, extended to the part's farthest point if needed."""
     from attrs import evolve
 
     from iriftrace.scene.viewpoint import farthest_mm
@@ -240,9 +240,9 @@ class OrbitOptions:
     azimuth
         start:stop:count in degrees, both ends included, or one angle; 0:90:10 by default.
     elevation
-        The same; at +-90 degrees there is one pose only; -90:90:19 by default.
+        The same for the elevation; at +-90 degrees there is one pose only; -90:90:19 by default.
     target
-        Point that is looked at in mm, "0,0,0"; by default the part's centre.
+        Point that the camera looks at in mm, "0,0,0"; by default the part's centre.
     stand_off
         Added to the part's half extents to give the ellipsoid's semi-axes, one or several,
         "200mm,225mm"; by default 0.9 times the far end of the focus interval.
@@ -254,7 +254,7 @@ class OrbitOptions:
         Whether angles are the ellipsoid's parameters, as by default, or directions from its
         centre.
     fibonacci
-        Instead of angles: this many poses spread evenly over the ellipsoid.
+        Instead of angles: number of poses spread evenly over the ellipsoid.
     poses
         Instead of an orbit: file with a list of poses.
     turntable
@@ -282,15 +282,15 @@ class OrbitOptions:
 
     @property
     def is_orbit(self) -> bool:
-        """Whether poses are laid out around the part and not given."""
+        """True if poses are computed around the part and not given."""
         return self.poses is None and self.turntable is None
 
     def look_at(self, scene: LoadedScene) -> FloatArray | tuple[float, float, float]:
-        """The point that is looked at, (3,), mm, world."""
+        """The point that the camera looks at, (3,), mm, world."""
         return scene.part.centre if self.target is None else self.target
 
     def pose_sets(self, scene: LoadedScene) -> dict[float, PoseSet]:
-        """Poses by the stand-off (mm) of their orbit, which is NaN for any other poses."""
+        """Poses by the stand-off (mm) of their orbit, NaN for any other poses."""
         from iriftrace.camera.orbit import Orbit, fibonacci_poses, orbit_poses, parse_range
         from iriftrace.camera.pose_files import read_poses
         from iriftrace.camera.turntable import turntable_poses
@@ -298,7 +298,7 @@ class OrbitOptions:
         self._refuse_contradictions()
         if self.poses is not None and self.turntable is not None:
             raise InputError(
-                "Poses are of a file or a turntable; leave out --poses or --turntable."
+                "Poses come from a file or a turntable; leave out --poses or --turntable."
             )
         if self.poses is not None:
             convention, unit = self.convention or "opencv", self.length_unit or "mm"
@@ -326,13 +326,13 @@ class OrbitOptions:
         if self.poses is None:
             refuse_given(
                 of_a_file,
-                "says how a list of poses is written, but none is given; leave it out, or give "
+                "states the format of a list of poses, but none is given; leave it out, or give "
                 "--poses.",
             )
             if self.fibonacci is not None:
                 refuse_given(
                     grid,
-                    "lays out a grid of angles, but --fibonacci spreads the poses itself; leave "
+                    "sets a grid of angles, but --fibonacci spreads the poses itself; leave "
                     "out one of the two.",
                 )
             if self.turntable is None:
@@ -365,7 +365,7 @@ class OrbitOptions:
         far = scene.camera.focus_mm[1]
         if self.stand_off is None and not math.isfinite(far):
             raise InputError(
-                "The camera's focus has no far end from which a distance could follow; give "
+                "The camera's focus has no far end from which to compute a distance; give "
                 "--stand-off or --semi-axes."
             )
         lengths = self.stand_off or (0.9 * far,)

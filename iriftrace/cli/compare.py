@@ -30,8 +30,8 @@ def compare(
     """Compare measured pixel shifts between a cold and a hot picture with a rendering.
 
     Shifts are positions in the hot picture minus positions in the cold one, u to the right and v
-    down. The residual, measured minus simulated, is split into what a small rigid motion of the
-    camera between the two pictures explains, and the rest.
+    down. The residual, measured minus simulated, is split into the part that a small rigid motion
+    of the camera between the two pictures explains, and the rest.
 
     Example: ``iriftrace compare out.exr markers.csv``
 
@@ -43,10 +43,10 @@ def compare(
         A map of two channels (.exr, or .npy with the shape height, width, 2), or markers (.csv with
         the columns u, v, du, dv; pixel centres are whole numbers, as OpenCV counts).
     output
-        The JSON file; by default beside the EXR and named after both, such as
-        out_against_markers.json. The picture goes beside it.
+        The JSON file; by default next to the EXR and named after both, such as
+        out_against_markers.json. The picture is written next to it.
     positions
-        The picture in which the places were measured; most programs take the first, cold one.
+        The picture in which the places were measured; most programs use the first, cold one.
     figures
         Draw measured and simulated shifts and residuals.
     """
@@ -125,7 +125,7 @@ def _with_deviation(value: float, deviation: float, unit: str) -> str:
 
 
 def _digits(value: float, digits: int) -> str:
-    """So many significant digits, without an exponent."""
+    """A number with so many significant digits, without an exponent."""
     from numpy import format_float_positional
 
     return format_float_positional(value, precision=digits, fractional=False, trim="-")

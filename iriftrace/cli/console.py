@@ -1,7 +1,7 @@
 """The terminal: results to standard output, notes and bars to standard error, Ctrl-C from the user.
 
-Ctrl-C must end the program whatever it is doing. An extension module that is being imported, or a
-destructor, would swallow its exception: there the signal is noticed and sent again a moment later.
+Ctrl-C must end the program at any time. An extension module that is being imported, or a
+destructor, would swallow its exception. In these the signal is noticed and sent again later.
 """
 
 from __future__ import annotations
@@ -42,18 +42,18 @@ _first_signal = [signal.SIGINT]
 
 
 def say(text: str) -> None:
-    """Print a result as it is, on one line however long: a terminal breaks it, a file keeps it."""
+    """Print a result unchanged, on one line of any length, which only a terminal breaks."""
     out.print(text, markup=False, soft_wrap=True)
 
 
 def command_line(*words: object) -> str:
-    """A command of this program as the user's shell takes it, whatever its words contain."""
+    """A command of this program as the user types it into a shell, with any words."""
     texts = ["iriftrace", *map(str, words)]
     return list2cmdline(texts) if sys.platform == "win32" else shlex.join(texts)
 
 
 def say_finding(state: Literal["ok", "warn", "error"], name: str, text: str) -> None:
-    """Print what was found of a part of this machine's installation."""
+    """Print a finding about a part of this machine's installation."""
     colour = {"ok": "green", "warn": "yellow", "error": "red"}[state]
     out.print(f"[{colour}]{state:5}[/] [bold]{name}[/]", end="  ")
     say(text)
@@ -66,7 +66,7 @@ def show_warning(message: Warning | str, category: type[Warning], *_: object, **
 
 @contextmanager
 def working(what: str) -> Iterator[None]:
-    """Show what is being done, where somebody watches."""
+    """Show the current work in an interactive terminal."""
     raise_if_noticed()
     with notes.status(f"{what} ..."):
         yield
@@ -74,7 +74,7 @@ def working(what: str) -> Iterator[None]:
 
 
 def drawn(figure: Callable[[], Figure], picture: Path) -> Path:
-    """Draw a figure into a file, whose name is given back."""
+    """Draw a figure into a file; returns the file's name."""
     from iriftrace.figures.style import write_figure
 
     with working("Drawing"):
@@ -99,7 +99,7 @@ def late_bar(*columns: str | ProgressColumn, transient: bool) -> Iterator[Callab
     def report(done: int, total: int, **more: Any) -> None:
         raise_if_noticed()
         if not bar.live.is_started:
-            # What an earlier run has done must not count as speed.
+            # Results of an earlier run must not count as speed.
             bar.reset(task, total=total, completed=done, **more)
             bar.start()
         bar.update(task, completed=done, **more)
@@ -113,9 +113,9 @@ def late_bar(*columns: str | ProgressColumn, transient: bool) -> Iterator[Callab
 
 @contextmanager
 def pose_progress(output: Path, what: str = "Poses") -> Iterator[Callable[[int, int], None]]:
-    """Show a bar of finished and all poses, or what they are; at Ctrl-C say what is kept.
+    """Show a bar of finished and all poses or other pieces; at Ctrl-C state what is stored.
 
-    What is finished is kept in a journal beside the output.
+    Finished pieces are stored in a journal next to the output.
     """
     from iriftrace.sweep.journal import journal_of
 
@@ -128,7 +128,7 @@ def pose_progress(output: Path, what: str = "Poses") -> Iterator[Callable[[int, 
             if done:
                 kept = (
                     f"{done} of {total} {what.lower()} are kept in {journal_of(output)}, "
-                    "give the same command again to go on"
+                    "give the same command again to continue"
                 )
             show(done, total)
 
@@ -144,7 +144,7 @@ def pose_progress(output: Path, what: str = "Poses") -> Iterator[Callable[[int, 
 def watching() -> Iterator[None]:
     """Notice every Ctrl-C and SIGTERM inside the block, and raise it where it arrives intact.
 
-    Where Ctrl-C is ignored or somebody else's, as in a thread, nothing changes.
+    If Ctrl-C is ignored or handled by others, as in a thread, nothing changes.
     """
     former, former_hook = signal.getsignal(signal.SIGINT), sys.unraisablehook
     if (
@@ -158,7 +158,7 @@ def watching() -> Iterator[None]:
         if not issubclass(unraisable.exc_type, KeyboardInterrupt):
             former_hook(unraisable)
         elif _watching.is_set():
-            # It arrived in a destructor, say, which cannot raise anything.
+            # It arrived in a destructor, for example, which cannot raise anything.
             _raise_later()
 
     _noticed.clear()
@@ -180,13 +180,13 @@ def watching() -> Iterator[None]:
 
 
 def ignore() -> None:
-    """Let Ctrl-C do nothing any more, as the program is ending already."""
+    """Make Ctrl-C have no effect, as the program is already ending."""
     _watching.clear()
     _pending.clear()
 
 
 def noticed() -> bool:
-    """True after a Ctrl-C: any exception that follows may be what became of it."""
+    """True after a Ctrl-C: any exception that follows may be caused by it."""
     return _noticed.is_set()
 
 
@@ -196,7 +196,7 @@ def exit_status() -> int:
 
 
 def raise_if_noticed() -> None:
-    """Raise again what was swallowed on its way."""
+    """Raise a signal again whose exception was swallowed."""
     if noticed():
         _pending.clear()
         raise KeyboardInterrupt
@@ -209,7 +209,7 @@ def _notice(number: int, frame: FrameType | None) -> None:
         _first_signal[0] = signal.Signals(number)
     _noticed.set()
     if _importing(frame):
-        # Extension modules that are being imported swallow exceptions, or make others of them.
+        # Extension modules that are being imported swallow exceptions, or convert them to others.
         _raise_later()
         return
     _pending.clear()
@@ -236,5 +236,5 @@ def _send_again() -> None:
     if sys.platform == "win32":
         _thread.interrupt_main()
     else:
-        # Unlike the other, this ends waiting and sleeping too.
+        # Unlike the other function, this also ends waiting and sleeping.
         signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from iriftrace.cli.console import drawn, say, working
-from iriftrace.cli.options import Share, celsius, check_input, check_kept, check_numbers
+from iriftrace.cli.options import Fraction, celsius, check_input, check_kept, check_numbers
 from iriftrace.cli.trace_options import TraceOptions
 from iriftrace.cli.triangulation_options import (
     Features,
@@ -46,17 +46,17 @@ def correct(
     phase: Phase = None,
     feature: Features = None,
     gate: Gate = 3.5,
-    field_uncertainty: Share = 0.0,
-    expansion_uncertainty: Share | None = None,
+    field_uncertainty: Fraction = 0.0,
+    expansion_uncertainty: Fraction | None = None,
     temperature_uncertainty: Kelvins = None,
     trace: TraceOptions = TraceOptions(),
     figures: bool = True,
 ) -> None:
-    """Take the air's share out of a measured cloud.
+    """Remove the refraction error from a measured cloud.
 
     Correct each scan by itself, before it is merged with others. The scene has the two devices
-    where they stood. What was added to each point is written beside it. Of an ensemble of fields
-    the mean correction is taken, and its scatter is an uncertainty.
+    where they stood. The correction of each point is written as well. For an ensemble of fields
+    the correction is the mean over its members, and its scatter is an uncertainty.
 
     Example: ``iriftrace correct scan.vtp scene/scene.xml -o corrected.vtp --feature cylinder``
 
@@ -68,10 +68,10 @@ def correct(
         The scene's XML file.
     output
         The corrected cloud, .vtp, .ply, .e57, .asc, .xyz, .txt or .csv, in mm in the scene's frame:
-        all rows of the measured cloud in their order, with their further columns and what was added
-        to each; its numbers (.json) go next to it.
+        all rows of the measured cloud in their order, with their further columns and the correction
+        of each; its numbers (.json) are written next to it.
     length_unit
-        Unit of the cloud; by default that in the names of its columns, metre of an .e57, else mm.
+        Unit of the cloud; by default that in the names of its columns, metre for an .e57, else mm.
     columns
         Columns x, y and z of a text file, .ply or .vtp, by name or by number from 1: "Actual
         X,Actual Y,Actual Z" or "2,3,4". By default those whose names are x, y and z.
@@ -80,13 +80,13 @@ def correct(
     in_cloud_frame
         Write the corrected points in the frame and unit of the measured cloud.
     field_uncertainty
-        Standard uncertainty of the field, as a share of the air's contrast in refractive index,
-        "5 %"; the corrections' is the same share of them.
+        Standard uncertainty of the field, as a fraction of the air's contrast in refractive index,
+        "5 %"; that of the corrections is the same fraction of them.
     expansion_uncertainty, temperature_uncertainty
         Standard uncertainties of the part's thermal expansion, "2 %", and of its temperature,
         "10 K", for sizes at 20 degC. The scene has both values (iriftrace scene --expansion).
     figures
-        Draw what was taken out, and the deviation from the part, into a .png next to the output.
+        Draw the corrections, and the deviation from the part, into a .png next to the output.
     """
     from iriftrace.clouds.read import read_cloud
     from iriftrace.features.table import check_choices
@@ -128,7 +128,7 @@ def correct(
     _say_counts(values)
     say_features(features, "corrected", gate, found.state.synthetic)
     say_relations(related, "corrected", found.state.synthetic)
-    print_regions(regions, "Refraction error along the normal by region, taken out")
+    print_regions(regions, "Refraction error along the normal by region, removed")
     _say_expansion(found.growth, features)
     _say_uncertainty(found, values)
     say_field(found.provenance)
@@ -136,10 +136,10 @@ def correct(
 
 
 def _say_unsteadiness(unsteadiness: float | None, known: bool) -> None:
-    """Whether the uncertainties have that of a field that is not steady."""
+    """State whether the uncertainties include that of a field that is not steady."""
     if unsteadiness is None:
         say(
-            "The field is NOT STEADY and does not say how much it changes, which is missing from "
+            "The field is NOT STEADY and does not state how much it changes, which is missing from "
             "U: use several states of it (iriftrace scene --member)."
         )
     elif unsteadiness and known:
@@ -150,7 +150,7 @@ def _say_unsteadiness(unsteadiness: float | None, known: bool) -> None:
 
 
 def _say_expansion(growth: Growth | None, features: list[JsonObject]) -> None:
-    """At which temperature sizes hold, and what is not known of those at another one."""
+    """State the temperature for which sizes hold, and uncertainties missing at another one."""
     references = [row["at_reference"] for row in features if "at_reference" in row]
     if growth is None and any(row["size_mm"]["corrected"] for row in features):
         say(
@@ -166,24 +166,24 @@ def _say_expansion(growth: Growth | None, features: list[JsonObject]) -> None:
 
 
 def _say_counts(values: JsonObject) -> None:
-    """How many points are corrected, and what became of the others."""
+    """State how many points are corrected, and why the others are not."""
     counts, error = values["points"], values["error_mm"]
     say(
         f"{counts['corrected']:,} of {counts['measured']:,} points are corrected, by "
-        f"{um(error['median'])} (median; 95th percentile {um(error['p95'])}). As measured stay "
+        f"{um(error['median'])} (median; 95th percentile {um(error['p95'])}). Not corrected are "
         f"{counts['far_from_part']:,} far from the part (table, clamps, outliers) or on its "
         f"outline, {counts['hidden']:,} hidden from a device, {counts['outside_view']:,} behind a "
         f"device or beyond its lens, {counts['several_images']:,} with several images, "
         f"{counts['outside_field']:,} seen through no hot air, {counts['lost']:,} whose rays were "
-        f"lost on the way and {counts['uncertain']:,} whose correction is uncertain by more than "
-        "itself. As measured, the cloud lies "
-        f"{um(values['to_part_mm']['median'])} beside the part (median; 95th percentile "
+        f"lost on the way and {counts['uncertain']:,} whose correction is less than its "
+        "uncertainty. As measured, the cloud lies "
+        f"{um(values['to_part_mm']['median'])} from the part (median; 95th percentile "
         f"{um(values['to_part_mm']['p95'])})."
     )
 
 
 def _say_uncertainty(found: Correction, values: JsonObject) -> None:
-    """What the uncertainties contain, or why there is none."""
+    """State what the uncertainties contain, or why there is none."""
     if found.state.synthetic:
         say(
             "The air is synthetic, so that the corrections of sizes have no uncertainty: use a "
@@ -198,15 +198,15 @@ def _say_uncertainty(found: Correction, values: JsonObject) -> None:
     if found.u_normal is not None:
         say(
             "Standard uncertainty of the correction along the normal: "
-            f"{um(values['u_normal_mm']['median'])} (median). That of the air follows from what "
-            "is known of the field, that of the fit from the scatter of the points; the sensor's "
-            "systematic errors, and what shells and mesh leave, come on top."
+            f"{um(values['u_normal_mm']['median'])} (median). That of the air follows from the "
+            "uncertainty of the field, that of the fit from the scatter of the points; systematic "
+            "errors of the sensor, the shells and the mesh are not included."
         )
     _say_unsteadiness(found.state.unsteadiness, known=bool(found.u_contrast))
     if found.weights is not None and found.weights.covariance is not None:
         say(
             f"The weights of {len(found.weights.weights)} fields were fitted to measured shifts; U "
-            "includes their covariance and what the fit left."
+            "includes their covariance and the residual of the fit."
         )
     elif found.weights is not None:
         say(

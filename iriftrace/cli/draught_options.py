@@ -1,4 +1,4 @@
-"""Options about the wind around a part, and the draughts that they stand for."""
+"""Options about the wind around a part, and the draughts that they define."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class DraughtOptions:
         Speeds of a family, START:STOP:STEP in m/s, such as 0:0.2:0.02; each is solved from each of
         the directions.
     draught_from
-        Where the air comes from: degrees in the horizontal plane (0 is +x, 90 is +y), or X,Y,Z. Of
+        Where the air comes from: degrees in the horizontal plane (0 is +x, 90 is +y), or X,Y,Z. For
         a family the angles, 0,90,180,270.
     scheduler
         Let worker processes solve the members of a family: "local" starts them here,
@@ -46,15 +46,15 @@ class DraughtOptions:
 
     @property
     def address(self) -> str | None:
-        """Scheduler of the workers; None where the members are solved here."""
+        """Scheduler of the workers; None if the members are solved in this process."""
         return "local" if self.scheduler is None and self.workers is not None else self.scheduler
 
     def check(self, *, field: Path | None, write_only: bool) -> None:
-        """Refuse options that do not go together, and a scheduler that cannot be one."""
+        """Refuse options that do not go together, and an invalid scheduler."""
         if self.draughts is None:
             refuse_given(
                 {"--scheduler": self.scheduler, "--workers": self.workers},
-                "lets workers share the members of a family; give --draughts 0:0.2:0.02, or leave "
+                "lets workers solve the members of a family; give --draughts 0:0.2:0.02, or leave "
                 "it out.",
             )
             return
@@ -74,20 +74,20 @@ class DraughtOptions:
         if self.draught is None:
             refuse_given(
                 {"--draught-from": self.draught_from},
-                'is the direction of no draught; give its speed with --draught "0.2 m/s", or leave '
+                'is the direction of a draught without a speed; give --draught "0.2 m/s", or leave '
                 "it out.",
             )
             return None
         check_speed(self.draught)
         if self.draught_from is None:
             raise InputError(
-                f"--draught {self.draught:g} m/s has no direction; say where it comes from with "
+                f"--draught {self.draught:g} m/s has no direction; state where it comes from with "
                 "--draught-from 90 (degrees, 0 is +x) or --draught-from X,Y,Z."
             )
         return draught_from(self.draught, self.draught_from)
 
     def family(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Speeds, m/s, and directions, degrees, of a family; InputError for what is none."""
+        """Speeds, m/s, and directions, degrees, of a family; raises InputError if invalid."""
         from iriftrace.cfd.openfoam.family import check_family
 
         refuse_given(
@@ -100,12 +100,12 @@ class DraughtOptions:
 
 
 def _speeds(text: str) -> tuple[float, ...]:
-    """Speeds of START:STOP:STEP, m/s; the last is STOP where whole steps lead there."""
+    """Speeds of START:STOP:STEP, m/s; the last is STOP if whole steps lead there."""
     start, stop, step = numbers(text.strip().removesuffix("m/s"), 3, "--draughts", ":")
     count = (stop - start) / step if step else -1.0
     if not (step > 0.0 and 0.0 <= count < 1000.0):
         raise InputError(
-            f'--draughts is "{text}", which are no speeds; START must not be above STOP, STEP '
+            f'--draughts is "{text}", which are not speeds; START must not be above STOP, STEP '
             "positive and at most 1000 steps must lie between them."
         )
     # Rounded, so that three steps of 0.1 are 0.3.

@@ -60,10 +60,10 @@ def check(
 ) -> None:
     """Check a field against its part: wall, boundary layer, heat, edge of the data, gradients.
 
-    The heat that leaves with the air is balanced against the heat from the wall where the file has
+    The heat that leaves with the air is balanced against the heat from the wall if the file has
     velocities, as those of `iriftrace field simulate` and OpenFOAM's cases do.
 
-    Prints a verdict on each. The exit status is 0 also when they are bad; it is 2 when field and
+    Prints a verdict on each. The exit status is 0 also if they are bad; it is 2 if field and
     part do not belong together.
 
     Example: ``iriftrace field check field.vtu part.ply --wall-temperature "1100 degC"``
@@ -77,26 +77,26 @@ def check(
     output
         Write everything to this .json file too.
     wall_temperature
-        Temperature that the wall should have; by default that of the case.json beside a field of
+        Temperature that the wall should have; by default that of the case.json next to a field of
         ``iriftrace field simulate``.
     region_temperature
-        Another temperature that a region of the part should have, NAME=TEMPERATURE, or all that a
-        pattern fits, "plane -x*=900 degC"; repeatable; by default those of the case.json.
+        Another temperature that a region of the part should have, NAME=TEMPERATURE, or all regions
+        that match a pattern, "plane -x*=900 degC"; repeatable; by default those of the case.json.
     transition
-        Width over which one wall temperature goes over into another; by default that of the
+        Width over which one wall temperature changes into another; by default that of the
         case.json, else 0.
     diameter
-        Diameter of a horizontal cylinder with whose heat flux the wall's is compared; found by
-        itself for a part that is one.
+        Diameter of a horizontal cylinder with whose heat flux the wall's is compared; by default
+        that of a part that is one.
     origin
-        Where a camera stands, "x,y,z" in mm; adds how much of its view enters hot air at the edge
+        Camera position, "x,y,z" in mm; also reports how much of its view enters hot air at the edge
         of the data.
     """
     check_field(field)
     check_input(part)
     check_output(output, "check.json")
     if field_options.isosurfaces:
-        raise InputError("Iso-surfaces have no air between them to be checked; give the volume.")
+        raise InputError("Iso-surfaces have no air between them to check; give the volume.")
     if diameter is not None and not diameter > 0.0:
         raise InputError(f"--diameter is {diameter:g} mm, but a cylinder's diameter is positive.")
     measured = part_options.read(part, nearest_wall(partial(field_options.read, field, air.air())))
@@ -165,8 +165,8 @@ def synthetic(
 ) -> None:
     """Write a synthetic boundary layer and plume around a part: formulas, not a simulation.
 
-    For tests, teaching and quick looks: shapes and orders of magnitude are right, numbers are not,
-    and every result made from the file says that it is synthetic. The boundary layer falls with
+    For tests, teaching and first tries: shapes and orders of magnitude are right, numbers are
+    not. Every result made from the file states that it is synthetic. The boundary layer falls with
     (1 - d/thickness)^2 from the wall's temperature to ambient, d being the distance to the part;
     the plume is that of a laminar line source, round above a part that is round from above (see
     iriftrace.cfd.synthetic.model). The mesh ends on the part and is fine there.
@@ -182,23 +182,24 @@ def synthetic(
     wall_temperature
         Temperature of the part.
     region_temperature
-        Another temperature for a region of the part, NAME=TEMPERATURE, or for all that a pattern
-        fits, "plane -x*=900 degC"; repeatable.
+        Another temperature for a region of the part, NAME=TEMPERATURE, or for all that match a
+        pattern, "plane -x*=900 degC"; repeatable.
     transition
-        Width over which one wall temperature goes over into another; by default the boundary
+        Width over which one wall temperature changes into another; by default the boundary
         layer's thickness.
     ambient
         Temperature of the room.
     boundary_layer
         Thickness of the boundary layer; by default that of laminar convection at the part's size.
     plume
-        Excess temperature of the plume above the part's top, as a share of the wall's; 0 for none.
+        Excess temperature of the plume above the part's top, as a fraction of the wall's; 0 for
+        none.
     cell_size
         Size of the cells at the wall; by default a fifth of the boundary layer.
     sides
-        Air beside and below the part; by default as far as it is warm.
+        Air next to and below the part; by default as far as it is warm.
     height
-        Air above the part, beyond which the plume is cut off.
+        Air above the part, above which the plume is cut off.
     gradient
         Add the analytic gradient as array grad_T, K/mm.
     """
@@ -224,7 +225,7 @@ def synthetic(
     say(air.origin)
     say(
         f"  {grid.n_points:,} points, {grid.n_cells:,} cells, {size.cell_mm:.3g} mm at the wall; "
-        f"air {size.sides_mm:.3g} mm beside and below the part and {size.height_mm:.3g} mm above"
+        f"air {size.sides_mm:.3g} mm next to and below the part and {size.height_mm:.3g} mm above"
     )
     say(f"  T from {temperature.min():.6g} K to {temperature.max():.6g} K")
     say(f"Field in {output}; now run:  {scene_command(output, part, ambient, part_options)}")
@@ -233,7 +234,7 @@ def synthetic(
 def scene_command(
     field: Path, part: Path, ambient_k: float, part_options: PartOptions, *more: str
 ) -> str:
-    """The command that makes a scene, beside the field, of a field made here and its part."""
+    """The command that makes a scene, next to the field, from a field made here and its part."""
     scene = field.parent / "scene" / "scene.xml"
     words = ("--ambient", celsius(ambient_k), *more, *part_options.words())
     return command_line("scene", field, part, "-o", scene, *words)

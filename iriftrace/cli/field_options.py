@@ -1,4 +1,4 @@
-"""Options about air, part, field and shells, and the objects they stand for."""
+"""Options about air, part, field and shells, and the objects that they define."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class AirOptions:
     air_model: Literal["ciddor", "edlen"] = "ciddor"
 
     def air(self) -> Air:
-        """The air these options describe."""
+        """The air that these options describe."""
         from iriftrace.air.refractivity import Air
 
         return Air(
@@ -85,7 +85,7 @@ class PartOptions:
     Parameters
     ----------
     length_unit
-        Unit of the part's coordinates; by default what the file states (glTF: m), else mm.
+        Unit of the part's coordinates; by default the unit that the file states (glTF: m), else mm.
     part_transform
         Part to world: 16 numbers, a file with them, or "rotate x 90, scale 0.001".
     expansion
@@ -95,8 +95,8 @@ class PartOptions:
     hot_temperature
         Temperature of the hot part, "1050 degC", needed with expansion; repeatable for regions with
         another one, NAME=TEMPERATURE or a pattern, "plane -x*=900 degC"; or "field", those of the
-        field's wall. Where they differ, the part grows as a free elastic body, each place inside
-        with the temperature of the nearest wall, which is an approximation.
+        field's wall. If they differ, the part expands as a free elastic body. Each place inside has
+        the temperature of the nearest wall, which is an approximation.
     region_angle
         Faces that meet at a smaller angle (degrees) belong to one region.
     """
@@ -109,7 +109,7 @@ class PartOptions:
     region_angle: float = 30.0
 
     def read(self, path: Path, field_wall: Callable[[Part], Temperatures] | None = None) -> Part:
-        """Read the part; `field_wall` gives the temperatures of the field's wall, if need be."""
+        """Read the part; `field_wall` returns the temperatures of the field's wall, if needed."""
         from iriftrace.geometry.transform import parse_transform
         from iriftrace.part.part import read_part
         from iriftrace.part.uneven_growth import grown_unevenly
@@ -117,7 +117,7 @@ class PartOptions:
         hot = self.hot
         if self.expansion is None and hot.uneven:
             raise InputError(
-                "--hot-temperature names the field or regions, by which the part grows only with "
+                "--hot-temperature names the field or regions, by which the part expands only with "
                 "--expansion; give that, such as 14e-6/K."
             )
         matrix = None if self.part_transform is None else parse_transform(self.part_transform)
@@ -142,11 +142,11 @@ class PartOptions:
 
     @property
     def hot(self) -> HotTemperatures:
-        """What --hot-temperature says."""
+        """The values of --hot-temperature."""
         return HotTemperatures.of_words(self.hot_temperature)
 
     def words(self) -> list[str]:
-        """The options that differ from their defaults, as they are typed."""
+        """The options that differ from their defaults, as typed."""
         written: dict[str, Callable[[Any], str]] = {
             "expansion": lambda value: f"{value!r}/K",
             "reference_temperature": celsius,
@@ -168,23 +168,23 @@ class FieldOptions:
     Parameters
     ----------
     array
-        Name of the array, where it is not obvious.
+        Name of the array, if it is not obvious.
     quantity
-        What the array holds.
+        Quantity in the array.
     time
-        Which state of a field with several: latest, first, a time such as 2.5, or its name such as
+        State of a field with several: latest, first, a time such as 2.5, or its name such as
         "t=2.5, P=100".
     temperature_unit
-        Unit of a temperature array; by default what the file states, else K.
+        Unit of a temperature array; by default the unit that the file states, else K.
     field_length_unit
-        Unit of the field's coordinates; by default what the file states (OpenFOAM: m), else mm.
+        Unit of the field's coordinates; by default the one the file states (OpenFOAM: m), else mm.
     field_transform
         Field to world: 16 numbers, a file with them, or "rotate x 90, scale 0.001".
     isosurfaces
         The file holds ready-made iso-surfaces instead of volume cells; of the options for shells,
         only min-size, smooth, subdivide and triangles then apply.
     field_time
-        What the field is in time; stated in every result.
+        Kind of the field in time; stated in every result.
     field_symmetry
         Symmetry imposed on the field, such as "mirrored at x = 0"; stated in every result.
     """
@@ -208,10 +208,10 @@ class FieldOptions:
         *,
         flow: bool = False,
     ) -> IndexField:
-        """Read the volume field; the part is cut out of one that is scattered points.
+        """Read the volume field; the part is cut out of a field of scattered points.
 
-        Of a file with several states the one with the number `member`, else that of --time; with
-        its velocities, if `flow`.
+        From a file with several states, read the one with the number `member`, else that of --time;
+        with its velocities, if `flow`.
         """
         from iriftrace.field.read import read_field
         from iriftrace.field.readers.members import member_at
@@ -239,7 +239,7 @@ class FieldOptions:
 
     @property
     def steady(self) -> bool | None:
-        """True or False where the user says that the field is steady or not; else None."""
+        """True or False if the user states that the field is steady or not; else None."""
         return None if self.field_time is None else self.field_time == "steady"
 
     def notes(self) -> dict[str, str]:
@@ -264,7 +264,7 @@ class ShellOptions:
         End points OUTSIDE:INSIDE of the index steps, as n - 1 (2.718e-4:5.8e-5) or as temperatures
         ("20 degC:1100 degC"); by default ambient air and the hottest air of the field.
     levels
-        Own list of n - 1 for the shells, separated by commas, instead of layers and rule.
+        List of n - 1 for the shells, separated by commas, instead of layers and rule.
     rule
         Steps of the index and where a shell lies in them: "rim" is equal steps and one thin one
         outside; "midpoint" steps are equal, as in Kern et al. (2025); "graded" ones are finer at
@@ -273,13 +273,14 @@ class ShellOptions:
     min_size
         Pieces of a shell smaller than this are dropped.
     smooth
-        Taubin smoothing steps; smoothed shells have facet normals, and bend rays there alone.
+        Number of Taubin smoothing steps; smoothed shells have facet normals, and bend rays only
+        there.
     subdivide
-        Times every triangle is split into four.
+        Number of times that every triangle is split into four.
     drop_inner
-        Leave out this many of the innermost shells, as Kern et al. (2025) do; for studies.
+        Number of innermost shells to leave out, as Kern et al. (2025) do; for studies.
     triangles
-        Thin out the shells to about this many triangles in all; by default all are kept.
+        Reduce the shells to about this many triangles in all; by default all are kept.
     """
 
     layers: Whole = 13
@@ -311,7 +312,7 @@ class ShellOptions:
         return {"shells": f"the {self.drop_inner} innermost left out"} if self.drop_inner else {}
 
     def edited(self, stack: ShellStack, levels: int | None = None) -> ShellStack:
-        """Drop inner shells, smooth, subdivide and thin out as asked."""
+        """Drop inner shells, smooth, subdivide and reduce as requested."""
         from iriftrace.shells.decimate import decimate
         from iriftrace.shells.edit import smooth_taubin, subdivide_midpoint, without_inner
 
@@ -340,7 +341,7 @@ def _refractivity(end: str, air: Air) -> float:
     # n - 1 of air is far below this, a temperature in degC or n itself above.
     if not 0.0 <= value < 0.01:
         raise InputError(
-            f'--index-range has the end "{end}", which is no n - 1 of air (5.8e-5 at 1100 degC, '
+            f'--index-range has the end "{end}", which is not n - 1 of air (5.8e-5 at 1100 degC, '
             '2.718e-4 in the room); a temperature needs its unit, such as "20 degC".'
         )
     return value

@@ -1,4 +1,4 @@
-"""The command ``iriftrace fit``: weights of an ensemble's members from what was measured."""
+"""The command ``iriftrace fit``: weights of an ensemble's members from measurements."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ def fit(
     camera_motion: Annotated[bool, Parameter(negative=())] = False,
     trace: TraceOptions = TraceOptions(),
 ) -> None:
-    """Find which air it was: weights of an ensemble's members from shifts or temperatures.
+    """Find the measured air: weights of an ensemble's members from shifts or temperatures.
 
-    Weights are not negative and sum to 1; with them, what the members predict comes closest to what
-    was measured. The new scene has the members that matter, with their weights and what the
-    fit leaves uncertain: ``measure`` and ``correct`` use both.
+    Weights are not negative and sum to 1. They minimise the difference between the members'
+    predictions and the measured values. The new scene has the members that matter, with their
+    weights and the uncertainty of the fit; ``measure`` and ``correct`` use both.
 
     Example: ``iriftrace fit board/scene.xml shifts.csv -o fitted/scene.xml``
 
     Parameters
     ----------
     board
-        The scene of what was measured: an ensemble (--member) whose part is the board, with the hot
+        The scene of the measurement: an ensemble (--member) whose part is the board, with the hot
         part as the first --blocker; or the hot part, for marks on it and for thermocouples.
     measured
         Dots in the cold picture and their shifts to the hot one: .csv with the columns u, v, du, dv
@@ -48,15 +48,15 @@ def fit(
         y, z (mm), T (K) or T (degC), and U, their expanded uncertainty, if it is known.
     output
         XML file of the weighted scene, in a folder of its own; the fit's numbers (fit.json) go
-        beside it.
+        next to it.
     scene
         Scene of the hot part with the same fields and the measuring devices, to be weighted; by
-        default that of the board, in which the hot part takes the board's place.
+        default that of the board, in which the hot part replaces the board.
     noise
-        Standard deviation of a component of shifts, px; by default estimated from how much
-        neighbouring dots differ in what the fit leaves.
+        Standard deviation of a component of shifts, px; by default estimated from the differences
+        between the residuals of neighbouring dots.
     camera_motion
-        Fit a rigid motion of the camera between the two pictures, too.
+        Also fit a rigid motion of the camera between the two pictures.
     """
     from iriftrace.core.files import whole_file
     from iriftrace.scene.file import require_scene
@@ -83,13 +83,13 @@ def fit(
     with whole_file(numbers) as temporary:
         temporary.write_text(json.dumps(found.as_dict(), indent=2) + "\n", encoding="utf-8")
     say(f"Files: {output} with {len(listed)} members, {numbers}")
-    say(f"Correct a cloud by it:  {command_line('correct', 'CLOUD', output)}")
+    say(f"Correct a cloud with it:  {command_line('correct', 'CLOUD', output)}")
 
 
 def _fitted(
     board: Path, measured: Path, noise: float | None, camera_motion: bool, trace: TraceOptions
 ) -> MemberFit:
-    """Weights by temperatures in the air, or by shifts of dots."""
+    """Weights from temperatures in the air, or from shifts of dots."""
     from iriftrace.field.air_temperatures import is_air_temperatures, read_air_temperatures
     from iriftrace.image.measured_shift import read_measured_shift
     from iriftrace.trace.member_fit import fit_members
@@ -112,7 +112,7 @@ _WHAT = {"px": "dots", "K": "temperatures"}
 
 
 def _print_fit(found: MemberFit) -> None:
-    """Weights by member, and what the fit leaves."""
+    """Weights by member, and the residual of the fit."""
     table = Table(title="Members that reproduce what was measured")
     for heading in ("member", "field", "weight", "u", "alone"):
         table.add_column(heading, justify="left" if heading == "field" else "right")
@@ -128,7 +128,7 @@ def _print_fit(found: MemberFit) -> None:
                 f"{alone:.3g} {found.unit}",
             )
     out.print(table)
-    counts = {"hidden": "hidden", "beside": "beside the board", "lost": "lost"}
+    counts = {"hidden": "hidden", "beside": "next to the board", "lost": "lost"}
     left_out = [f"{found.dots[key]:,} {text}" for key, text in counts.items() if key in found.dots]
     left_out.append(f"{found.dots['outliers']:,} outliers")
     say(

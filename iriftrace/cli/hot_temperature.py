@@ -23,7 +23,7 @@ OPTION = "--hot-temperature"
 
 @frozen
 class HotTemperatures:
-    """Temperature of the part and of regions, K; or, where `of_field`, those of a field's wall."""
+    """Temperature of the part and of regions, K; or, if `of_field`, those of a field's wall."""
 
     default: float | None = None
     regions: dict[str, float] = field(factory=dict)
@@ -31,7 +31,7 @@ class HotTemperatures:
 
     @classmethod
     def of_words(cls, words: Sequence[str] | None) -> HotTemperatures:
-        """Read what users wrote: a temperature, NAME=TEMPERATURE, or "field"."""
+        """Read the user's words: a temperature, NAME=TEMPERATURE, or "field"."""
         given = list(words or ())
         if FIELD in given:
             if len(given) > 1:
@@ -50,18 +50,18 @@ class HotTemperatures:
 
     @property
     def single(self) -> float | None:
-        """The one temperature of the whole part, K; None where there are several or none."""
+        """The one temperature of the whole part, K; None if there are several or none."""
         return None if self.regions else self.default
 
     @property
     def uneven(self) -> bool:
-        """True where the part may not have the same temperature everywhere."""
+        """True if the part may not have the same temperature everywhere."""
         return self.of_field or bool(self.regions)
 
     def at_walls(
         self, part: Part, field_wall: Callable[[Part], Temperatures] | None
     ) -> Temperatures:
-        """Temperatures of the walls nearest to points; those of a field by `field_wall`."""
+        """Temperatures of the walls nearest to points; for a field those of `field_wall`."""
         from iriftrace.cfd.openfoam.wall import WallTemperatures, wall_temperature
         from iriftrace.part.region_choice import values_by_region
 

@@ -51,7 +51,7 @@ def measure(
         The cloud, .vtp, .ply, .e57, .asc, .xyz, .txt or .csv; its numbers (.json) and picture
         (.png) go next to it.
     acceptance
-        Say the errors that VDI/VDE 2634 tests on the part's spheres and planes: probing error of
+        Print the errors that VDI/VDE 2634 tests on the part's spheres and planes: probing error of
         form and of size, sphere-spacing error, flatness error.
     figures
         Draw the errors along the part's normal.
@@ -77,7 +77,7 @@ def write_scan(
     figures: bool = True,
     gate: float | None = 3.5,
 ) -> None:
-    """Simulate the measurement of a scene's two devices, write its files and say what it found."""
+    """Simulate the measurement of a scene's two devices, write its files and print results."""
     from iriftrace.features.table import check_choices
     from iriftrace.triangulation.acceptance import acceptance as accepted
     from iriftrace.triangulation.measure import measure as simulate
@@ -109,7 +109,7 @@ def write_scan(
 
 
 def _say_errors(scan: Scan) -> None:
-    """How many points were measured, and how wrong they are."""
+    """Print how many points were measured, and their errors."""
     values = scan.as_dict()
     points, error, fit = values["points"], values["error_normal_mm"], values["best_fit"]
     say(

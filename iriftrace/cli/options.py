@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 
 def numbers(text: str, count: int, option: str, separator: str = ",") -> tuple[float, ...]:
-    """Numbers of a compound option; InputError when there are more or fewer, or one is NaN."""
+    """Numbers of a compound option; raises InputError if there are more or fewer, or one is NaN."""
     try:
         values = [float(piece) for piece in text.split(separator)]
     except ValueError:
@@ -47,7 +47,7 @@ def quantity(text: str, unit: str, option: str) -> float:
 def word_parameter(
     metavar: str, read: Callable[[str, str], T], show: Callable[[T], str] = str
 ) -> Parameter:
-    """An option of one word, which `read` reads, being given the word and the option's name.
+    """An option of one word; `read` is called with the word and the option's name.
 
     In the help the word is called `metavar`, and `show` writes default values as users would.
     """
@@ -77,19 +77,19 @@ def celsius(kelvin: float) -> str:
     return f"{round(kelvin - ZERO_CELSIUS_K, 6):g} degC"
 
 
-def _share(text: str, option: str) -> float:
+def _fraction(text: str, option: str) -> float:
     from iriftrace.core.units import parse_quantity
 
     try:
         return parse_quantity(text, "dimensionless")
     except InputError as error:
         raise InputError(
-            f'{option} is "{text}", but it is a share; write "5 %" or 0.05.'
+            f'{option} is "{text}", but it is a fraction; write "5 %" or 0.05.'
         ) from error
 
 
 def _whole(text: str, _option: str) -> int:
-    """A whole number; the default conversion would cut 2.5 to 2."""
+    """A whole number; the default conversion would truncate 2.5 to 2."""
     try:
         return int(text)
     except ValueError:
@@ -97,7 +97,7 @@ def _whole(text: str, _option: str) -> int:
 
 
 def _finite(metavar: str, count: int | None = None) -> Parameter:
-    """Finite numbers separated by commas, as many as `count` says."""
+    """Finite numbers separated by commas, `count` of them if given."""
 
     def read(text: str, option: str) -> tuple[float, ...]:
         values = numbers(text, count or text.count(",") + 1, option)
@@ -117,7 +117,7 @@ def _size(text: str, option: str) -> tuple[float, float]:
 
 
 def _lengths(text: str, option: str) -> tuple[float, ...]:
-    """Lengths in mm, none of them twice: the poses of one would be ranked twice."""
+    """Lengths in mm, none of them twice, as its poses would be ranked twice."""
     lengths = tuple(quantity(piece, "mm", option) for piece in text.split(","))
     if len(set(lengths)) < len(lengths):
         raise InputError(
@@ -128,7 +128,7 @@ def _lengths(text: str, option: str) -> tuple[float, ...]:
 
 
 def _length_with_unit(text: str, option: str) -> float:
-    """A length, mm, that users think of in another unit, so that a bare number is refused."""
+    """A length, mm, that is usual in another unit, so that a bare number is refused."""
     try:
         float(text)
     except ValueError:
@@ -144,11 +144,13 @@ LengthWithUnit = Annotated[float, word_parameter("LENGTH", _length_with_unit)]
 Wavelength = Annotated[float, _quantity("LENGTH", "nm", "{:g} nm".format)]
 LightOf = Annotated[
     Wavelength | None,
-    Parameter(help='Wavelength that the file must be of, "450 nm"; one of other light is refused.'),
+    Parameter(help='Wavelength that the file must have, "450 nm"; other light is refused.'),
 ]
 Pressure = Annotated[float, _quantity("PRESSURE", "pascal", "{:g} Pa".format)]
 Duration = Annotated[float, _quantity("TIME", "second", "{:g} s".format)]
-Share = Annotated[float, word_parameter("SHARE", _share, lambda share: f"{100 * share:g} %")]
+Fraction = Annotated[
+    float, word_parameter("FRACTION", _fraction, lambda value: f"{100 * value:g} %")
+]
 Angle = Annotated[float, _quantity("ANGLE", "degree", "{:g} deg".format)]
 Speed = Annotated[float, _quantity("SPEED", "m/s", "{:g} m/s".format)]
 Expansion = Annotated[float, _quantity("EXPANSION", "1/kelvin", "{:g} /K".format)]
@@ -188,19 +190,19 @@ def statuses(include: list[int] | None) -> tuple[int, ...]:
     for code in include or ():
         if code not in list(Status):
             meanings = ", ".join(f"{status.value} {status.key}" for status in Status)
-            raise InputError(f"--include {code} is no status of a ray; the codes are {meanings}.")
+            raise InputError(f"--include {code} is not a ray's status; the codes are {meanings}.")
     return (0, *(include or ()))
 
 
 def refuse_given(options: Mapping[str, object], reason: str) -> None:
-    """Refuse options, values by name, of which one is not None; the reason follows its name."""
+    """Refuse options, values by name, if one is not None; the reason follows its name."""
     for name, value in options.items():
         if value is not None:
             raise InputError(f"{name} {reason}")
 
 
 def check_input(*paths: Path | None) -> None:
-    """Refuse a folder where a file is read, and a file that may not be read."""
+    """Refuse a folder in place of an input file, and a file that cannot be read."""
     for path in paths:
         if path is None:
             continue
@@ -212,7 +214,7 @@ def check_input(*paths: Path | None) -> None:
 
 
 def check_field(*paths: Path) -> None:
-    """Refuse a folder that is no OpenFOAM case where a field is read, and an unreadable file."""
+    """Refuse a folder that is not an OpenFOAM case in place of a field, and an unreadable file."""
     from iriftrace.field.readers.members import kind_of
 
     for path in paths:
@@ -222,7 +224,7 @@ def check_field(*paths: Path) -> None:
 
 
 def check_order(field: Path, part: Path) -> None:
-    """Refuse a field and a part that change places, as their names say."""
+    """Refuse a field and a part whose names show that they are exchanged."""
     from trimesh import available_formats
 
     from iriftrace.field.readers.members import COMPRESSED, SUFFIXES
@@ -231,20 +233,20 @@ def check_order(field: Path, part: Path) -> None:
     first, second = field.suffix.lower(), part.suffix.lower()
     wrong = ""
     if first in meshes and second not in meshes:
-        wrong = f"{field} is no field"
+        wrong = f"{field} is not a field"
     elif second in SUFFIXES and first not in SUFFIXES and not field.is_dir():
-        wrong = f"{part} is no part"
+        wrong = f"{part} is not a part"
     if wrong:
-        raise InputError(f"{wrong} that can be read here; are field and part in the wrong order?")
+        raise InputError(f"{wrong} that can be read here; field and part may be exchanged.")
 
 
 def check_folder(folder: Path) -> None:
-    """Refuse before the work a folder that could not be written after it."""
+    """Check that a folder can be written before starting the computation."""
     there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     if not there.is_dir():
         raise InputError(f"Cannot use {folder} as a folder: {there} is a file; name another one.")
     try:
-        # Permissions do not tell of file systems that are read-only or full.
+        # Permissions do not show that a file system is read-only or full.
         with TemporaryFile(dir=there):
             pass
     except OSError as error:
@@ -252,9 +254,9 @@ def check_folder(folder: Path) -> None:
 
 
 def check_numbers(output: Path, schema: str) -> None:
-    """Refuse before the work an output beside which the numbers (.json) would replace another file.
+    """Refuse an output if the numbers (.json) next to it would replace another file.
 
-    One of the same schema, an earlier result, is replaced.
+    A file of the same schema, an earlier result, may be replaced. Called before the computation.
     """
     report = output.with_suffix(".json")
     if not report.exists() or report.stat().st_size == 0:
@@ -265,26 +267,25 @@ def check_numbers(output: Path, schema: str) -> None:
         found = ""
     if not found.startswith(f"{schema}/"):
         raise InputError(
-            f"The numbers of {output} go to {report}, which is something else and would be lost; "
+            f"The numbers of {output} are written to {report}, another file that would be lost; "
             "give the output another name (-o)."
         )
 
 
 def check_kept(output: Path | None, *kept: Path | str) -> None:
-    """Refuse before the work an output that would replace one of the files it is made of."""
+    """Refuse an output that would replace one of its inputs, before starting the computation."""
     for one in kept:
         if output is not None and output.resolve() == Path(one).resolve():
             raise InputError(
-                f"The output would replace {output}, which it is made from and which would be "
-                "lost; give it another name."
+                f"The output would replace {output}, one of its inputs; give it another name."
             )
 
 
 def check_output(path: Path | None, example: str, *others: str, make: bool = False) -> None:
-    """Refuse before the work a file, if one is asked for, that could not be written after it.
+    """Check that an output file, if requested, can be written before starting the computation.
 
     Its name must end as that of `example` or in one of the others, since other files are named
-    after it; `make` says whether its folder would be made.
+    after it; `make` states whether its folder would be made.
     """
     if path is None:
         return

@@ -1,4 +1,4 @@
-"""Tables and summaries that the command line prints."""
+"""Tables and summaries printed by the command line."""
 
 from __future__ import annotations
 
@@ -97,16 +97,18 @@ def print_camera(camera: Camera, scale: float) -> None:
 
 
 def print_view(part: Part, camera: Camera, remedy: str) -> None:
-    """Say what share of the part a picture does not hold, where there is one, and a remedy."""
+    """Print the fractions of the part outside the picture and focus, if any, and a remedy."""
     from iriftrace.scene.viewpoint import part_view
 
     view = part_view(part, camera)
-    shares = {"outside the picture": view.outside, "out of focus": view.out_of_focus}
+    fractions = {"outside the picture": view.outside, "out of focus": view.out_of_focus}
     missing = [
-        f"{_percent(share)} is {place}" for place, share in shares.items() if share >= 0.0005
+        f"{_percent(fraction)} is {place}"
+        for place, fraction in fractions.items()
+        if fraction >= 0.0005
     ]
     if missing:
-        say(f"Of what the part turns to the camera {' and '.join(missing)}; {remedy}.")
+        say(f"Of the part's side that faces the camera {' and '.join(missing)}; {remedy}.")
 
 
 def print_summary(metrics: PoseMetrics) -> None:
@@ -170,8 +172,8 @@ def _add_rays(table: Table, rays: RayCounts) -> None:
         count = rays.of(status)
         if count:
             of_hits = rays.hit and status is not Status.MISSED
-            share = f" ({count / rays.hit:.2%} of the hits)" if of_hits else ""
-            table.add_row("", f"{count:,} {status.text}{share}")
+            percent = f" ({count / rays.hit:.2%} of the hits)" if of_hits else ""
+            table.add_row("", f"{count:,} {status.text}{percent}")
     if rays.open_boundary:
         table.add_row(
             "",
@@ -210,9 +212,9 @@ def _add_shell_error(table: Table, values: JsonObject, engine_test: JsonObject |
         f"{values['rays']:,} rays",
     )
     if (engine_test or {}).get("through_cells"):
-        table.add_row("", "so the picture is of the field itself")
+        table.add_row("", "so the picture was traced through the field data")
     elif not values["suffice"]:
-        # From 30 on still more shells hardly bring a picture closer to the field.
+        # From 30 on, more shells hardly bring a picture closer to the field.
         more = "cut more shells (--layers 40), or " if values["shells"] < 30 else ""
         table.add_row("", f"closer: {more}trace with --engine cells")
         table.add_row("", "if they were thinned out, leave --triangles out first")

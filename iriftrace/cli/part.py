@@ -83,10 +83,10 @@ part.command("iriftrace.cli.board:board", name="board")
 def decimate(
     mesh: Path, *, output: Output, faces: Whole, part_options: PartOptions = PartOptions()
 ) -> None:
-    """Write a part with fewer triangles, and say how far its surface has moved.
+    """Write a part with fewer triangles, and print how far its surface has moved.
 
-    Fields, scenes and sweeps of parts with hundreds of thousands of triangles take long, and more
-    triangles than pixels tell nothing.
+    Fields, scenes and sweeps of parts with hundreds of thousands of triangles take long, and
+    more triangles than pixels add no information.
 
     Example: ``iriftrace part decimate scan.stl -o part.ply --faces 50000``
 
@@ -95,7 +95,7 @@ def decimate(
     mesh
         The part's mesh (.ply .stl .obj .glb ...).
     faces
-        Triangles to keep, about.
+        Number of triangles to keep, approximately.
     """
     from iriftrace.part.tessellation import decimate_part
 
@@ -118,7 +118,7 @@ def subdivide(
 ) -> None:
     """Write a part with more triangles, on the same surface.
 
-    Sweeps and plans count by triangles what poses see, and CAD programs write planes in a few
+    Sweeps and plans count the triangles that poses see, and CAD programs write planes as a few
     large ones.
 
     Example: ``iriftrace part subdivide cad.stl -o part.ply --edge "3 mm"``
@@ -146,7 +146,7 @@ def subdivide(
 
 
 def __getattr__(name: str) -> Callable[..., None]:
-    """The command of a shape: its function's sizes as options, and where to write the part."""
+    """The command of a shape: its function's sizes as options, and the part's file."""
     if name not in SHAPES:
         raise AttributeError(name)
     place, summary, example = SHAPES[name]
@@ -184,7 +184,7 @@ def __getattr__(name: str) -> Callable[..., None]:
 
 
 def check_name(path: Path) -> None:
-    """Refuse before the work a name under which no part can be written."""
+    """Check that a part can be written under this name before starting the computation."""
     from iriftrace.part.files import check_part_name
 
     check_part_name(path)
@@ -192,7 +192,7 @@ def check_name(path: Path) -> None:
 
 
 def save_made(made: Part, path: Path) -> None:
-    """Write a part and say what it is."""
+    """Write a part and print its properties."""
     from iriftrace.part.part import save_part
     from iriftrace.part.region_choice import placed_regions
 

@@ -1,4 +1,4 @@
-"""The command ``iriftrace plan``: where to put the camera, by a sweep."""
+"""The command ``iriftrace plan``: the best camera poses of a sweep."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 
 Ranking = Annotated[Criteria, Parameter(name="*", group=Group("Ranking", sort_key=1))]
-"""Options about how poses are ranked: the same for plan, plot and report."""
+"""Options of the ranking of poses: the same for plan, plot and report."""
 
 REFINE = Group("Refinement", sort_key=3)
 PAIRS = Group("Two devices", sort_key=5)
@@ -48,12 +48,12 @@ POSES = Group("Poses for other programs", sort_key=4)
 @Parameter(name="*", group=Group("Several views", sort_key=2))
 @frozen
 class ViewOptions:
-    """Several poses that see more of the part than one.
+    """Several poses that together see more of the part than one.
 
     Parameters
     ----------
     views
-        Number of poses that together are to see as much area as possible.
+        Number of poses that together see as much area as possible.
     max_displacement
         A pose does not see a face whose mean displacement is larger, with its unit: "20 um".
     max_incidence
@@ -65,7 +65,7 @@ class ViewOptions:
     max_incidence: Angle | None = None
 
     def limits(self) -> ViewLimits:
-        """What a pose must not exceed to see a face; InputError for limits without views."""
+        """Limits within which a pose sees a face; raises InputError for limits without views."""
         from iriftrace.planning.cover import ViewLimits
 
         largest, steepest = self.max_displacement, self.max_incidence
@@ -99,8 +99,9 @@ def plan(
 ) -> None:
     """Rank the poses of a sweep by the combined metric and print the best one.
 
-    With --criterion, by one error alone; with --views, also the set of poses that together see the
-    most of the part; with --refine, also the best pose near the best one of the sweep.
+    With --criterion, rank by one error alone. With --views, also find the set of poses that
+    together see the most of the part; with --refine, also the best pose near the best one of the
+    sweep.
 
     Example: ``iriftrace plan sweep.nc --statistic median --region lateral``
 
@@ -109,26 +110,26 @@ def plan(
     sweep
         A file that ``iriftrace sweep`` wrote.
     top
-        Rows of the ranking to print.
+        Number of rows of the ranking to print.
     refine
         Search around the best pose or pair, with position, distance and roll free; needs the
         scene's files.
     evaluations
-        Most poses that the search renders, or pairs that it measures, 80 by default.
+        Maximum number of poses that the search renders, or pairs that it measures, 80 by default.
     output
         Write the refined pose or pair to this .json file.
     pairs
-        Rank pairs of poses for two devices, such as a camera and a projector, by the error of what
-        they would measure, the area that both see, and the angle between them; the best three are
+        Rank pairs of poses for two devices, such as a camera and a projector, by their predicted
+        error, the area that both see, and the angle between them; the best three are
         measured (``iriftrace measure``), unless --no-confirm is given.
     confirm
-        Of pairs: measure the best three, as is the default.
+        For pairs: measure the best three, which is the default.
     system
-        What the second device is: a projector (fringe, by default), a camera (stereo) or a laser.
+        Kind of the second device: a projector (fringe, by default), a camera (stereo) or a laser.
     angle
         Smallest and largest angle between two lines of sight in degrees, 15:45 by default.
     feature
-        Say the error of this diameter too, "cylinder:lateral", and rank by whichever is larger.
+        Also print the error of this diameter, "cylinder:lateral", and rank by the larger error.
     save_poses
         Write the poses of the printed ranking, best first, to this .csv, .json, .npy or .txt file.
     convention
@@ -174,7 +175,7 @@ def plan(
     table = ranking_table(summary, top)
     if save_poses is not None:
         _save(save_poses, dataset, summary.plan.order[:top], convention or "opencv")
-    # All that can be wrong has been found by now, so that nothing is printed in vain.
+    # All errors have been raised by now, so that nothing is printed in vain.
     print_plan(summary, table)
     if found.views is not None:
         print_views(summary, found.views, limits)
@@ -204,7 +205,7 @@ def _refuse_without(needed: str, there: bool, options: Mapping[str, object]) -> 
 
 
 def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
-    """The ranking, how sure it is, and the best pose."""
+    """Print the ranking, its stability, and the best pose."""
     from iriftrace.planning.texts import (
         alternative_text,
         front_text,
@@ -252,7 +253,7 @@ def _print_swept(kind: str, summary: SweepSummary, pose: int) -> None:
 
 
 def print_views(summary: SweepSummary, views: ViewSet, limits: ViewLimits) -> None:
-    """Poses that together see the most, what each adds, and how good the choice is."""
+    """Poses that together see the most, the addition of each, and how good the choice is."""
     from iriftrace.planning.texts import views_table, views_text, views_title
 
     say(f"{views_title(summary, limits)}:")

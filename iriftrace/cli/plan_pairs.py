@@ -61,7 +61,7 @@ def print_pairs(
     )
     if exact:
         what = "the diameter" if feature else error
-        through = "the field itself" if found.exact_engine == "cells" else "the shells"
+        through = "the field data" if found.exact_engine == "cells" else "the shells"
         say(f"Measured is {what} by the exact solver, through {through}.")
     names = [f"{what}, pose {pose}" for what, pose in zip(_DEVICES, found.pairs[0], strict=True)]
     chosen = dataset.isel(pose=found.pairs[0])
@@ -75,19 +75,19 @@ _DEVICES = ("Camera", "Second device")
 def _print_pair(
     names: Iterable[str], matrices: FloatArray, distances_mm: FloatArray, system: System
 ) -> None:
-    """Both poses of a pair, and how what they measure is simulated."""
+    """Print both poses of a pair, and how to simulate their measurement."""
     from iriftrace.triangulation.devices import DEVICE_OF_SYSTEM
 
     sensors = ("the first sensor", f'the second sensor (id="{DEVICE_OF_SYSTEM[system]}")')
     for name, matrix, distance, sensor in zip(names, matrices, distances_mm, sensors, strict=True):
         print_pose(name, matrix, float(distance), sensor)
-    say("With both sensors in the scene file, iriftrace measure simulates what they measure.")
+    say("With both sensors in the scene file, iriftrace measure simulates their measurement.")
 
 
 def print_refined_pair(
     dataset: xr.Dataset, plan: PairPlan, evaluations: int, output: Path | None
 ) -> None:
-    """Search around the best pair and print what was gained."""
+    """Search around the best pair and print the result."""
     from iriftrace.planning.refine_pair import refine_pair, write_refined_pair
 
     with search_progress(evaluations) as progress:

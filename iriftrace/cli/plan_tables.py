@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def setting_text(summary: SweepSummary, pose: int) -> str:
-    """How a pose was taken, in brackets; empty where the poses do not differ in it."""
+    """Settings of a pose, in brackets; empty if they are the same for all poses."""
     from iriftrace.sweep.diagnostics import setting_of
 
     setting = setting_of(summary.varied, pose)

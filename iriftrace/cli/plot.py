@@ -26,10 +26,10 @@ def plot(
 ) -> None:
     """Draw a sweep, a study or one pose.
 
-    Of a sweep: the poses in space, coloured by each metric; maps over azimuth and elevation;
+    For a sweep: the poses in space, coloured by each metric; maps over azimuth and elevation;
     histograms; rays of each pose; the Pareto front; the views of smallest and largest
-    displacement; the faces of the part, coloured by how well they are seen. Of a study: its figure.
-    Of a pose: the displacement picture, and of an ensemble the scatter's.
+    displacement; the faces of the part, coloured by how well they are seen. For a study: its
+    figure. For a pose: the displacement picture, and for an ensemble also that of the scatter.
 
     Example: ``iriftrace plot sweep.nc -o figures``
 
@@ -39,9 +39,9 @@ def plot(
         A sweep (.nc) that ``iriftrace sweep`` wrote; or a study (.nc) or an AOV image (.exr), to
         which the options for the ranking do not apply.
     output
-        Folder for the pictures (PNG, and PDF where there are vectors).
+        Folder for the pictures (PNG, and PDF for vector graphics).
     component
-        Of a pose draw the length of the displacement, or a signed component in colours about 0:
+        For a pose, draw the length of the displacement, or a signed component in colours about 0:
         along the line of sight (positive away from the camera), or across it to the right or down
         in the picture.
     """
@@ -71,7 +71,7 @@ def plot(
 
 
 def view(file: Path, *, picture: Path | None = None, length_unit: str | None = None) -> None:
-    """Show a scene, a result, a field or a part in a window, to be turned with the mouse.
+    """Show a scene, a result, a field or a part in an interactive window.
 
     Example: ``iriftrace view scene.xml``
 
@@ -85,7 +85,7 @@ def view(file: Path, *, picture: Path | None = None, length_unit: str | None = N
     picture
         Draw without a window into this PNG.
     length_unit
-        Unit of a part's coordinates; by default what the file states (glTF: m), else mm.
+        Unit of a part's coordinates; by default the unit that the file states (glTF: m), else mm.
     """
     from iriftrace.figures.window import view as show
 
@@ -106,7 +106,7 @@ def report(
     wavelength: LightOf = None,
     several: ViewOptions = ViewOptions(),
 ) -> None:
-    """Write a sweep, a measurement or a correction as one HTML page, to be read without a network.
+    """Write a sweep, a measurement or a correction as one HTML page that works offline.
 
     Example: ``iriftrace report sweep.nc -o report.html``
 

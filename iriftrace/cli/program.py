@@ -1,4 +1,4 @@
-"""The commands of ``iriftrace`` and what becomes of their errors."""
+"""The commands of ``iriftrace`` and the handling of their errors."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ app = App(
 def run(arguments: list[str]) -> int:
     """Run the command that the arguments name; returns the exit status (0, or 2: wrong input)."""
     with warnings.catch_warnings():
-        # Ours are messages to the user, even where Python was told to make warnings errors.
+        # Our warnings are messages to the user, even if Python was set to make warnings errors.
         warnings.simplefilter("default", IriftraceWarning)
         warnings.showwarning = show_warning
         try:
@@ -46,7 +46,7 @@ def run(arguments: list[str]) -> int:
 
 
 def _import_listed(arguments: list[str]) -> None:
-    """Import the commands below the one that is called: their docstrings are what help lists."""
+    """Import the commands below the one that is called, whose docstrings are listed in the help."""
     called = app
     for word in arguments:
         if word.startswith("-") or word not in called:
@@ -63,7 +63,7 @@ _NEGATIVE = re.compile(r"-\.?\d")
 def with_negative_values(words: Sequence[str]) -> list[str]:
     """The command line with options joined to negative values: ``--ambient=-10 degC``.
 
-    Cyclopts knows -10 for a number, but takes -10 degC and -50,-100,120 for options.
+    Cyclopts reads -10 as a number, but -10 degC and -50,-100,120 as options.
     """
     joined: list[str] = []
     for word in words:
@@ -78,7 +78,7 @@ def with_negative_values(words: Sequence[str]) -> list[str]:
 def sentence(error: Exception) -> str:
     """An error as the program shows it: on one line, from a capital letter to a full stop."""
     if isinstance(error, CycloptsError) and isinstance(error.__cause__, InputError):
-        # A converter of ours has said it better.
+        # One of our converters has a better message.
         error = error.__cause__
     if isinstance(error, CycloptsError):
         return _of_the_command_line(error)
@@ -101,7 +101,7 @@ def _of_the_command_line(error: CycloptsError) -> str:
     command = " ".join(("iriftrace", *(error.command_chain or ())))
     text = " ".join(str(error).split())
     if isinstance(error, UnusedCliTokensError):
-        text = f"There are words too many: {' '.join(error.unused_tokens or ())}."
+        text = f"Unexpected arguments: {' '.join(error.unused_tokens or ())}."
     elif isinstance(error, MissingArgumentError) and error.argument and error.keyword is None:
         name = error.argument.names[0]
         positional = error.argument.index is not None
@@ -111,7 +111,7 @@ def _of_the_command_line(error: CycloptsError) -> str:
 
 @app.command
 def doctor() -> None:
-    """Check this machine: versions, variants, the LLVM or CUDA library, and how to mend them.
+    """Check this machine: versions, variants, the LLVM or CUDA library, and how to repair them.
 
     Example: ``iriftrace doctor``
     """

@@ -44,9 +44,9 @@ def render(
 ) -> None:
     """Trace a scene: AOV EXR, metrics JSON and displacement picture.
 
-    Of an ensemble (a scene with several fields) all members are traced: the mean displacement is
+    All members of an ensemble (a scene with several fields) are traced: the mean displacement is
     the bias, the standard deviation the scatter, and there is a picture of each. ``-D member=3``
-    traces the third one alone.
+    traces only the third one.
 
     Example: ``iriftrace render scenes/cylinder/scene.xml -o out.exr -D scale=0.25``
 
@@ -55,7 +55,7 @@ def render(
     scene
         The scene's XML file.
     output
-        The EXR file; by default the scene's name with .exr. JSON and PNG go beside it.
+        The EXR file; by default the scene's name with .exr. JSON and PNG are written next to it.
     figures
         Draw the displacement picture.
     surface
@@ -64,8 +64,8 @@ def render(
     rgb
         Repeat these channels of the EXR as R, G and B, for programs that show no others.
     check_shells
-        Trace a sample of the rays through the field itself too, and say how far the shells are
-        from it; needs the field.npz likewise.
+        Also trace a sample of the rays through the field data, and print how far the shells are
+        from it; also needs the field.npz.
     """
     from iriftrace.image.surface import write_surface
     from iriftrace.scene.file import require_scene
@@ -103,9 +103,9 @@ def metrics(
     image
         An EXR that ``iriftrace render`` wrote.
     part
-        The part's mesh, where it no longer lies where the EXR says.
+        The part's mesh, if it is no longer where the EXR states.
     output
-        The JSON file; by default beside the EXR.
+        The JSON file; by default next to the EXR.
     nearest
         Add the two nearest-neighbour readings of the resolution, which takes longer.
     """
@@ -146,7 +146,7 @@ def demo(
     Parameters
     ----------
     output
-        Folder for the results; the scene is copied there, ready to be changed.
+        Folder for the results; the scene is copied there and may be edited.
     scene
         Name of the bundled scene: bevel_gear, concentric_cylinders, cylinder, fringe_cylinder,
         gear_tooth, hot_plate, hybrid_cylinder, slab or wishbone.
@@ -154,7 +154,7 @@ def demo(
     from iriftrace.scenes import scene_copied
 
     check_folder(output)
-    # Wrong ones are refused before anything is copied.
+    # Wrong names are refused before anything is copied.
     trace.variables()
     exr = output / f"{scene}.exr"
     folder = output / ("scene" if scene == DEMO else scene)
@@ -179,7 +179,7 @@ def _render(
     rgb: str | None = None,
     surface: Path | None = None,
 ) -> tuple[Rendering, LoadedScene, list[Path]]:
-    """Render a scene and write all its files but that of the surface."""
+    """Render a scene and write all its files except that of the surface."""
     from iriftrace.trace.render import render_scene
 
     loaded = trace.load(scene)
@@ -211,7 +211,7 @@ def _print_rendering(rendering: Rendering, loaded: LoadedScene, files: list[Path
 
 
 def _scene_picture(scene: LoadedScene, shells_folder: Path, picture: Path) -> list[Path]:
-    """Draw part, shells and devices, where this machine can draw."""
+    """Draw part, shells and devices, if this machine can draw."""
     from iriftrace.runtime.doctor import drawing_trouble
 
     with working("Drawing the scene"):
@@ -219,7 +219,7 @@ def _scene_picture(scene: LoadedScene, shells_folder: Path, picture: Path) -> li
         if trouble:
             show_warning(
                 f"The 3-D picture is left out, because VTK cannot draw here ({trouble}); "
-                "`iriftrace doctor` says how to mend it.",
+                "`iriftrace doctor` shows how to repair it.",
                 UserWarning,
             )
             return []

@@ -111,9 +111,9 @@ def scene(
     """Make a complete scene folder of field, part and camera, which ``iriftrace render`` runs.
 
     A field with several states (time steps, parameters), unless ``--time`` chooses one, or several
-    fields (``--member``) are an ensemble: one scene with the shells of each, of which ``render``
-    and ``sweep`` give mean displacement (bias) and standard deviation (scatter). ``--time`` may
-    also be a span, 0.5:2, or all; of an OpenFOAM case only the latest time is taken without it.
+    fields (``--member``) are an ensemble: one scene with the shells of each, for which ``render``
+    and ``sweep`` compute mean displacement (bias) and standard deviation (scatter). ``--time`` may
+    also be a span, 0.5:2, or all; without it only the latest time of an OpenFOAM case is used.
 
     Example: ``iriftrace scene field.vtu part.ply -o scene/scene.xml --origin 150,-100,160``
 
@@ -124,23 +124,23 @@ def scene(
     part
         The part's surface mesh (.ply .stl .obj .glb ...).
     output
-        The scene's XML file; meshes go beside it.
+        The scene's XML file; meshes are written next to it.
     member
         A further field of the same part, which makes an ensemble with the first; repeatable.
     blocker
-        Mesh of a body that only blocks the view, in the scene's frame; repeatable. Where PART is a
+        Mesh of a body that only blocks the view, in the scene's frame; repeatable. If PART is a
         board that is seen past a hot part, that part is the first one. The bodies of ``field
         simulate --body`` are found next to the field.
     blocker_length_unit
-        Unit of the blockers' coordinates; by default what their files state (glTF: m), else mm.
+        Unit of the blockers' coordinates; by default that of their files (glTF: m), else mm.
     normals
-        Where the shells' normals come from: the field's gradient, or their own triangles.
+        Origin of the shells' normals: the field's gradient, or their own triangles.
     inside_hit
-        What becomes of rays that meet a shell from its inside: refracted, or dropped (status 6) as
+        Treatment of rays that meet a shell from its inside: refracted, or dropped (status 6) as
         Kern et al. (2025) do, for studies.
     trim
-        Leave out what lies farther than this beside the camera's view, such as "10 mm"; the scene
-        then serves this camera only.
+        Leave out shells farther than this outside the camera's view, such as "10 mm"; the scene
+        can then be used with this camera only.
     """
     from iriftrace.cli.output import print_shells
     from iriftrace.field.readers.members import chosen_members
@@ -162,7 +162,7 @@ def scene(
     if field_options.isosurfaces and member:
         raise InputError(
             "An ensemble is made of volume fields, from which the shells of all members are cut in "
-            "the same way; leave out --isosurfaces or --member."
+            "the same manner; leave out --isosurfaces or --member."
         )
     place = devices_of(camera_options, second_options, stereo_options, measured)
     settings: SceneSettings = {
@@ -176,7 +176,7 @@ def scene(
     }
 
     def devices(volume: IndexField | None, stack: ShellStack) -> Camera:
-        """The camera; a second device and bodies of the field go into the settings."""
+        """The camera; a second device and bodies of the field are added to the settings."""
         blockers.extend(_bodies_of(field, volume, blocker or []))
         camera, second = place(volume, stack)
         camera.scaled(scale)  # refuses a scale that leaves no pixel
@@ -193,7 +193,7 @@ def scene(
 
         _ensemble(states, measured, output, devices, cut, settings)
         return
-    # Without --time whoever reads the file says which of several states it is.
+    # Without --time the reader of the file states which of several states it is.
     number = states[0].index if states and field_options.time is not None else None
     stack, volume = _stack(field, measured, air, field_options, shell_options, number)
     camera = devices(volume, stack)
@@ -214,7 +214,7 @@ def _warn_of_all(states: Sequence[Member]) -> None:
 def _first_field(
     states: Sequence[Member], field_options: FieldOptions, air: AirOptions, cold: Part
 ) -> IndexField:
-    """The field of the first state, whose wall tells how far the part has grown."""
+    """The field of the first state, whose wall determines the expansion of the part."""
     if not states:
         raise InputError(
             '--hot-temperature is "field", but iso-surfaces have no wall; give a temperature.'
@@ -277,7 +277,7 @@ def _ensemble(
     cut: Callable[[Member], tuple[ShellStack, IndexField]],
     settings: SceneSettings,
 ) -> None:
-    """Write the scene of several fields, each cut when it is needed, and say what was written."""
+    """Write the scene of several fields, each cut when it is needed, and print a summary."""
     from iriftrace.scene.build import build_ensemble, named
     from iriftrace.scene.write_ensemble import MemberAir
 
@@ -319,7 +319,7 @@ def _ensemble(
 def _print_scene(
     path: Path, camera: Camera, part: Part, settings: SceneSettings, of_what: str = ""
 ) -> None:
-    """Say where the devices of a written scene stand, what is seen, and how to go on."""
+    """Print the poses of a written scene's devices, the view, and the next command."""
     from iriftrace.cli.output import print_camera, print_view
 
     print_camera(camera, settings["scale"])

@@ -1,4 +1,4 @@
-"""Options about the second device of a scene, and the two devices they stand for."""
+"""Options about the second device of a scene, and the two devices that they define."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ class SecondOptions:
         Its position in mm, "150,-100,40"; it looks at the same target, by default through the
         camera's lens onto the camera's sensor.
     second_calibration
-        Its calibration of OpenCV (.yaml or .json); the pose in it holds unless second is given.
+        Its calibration of OpenCV (.yaml or .json), whose pose is used unless second is given.
     second_pixel_size
         Width of its pixel, which its calibration needs, "5.4 um".
     system
-        What it is: a projector (fringe, by default), a second camera (stereo) or a laser, whose
+        Its kind: a projector (fringe, by default), a second camera (stereo) or a laser, whose
         sheet is the middle column of its picture.
     """
 
@@ -74,7 +74,7 @@ class SecondOptions:
         field: IndexField | None,
         stack: ShellStack,
     ) -> Camera:
-        """The second device, at its whole resolution."""
+        """The second device, at its full resolution."""
         from iriftrace.camera.pose import look_at
 
         if self.second_calibration is not None:
@@ -87,17 +87,17 @@ class SecondOptions:
         return device if first.focus is not None else with_all_in_focus(device, camera, part)
 
     def _calibrated(self, first: CameraOptions) -> CameraOptions:
-        """Options of the second device, where its calibration is given."""
+        """Options of the second device, if its calibration is given."""
         if self.second_pixel_size is None:
             raise InputError(
-                f"{self.second_calibration} knows lengths in pixels only; give the width of a "
+                f"{self.second_calibration} has lengths in pixels only; give the width of a "
                 'pixel too, such as --second-pixel-size "5.4 um".'
             )
         stands = first.origin is not None or first.target is not None or first.has_pose()
         if first.calibration is not None and not stands:
             raise InputError(
-                f"{first.calibration} has no pose, so nothing says where the camera stands beside "
-                "the second device; give --origin and --target too, or a calibration with the pose."
+                f"{first.calibration} has no pose, so the camera's place relative to the second "
+                "device is unknown; give --origin and --target too, or a calibration with the pose."
             )
         options = CameraOptions(
             calibration=self.second_calibration,
@@ -110,8 +110,8 @@ class SecondOptions:
         )
         if self.second is None and not options.has_pose():
             raise InputError(
-                f"{self.second_calibration} has no pose, so nothing says where the second device "
-                "stands; give --second too."
+                f"{self.second_calibration} has no pose, so the place of the second device "
+                "is unknown; give --second too."
             )
         return options
 
@@ -119,7 +119,7 @@ class SecondOptions:
 @Parameter(name="*", group=SECOND)
 @frozen
 class StereoOptions:
-    """Two cameras of one calibration, in place of the options of each.
+    """Two cameras of one calibration, instead of the options of each.
 
     Parameters
     ----------
@@ -127,8 +127,8 @@ class StereoOptions:
         Calibration of two cameras with R and T between them (OpenCV, ROS, Kalibr, MATLAB; .yaml,
         .xml or .json); give it twice for two files.
     cloud_to_part
-        Text file of a 4 x 4 rigid motion, in mm, from the frame of camera 1, in which a stereo
-        sensor's cloud is, to the part's: the one that ``iriftrace correct`` takes. Without it,
+        Text file of a 4 x 4 rigid motion, in mm, from the frame of camera 1, which is that of a
+        stereo sensor's cloud, to the part's; ``iriftrace correct`` reads the same file. Without it,
         origin and target place camera 1.
     """
 
@@ -161,7 +161,7 @@ class StereoOptions:
         first.refuse_intrinsics("--stereo-calibration")
         if first.pixel_size is None:
             raise InputError(
-                f"{self._called()} knows lengths in pixels only; give the width of a pixel too, "
+                f"{self._called()} has lengths in pixels only; give the width of a pixel too, "
                 'such as --pixel-size "3.45 um" (no ray depends on it, only the focal length and '
                 "the sensor's size that results state)."
             )
@@ -180,7 +180,7 @@ class StereoOptions:
         field: IndexField | None,
         stack: ShellStack,
     ) -> tuple[Camera, Camera]:
-        """Camera 1 and camera 2 of the calibration that was read, at their whole resolution."""
+        """Camera 1 and camera 2 of the calibration that was read, at their full resolution."""
         size = first.pixel_size or 0.0
         sizes = (size, second.second_pixel_size or size)
         focus = first.focus or FOCUS_MM
@@ -229,7 +229,7 @@ Placing = Callable[["IndexField | None", "ShellStack"], tuple["Camera", "SceneSe
 def devices_of(
     first: CameraOptions, second: SecondOptions, rig: StereoOptions, part: Part
 ) -> Placing:
-    """Check the options, and return what places the devices: the camera, and the second device.
+    """Check the options, and return the function that places the camera and the second device.
 
     The second device is that of `iriftrace.scene.build.build_scene`, ``second`` and ``second_id``;
     empty without one.

@@ -40,13 +40,13 @@ def simulate(
     """Simulate the hot air around a part with OpenFOAM and write the field.
 
     Natural convection of air, laminar, gravity along -z, around the part with the given wall
-    temperature. The field's temperature is the one that has the time average of the density, which
-    the refractive index follows; beside it the file has the mean velocity and what `iriftrace field
-    check` needs for a heat balance. A run that was interrupted goes on when the same command is
+    temperature. The field's temperature is the one with the time average of the density, which
+    the refractive index follows. The file also has the mean velocity and the data that `iriftrace
+    field check` needs for a heat balance. An interrupted run continues if the same command is
     given again. `iriftrace field doctor` checks the OpenFOAM of this machine.
 
     With ``--draughts`` the folder gets a family: a field for each speed and direction, named so
-    that they sort, and family.json, which lists them. They share a mesh, mirror images are not
+    that they sort, and family.json, which lists them. They use one mesh, mirror images are not
     solved, and the same command continues an interrupted family.
 
     Example: ``iriftrace field simulate part.stl -o case --wall-temperature "1100 degC"``
@@ -75,13 +75,13 @@ def simulate(
     wind.check(field=field, write_only=write_only)
     installation = None
     if not write_only:
-        # Before anything is written: a case is of no use where nothing can run it.
+        # Before anything is written: a case cannot be used if no solver is installed.
         installation = find_openfoam()
         check_solver(installation)
     hot = part_options
     wall = simulation.wall()
     if hot.expansion is not None and hot.hot_temperature is None:
-        # It has expanded as far as its wall is hot.
+        # It has expanded according to the temperature of its wall.
         hot = evolve(hot, hot_temperature=_words(wall))
     known = wall.measured
     measured = hot.read(part, None if known is None else lambda _: known.at)
@@ -95,26 +95,26 @@ def simulate(
     _print_case(case)
     there = prepare(case, output)
     if installation is None:
-        state = "is there already" if there else "written"
+        state = "already exists" if there else "written"
         say(f"Case {state}: {output}; the same command without --write-only runs it")
         return
     target.parent.mkdir(parents=True, exist_ok=True)
     if there:
-        say(f"Going on with the case in {output}")
+        say(f"Continuing the case in {output}")
     with simulation_progress() as display:
         result = run(case, output, target, installation, display)
     _print_simulation(result, part, hot, simulation)
 
 
 def _words(wall: WallTemperatures) -> list[str]:
-    """The part's hot temperatures as users write them, by the wall that is simulated."""
+    """The part's hot temperatures as users write them, from the wall that is simulated."""
     if wall.measured is not None:
         return [FIELD]
     return [celsius(wall.default), *(f"{name}={celsius(k)}" for name, k in wall.regions.items())]
 
 
 def doctor() -> None:
-    """Find the OpenFOAM of this machine, test whether its solver computes right, say what to do.
+    """Find the OpenFOAM of this machine, test its solver's results, and print what to do.
 
     The test is three time steps on a tiny mesh with inclined faces. The solver of Debian 12's
     package fails it: it is miscompiled. ``make openfoam`` builds a repaired one.

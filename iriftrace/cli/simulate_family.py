@@ -41,7 +41,7 @@ def family_cases(
             "--snapshots keeps states of one simulation, but --draughts makes a family; leave one "
             "of them out."
         )
-    # Refuses planes that the part does not have before those are left out through which it blows.
+    # Refuses planes that the part does not have before leaving out those through which air blows.
     still = simulation.case(part, processes, None)
     members = plan_family(*family, simulation.mirrors, symmetric_case(still))
     sharing: dict[str, list[Draught]] = {}
@@ -64,7 +64,7 @@ def simulate_family(
     installation: Installation,
     wind: DraughtOptions,
 ) -> None:
-    """Solve what is missing of a family, here or on workers, and say how far it is."""
+    """Solve the missing members of a family, here or on workers, and print the progress."""
     from iriftrace.cfd.openfoam.family_run import run_family, solve_elsewhere
     from iriftrace.sweep.workers import run_tasks, scheduler_client
 
@@ -77,7 +77,7 @@ def simulate_family(
         status = stack.enter_context(notes.status("Mesh"))
 
         def expect(cost: Cost) -> None:
-            # What follows has a display of its own.
+            # The next step has its own display.
             status.stop()
             _say_cost(cost)
 
@@ -108,18 +108,18 @@ def _solve_here(installation: Installation, tasks: Sequence[Task]) -> Iterator[J
 
     for task in tasks:
         with simulation_progress() as display:
-            # Cost and mesh are those of the family, which is said before.
+            # Cost and mesh are those of the family, printed before.
             quiet = evolve(display, expect=lambda cells, seconds: None)
             entry = solve_member(task, installation, quiet)
         yield entry
 
 
 def _say_cost(cost: Cost) -> None:
-    """Say before the first solver starts what the family costs."""
+    """Print the cost of the family before the first solver starts."""
     total = cost.finished + cost.mirrored + cost.solved
     words = [f"{cost.solved} to solve"]
     words += [f"{cost.mirrored} mirror images"] if cost.mirrored else []
-    words += [f"{cost.finished} finished already"] if cost.finished else []
+    words += [f"{cost.finished} already finished"] if cost.finished else []
     say(f"{total} members: {', '.join(words)}")
     if cost.solved:
         say(

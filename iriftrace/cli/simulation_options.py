@@ -40,26 +40,26 @@ class SimulationOptions:
     wall_temperature
         Temperature of the part's wall, "1100 degC".
     wall_temperature_from
-        File with the temperatures of the wall in its place: a table of x, y, z, T (.csv), such as
+        File with the temperatures of the wall: a table of x, y, z, T (.csv), such as
         points of a thermogram, or a surface with T (.vtp .vtk .vtu) of a finite element solution.
     wall_length_unit
-        Unit of that file's coordinates; by default what it states, else mm.
+        Unit of that file's coordinates; by default the unit that it states, else mm.
     wall_temperature_unit
-        Unit of its temperatures; by default what it states, else K.
+        Unit of its temperatures; by default the unit that it states, else K.
     region_temperature
-        Another temperature for a region of the part, NAME=TEMPERATURE, or for all that a pattern
-        fits, "plane -x*=900 degC"; repeatable.
+        Another temperature for a region of the part, NAME=TEMPERATURE, or for all that match a
+        pattern, "plane -x*=900 degC"; repeatable.
     transition
-        Width over which one wall temperature goes over into another (10 % to 90 %), "10 mm"; by
+        Width over which one wall temperature changes into another (10 % to 90 %), "10 mm"; by
         default they meet in a line.
     ambient
         Temperature of the air far away.
     pressure
         Air pressure.
     resolution
-        How fine the mesh is.
+        Fineness of the mesh.
     background_cell
-        Edge of the mesh's largest cells in place of that of the resolution, "40 mm"; those at the
+        Edge of the mesh's largest cells instead of that of the resolution, "40 mm"; those at the
         wall have a sixteenth.
     symmetry
         Compute a half or a quarter and mirror it at the part's centre; the field is then exactly
@@ -79,7 +79,7 @@ class SimulationOptions:
     average_time
         Interval before the end over which the density is averaged; by default a quarter.
     snapshots
-        States from that interval to keep besides the average, as an ensemble.
+        Number of states from that interval to keep besides the average, as an ensemble.
     """
 
     wall_temperature: Temperature | None = None
@@ -109,9 +109,9 @@ class SimulationOptions:
         mirrors: str | None = None,
         family: Sequence[Draught] = (),
     ) -> Case:
-        """The case these options describe in a draught, mirrored as they say or at `mirrors`.
+        """The case that these options describe in a draught, mirrored by them or at `mirrors`.
 
-        Its mesh is fine for the draughts of its `family` too.
+        Its mesh is also fine enough for the draughts of its `family`.
         """
         from iriftrace.cfd.openfoam.case import natural_case
         from iriftrace.part.region_choice import values_by_region

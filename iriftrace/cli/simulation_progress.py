@@ -1,4 +1,4 @@
-"""Progress of a simulation: the step in hand, the state of the flow, the time it takes."""
+"""Progress of a simulation: the current step, the state of the flow, the time it takes."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
 @contextmanager
 def simulation_progress() -> Iterator[Display]:
-    """Show the step in hand and, while the solver runs, the state of the flow."""
+    """Show the current step and, while the solver runs, the state of the flow."""
     from iriftrace.cfd.openfoam.simulate import Display
 
     bar_column = BarColumn(bar_width=20)
     columns = "{task.description}", bar_column, "{task.fields[flow]}", TimeElapsedColumn()
-    # Finished bars would stay on a terminal that only logs.
+    # Finished bars would remain on a terminal that only logs.
     with Progress(*columns, console=notes, transient=True) as bar:
         task = bar.add_task("Case", total=None, flow="")
         kept = ""
@@ -32,7 +32,7 @@ def simulation_progress() -> Iterator[Display]:
             nonlocal kept
             kept = (
                 f"the flow is at {state.time:.3g} of {state.end:g} s; give the same command again "
-                "to go on"
+                "to continue"
             )
             bar.update(task, total=state.end, completed=state.time, flow=flow_text(state))
 
@@ -45,7 +45,7 @@ def simulation_progress() -> Iterator[Display]:
 
 
 def _say_expected(cells: int, seconds: float) -> None:
-    """Say how large the mesh is and how long the solver will take."""
+    """Print the size of the mesh and the expected time of the solver."""
     if seconds > 0.0:
         say(f"{cells:,} cells; the solver takes {duration(seconds)} (right to a factor of two).")
 

@@ -1,4 +1,4 @@
-"""The commands ``iriftrace study ...``: what parameters change, in accuracy or in time."""
+"""The commands ``iriftrace study ...``: effects of parameters on accuracy or time."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ StudiedField = Annotated[Path, Parameter(help="Volume mesh with temperature, den
 StudiedPart = Annotated[Path, Parameter(help="The part's surface mesh.")]
 Output = Annotated[
     Path,
-    Parameter(name=["-o", "--output"], help="The netCDF file; the figure is written beside it."),
+    Parameter(name=["-o", "--output"], help="The netCDF file; the figure is written next to it."),
 ]
 References = Annotated[list[str] | None, Parameter(name="--reference", negative=())]
 Layers = Annotated[Whole, Parameter(help="Number of shells.")]
@@ -53,12 +53,12 @@ class ModeOptions:
     normals
         Normals at which rays are refracted.
     index_rule
-        Where shells lie between the layers that they separate, as ``--rule`` of ``iriftrace
+        Position of shells between the layers that they separate, as ``--rule`` of ``iriftrace
         scene``; or outer, at the outer one's end.
     inside_hit
-        What becomes of rays that meet a shell from its inside: refracted, or dropped.
+        Treatment of rays that meet a shell from its inside: refracted, or dropped.
     drop_inner
-        How many of the innermost shells are left out; one number, or one for each field, "3,3,0,0".
+        Number of innermost shells to leave out; one number, or one for each field, "3,3,0,0".
     explain
         Also the second mode with one of its choices at a time replaced by ours.
     """
@@ -70,7 +70,7 @@ class ModeOptions:
     explain: Annotated[bool, Parameter(negative=())] = False
 
     def modes(self) -> list[Mode]:
-        """Ours, the second one, and those between them if they are asked for."""
+        """Ours, the second one, and those between them if requested."""
         from attrs import evolve
 
         from iriftrace.studies.mode import OURS, PAPERS, one_change_each
@@ -151,7 +151,7 @@ def _run(
     if options.field.isosurfaces:
         raise InputError(
             "A study contours the field again for each case, so it needs the volume field and "
-            "no ready-made iso-surfaces."
+            "not ready-made iso-surfaces."
         )
     check_order(fields[0], part)
     check_field(*fields)
@@ -175,7 +175,7 @@ def _run(
 
 
 def names_of(fields: Sequence[Path]) -> list[str]:
-    """Names of fields: those of their files, with folders or numbers where these are alike."""
+    """Names of fields: those of their files, with folders or numbers if these are the same."""
     numbered = [f"{number}: {path}" for number, path in enumerate(fields, start=1)]
     names = [path.stem for path in fields], [str(path) for path in fields], numbered
     return next(each for each in names if len(set(each)) == len(each))
@@ -232,9 +232,9 @@ def smoothing(
     options: StudyOptions = StudyOptions(),
     scale: Scale = 0.25,
 ) -> None:
-    """Compare smoothed shells of a coarse field with those of a fine one, left as they are.
+    """Compare smoothed shells of a coarse field with unsmoothed shells of a fine one.
 
-    Taubin smoothing with lambda 0.20 and mu -0.21. Besides the two modes, ours with facet normals.
+    Taubin smoothing with lambda 0.20 and mu -0.21. Our mode is also compared with facet normals.
 
     Example: ``iriftrace study smoothing coarse.vtu part.ply fine.vtu -o smoothing.nc``
 
@@ -298,7 +298,7 @@ def mesh(
         raise InputError(f"{twice[0]} is given twice, so it would be compared twice; remove one.")
     for path in split or []:
         if path not in paths:
-            raise InputError(f"--split {path} is none of the study's fields; name one of them.")
+            raise InputError(f"--split {path} is not one of the study's fields; name one of them.")
     cut = [names_of(paths)[paths.index(path)] for path in split or []]
     made = partial(mesh_study, layers=layers, split=cut, references=reference)
     _run(paths, part, output, options, scale, made)
@@ -349,7 +349,7 @@ def polygons(
     Parameters
     ----------
     smallest
-        Mean number of triangles of a shell to begin with; more are thinned out first.
+        Mean number of triangles of a shell to begin with; shells with more are reduced first.
     largest
         Midpoint subdivision ends before shells have more triangles; the paper's 4.8 million need
         over 9 GB of memory.

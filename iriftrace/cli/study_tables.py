@@ -38,12 +38,12 @@ def print_comparison(dataset: xr.Dataset) -> None:
         print_table(
             f"Difference from {reference_words(str(reference))} / um",
             (str(axis), "mode"),
-            ("median", "share", "p95", "trimmed", "rmse", "un-\nmatched", "lost"),
+            ("median", "ratio", "p95", "trimmed", "rmse", "un-\nmatched", "lost"),
             rows,
         )
     out.print(
-        "share: median over the median displacement; trimmed: rmse without the 1 % of rays that "
-        "differ most; unmatched: rays that are good in one of the two runs only; lost: rays of the "
+        "ratio: median over the median displacement; trimmed: rmse without the 1 % of rays that "
+        "differ most; unmatched: rays that are good in only one of the two runs; lost: rays of the "
         "case whose straight twin hits the part in focus, but which are not good."
     )
 
@@ -74,7 +74,7 @@ def print_timing(dataset: xr.Dataset) -> None:
     )
     if float(dataset["search_share"].max()) > 1.0:
         out.print(
-            "A search above 1 is noise: the search is timed in a run of its own, so that other "
+            "A search above 1 is noise: the search is timed in a separate run, so that other "
             "programs on the machine can make it the longer one."
         )
 
@@ -82,7 +82,7 @@ def print_timing(dataset: xr.Dataset) -> None:
 def print_table(
     title: str, texts: Sequence[str], numbers: Sequence[str], rows: Sequence[Sequence[object]]
 ) -> None:
-    """Print a table in the terminal's width, or wider where words and numbers would be cut."""
+    """Print a table in the terminal's width, or wider if words and numbers would be cut."""
     # Rules between the columns would cost width.
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=0, show_edge=False)
     for heading in texts:
@@ -91,7 +91,7 @@ def print_table(
         table.add_column(heading, justify="right")
     for row in rows:
         table.add_row(*map(str, row))
-    # A measurement ends at the console's width, unless the options know of more.
+    # A measurement ends at the console's width, unless the options have a larger one.
     least = out.measure(table, options=out.options.update(width=1000)).minimum
     if least > out.width:
         table.width = least

@@ -37,10 +37,10 @@ def sweep(
 ) -> None:
     """Render scenes from many poses into one netCDF file.
 
-    An interrupted sweep goes on where it stopped when the same command is given again.
+    An interrupted sweep continues where it stopped if the same command is given again.
     Several scenes of the same part (one field each), focal lengths and stand-offs give all their
     combinations, whose poses `iriftrace plan` normalises and ranks together. A scene with two
-    devices is a rigid sensor: both move together, and their errors are kept too.
+    devices is a rigid sensor: both move together, and their errors are stored too.
 
     Example: ``iriftrace sweep scene.xml -o sweep.nc --azimuth 0:90:10 --elevation -90:90:19``
 
@@ -52,16 +52,16 @@ def sweep(
     output
         The netCDF file.
     focal_length
-        In place of the sensor's focal length: one or several, "8mm,10mm".
+        Used instead of the sensor's focal length: one or several, "8mm,10mm".
     nearest
         Add the two nearest-neighbour readings of the resolution, which takes longer.
     exr
-        Keep each pose's AOV image in a folder beside the result.
+        Keep each pose's AOV image in a folder next to the result.
     export
-        Write the table of the whole part to this .csv or .parquet file too.
+        Also write the table of the whole part to this .csv or .parquet file.
     surface
-        Write the part with the maps of all poses (displacement, times seen, best incidence) to
-        this .vtp or .vtu file too, for ParaView.
+        Also write the part with the maps of all poses (displacement, times seen, best incidence)
+        to this .vtp or .vtu file, for ParaView.
     scheduler
         Let worker processes render: "local" starts them here, "tcp://host:8786" is the address
         that `dask scheduler` prints; its workers must see the scene under the same path.

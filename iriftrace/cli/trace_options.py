@@ -1,4 +1,4 @@
-"""Options about tracing, and the check that a result is of the light that is asked for."""
+"""Options about tracing, and the check that a result is of the requested light."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ class TraceOptions:
     variant
         Mitsuba variant, llvm_ad_mono or cuda_ad_mono.
     engine
-        Bend rays by the shells, or along their curved path through the field itself, which needs
-        the field.npz that ``iriftrace scene`` writes. By default what the scene's file says; and
-        where that is shells, but they are too few for a view, the field if it is there.
+        Bend rays by the shells, or along their curved path through the field data, which needs
+        the field.npz that ``iriftrace scene`` writes. By default the engine of the scene's file;
+        if that is shells, but they are too few for a view, the field if it is available.
     """
 
     define: Annotated[list[str] | None, Parameter(name=["-D", "--define"], negative=())] = None
@@ -43,7 +43,7 @@ class TraceOptions:
     engine: Literal["auto", "shells", "cells"] = "auto"
 
     def variables(self) -> dict[str, str]:
-        """Scene parameters by name, the wavelength (nm) among them if it is given."""
+        """Scene parameters by name, including the wavelength (nm) if it is given."""
         values = {}
         for text in self.define or []:
             name, equals, value = text.partition("=")
@@ -63,7 +63,7 @@ class TraceOptions:
 
 
 def check_light(wavelength: float | None, header: Mapping[str, object], file: Path) -> None:
-    """Refuse a result of other light (nm) than is asked for, or whose header does not state it."""
+    """Refuse a result of other light (nm) than requested, or whose header does not state it."""
     if wavelength is None:
         return
     if not wavelength > 0:
@@ -71,11 +71,11 @@ def check_light(wavelength: float | None, header: Mapping[str, object], file: Pa
     stated = header.get("wavelength_nm")
     if not isinstance(stated, int | float):
         raise InputError(
-            f"{file} does not state its wavelength, because its scene does not, so it is not known "
-            "to be the one that --wavelength asks for; leave the option out."
+            f"{file} does not state its wavelength, because its scene does not, so it cannot be "
+            "compared with --wavelength; leave the option out."
         )
     if not math.isclose(stated, wavelength, rel_tol=1e-6):
         raise InputError(
-            f"{file} is of light of {stated:g} nm and not of {wavelength:g} nm, as --wavelength "
-            "asks for; give the file of the other light, or trace it with this option."
+            f"{file} is of light of {stated:g} nm and not of {wavelength:g} nm, the value of "
+            "--wavelength; give the file of the other light, or trace it with this option."
         )

@@ -1,4 +1,4 @@
-"""Options that the commands ``measure`` and ``correct`` share."""
+"""Common options of the commands ``measure`` and ``correct``."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from iriftrace.core.errors import InputError
 
 System = Annotated[
     Literal["stereo", "fringe", "laser"] | None,
-    Parameter(help="Kind of sensor; by default what the id of the scene's second sensor says."),
+    Parameter(help="Kind of sensor; by default that of the id of the scene's second sensor."),
 ]
 Phase = Annotated[
     Literal["columns", "rows", "both"] | None,
     Parameter(
         help="Lines of the projector that a fringe system measures by; by default those that run "
-        "more across the way to the camera."
+        "more across the direction to the camera."
     ),
 ]
 Features = Annotated[
@@ -65,7 +65,7 @@ Kelvins = Annotated[float | None, word_parameter("NUMBER K", _read_kelvins)]
 
 
 def check_cloud_output(output: Path, example: str) -> None:
-    """Refuse before the work a cloud that could not be written after it."""
+    """Check that a cloud can be written before starting the computation."""
     from iriftrace.clouds.write import WRITTEN, check_cloud_name
 
     check_output(output, example, *WRITTEN)

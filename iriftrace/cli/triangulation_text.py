@@ -21,7 +21,7 @@ MOST_LINES = 12
 
 
 def say_field(provenance: JsonObject) -> None:
-    """On which field the numbers rest, and what does not fit."""
+    """Print the field that the numbers come from, and its misfits."""
     assumed = provenance["assumptions"]
     say(f"Field: {assumed['field_origin']}; {assumed['field_source']}.")
     if "field_fit" in assumed:
@@ -61,7 +61,7 @@ def _held_at(row: JsonObject) -> str:
 
 
 def _at_reference(row: JsonObject) -> str:
-    """What a size or angle is at the temperature of the drawing."""
+    """A size or angle at the temperature of the drawing."""
     cold = row.get("at_reference")
     if cold is None:
         return ""
@@ -151,11 +151,11 @@ def print_regions(rows: list[RegionRow], title: str) -> None:
         )
     out.print(table)
     say(
-        "Measured: area of the triangles on which a point lies, of the region's"
+        "Measured: area of the triangles with a point, as a fraction of the region's"
         + (
             f"; {len(seen) - MOST_LINES} more regions are in the JSON file"
             * (len(seen) > MOST_LINES)
         )
-        + (f"; of {len(rows) - len(seen)} regions no point was measured" * (len(rows) > len(seen)))
+        + (f"; {len(rows) - len(seen)} regions have no measured point" * (len(rows) > len(seen)))
         + "."
     )

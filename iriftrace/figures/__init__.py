@@ -1,5 +1,5 @@
 """Figures: pictures of poses, scenes, sweeps, studies and comparisons, and the HTML report.
 
 Functions take results and return Matplotlib figures; ``write_figure`` writes them as PNG or PDF.
-Nothing is computed here that a result does not hold already.
+Everything shown is already part of a result; nothing is computed here.
 """

@@ -18,7 +18,7 @@ _BARS_MM = (1000.0, 500.0, 200.0, 100.0, 50.0, 20.0, 10.0)
 
 
 def write_board(path: str | Path, board: Board) -> tuple[float, float]:
-    """Draw a board as a PDF page of its size, to be printed without scaling.
+    """Draw a board as a PDF page of its size, for printing without scaling.
 
     Two scale bars, along the lower and the left edge, show whether the printer kept the size in
     both directions.
@@ -64,7 +64,7 @@ def write_board(path: str | Path, board: Board) -> tuple[float, float]:
 
 
 def _bar(room: float) -> float:
-    """Length of a scale bar, mm, in a room of so many."""
+    """Length of a scale bar, mm, that fits into a room of this length."""
     return next((length for length in _BARS_MM if length <= room), _BARS_MM[-1])
 
 

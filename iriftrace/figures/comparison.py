@@ -1,4 +1,4 @@
-"""Figure of a comparison: measured and simulated shifts, their residual, and what motion leaves."""
+"""Figure of a comparison: measured and simulated shifts, and residuals with and without motion."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from iriftrace.figures.style import ColourScale, Look, legend_below
 from iriftrace.image.comparison import Comparison
 
 COLOUR_PERCENTILE = 98.0
-"""A few silhouette pixels are off by pixels; this percentile keeps them out of the colours."""
+"""Outliers of several pixels at silhouettes; this percentile keeps them out of the colours."""
 
 _DPI = 160
 _BACKGROUND = "0.85"
@@ -28,16 +28,16 @@ def comparison_figure(
 ) -> Figure:
     """Draw both components of the shifts and residuals.
 
-    Measured and simulated shifts share one scale of colours, the residuals another one.
+    Measured and simulated shifts have one scale of colours, the residuals another one.
 
     Parameters
     ----------
     comparison
-        What was compared.
+        The comparison to draw.
     resolution
         Width and height of a map, which is drawn as a picture; None draws markers.
     title
-        What the second line says.
+        Text of the second line.
     """
     signals = {"Measured": comparison.measured, "Simulated": comparison.simulated}
     residuals = {"Residual": comparison.residual}

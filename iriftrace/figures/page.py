@@ -1,4 +1,4 @@
-"""HTML pages that need nothing else, neither Python nor a network."""
+"""HTML pages that work offline and without Python."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Rows = tuple[tuple[str, ...], ...]
 
 
 def write_page(path: Path, template: str, **values: object) -> None:
-    """Write a page by one of the package's templates; its folder must exist."""
+    """Write a page from one of the package's templates; its folder must exist."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
@@ -28,7 +28,7 @@ def write_page(path: Path, template: str, **values: object) -> None:
 
 
 def name_of(file: JsonObject) -> str:
-    """Name of a part's or field's file by its provenance."""
+    """Name of a part's or field's file from its provenance."""
     return file.get("source") or (Path(file["path"]).name if file.get("path") else "the part")
 
 

@@ -31,8 +31,8 @@ from iriftrace.sweep.faces import displacement_limits
 UM_PER_MM = 1000.0
 
 # Flat colours that differ from each other, from the white background, from the colour map and from
-# the black lines of silhouettes. Beside these lie most rays whose refracted twin misses: they get
-# the vermilion that colour-blind eyes tell from viridis and from greys.
+# the black lines of silhouettes. Most rays whose refracted twin misses lie next to these, and have
+# the vermilion that colour-blind eyes can tell from viridis and from greys.
 STATUS_COLOURS = {
     Status.OUT_OF_FOCUS: "0.84",
     Status.BLOCKED: "0.70",
@@ -68,12 +68,12 @@ COMPONENTS = {
     "right": Shown("right", "Displacement across the line of sight", "To the right", signed=True),
     "down": Shown("down", "Displacement across the line of sight", "Downwards", signed=True),
 }
-"""Signed pictures of the displacement; those across the line of sight go by the picture's sides."""
+"""Signed pictures of the displacement; right and down are the directions in the picture."""
 
 _WIDTH_IN = 8.0
 _TALLEST_IN = 9.0
 _FLATTEST_IN = 3.6
-_FLAT = 0.5  # Height over width below which the colour bar has no room beside the picture.
+_FLAT = 0.5  # Height over width below which the colour bar has no room next to the picture.
 
 
 def displacement_figure(
@@ -83,7 +83,7 @@ def displacement_figure(
     view: str = "",
     component: Component = "norm",
 ) -> Figure:
-    """Draw the displacement of every pixel on the part, 1600 pixels wide; of an ensemble its mean.
+    """Draw the displacement of every pixel on the part, 1600 pixels wide; for an ensemble the mean.
 
     Colours are logarithmic between the 1st and the 99th percentile of the rays that count, or
     linear and symmetric about 0 to the 99th of a signed component's size; pixels on the part
@@ -142,9 +142,9 @@ def pose_figures(
     include: Collection[int] = (Status.GOOD,),
     component: Component = "norm",
 ) -> dict[str, Figure]:
-    """All figures of a pose, named after it: the displacement and, of an ensemble, the scatter.
+    """All figures of a pose, named after it: the displacement and, for an ensemble, the scatter.
 
-    A signed component of the displacement is drawn alone, with its name behind the pose's.
+    A signed component of the displacement is drawn alone, with its name after the pose's.
     """
     if component != "norm":
         return {f"{name}_{component}": displacement_figure(image, include, component=component)}
@@ -194,7 +194,7 @@ def _draw(image: AovImage, include: Collection[int], what: Shown, view: str = ""
     second_line = "\n".join(filter(None, (view, _provenance(image.header))))
     axes.set_title(second_line, fontsize=9, color=TEXT_COLOUR, pad=8)
     if entries:
-        title = "Pixels without a displacement (share of all that see the part)"
+        title = "Pixels without a displacement (fraction of all that see the part)"
         legend_below(figure, entries, min(2, len(entries)), title=title, title_fontsize=9)
     return figure
 
@@ -220,7 +220,7 @@ def _scale(values: FloatArray, what: Shown) -> ColourScale:
 
 
 def _crop(seen: BoolArray) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Columns and rows that hold all that was seen, with a margin, as far as the picture goes."""
+    """Columns and rows of all pixels that see the part, with a margin, within the picture."""
     spans = []
     filled = [np.flatnonzero(seen.any(axis=axis)) for axis in (0, 1)]
     margin = 0.03 * max(np.ptp(used) + 1 for used in filled) + 2
@@ -241,8 +241,8 @@ def _draw_without_displacement(
         count = int(pixels.sum())
         if count:
             codes[pixels] = place
-            share = f"{100 * count / total:.1f} %" if count / total >= 0.0005 else "< 0.1 %"
-            text = f"{code.text.capitalize()}: {count:,} px ({share})"
+            percent = f"{100 * count / total:.1f} %" if count / total >= 0.0005 else "< 0.1 %"
+            text = f"{code.text.capitalize()}: {count:,} px ({percent})"
             entries.append(Patch(facecolor=colour, edgecolor="0.3", linewidth=0.4, label=text))
     axes.imshow(
         codes,
@@ -334,7 +334,7 @@ def _provenance(header: JsonObject) -> str:
 
 
 def _normals(stated: str | None, engine: str | None) -> str | None:
-    """Normals of shells, or the gradient of cells, which have none."""
+    """Normals of shells, or the gradient of cells, which have no normals."""
     if not stated:
         return None
     return stated if engine == "cells" else f"{stated} normals"

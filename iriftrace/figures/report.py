@@ -1,4 +1,4 @@
-"""The report of a sweep: one HTML page that needs nothing else, neither Python nor a network."""
+"""The report of a sweep: one HTML page that works offline and without Python."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _CAPTIONS = {
     "beaten by no other one in everything at once.",
     "map_score": "Combined score over the direction or distance from which the camera looks.",
     "map_displacement": "Displacement over the direction or distance from which the camera looks.",
-    "map_coverage": "Seen share of the area over the direction or distance of the camera.",
+    "map_coverage": "Seen fraction of the area over the direction or distance of the camera.",
     "map_axial": "Resolution along the line of sight.",
     "map_lateral": "Resolution across the line of sight.",
     "scene_score": "The camera poses around the part, coloured by the combined score.",
@@ -63,7 +63,7 @@ _CAPTIONS = {
     "faces_incidence": "The best angle at which any pose sees each face.",
     "histograms": "How the metrics are distributed over the poses.",
     "histograms_normalised": "The same, normalised as they enter the score.",
-    "rays": "What became of the rays of each pose, and how much they met.",
+    "rays": "Outcome of the rays of each pose, and how much they met.",
 }
 
 _SUMMARY_FIGURES = ("view_best", "scene_score")
@@ -78,7 +78,7 @@ class ReportContent:
     """The report's text; rows are of name and value.
 
     Rows of the varied weights: metric; rank of the best pose and winner with the smaller weight;
-    the same with the larger. Of the rays: what became of them, their number, their fraction of the
+    the same with the larger. Rows of the rays: outcome, number, fraction of the
     hits.
     """
 
@@ -110,7 +110,7 @@ def report_content(
     views: int | None = None,
     limits: ViewLimits = NO_LIMITS,
 ) -> ReportContent:
-    """Collect what is said of a sweep, with `top` rows of the ranking and a set of `views`."""
+    """Collect the contents about a sweep, with `top` rows of the ranking and a set of `views`."""
     plan = summary.plan
     chosen = None if views is None else plan_views(dataset, views, limits, plan.criteria)
     ranking = ranking_table(summary, top)
@@ -177,7 +177,7 @@ def _answer(summary: SweepSummary) -> str:
 
 
 def _assumptions(dataset: xr.Dataset) -> Rows:
-    """What all poses share, and of the engine which poses do not."""
+    """Assumptions that hold for all poses, and engines of the poses."""
     rows = {key: value_text(value) for key, value in attribute(dataset, "assumptions").items()}
     if other := engines_text(dataset):
         rows["engine"] = "; ".join(filter(None, (rows.get("engine"), other)))
@@ -259,21 +259,21 @@ def write_report(
     sweep
         The sweep's file.
     dataset, summary
-        What it holds.
+        The sweep's dataset and summary.
     top
         Rows of the ranking.
     views, limits
-        Number of poses that together are to see the most, and how badly they may see a face.
+        Number of poses that together see the most, and limits within which they must see a face.
 
     Returns
     -------
     tuple of str
-        Which pictures are missing and why, a sentence each; the page says so, too.
+        Missing pictures and the reasons, a sentence each; the page states them, too.
 
     Raises
     ------
     InputError
-        The file cannot be written, or no row is wanted.
+        The file cannot be written, or no row is requested.
     """
     content = report_content(dataset, summary, top, views, limits)
     pictures, missing = sweep_pictures(dataset, summary)

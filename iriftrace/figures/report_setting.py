@@ -1,4 +1,4 @@
-"""Setting of a sweep for its report, and the facts that its answer rests on."""
+"""Setting of a sweep for its report, and the facts that its answer depends on."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
 
 
 def engines_text(dataset: xr.Dataset) -> str:
-    """How many poses were traced through the field, because shells are too few."""
+    """Number of poses that were traced through the field, because shells are too few."""
     through = traced_through_cells(dataset)
     if through.all() or not through.any():
         return ""
     return (
-        f"{through.sum()} of {len(through)} poses were traced through the field itself, where the "
+        f"{through.sum()} of {len(through)} poses were traced through the field data, as the "
         "shells are too few."
     )
 
 
 def rests_on(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
-    """What decides how much the answer is worth, a sentence each."""
+    """Facts that limit the reliability of the answer, a sentence each."""
     fields = _fields(dataset)
     origins = _distinct(one.get("origin") or "not stated" for one in fields)
     marks = (synthetic_mark(stated_source(one)) for one in fields)
@@ -80,7 +80,7 @@ def setting_rows(dataset: xr.Dataset, summary: SweepSummary) -> Rows:
 
 
 def _fields(dataset: xr.Dataset) -> list[JsonObject]:
-    """Fields of all scenes; that of the sweep's own attribute where they do not say."""
+    """Fields of all scenes; that of the sweep's own attribute if they do not state it."""
     try:
         scenes = json.loads(dataset.attrs.get("scenes", "[]"))
     except ValueError:

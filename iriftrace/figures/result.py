@@ -28,9 +28,9 @@ class Plots:
     Attributes
     ----------
     figures
-        Matplotlib figures by name; the name is that of the file too.
+        Matplotlib figures by name; the file has the same name.
     vectors
-        Names of those that `save` writes as PDF beside the PNG.
+        Names of those that `save` also writes as PDF next to the PNG.
     missing
         Figures that could not be drawn and the reasons, a sentence each.
     """
@@ -70,12 +70,12 @@ def plot(
         A pose (an AOV image, a rendering, or an ``.exr``), a sweep or a study (a dataset or an
         ``.nc``).
     criteria
-        By which a sweep's poses are ranked.
+        Criteria by which a sweep's poses are ranked.
     name
         Name of the figure of a pose or study; by default that of the file, else "displacement" or
         the study's.
     component
-        Of a pose's displacement, see `displacement_figure`.
+        Component of a pose's displacement, see `displacement_figure`.
 
     Raises
     ------
@@ -92,8 +92,8 @@ def plot(
         return Plots(pose_figures(image, name or "displacement", component=component))
     if component != "norm":
         raise InputError(
-            f"A component of the displacement ({component}) is drawn of one pose, and this is a "
-            "sweep or a study; give the EXR of a pose."
+            f"A component of the displacement ({component}) can be drawn for one pose, but this is "
+            "a sweep or a study; give the EXR of a pose."
         )
     if "study" in result.attrs:
         from iriftrace.figures.studies import study_figure
@@ -109,7 +109,7 @@ def plot(
 
 
 def read_result(path: str | Path) -> AovImage | xr.Dataset:
-    """Read an AOV image (.exr), or a sweep or study (.nc); InputError for anything else."""
+    """Read an AOV image (.exr), or a sweep or study (.nc); raises InputError for other files."""
     suffix = Path(path).suffix.lower()
     if suffix == ".exr":
         return read_exr(path)

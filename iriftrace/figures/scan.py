@@ -56,9 +56,10 @@ def scan_figure(scan: Scan) -> Figure:
 
 
 def correction_figure(found: Correction, part: Part, camera: Camera) -> Figure:
-    """Draw what was taken out along the part's normal, and the deviation from the part.
+    """Draw the corrections along the part's normal, and the deviation from the part.
 
-    In the camera's picture, and as a histogram of the points as measured and corrected.
+    The corrections are drawn in the camera's picture, the deviations of the points as measured and
+    corrected as histograms.
     """
     good = found.status == CorrectionStatus.CORRECTED
     normal, face = found.normal[good], found.face[good]
@@ -77,7 +78,7 @@ def correction_figure(found: Correction, part: Part, camera: Camera) -> Figure:
     left.set_aspect("equal")
     left.invert_yaxis()
     left.set_axis_off()
-    body.colorbar(shown, ax=left, orientation="horizontal", label="taken out along the normal (µm)")
+    body.colorbar(shown, ax=left, orientation="horizontal", label="correction along normal (µm)")
     deviations = {
         name: UM_PER_MM * (np.einsum("ij,ij->i", points[good], normal) - part.face_offsets[face])
         for name, points in (("as measured", found.measured), ("corrected", found.points))

@@ -16,7 +16,7 @@ from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.figures.page import Rows, file_text, name_of, value_text, write_page
 
 SCHEMAS = {"iriftrace.scan/1": "cold", "iriftrace.correction/1": "corrected"}
-"""Results that have such a report, and what their features' clouds without air are called."""
+"""Results with such a report, and the names of their features' clouds without air."""
 
 
 @frozen
@@ -54,14 +54,14 @@ def read_numbers(path: Path) -> tuple[Path, JsonObject]:
         known = False
     if not known:
         raise InputError(
-            f"{file} holds no numbers of iriftrace measure or correct, of which a report could be "
-            "written; give a sweep (.nc), or a cloud that lies next to its .json."
+            f"{file} holds no numbers of iriftrace measure or correct for a report; "
+            "give a sweep (.nc), or a cloud that lies next to its .json."
         )
     return file, values
 
 
 def scan_report(values: JsonObject) -> ScanReport:
-    """Collect what is said of a scan or correction by its JSON values."""
+    """Collect the contents about a scan or correction from its JSON values."""
     true = SCHEMAS[values["schema"]]
     simulated = true == "cold"
     assumed, counts = values["assumptions"], values["points"]
@@ -76,7 +76,7 @@ def scan_report(values: JsonObject) -> ScanReport:
         answer=tuple(_answer(values, simulated)),
         doubtful=tuple(_doubtful(values, simulated)),
         caption="Left: the camera's picture, coloured by the "
-        + ("error along the normal." if simulated else "refraction error that was taken out."),
+        + ("error along the normal." if simulated else "refraction error that was removed."),
         feature_headings=(
             *("feature", "region", *held, "points", "measured (mm)", f"{true} (mm)", "air (µm)"),
             *(() if simulated else ("U of the air (µm)", "U of the fit (µm)", "U (µm)")),
@@ -94,8 +94,8 @@ def scan_report(values: JsonObject) -> ScanReport:
         ),
         regions=tuple(_region(row) for row in values.get("regions", ()) if row["points"]),
         region_note="Along the part's outward normal: "
-        + ("the error of the points." if simulated else "what was taken out of the points.")
-        + " Area measured: that of the triangles on which a point lies.",
+        + ("the error of the points." if simulated else "the correction of the points.")
+        + " Area measured: that of the triangles with a point.",
         points=tuple((key.replace("_", " "), f"{count:,}") for key, count in counts.items()),
         setting=(
             ("Part", file_text(values["part"])),
@@ -116,12 +116,12 @@ def write_scan_report(path: Path, result: Path) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        Why the picture is missing, a sentence, where it is.
+        Why the picture is missing, a sentence, if it is.
 
     Raises
     ------
     InputError
-        The result is none of the two, or the file cannot be written.
+        The result is neither of the two, or the file cannot be written.
     """
     file, values = read_numbers(result)
     picture = file.with_suffix(".png")
@@ -168,7 +168,7 @@ def _answer(values: JsonObject, simulated: bool) -> list[str]:
 
 
 def _doubtful(values: JsonObject, simulated: bool) -> list[str]:
-    """What decides how much the numbers are worth."""
+    """Facts that limit the reliability of the numbers."""
     assumed = values["assumptions"]
     mark = synthetic_mark(stated_source(values.get("field")))
     said = [f"{mark or 'Field'}: {assumed['field_origin']}."]
@@ -187,7 +187,7 @@ def _doubtful(values: JsonObject, simulated: bool) -> list[str]:
 
 
 def _feature_note(expanded: bool) -> str:
-    text = "Diameters; of a plane the form deviation. U is expanded (k = 2, of few fields larger)."
+    text = "Diameters; for planes the form deviation. U is expanded (k = 2, larger for few fields)."
     if expanded:
         text += (
             " The column at: temperature at which a size holds; the last two: the size at the "

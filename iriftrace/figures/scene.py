@@ -38,7 +38,7 @@ _CAMERA_COLOUR = "#3a3f47"
 SIGHT_COLOUR = "#0f6b8f"
 SECOND_COLOUR = "#a8541b"
 COLOUR_MAP = "plasma"
-# What is seen through all shells together.
+# Opacity of all shells together.
 _TRANSMITTANCE = 0.2
 
 
@@ -61,9 +61,9 @@ def scene_figure(
     part, shells, camera
         The scene, mm, world.
     second : Camera, optional
-        The device with which points are triangulated; of its view the edges are drawn.
+        The device with which points are triangulated; the edges of its view are drawn.
     second_name : str
-        What it is.
+        Its name.
 
     Raises
     ------
@@ -147,7 +147,7 @@ def temperature_ticks(norm: FuncNorm) -> list[float]:
 
 
 def camera_body(camera: Camera, part: Part) -> pv.PolyData:
-    """A box and a lens behind the pinhole, of a size to be seen beside the part; mm, world."""
+    """A box and a lens behind the pinhole, large enough to be seen next to the part; mm, world."""
     axis = (0.0, 0.0, 1.0)
     box = pv.Cube(center=(0.0, 0.0, -0.75), x_length=1.3, y_length=0.95, z_length=0.9)
     lens = pv.Cylinder(
@@ -161,7 +161,7 @@ def camera_body(camera: Camera, part: Part) -> pv.PolyData:
 def sight_lines(camera: Camera, part: Part) -> list[tuple[str, FloatArray]]:
     """Edges of a camera's view, without names, and outlines of its focus interval; mm, world.
 
-    Where the far focus lies well behind the part, the edges end earlier and it has no outline.
+    If the far focus lies well behind the part, the edges end earlier and it has no outline.
     """
     local = camera.to_camera(part.vertices)
     pinhole = camera.projection == "pinhole"
@@ -170,8 +170,8 @@ def sight_lines(camera: Camera, part: Part) -> list[tuple[str, FloatArray]]:
     # A far end that lies well behind the part would make the part small in the picture.
     reach = min(far, 1.3 * float(distances.max()))
     corners = camera.corners
-    shares = np.linspace(0.0, 1.0, 17)[:-1, None]
-    sides = [a + shares * (b - a) for a, b in zip(corners, np.roll(corners, -1, 0), strict=True)]
+    fractions = np.linspace(0.0, 1.0, 17)[:-1, None]
+    sides = [a + fractions * (b - a) for a, b in zip(corners, np.roll(corners, -1, 0), strict=True)]
     border = np.concatenate([*sides, corners[:1]])
 
     starts, directions = camera.rays(corners)
@@ -198,14 +198,14 @@ def drawn_shells(shells: tuple[Shell, ...]) -> list[int]:
 def add_shells(
     plotter: pv.Plotter, shells: ShellStack, centre: FloatArray, side: FloatArray
 ) -> None:
-    """Add what is left of shells behind a cut through `centre` across `side`, and its lines.
+    """Add the parts of shells behind a cut through `centre` across `side`, and its lines.
 
     The outermost comes first: with the near half cut away it is the farthest, so that blending in
     the order of drawing is right and no sorting (depth peeling) is needed.
     """
     drawn = drawn_shells(shells.shells)
     colours = colormaps[COLOUR_MAP](temperature_norm(shells)(celsius_of(shells)))
-    # Through all of them the part is still seen.
+    # The part must remain visible through all of them.
     opacity = float(1.0 - _TRANSMITTANCE ** (1.0 / len(drawn)))
     for number in drawn:
         _add_shell(plotter, shells.shells[number], colours[number, :3], opacity, centre, side)

@@ -32,7 +32,7 @@ PART_COLOUR = "#ff8c1a"
 SIZE_PX = (1600, 1200)
 """Width and height of the figures."""
 
-# Of one surface. The time for thinning out grows with the third power of the bins along each side;
+# For one surface. The time of the reduction grows with the third power of the bins along each side;
 # these are about as fine as the picture's pixels and cost 0.07 s.
 _MOST_TRIANGLES = 100_000
 _BINS = 400
@@ -102,7 +102,7 @@ class View:
         return plane * self.px_per_mm + np.asarray(self.size_px) / 2.0
 
     def apply_to(self, plotter: pv.Plotter, box: Box) -> None:
-        """Set up a plotter that holds nothing outside a box."""
+        """Set up a plotter with nothing outside a box."""
         # The view's centre lies at most one diagonal from the box's own.
         radius = 2.0 * box.diagonal
         camera = plotter.camera
@@ -117,11 +117,12 @@ class View:
 def view_direction(forward: FloatArray, upwards: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Direction of view in which a camera stands at the right and looks to the left.
 
-    Of the optical axis and what is up in the camera's picture, (3,) unit vectors, world, it gives
-    that from the scene to the viewer, and the horizontal one across the axis on the viewer's side.
+    From the optical axis and the up direction of the camera's picture, (3,) unit vectors, world.
+    Returns the direction from the scene to the viewer, and the horizontal one across the axis on
+    the viewer's side.
     """
     level = np.array((1.0, 1.0, 0.0))
-    # A camera that looks straight down has no horizontal axis: its picture's up takes the place.
+    # A camera that looks straight down has no horizontal axis: its picture's up is used instead.
     along = forward * level if np.hypot(*forward[:2]) > 0.05 else upwards * level
     along = along / np.linalg.norm(along)
     side = np.cross((0.0, 0.0, 1.0), along)
@@ -130,9 +131,10 @@ def view_direction(forward: FloatArray, upwards: FloatArray) -> tuple[FloatArray
 
 
 def oblique(level: FloatArray) -> FloatArray:
-    """Of level unit vectors (k, 3) the one in which a box shows most depth, raised by 20 degrees.
+    """The level unit vector, of (k, 3), in which a box shows most depth, raised by 20 degrees.
 
-    Seen along x or y, a box has no depth; |x| and |y| differ least between the two.
+    Seen along x or y, a box has no depth; the best direction has the least difference of |x|
+    and |y|.
     """
     ends_on = np.abs(np.abs(level[:, 0]) - np.abs(level[:, 1])).round(6)
     elevation = np.radians(20.0)
@@ -142,7 +144,7 @@ def oblique(level: FloatArray) -> FloatArray:
 
 
 def box_around(points: FloatArray) -> Box:
-    """Box around (n, 3) points, mm, world, with a little room beyond them."""
+    """Box around (n, 3) points, mm, world, with a little room outside them."""
     low, high = points.min(axis=0), points.max(axis=0)
     longest = float((high - low).max())
     bounds = np.stack((low - 0.02 * longest, high + 0.02 * longest))
@@ -232,14 +234,14 @@ def _write(axes: Axes, position: FloatArray, text: str, outward: FloatArray, siz
 
 @contextmanager
 def off_screen(size_px: tuple[int, int]) -> Iterator[pv.Plotter]:
-    """A plotter that blends in the order of drawing and needs no display, but an OpenGL."""
-    # Where VTK tries several kinds of windows, it reports each one that fails.
+    """A plotter that blends in the order of drawing and needs OpenGL, but no display."""
+    # When VTK tries several kinds of windows, it reports each one that fails.
     with pv.vtk_verbosity("off"):
         plotter = pv.Plotter(
             off_screen=True, window_size=list(size_px), theme=pv.themes.DocumentTheme()
         )
         try:
-            # Without a working OpenGL the window stays as it is, and drawing would end the process.
+            # Without a working OpenGL the window is unchanged, and drawing would end the process.
             if not opens(plotter.render_window):
                 raise SetupError(
                     "the 3-D figure needs an OpenGL library that draws without a display, and none "
@@ -254,7 +256,7 @@ def off_screen(size_px: tuple[int, int]) -> Iterator[pv.Plotter]:
 
 
 def opens(window: Any) -> bool:
-    """True where a window of VTK has a working OpenGL."""
+    """True if a window of VTK has a working OpenGL."""
     window.Initialize()
     return bool(window.GetInitialized())
 
@@ -276,7 +278,7 @@ def add_blockers(plotter: pv.Plotter, blockers: Sequence[tuple[FloatArray, IntAr
 
 
 def thinned(surface: pv.PolyData) -> pv.PolyData:
-    """The surface itself, or with vertices merged that lie in one bin, when it is huge."""
+    """The surface itself or, if it is huge, with vertices merged that lie in one bin."""
     if surface.n_cells <= _MOST_TRIANGLES:
         return surface
     thinning = vtkBinnedDecimation()
@@ -306,7 +308,7 @@ def add_picture(
     draw: Callable[[pv.Plotter], None],
     corner_px: tuple[int, int] = (0, 0),
 ) -> Axes:
-    """Render what `draw` adds to a plotter before the grids of a box, and label the box.
+    """Render the objects that `draw` adds to a plotter before the grids of a box; label the box.
 
     The picture's lower left corner goes to `corner_px`, pixel for pixel; the axes have the pixels
     of the view as coordinates.

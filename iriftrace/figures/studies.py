@@ -1,4 +1,4 @@
-"""Figures of studies: differences of hits, or times, along what was varied."""
+"""Figures of studies: differences of hits, or times, along the varied quantity."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ _STAGES = {
 
 
 def study_figure(dataset: xr.Dataset) -> Figure:
-    """Draw what :func:`iriftrace.studies.study.read_study` reads."""
+    """Draw a result of :func:`iriftrace.studies.study.read_study`."""
     compares = dataset.attrs["study"] in _COMPARISONS
     return comparison_figure(dataset) if compares else timing_figure(dataset)
 
@@ -66,7 +66,7 @@ def comparison_figure(dataset: xr.Dataset) -> Figure:
     (axis,) = set(dataset["rmse"].dims) - {"mode", "reference"}
     references = [str(name) for name in dataset["reference"].values]
     title = _COMPARISONS[dataset.attrs["study"]]
-    subtitle = "Rays that are good in both runs; a ray that is good in one only is unmatched"
+    subtitle = "Rays that are good in both runs; a ray that is good in only one is unmatched"
     height = 9.2 + 0.18 * len(dataset["mode"])
     figure, body = new_figure(4.4 * len(references) + 1.0, height, title, subtitle)
     grid = body.subplots(4, len(references), sharex=True, sharey="row", squeeze=False)
@@ -77,7 +77,7 @@ def comparison_figure(dataset: xr.Dataset) -> Figure:
         axes.set_ylabel(label)
         low, high = axes.get_ylim()
         ticks = round_ticks((low, high)).tolist()
-        # The columns share their scales, so this labels them all.
+        # The columns have the same scales, so this labels them all.
         axes.set_yticks(ticks, labels=[number(tick) for tick in ticks])
         axes.set_yticks([], minor=True)
         axes.set_ylim(low, high)
@@ -140,8 +140,8 @@ def timing_figure(dataset: xr.Dataset) -> Figure:
     """Draw a result of `iriftrace.studies.study.run_study` that measures times."""
     title, across, label = _TIMINGS[dataset.attrs["study"]]
     subtitle = (
-        f"Fastest of {dataset.attrs['repeats']} pictures, {dataset.attrs['variant']}; times belong "
-        "to the machine, ratios do not"
+        f"Fastest of {dataset.attrs['repeats']} pictures, {dataset.attrs['variant']}; times depend "
+        "on the machine, ratios do not"
     )
     modes = [str(text) for text in dataset["mode_description"].values]
     figure, body = new_figure(5.2 * len(modes), 7.4, title, subtitle)
@@ -157,12 +157,12 @@ def timing_figure(dataset: xr.Dataset) -> Figure:
             upper.plot(places, times, marker, ls="-", c=colour, ms=4.5, lw=1.2, label=name)
         upper.set(xscale="log", yscale="log")
         upper.set_title(text.replace(": ", ":\n", 1), fontsize=9)
-        share = 100.0 * some["search_share"].values
-        lower.plot(places, share, color=COLOURS[0], marker="D", markersize=4.5, linewidth=1.2)
+        percent = 100.0 * some["search_share"].values
+        lower.plot(places, percent, color=COLOURS[0], marker="D", markersize=4.5, linewidth=1.2)
         lower.set_ylim(0, max(110.0, 1.05 * float(dataset["search_share"].max()) * 100.0))
         lower.axhline(100.0, color="0.6", linewidth=0.8, linestyle=":")
-        if share.max() > 100.0:
-            note = "above 100 %: noise, the search is timed in a run of its own"
+        if percent.max() > 100.0:
+            note = "above 100 %: noise, the search is timed in a separate run"
             lower.set_title(note, fontsize=8, color=TEXT_COLOUR, loc="right", pad=3)
         lower.set_xlabel(label)
         ticks = places.tolist()
@@ -171,7 +171,7 @@ def timing_figure(dataset: xr.Dataset) -> Figure:
         for axes in (upper, lower):
             finish_axes(axes)
     grid[0, 0].set_ylabel("Time / s")
-    grid[1, 0].set_ylabel("Search, share of the\nrefracted trace / %")
+    grid[1, 0].set_ylabel("Search, fraction of the\nrefracted trace / %")
     legend_below(body, grid[0, 0].get_legend_handles_labels()[0], 4)
     return figure
 

@@ -1,4 +1,4 @@
-"""Look of all figures: layout, titles, marks, colour scales, and the files they are written to."""
+"""Look of all figures: layout, titles, marks, colour scales, and their files."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ BEST_COLOUR = "#d7191c"
 TEXT_COLOUR = "0.35"
 DPI = 200
 
-# Colours that colour-blind eyes tell apart (Okabe and Ito, 2008).
+# Colours that colour-blind eyes can tell apart (Okabe and Ito, 2008).
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 
 
@@ -60,7 +60,7 @@ _CANVAS = {".png": FigureCanvasAgg, ".pdf": FigureCanvasPdf}
 
 
 def write_figure(figure: Figure, path: str | Path) -> None:
-    """Write a figure as PNG or PDF, whole or not at all; the same figure gives the same bytes.
+    """Write a figure as PNG or PDF, completely or not at all; the same figure gives the same bytes.
 
     Raises
     ------
@@ -101,13 +101,13 @@ def new_figure(
 def legend_below(
     figure: Figure | SubFigure, entries: Sequence[Artist], columns: int = 1, **more: Any
 ) -> Legend:
-    """A legend without a frame below all that is drawn."""
+    """A legend without a frame below everything that is drawn."""
     place = {"loc": "outside lower center", "ncols": columns, "fontsize": 9, "frameon": False}
     return figure.legend(handles=list(entries), **{**place, **more})
 
 
 def finish_axes(axes: Axes) -> None:
-    """Add a faint grid behind the lines and take the frame's right and upper side away."""
+    """Add a faint grid behind the lines and remove the frame's right and upper side."""
     axes.grid(color="0.92", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
@@ -117,7 +117,7 @@ def finish_axes(axes: Axes) -> None:
 class ColourScale:
     """Colours of numbers, and the colour bar that explains them.
 
-    Values that are not finite are ignored; where others lie beyond the limits, the bar has a
+    Values that are not finite are ignored; if others lie beyond the limits, the bar has a
     pointed end. The label gives name and unit.
     """
 

@@ -1,4 +1,4 @@
-"""All figures of a sweep, as far as this machine can draw them and the files are still there."""
+"""All figures of a sweep that this machine can draw and whose files still exist."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ def sweep_charts(summary: SweepSummary) -> dict[str, Figure]:
     Parameters
     ----------
     summary
-        What :func:`iriftrace.planning.summary.summarise` found in the sweep.
+        A summary by :func:`iriftrace.planning.summary.summarise`.
 
     Returns
     -------
     dict
         ``map_displacement``, ``map_coverage``, ``map_axial``, ``map_lateral``, ``map_score``,
-        ``histograms``, ``histograms_normalised``, ``rays`` and ``pareto``; of an ensemble
-        ``map_scatter`` too.
+        ``histograms``, ``histograms_normalised``, ``rays`` and ``pareto``; for an ensemble also
+        ``map_scatter``.
     """
     return {
         **{f"map_{q.key}": map_figure(summary, q) for q in summary.quantities},
@@ -51,12 +51,12 @@ def sweep_charts(summary: SweepSummary) -> dict[str, Figure]:
 def sweep_pictures(
     dataset: xr.Dataset, summary: SweepSummary
 ) -> tuple[dict[str, Figure], tuple[str, ...]]:
-    """Extreme views of a sweep, its poses in space and its faces: figures that need its files too.
+    """Extreme views of a sweep, its poses in space and its faces: figures that also need its files.
 
     Parameters
     ----------
     dataset, summary
-        The sweep; images that it kept lie beside its file.
+        The sweep; its stored images lie next to its file.
 
     Returns
     -------
@@ -64,21 +64,21 @@ def sweep_pictures(
         ``view_best``, ``view_smallest_displacement``, ``scene_score``, ``faces_times_seen`` and
         the like.
     missing : tuple of str
-        What was not drawn and why, a sentence each.
+        Missing figures and the reasons, a sentence each.
     """
     figures: dict[str, Figure] = {}
     missing: list[str] = []
     poses = extreme_poses(summary)
     try:
-        beside = Path(dataset.encoding.get("source", "")).parent
-        for name, image in extreme_images(dataset, summary, beside):
+        folder = Path(dataset.encoding.get("source", "")).parent
+        for name, image in extreme_images(dataset, summary, folder):
             figure = displacement_figure(image, view=view_name(summary, poses[name]))
             figures["view_best" if name == "best" else f"view_{name}_displacement"] = figure
     except (InputError, SetupError) as error:
         numbers = " and ".join(dict.fromkeys(map(str, poses.values())))
         missing.append(
             f"The views from poses {numbers} (best, smallest and largest displacement) are left "
-            f"out, because no image of them was kept and they cannot be rendered again: "
+            f"out, because their images were not stored and they cannot be rendered again: "
             f"{str(error).rstrip('.')}."
         )
     figures |= _in_space(dataset, summary, missing)
@@ -95,14 +95,14 @@ def view_name(summary: SweepSummary, pose: int) -> str:
 
 
 def _in_space(dataset: xr.Dataset, summary: SweepSummary, missing: list[str]) -> dict[str, Figure]:
-    """Poses around the part and faces of the part, where this machine can draw them."""
+    """Poses around the part and faces of the part, if this machine can draw them."""
     from iriftrace.runtime.doctor import drawing_trouble
 
     trouble = drawing_trouble()
     if trouble:
         missing.append(
             f"The 3-D pictures are left out, because VTK cannot draw here ({trouble}); "
-            "`iriftrace doctor` says how to mend it."
+            "`iriftrace doctor` shows how to repair it."
         )
         return {}
     from iriftrace.figures.sweep_space import sweep_face_figure, sweep_scene_figure
@@ -110,7 +110,7 @@ def _in_space(dataset: xr.Dataset, summary: SweepSummary, missing: list[str]) ->
 
     around = surroundings_of(dataset)
     if around.missing:
-        missing.append(f"The 3-D pictures lack {' and '.join(around.missing)}.")
+        missing.append(f"The 3-D pictures do not show {' and '.join(around.missing)}.")
     figures = {f"scene_{q.key}": sweep_scene_figure(summary, q, around) for q in summary.quantities}
     if around.part is not None:
         for values in face_maps_of(dataset):

@@ -34,7 +34,7 @@ from iriftrace.planning.summary import SweepSummary
 _BAR_COLOUR = "#31688e"
 _BINS = 24
 
-# What can be used has the colour of the bars.
+# Usable rays have the colour of the bars.
 _OUTCOME_COLOURS = {
     Status.GOOD: _BAR_COLOUR,
     Status.OUT_OF_FOCUS: "#b8c4cf",
@@ -117,7 +117,7 @@ def _finish_histogram(axes: Axes, label: str) -> None:
 
 
 def _unknown(quantities: tuple[Quantity, ...]) -> list[Line2D]:
-    """Legend entry for the poses that no histogram holds."""
+    """Legend entry for the poses that are in no histogram."""
     count = len(set().union(*(np.flatnonzero(~q.known).tolist() for q in quantities)))
     return count_entry("Without a number", count, UNKNOWN, ", not shown")
 
@@ -218,7 +218,7 @@ def pareto_figure(summary: SweepSummary) -> Figure:
     if across.logarithmic:
         _logarithmic(axes)
     axes.set(xlabel=across.label, ylabel=up.label)
-    # Poses that all see much the same would lie in one line at the top.
+    # Poses that all see nearly the same would lie in one line at the top.
     if up.values[known].min() < 0.5 * up.values[known].max():
         axes.set_ylim(bottom=0)
     finish_axes(axes)

@@ -34,8 +34,8 @@ _MOST_PANELS = 12
 def map_figure(summary: SweepSummary, quantity: Quantity) -> Figure:
     """A metric over azimuth and elevation: cells for a grid of poses, dots for others.
 
-    Poses with another field, focal length or distance get a panel of their own. Poses that differ
-    in their distance alone are drawn over it, the displacement with the quartiles of its rays.
+    Poses with another field, focal length or distance have a panel of their own. Poses that differ
+    only in their distance are drawn over it, the displacement with the quartiles of its rays.
     """
     if summary.is_one_direction:
         return _distance_figure(summary, quantity)
@@ -111,9 +111,9 @@ def _draw_panel(axes: Axes, summary: SweepSummary, quantity: Quantity, members: 
 
 
 def _ticks(angles: FloatArray) -> FloatArray | None:
-    """So many of the ascending angles of poses that they have room, at a round step if there is.
+    """As many of the ascending angles of poses as have room, at a round step if there is one.
 
-    None where the angles have many digits.
+    None if the angles have many digits.
     """
     if not np.allclose(angles, np.round(angles, 1), rtol=0, atol=1e-6):
         return None

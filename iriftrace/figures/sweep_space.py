@@ -48,7 +48,7 @@ _UNSEEN_COLOUR = "#c9c9c9"
 _EDGE_COLOUR = "#303030"
 _SHARP_DEG = 30.0
 
-# Radius of a pose's mark, as a share of the distance to its neighbour in the picture.
+# Radius of a pose's mark, as a fraction of the distance to its neighbour in the picture.
 _MARK_SHARE = 0.5
 _MARK_PX = (6.0, 16.0)
 _FAR_SIZE = 0.65
@@ -59,18 +59,18 @@ def sweep_scene_figure(
 ) -> Figure:
     """Draw the poses of a sweep in space, coloured by a metric, 1600 x 1200 pixels.
 
-    Spheres stand where the cameras stand, larger the nearer they are to the viewer; a pose without
-    a number is an open grey ring. Of poses with other fields or focal lengths at one place the best
-    by score is shown.
+    Spheres mark the positions of the cameras, larger the nearer they are to the viewer; a pose
+    without a number is an open grey ring. For poses with other fields or focal lengths at one
+    place the best by score is shown.
 
     Parameters
     ----------
     summary
-        What is known of the sweep.
+        Summary of the sweep.
     quantity
         The metric, one of the summary's.
     surroundings
-        What is drawn besides.
+        Other objects to draw.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def sweep_scene_figure(
 
 
 def _surroundings_entries(surroundings: Surroundings) -> list[Artist]:
-    """Legend entries for what is drawn besides the poses."""
+    """Legend entries for everything that is drawn besides the poses."""
     entries: list[Artist] = []
     if surroundings.part:
         entries.append(Patch(facecolor=PART_COLOUR, label="Part"))
@@ -138,11 +138,11 @@ def sweep_face_figure(summary: SweepSummary, part: Part, values: FaceMap) -> Fig
     Parameters
     ----------
     summary
-        What is known of the sweep.
+        Summary of the sweep.
     part
         The part that was swept.
     values
-        What to show, one of :func:`iriftrace.sweep.faces.face_maps_of`.
+        The map to show, one of :func:`iriftrace.sweep.faces.face_maps_of`.
 
     Raises
     ------
@@ -192,7 +192,7 @@ def towards_cameras(offsets: FloatArray) -> FloatArray:
     """Unit vector to the viewer: the side on which the cameras stand, never along x or y."""
     directions = offsets / np.linalg.norm(offsets, axis=1, keepdims=True)
     mean = directions.mean(axis=0)
-    # Cameras all around leave the side open.
+    # Cameras all around do not determine the side.
     azimuth = np.arctan2(mean[1], mean[0]) if np.hypot(*mean[:2]) > 0.1 else np.radians(-60.0)
     turns = azimuth + np.radians((0.0, 15.0, -15.0, 30.0, -30.0))
     return oblique(np.stack((np.cos(turns), np.sin(turns), 0.0 * turns), axis=1))
@@ -253,7 +253,7 @@ def _add_coloured(
     if surface.n_cells:
         data = surface.point_data if each == "point" else surface.cell_data
         data["colour"] = np.rint(255.0 * colours).astype(np.uint8)
-        # Mostly ambient: shading must not change what the colour bar says.
+        # Mostly ambient: shading must not change the colours that the bar explains.
         plotter.add_mesh(
             surface,
             scalars="colour",

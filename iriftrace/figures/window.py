@@ -1,4 +1,4 @@
-"""A window in which scenes, results, fields and parts are turned with the mouse."""
+"""An interactive window for scenes, results, fields and parts."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ CLOUD_COLUMNS = {
     "displacement": "displacement (um)",
     "correction": "correction (um)",
 }
-"""Columns of clouds, mm, by which points are coloured, and what they are called."""
+"""Columns of clouds, mm, by which points are coloured, and their labels."""
 
 SCALAR_BAR: Any = {
     **{"vertical": True, "position_x": 0.84, "position_y": 0.2, "height": 0.6},
     **{"title_font_size": 22, "label_font_size": 18, "fmt": "%.4g"},
 }
-"""Beside what is drawn, not over its axes."""
+"""Next to the drawn objects, not over its axes."""
 
 _MESHES = (".ply", ".stl", ".obj", ".glb", ".gltf", ".off")
 _WITHOUT_DISPLAY = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
@@ -62,8 +62,8 @@ def view(
 
     Scenes (.xml) with part, shells cut open and devices; poses (.exr) with their hits, coloured by
     displacement; sweeps (.nc) with their cameras, coloured by score; clouds (.vtp, .ply) of
-    `measure`, `correct` and ``render --surface``, coloured by the error; fields (.vtu and what else
-    `iriftrace.read_field` reads), cut open; parts (.ply .stl .obj .glb) with their regions.
+    `measure`, `correct` and ``render --surface``, coloured by the error; fields (.vtu and others
+    that `iriftrace.read_field` reads), cut open; parts (.ply .stl .obj .glb) with their regions.
 
     Parameters
     ----------
@@ -71,14 +71,14 @@ def view(
     picture
         Draw without a window into this .png.
     length_unit
-        Unit of a part's coordinates; what its file states, else mm, when left out.
+        Unit of a part's coordinates; by default the unit that its file states, else mm.
 
     Raises
     ------
     InputError
-        The file cannot be read, or is none of these.
+        The file cannot be read, or is of another kind.
     SetupError
-        There is no display for a window, or without one no OpenGL.
+        There is no display for a window, or no OpenGL for drawing without one.
     """
     if picture is not None:
         draw = _drawing(Path(path), length_unit)
@@ -88,7 +88,7 @@ def view(
         return
     window = _window(f"iriftrace: {path}")
     _set_up(window, _drawing(Path(path), length_unit))
-    # Nested transparent shells are seen from all sides here.
+    # Here nested transparent shells are seen from all sides.
     window.enable_depth_peeling()
     window.show()
 
@@ -96,7 +96,7 @@ def view(
 def _window(title: str) -> Any:
     with pv.vtk_verbosity("off"):
         plotter = pv.Plotter(title=title, theme=pv.themes.DocumentTheme())
-    # VTK draws into memory where there is no display.
+    # VTK draws into memory if there is no display.
     window: Any = plotter.render_window
     if any(window.IsA(name) for name in _WITHOUT_DISPLAY):
         plotter.close()
@@ -117,12 +117,12 @@ def _set_up(plotter: Any, draw: Draw) -> None:
 
 
 def _drawing(path: Path, length_unit: str | None) -> Draw:
-    """What draws a file, once all of it has been read."""
+    """The function that draws a file, once all of it has been read."""
     suffix = path.suffix.lower()
     if length_unit is not None and suffix not in _MESHES:
         raise InputError(
-            f"A length unit is for the mesh of a part, and {path} is none ({', '.join(_MESHES)}); "
-            "leave it out (--length-unit)."
+            f"A length unit is for the mesh of a part, and {path} is not one "
+            f"({', '.join(_MESHES)}); leave it out (--length-unit)."
         )
     known = {".xml": _scene, ".exr": _pose, ".nc": _sweep, ".vtp": _cloud}
     if suffix in known:
@@ -236,7 +236,7 @@ def _cloud(path: Path) -> Draw:
 
 
 def _coloured(path: Path, places: FloatArray, columns: Mapping[str, AnyArray]) -> Draw:
-    """Points in the colours of the first column that is known, or of a vector's length."""
+    """Points in the colours of the first known column, or of a vector's length."""
     known = dict(columns)
     for vector in CLOUD_COLUMNS:
         parts = [columns[key] for key in (f"{vector}_{axis}" for axis in "xyz") if key in columns]
@@ -251,7 +251,7 @@ def _coloured(path: Path, places: FloatArray, columns: Mapping[str, AnyArray]) -
     values, title = known[name], CLOUD_COLUMNS[name]
     um = 1e3 * (values if values.ndim == 1 else np.linalg.norm(values, axis=1)).astype(np.float64)
     if "status" in columns:
-        # Of other points nothing is known, which is no 0.
+        # Nothing is known of other points, which does not mean 0.
         good = np.asarray(columns["status"]) == 0
         places, um = places[good], um[good]
     if len(um) == 0:
@@ -266,7 +266,7 @@ def _coloured(path: Path, places: FloatArray, columns: Mapping[str, AnyArray]) -
 
 
 def _source_beside(path: Path) -> FieldSource | None:
-    """Source of the field by the numbers beside a cloud; None where they are not there."""
+    """Source of the field from the numbers next to a cloud; None if they do not exist."""
     try:
         values = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
         return stated_source(values["field"])
@@ -327,16 +327,16 @@ def add_device(plotter: pv.Plotter, camera: Camera, part: Part, colour: str) -> 
 
 
 def _add_mark(plotter: pv.Plotter, source: FieldSource | None) -> None:
-    """Say that a result rests on no simulation, where it does not."""
+    """Mark a result that does not come from a simulation."""
     mark = synthetic_mark(source)
     if mark:
         plotter.add_text(mark, position="lower_edge", font_size=10)
 
 
 def _add_points(plotter: pv.Plotter, points: pv.PolyData, um: FloatArray, title: str) -> None:
-    """Add points in colours up to the 99th percentile, about 0 where they have signs.
+    """Add points in colours up to the 99th percentile, about 0 if they have signs.
 
-    The bar has a field of its own for what is beyond, in the colour of its end.
+    The bar has an extra field for values beyond, in the colour of its end.
     """
     points.point_data[title] = um
     most = float(np.nanpercentile(np.abs(um), 99)) or 1.0

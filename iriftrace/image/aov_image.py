@@ -72,7 +72,7 @@ SCATTER_CHANNELS: tuple[str, ...] = (
 """Standard deviations over an ensemble's members, mm and pixels, and its worst member."""
 
 SCHEMA = "iriftrace.aov/1"
-"""Value of the header entry ``schema`` of the files this version writes and reads."""
+"""Value of the header entry ``schema`` of the files that this version writes and reads."""
 
 
 _NEEDED = ("part", "camera", "pose", "counts", "assumptions", "time_s")
@@ -82,25 +82,25 @@ _KNOWN = (*CHANNELS, ERROR_CHANNEL, *SCATTER_CHANNELS)
 class Status(IntEnum):
     """Outcome of one ray.
 
-    A ray that deserves several codes gets the first of 1, 2, 7, 6, 3, 4, 5, 0. A ray whose
-    deflection is impossible gets 5, even where it misses the part, and before 3 and 4.
+    If several codes apply to a ray, it gets the first of 1, 2, 7, 6, 3, 4, 5, 0. A ray with an
+    impossible deflection gets 5, even if it misses the part, and before 3 and 4.
     """
 
     GOOD = 0
     """Straight and refracted ray hit the part, and the index steps add up."""
     MISSED = 1
-    """Both rays missed the part, or the straight one where only rays that hit are traced on."""
+    """Both rays missed the part, or the straight one did and only rays that hit are traced on."""
     OUT_OF_FOCUS = 2
     """The straight ray's length from camera to hit lies outside the focus interval."""
     REFRACTED_MISSED = 3
-    """The straight ray hit the part and the refracted one missed it."""
+    """The straight ray hit the part, but the refracted one missed it."""
     ONLY_REFRACTED = 4
-    """The refracted ray hit the part and the straight one missed it."""
+    """The refracted ray hit the part, but the straight one missed it."""
     INDEX_MISMATCH = 5
     """Both hit, but the index steps do not add up to the layer at the hit; or the refracted ray is
     deflected by more than the index range along it can give."""
     GAVE_UP = 6
-    """The refracted ray could not be followed to its end: it lost its way, or met the limit of
+    """The refracted ray could not be followed to its end: it was lost, or reached the limit of
     crossings or steps."""
     BLOCKED = 7
     """Another opaque object is in the way of either ray."""
@@ -112,12 +112,12 @@ class Status(IntEnum):
 
     @property
     def lost(self) -> bool:
-        """True where the ray's end is not known, through no fault of the view."""
+        """True if the ray's end is not known for a reason other than the view."""
         return self in (Status.INDEX_MISMATCH, Status.GAVE_UP)
 
     @property
     def text(self) -> str:
-        """The outcome in words, as in tables and legends."""
+        """The outcome in words, for tables and legends."""
         return _OUTCOMES[self]
 
 
@@ -135,7 +135,7 @@ _OUTCOMES = {
 
 @frozen(eq=False)
 class AovImage:
-    """Per-pixel results of one pose and where they come from.
+    """Per-pixel results of one pose, and their origin.
 
     Row i and column j of a channel belong to the ray through the pixel's centre (j, i).
 
@@ -198,7 +198,7 @@ class AovImage:
 
     @cached_property
     def camera(self) -> Camera:
-        """Camera with which the picture was taken, in its pose; an InputError if not named."""
+        """Camera with which the picture was taken, in its pose; raises InputError if not named."""
         self.require("camera")
         return Camera.from_dict(self.header["camera"])
 
@@ -213,13 +213,13 @@ class AovImage:
         Parameters
         ----------
         path
-            Where the part's file lies now; by default where it lay when the image was rendered.
+            Where the part's file is now; by default where it was when the image was rendered.
 
         Raises
         ------
         InputError
-            The header says too little, or the file is gone, or it is not the one that was
-            rendered: its face numbers would not fit.
+            The header does not name the part, its file is missing, or it is not the file that was
+            rendered, so that its face numbers would not fit.
         """
         self.require(*_NEEDED)
         named = self.header["part"]
@@ -230,36 +230,36 @@ class AovImage:
         file = Path(named["path"] if path is None else path)
         if not file.is_file():
             raise InputError(
-                f"The part's file {file} is not there, and face areas and regions come from it; "
-                "give part_from its place (--part)."
+                f"The part's file {file} is missing, and face areas and regions come from it; "
+                "give part_from its new place (--part)."
             )
         if sha256_of(file) != named["sha256"]:
             raise InputError(
                 f"{file} is not the part the image was rendered with (its SHA-256 differs), so "
-                "that face numbers would not fit; give part_from the right one (--part) or render "
+                "face numbers would not fit; give part_from the right one (--part) or render "
                 "again."
             )
         return read_part(file, length_unit=named["length_unit"]).transformed(named["to_world"])
 
     def require(self, *keys: str) -> None:
-        """Refuse an image whose header lacks some entries, with an InputError."""
+        """Raise InputError if an entry of the image's header is missing."""
         missing = [key for key in keys if key not in self.header]
         if missing:
             raise InputError(
-                f"The image's header has no {', '.join(missing)}: another program wrote it or took "
-                "them away, and they are needed here; render the scene again."
+                f"The image's header has no {', '.join(missing)}: another program wrote or removed "
+                "its entries, which are needed here; render the scene again."
             )
 
     def vector(self, name: str, where: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
-        """Components of one quantity side by side.
+        """Components of one quantity as columns of an array.
 
         Parameters
         ----------
         name
-            ``straight``, ``refracted``, ``displacement`` (mm, world) or ``shift.px`` (pixels); of
-            an ensemble ``displacement.std`` and ``shift.px.std`` too.
+            ``straight``, ``refracted``, ``displacement`` (mm, world) or ``shift.px`` (pixels); for
+            an ensemble also ``displacement.std`` and ``shift.px.std``.
         where
-            (height, width) mask of the n pixels that are wanted; all by default.
+            (height, width) mask of the n pixels to return; all by default.
 
         Returns
         -------
@@ -276,8 +276,8 @@ class AovImage:
             known = sorted({channel[:-2] for channel in self.channels if channel.endswith(".X")})
             raise InputError(f"an AOV image has no vector {name!r}; it has {', '.join(known)}.")
         if where is not None:
-            wanted = np.flatnonzero(where)
-            planes = [plane.ravel()[wanted] for plane in planes]
+            selected = np.flatnonzero(where)
+            planes = [plane.ravel()[selected] for plane in planes]
         vectors = np.empty((*planes[0].shape, len(planes)))
         for i, plane in enumerate(planes):
             vectors[..., i] = plane
@@ -292,11 +292,11 @@ def write_exr(path: str | Path, image: AovImage, *, rgb: str | None = None) -> N
     path
         Name of the file; an existing one is replaced when the new one is complete.
     image
-        The image. Its header entries become string attributes ``iriftrace.<key>``: strings as they
-        are, other values as JSON.
+        The image. Its header entries become string attributes ``iriftrace.<key>``: strings
+        unchanged, other values as JSON.
     rgb
-        A key of `RGB`: its channels are repeated as R, G and B, and the header's entry ``rgb`` says
-        so. `read_exr` leaves them out.
+        A key of `RGB`: its channels are repeated as R, G and B, which the header's entry ``rgb``
+        states. `read_exr` leaves them out.
 
     Raises
     ------
@@ -307,7 +307,7 @@ def write_exr(path: str | Path, image: AovImage, *, rgb: str | None = None) -> N
     _refuse_not_finite(image, "cannot be written")
     header = {"compression": OpenEXR.RLE_COMPRESSION, "type": OpenEXR.scanlineimage}
     header.update({PREFIX + key: encoded(key, value) for key, value in image.header.items()})
-    # OpenEXR replaces the arrays of the dictionary that it is given, so it gets one of its own.
+    # OpenEXR replaces the arrays of the dictionary that it is given, so it gets its own one.
     channels = {
         name: np.ascontiguousarray(image.channels[name])
         for name in _KNOWN
@@ -345,8 +345,8 @@ def read_exr(path: str | Path) -> AovImage:
     schema = header.get("schema")
     if schema != SCHEMA:
         raise InputError(
-            f"{name} has schema {schema!r} instead of {SCHEMA!r}, so it is no AOV image of this "
-            "version of iriftrace; render the scene again."
+            f"{name} has schema {schema!r} instead of {SCHEMA!r}, so it is not an AOV image of "
+            "this version of iriftrace; render the scene again."
         )
     image = AovImage({key: channels[key] for key in _KNOWN if key in channels}, header)
     _refuse_not_finite(image, f"in {name} is damaged")
@@ -355,7 +355,7 @@ def read_exr(path: str | Path) -> AovImage:
 
 def _refuse_not_finite(image: AovImage, consequence: str) -> None:
     for name, pixels in image.channels.items():
-        # The sum is NaN or infinite when a pixel is; it is several times cheaper than a mask.
+        # The sum is NaN or infinite if a pixel is; it is several times cheaper than a mask.
         with np.errstate(over="ignore", invalid="ignore"):
             suspicious = not np.isfinite(pixels.sum(dtype=np.float64))
         if suspicious:

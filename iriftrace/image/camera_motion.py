@@ -1,8 +1,8 @@
-"""A small motion of the camera between two pictures, from what it shifts in them.
+"""A small motion of the camera between two pictures, from the shifts it causes in them.
 
 Also called resectioning of a small change, or visual servoing's interaction matrix (F. Chaumette
-and S. Hutchinson, IEEE Robot. Autom. Mag. 13 (2006) 82): a motion of the camera by v and w, in its
-own frame, moves a point X of that frame by ``-v - w x X``, and the picture of it by the derivative
+and S. Hutchinson, IEEE Robot. Autom. Mag. 13 (2006) 82). A motion of the camera by v and w, in its
+own frame, moves a point X of that frame by ``-v - w x X``, and its picture by the derivative
 of the projection, lens distortion included.
 """
 
@@ -18,10 +18,10 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.statistics import rms
 
 FEWEST_POINTS = 4
-"""Three points determine the six numbers, but nothing is left then to tell how well."""
+"""Three points determine the six numbers, but leave no residual to judge them by."""
 
 OUTLIER = 6.0
-"""Points whose residual is larger than so many standard deviations are left out of the fit."""
+"""Multiple of the standard deviation beyond which a point is left out of the fit."""
 
 _LARGEST_CONDITION = 1e7
 _RAYLEIGH_MEDIAN = 1.1774  # Median length of a vector of two normal components of deviation 1.
@@ -34,7 +34,7 @@ class CameraMotion:
     translation_mm: FloatArray  # (3,)
     rotation_rad: FloatArray  # (3,) rotation vector
     covariance: FloatArray  # (6, 6) of both, as if the points' residuals were independent
-    shifts: FloatArray  # (n, 2), px: what the motion shifts each point's picture by
+    shifts: FloatArray  # (n, 2), px: shift of each point's picture by the motion
     used: BoolArray  # (n,) points that the fit used; the others are outliers
     # Root mean square residual of the used points without and with the motion.
     rms_before_px: float
@@ -47,7 +47,7 @@ class CameraMotion:
 
     @property
     def explained(self) -> float:
-        """Share of the mean square residual that the motion takes away."""
+        """Fraction of the mean square residual that the motion explains."""
         if self.rms_before_px == 0.0:
             return 0.0
         return 1.0 - (self.rms_after_px / self.rms_before_px) ** 2
@@ -78,11 +78,11 @@ def interaction_matrix(camera: Camera, points: FloatArray) -> FloatArray:
 
 
 def fit_camera_motion(camera: Camera, points: FloatArray, shifts: FloatArray) -> CameraMotion:
-    """The motion that explains shifts best, by linear least squares without outliers.
+    """Find the motion that explains shifts best, by linear least squares without outliers.
 
-    The shifts (n, 2), px, are by how much points (n, 3), mm, world, are seen elsewhere after the
-    motion of the camera. An InputError if the points are too few, or lie so that they do not tell
-    one motion from another.
+    The shifts (n, 2), px, are those of the pictures of points (n, 3), mm, world, by the motion of
+    the camera. Raises InputError if the points are too few, or lie so that they do not determine
+    the motion.
     """
     if len(points) < FEWEST_POINTS:
         raise InputError(
@@ -90,7 +90,7 @@ def fit_camera_motion(camera: Camera, points: FloatArray, shifts: FloatArray) ->
             "needed."
         )
     matrix = interaction_matrix(camera, points)
-    # Turns in units of the motion that they are at the points' distance, so that all six compare.
+    # Rotations in units of the motion that they cause at the points' distance, for like sizes.
     distance = float(np.median(np.linalg.norm(camera.to_camera(points), axis=1)))
     units = np.array((1.0, 1.0, 1.0, *(1.0 / distance,) * 3))
     matrix = matrix * units
@@ -124,7 +124,7 @@ def _solved(matrix: FloatArray, shifts: FloatArray) -> FloatArray:
     solution, _, _, singular = np.linalg.lstsq(rows, shifts.ravel(), rcond=None)
     if singular[-1] * _LARGEST_CONDITION < singular[0]:
         raise InputError(
-            "the points do not tell one motion of the camera from another (they lie on one line, "
+            "the points do not determine the motion of the camera (they lie on one line, "
             "or the projection is parallel); measure more of the picture."
         )
     return np.asarray(solution, dtype=np.float64)

@@ -1,8 +1,8 @@
 """Measured pixel shifts against those of a rendering: how far apart, and why.
 
 A camera that moves a little between the cold and the hot picture shifts all of the picture, often
-by more than the air does. So the residual is split into what a rigid motion of the camera explains
-and the rest.
+by more than the air does. So the residual is split into the part that a rigid motion of the camera
+explains, and the rest.
 """
 
 from __future__ import annotations
@@ -43,23 +43,23 @@ class Comparison:
     Attributes
     ----------
     places : (n, 2) array, px
-        Where they were measured.
+        Where the shifts were measured.
     measured, simulated : (n, 2) arrays, px
     points : (n, 3) array, mm, world
-        What is seen there.
+        Points seen there.
     image : AovImage
         The rendering.
     image_path : Path or None
-        Its file, where it was read from one.
+        Its file, if it was read from one.
     measurement : MeasuredShift
-        All that was measured, also at places without a simulated shift: beside the part, or where
+        All measured shifts, also at places without a simulated shift: outside the part, or where
         the ray does not count.
     positions : str
         The picture in which the places were measured, ``"cold"`` or ``"hot"``.
     motion : CameraMotion or None
-        What explains the residual best.
+        Motion that explains the residual best.
     no_motion : str
-        Why there is none; empty when there is one.
+        Why there is no motion; empty if there is one.
     """
 
     places: FloatArray
@@ -80,7 +80,7 @@ class Comparison:
 
     @property
     def remainder(self) -> FloatArray:
-        """(n, 2) array, px: what is left of the residual without the camera's motion."""
+        """(n, 2) array, px: the residual without the camera's motion."""
         return self.residual if self.motion is None else self.residual - self.motion.shifts
 
     def as_dict(self) -> JsonObject:
@@ -115,7 +115,7 @@ class Comparison:
         }
 
     def save(self, path: str | Path) -> None:
-        """Write the numbers as JSON, whole or not at all."""
+        """Write the numbers as JSON, completely or not at all."""
         text = json.dumps(self.as_dict(), indent=2, allow_nan=False, ensure_ascii=False)
         with whole_file(path) as temporary:
             temporary.write_text(text + "\n", encoding="utf-8")
@@ -128,7 +128,7 @@ def compare(
     positions: Picture = "cold",
     include: Collection[int] = (Status.GOOD,),
 ) -> Comparison:
-    """Compare measured shifts with those of a rendering, its channel ``shift.px``.
+    """Compare measured shifts with the channel ``shift.px`` of a rendering.
 
     Parameters
     ----------
@@ -138,8 +138,8 @@ def compare(
         Measured shifts, or a file that `read_measured_shift` reads.
     positions : str
         The picture in which the places were measured: ``"cold"``, as in most correlation programs,
-        where the first picture is the reference, or ``"hot"``. The simulated shift is one of the
-        hot picture, so it is looked up where a place of the cold one is seen when hot.
+        where the first picture is the reference, or ``"hot"``. Simulated shifts belong to the hot
+        picture, so each is looked up where the place of the cold picture is seen when hot.
     include : collection of int
         Status codes of the rays that count.
 
@@ -152,8 +152,8 @@ def compare(
     Warns
     -----
     IriftraceWarning
-        Markers may be positions in a picture of the camera's full resolution, which the rendering
-        has not.
+        Markers may be positions in a picture of the camera's full resolution, which differs from
+        that of the rendering.
     """
     image_path = None if isinstance(image, AovImage) else Path(image)
     if not isinstance(image, AovImage):
@@ -167,8 +167,8 @@ def compare(
         width, height = image.resolution
         raise InputError(
             f"Only {known.sum()} of {len(known)} measured places lie on good pixels of the part in "
-            f"the rendering of {width} x {height} pixels, but {FEWEST_POINTS} are needed; are the "
-            "positions in its pixels, and is the pose the measured one?"
+            f"the rendering of {width} x {height} pixels, but {FEWEST_POINTS} are needed; check "
+            "that the positions are in its pixels and that its pose is that of the measurement."
         )
     _warn_of_another_size(image, measured)
     residual = measured.shifts[known] - shift[known]
@@ -211,7 +211,7 @@ def _refuse_another_picture(image: AovImage, measured: MeasuredShift) -> None:
 
 
 def _warn_of_another_size(image: AovImage, measured: MeasuredShift) -> None:
-    """A map says how large its picture is, but markers of a larger one may all lie inside."""
+    """Warn of markers whose picture may be larger; only a map states the size of its picture."""
     full = image.header.get("full_resolution")
     if measured.resolution is not None or full is None or tuple(full) == image.resolution:
         return
@@ -231,7 +231,7 @@ def _at_places(
     values = np.concatenate((shift.pixels, image.vector("refracted")), axis=2)
     found, known = _interpolated(values, shift.good, places)
     if positions == "cold":
-        # Twice: shifts change slowly, so that the second time is far below what is measured.
+        # Twice: shifts change slowly, so that the second change is far below measured differences.
         for _ in range(2):
             found, known = _interpolated(values, shift.good, places + found[:, :2])
     return found[:, :2], found[:, 2:], known
@@ -240,7 +240,7 @@ def _at_places(
 def _interpolated(
     values: FloatArray, good: BoolArray, places: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
-    """Linear between pixel centres; known where all the pixels that count there are good."""
+    """Linear between pixel centres; known where all pixels that contribute are good."""
     height, width = good.shape
     across, down = places.T
     column, row = np.floor(across), np.floor(down)

@@ -1,22 +1,23 @@
-"""Share of the part's surface that one pose sees.
+"""Fraction of the part's surface that one pose sees.
 
-Two numbers. The share of the faces that some ray hits is the method's paper's; it depends on the
-tessellation, because one ray claims a whole face. The sum of the rays' footprints does not.
+There are two numbers. The method's paper uses the fraction of the faces that some ray hits. It
+depends on the tessellation, because one ray claims a whole face. The sum of the rays' footprints
+does not.
 
 A footprint is the pixel's solid angle times d^2 / cos(incidence). No face gets more than its area.
-A plain cut there would keep every error of one sign: how many pixel centres fall on a face
+Simply cutting there would keep every error of one sign: the number of pixel centres on a face
 scatters, and only the excess would be cut. So the excess goes to faces close by on the same smooth
-patch (see `iriftrace.geometry.face_blocks`), as long as these turn towards the camera. What finds
-no room on the whole patch is dropped: grazing footprints are very long, and where they add up to
-more than the surface that turns towards the camera, there is none.
+patch (see `iriftrace.geometry.face_blocks`), as long as these face the camera. The excess of a
+whole patch is dropped: grazing footprints are very long, and where they add up to more than the
+surface that faces the camera, there is none.
 
 Measured on the bundled cylinder at 1224 x 1024 px (562 rays on each of its visible faces): with 4,
 16, 64 and 256 times as many faces the sum changes by at most 0.006 %. Cut at the faces it is 0.7 %
-too small as the mesh is, and 2.5, 7, 15 and 30 % with the finer ones. Against the area that spheres
-of 450 to 900 px turn to the camera it is 0 to 0.9 % too small, with a fifth of the pixels across 0
-to 2.4 %. It is worst where a silhouette runs along the pixels' rows or columns: whether one more
-row meets the grazing strip decides on all of the strip at once. A cylinder that lies level in the
-picture, 164 px thick, loses up to 7 % of what is seen of it.
+too small on the given mesh, and 2.5, 7, 15 and 30 % on the finer ones. Compared with the area that
+spheres of 450 to 900 px turn to the camera it is 0 to 0.9 % too small, with a fifth of the pixels
+across 0 to 2.4 %. It is worst where a silhouette runs along the pixels' rows or columns: one more
+row that meets the grazing strip decides on all of the strip at once. A cylinder that lies level in
+the picture, 164 px thick, loses up to 7 % of its seen area.
 """
 
 from __future__ import annotations
@@ -52,10 +53,10 @@ class Coverage:
 def seen_areas(
     image: AovImage, part: Part, include: Collection[int] = (Status.GOOD,)
 ) -> FloatArray:
-    """Area of each face that one pose sees, for users who combine poses in Python.
+    """Area of each face that one pose sees, for combining poses in Python.
 
-    Of one pose the metrics give the sums over the faces. What several poses see of a face together
-    is at least the largest of their values, and at most their sum and the face's area.
+    For one pose the metrics have the sums over the faces. The area of a face that several poses see
+    together is at least the largest of their values, and at most their sum and the face's area.
 
     Parameters
     ----------
@@ -80,7 +81,7 @@ def seen_areas(
 
 
 def pose_coverage(part: Part, camera: Camera, rays: PoseRays) -> Coverage:
-    """Add up what the rays of one pose see, for each face and region."""
+    """Add up the areas that the rays of one pose see, for each face and region."""
     count = len(part.region_names)
     region = part.region_of_face
     areas = part.face_areas
@@ -103,7 +104,7 @@ def pose_coverage(part: Part, camera: Camera, rays: PoseRays) -> Coverage:
 
 def _footprints(camera: Camera, rays: PoseRays) -> FloatArray:
     """(n,) area of the surface that each ray's pixel sees, mm^2."""
-    # The angle is float32; at most 1e-7 short of grazing, so that nothing is divided by zero.
+    # The angle is float32; it ends 1e-7 before grazing, so that nothing is divided by zero.
     cosine = np.maximum(np.cos(rays.incidence), 1e-7)
     if camera.projection == "orthographic":
         return camera.pixel_area_mm2 / cosine
@@ -122,7 +123,7 @@ def _footprints(camera: Camera, rays: PoseRays) -> FloatArray:
 
 
 def _facing(part: Part, camera: Camera) -> BoolArray:
-    """(m,) whether the camera is on the outer side of a face's plane."""
+    """(m,) True if the camera is on the outer side of a face's plane."""
     if not part.closed:
         # An open surface may be seen from both sides.
         return np.ones(len(part.faces), dtype=np.bool_)

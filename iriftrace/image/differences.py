@@ -11,7 +11,7 @@ from iriftrace.core.statistics import rms, spread
 from iriftrace.image.aov_image import AovImage, Status
 
 TRIMMED = 0.01
-"""Share of the rays, those that differ most, that the trimmed rmse leaves out."""
+"""Fraction of the rays, those that differ most, that the trimmed rmse leaves out."""
 
 
 @frozen(eq=False)
@@ -30,16 +30,16 @@ class Hits:
 class Differences:
     """Differences of two runs over the rays good in both: distances of refracted hits, mm.
 
-    The root mean square is as in Kern et al. (2025); a few rays at silhouettes, which jump by
-    millimetres, dominate it.
+    The root mean square is as in Kern et al. (2025); outliers of several mm at silhouettes dominate
+    it.
     """
 
     rmse: float
-    rmse_trimmed: float  # without the `TRIMMED` share of rays that differ most
+    rmse_trimmed: float  # without the fraction `TRIMMED` of rays, those that differ most
     median: float
     p95: float
     matched: int  # rays good in both runs
-    # Unmatched rays: good in one of the runs only.
+    # Unmatched rays: good in only one of the runs.
     only_here: int
     only_reference: int
 
@@ -49,7 +49,7 @@ class Differences:
 
 
 def hits_of(image: AovImage, shells: int = 0, triangles: int = 0) -> Hits:
-    """Take what a comparison needs out of a picture."""
+    """Extract the data for a comparison from a picture."""
     status = image.status.ravel()
     away = (Status.MISSED, Status.OUT_OF_FOCUS, Status.BLOCKED, Status.ONLY_REFRACTED)
     return Hits(
@@ -65,9 +65,9 @@ def compare(here: Hits, reference: Hits) -> Differences:
     """Differences of two runs of one camera on one part.
 
     The straight hits of both runs are the same numbers, so the distance of the refracted hits is
-    that of the displacements, which single precision holds to 1e-7 of their own length and not of
-    the distance to the origin. An InputError if the pictures differ in size, or no ray is good in
-    both.
+    that of the displacements. Single precision holds these to 1e-7 of their own length, instead of
+    the distance to the origin. Raises InputError if the pictures differ in size, or no ray is good
+    in both.
     """
     if here.good.shape != reference.good.shape:
         raise InputError(
@@ -91,7 +91,7 @@ def compare(here: Hits, reference: Hits) -> Differences:
     )
 
 
-def own_size(hits: Hits) -> dict[str, float | int]:
+def displacement_statistics(hits: Hits) -> dict[str, float | int]:
     """Displacement of one run: median, p95 and rms over its good rays, mm, and the counts."""
     norm = np.linalg.norm(hits.displacement[hits.good], axis=1)
     if len(norm) == 0:

@@ -14,7 +14,7 @@ from iriftrace.geometry.triangles import row_lengths, unit_vectors
 from iriftrace.image.aov_image import AovImage, Status
 
 USABLE = (Status.GOOD, Status.INDEX_MISMATCH)
-"""Codes of the rays that have a displacement at all: both the straight and the refracted hit."""
+"""Codes of the rays that have a displacement: both the straight and the refracted ray hit."""
 
 
 @frozen(eq=False)
@@ -25,14 +25,14 @@ class DisplacementMap:
     lateral: FloatArray  # its part across the straight line of sight, mm, not negative
     # Its part along that line, mm; positive when the refracted hit lies farther from the camera.
     axial: FloatArray
-    good: BoolArray  # whether the pixel's ray counts
+    good: BoolArray  # True if the pixel's ray counts
 
 
 @frozen(eq=False)
 class ShiftMap:
     """Shift of every pixel's picture: `pixels` (height, width, 2), px, x right and y down.
 
-    Row i, column j belongs to the pixel with its centre at (j, i). `good` tells whether
+    Row i, column j belongs to the pixel with its centre at (j, i). `good` is True where
     the pixel's ray counts; the shift is 0 where it does not.
     """
 
@@ -43,7 +43,7 @@ class ShiftMap:
 def good_mask(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> BoolArray:
     """(height, width) bool: rays whose status is one of `include`.
 
-    An InputError if that names a status whose rays lack one of the two hits, or none at all.
+    Raises InputError if that names a status whose rays do not have both hits, or names none.
     """
     unusable = sorted(set(include) - set(USABLE))
     if unusable or not include:
@@ -94,7 +94,7 @@ def signed_components(
 
 
 def displacement_map(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> DisplacementMap:
-    """Displacement of every pixel, whole and split at the line of sight, for work in Python.
+    """Displacement of every pixel, as a whole and split at the line of sight, for use in Python.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def displacement_map(image: AovImage, include: Collection[int] = (Status.GOOD,))
 
 
 def shift_map(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> ShiftMap:
-    """Shift of every pixel: where its surface point appears minus where it would without hot air.
+    """Shift of every pixel: the position of its surface point with hot air minus that without.
 
     Parameters
     ----------

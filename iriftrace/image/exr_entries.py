@@ -20,14 +20,14 @@ RGB = {
     "shift": ("shift.px.X", "shift.px.Y"),
     "refracted": ("refracted.X", "refracted.Y", "refracted.Z"),
 }
-"""Channels that R, G and B may repeat, for programs that show no others; B of two is 0."""
+"""Channels that R, G and B may repeat, for programs that show no others; the third of two is 0."""
 
 
 PREFIX = "iriftrace."
 
 
 RGB_ENTRY = "rgb"
-"""Key of the header that says what R, G and B repeat."""
+"""Key of the header that states which channels R, G and B repeat."""
 
 
 # More threads than this gain nothing for RLE: copying the pixels takes longer than packing them.
@@ -47,7 +47,7 @@ def colour_channels(channels: dict[str, FloatImage], rgb: str) -> dict[str, Floa
 
 
 def exr_content(name: str, remedy: str) -> tuple[JsonObject, dict[str, AnyArray]]:
-    """Header and channels of an OpenEXR file; an InputError with a remedy if it is damaged."""
+    """Header and channels of an OpenEXR file; raises InputError with a remedy if it is damaged."""
     if not OpenEXR.isOpenExrFile(name):
         raise InputError(f"{name} is not an OpenEXR file; {remedy}.")
     try:
@@ -73,7 +73,7 @@ def names_part(named: object) -> bool:
 
 def encoded(key: str, value: object) -> str:
     """An entry of the header as text; InputError if it is not plain JSON."""
-    # What JSON cannot read comes back as it is.
+    # What JSON cannot read is returned unchanged.
     if isinstance(value, str) and decoded(value) is value:
         return value
     try:
@@ -83,7 +83,7 @@ def encoded(key: str, value: object) -> str:
 
 
 def decoded(text: Any) -> Any:
-    """The entry that a text of the header stands for."""
+    """The entry that a text of the header represents."""
     try:
         return json.loads(text)
     except (TypeError, ValueError):

@@ -1,8 +1,8 @@
 """Measured pixel shifts between a cold and a hot picture, read from a map or a list of markers.
 
-A shift is where something is seen in the hot picture minus where it is seen in the cold one, in
+A shift is the position of something in the hot picture minus its position in the cold one, in
 pixels, u to the right and v down. Files count as OpenCV does: (0, 0) is the centre of the first
-pixel. Inside the program pixel ``i`` covers ``[i, i + 1)``, as everywhere.
+pixel. In the program pixel ``i`` covers ``[i, i + 1)``, as everywhere.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from iriftrace.image.exr_entries import exr_content
 
 COLUMNS = ("u", "v", "du", "dv")
 PAIRS = (("x", "y"), ("u", "v"), ("du", "dv"), ("dx", "dy"), ("r", "g"))
-"""Names of the two channels of a map, in any case, also behind a dot (``shift.px.X``)."""
+"""Names of the two channels of a map, in any case, also after a dot (``shift.px.X``)."""
 
 _SHIFT = ("shift.px.X", "shift.px.Y")
 
 
 @frozen(eq=False)
 class MeasuredShift:
-    """Shifts that were measured at n places of a picture.
+    """Shifts measured at n places of a picture.
 
     Attributes
     ----------
@@ -55,20 +55,20 @@ def read_measured_shift(path: str | Path) -> MeasuredShift:
     path : path
         ``.exr`` with two channels (see `PAIRS`) or the channels ``shift.px.X`` and ``shift.px.Y``;
         ``.npy`` with an array (height, width, 2) or (2, height, width); in both, pixels that are
-        not finite were not measured. Or ``.csv`` with the columns u, v, du, dv (others are not
-        read); rows without du or dv were not measured.
+        not finite were not measured. Or ``.csv`` with the columns u, v, du, dv (others are
+        ignored); rows without du or dv were not measured.
 
     Raises
     ------
     InputError
-        The file is missing, damaged, of another kind, or holds no measured shift.
+        The file is missing, damaged, of another kind, or has no measured shift.
     """
     file = Path(path)
     readers = {".exr": _exr_map, ".npy": _npy_map}
     kind = file.suffix.lower()
     if kind not in (*readers, ".csv", ".txt"):
         raise InputError(
-            f"{file} is no measured shift that can be read; give a two-channel map (.exr, .npy) or "
+            f"{file} is not a file of measured shifts; give a two-channel map (.exr, .npy) or "
             "markers with the columns u, v, du, dv (.csv)."
         )
     if not file.is_file():
@@ -84,7 +84,7 @@ def read_measured_shift(path: str | Path) -> MeasuredShift:
     else:
         places, shifts = _markers(file)
     if len(shifts) == 0:
-        raise InputError(f"{file} holds no measured shift: none of its values is finite.")
+        raise InputError(f"{file} has no measured shift: none of its values is finite.")
     return MeasuredShift(places, shifts, resolution, str(file), sha256_of(file))
 
 
@@ -113,7 +113,7 @@ def _npy_map(file: Path) -> FloatArray:
     try:
         numbers = np.asarray(array_in(file.read_bytes()), dtype=np.float64)
     except (OSError, ValueError, TypeError) as error:
-        raise InputError(f"{file} is no NumPy array of numbers ({error}).") from error
+        raise InputError(f"{file} is not a NumPy array of numbers ({error}).") from error
     if numbers.ndim == 3 and numbers.shape[2] == 2:
         return numbers
     if numbers.ndim == 3 and numbers.shape[0] == 2:
@@ -128,7 +128,7 @@ def _markers(file: Path) -> tuple[FloatArray, FloatArray]:
     try:
         text = file.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(f"{file} is no text in UTF-8 ({error.reason}).") from error
+        raise InputError(f"{file} is not text in UTF-8 ({error.reason}).") from error
     lines = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.split("#")[0].strip()]
     delimiter = next((d for d in ";,\t" if lines and d in lines[0][1]), None)
     rows = [
@@ -143,21 +143,21 @@ def _markers(file: Path) -> tuple[FloatArray, FloatArray]:
             f"{file} has the columns {', '.join(names) or 'none'}, but the first line of a list of "
             "markers names u, v, du, dv: position and shift, px, (0, 0) the first pixel's centre."
         )
-    wanted = [names.index(name) for name in COLUMNS]
+    selected = [names.index(name) for name in COLUMNS]
     values = []
     for k, cells in rows[1:]:
         if len(cells) != len(names):
             raise InputError(
                 f"{file}, line {k} has {len(cells)} columns, but the first one has {len(names)}."
             )
-        chosen = [cells[column] for column in wanted]
+        chosen = [cells[column] for column in selected]
         if delimiter == ";":
             chosen = [cell.replace(",", ".") for cell in chosen]
         try:
             values.append([float(cell) if cell else np.nan for cell in chosen])
         except ValueError:
             raise InputError(
-                f"{file}, line {k}: {', '.join(chosen)} are no four numbers; correct them."
+                f"{file}, line {k}: {', '.join(chosen)} are not four numbers; correct them."
             ) from None
     table = np.array(values, dtype=np.float64).reshape(-1, 4)
     table = table[np.isfinite(table).all(axis=1)]

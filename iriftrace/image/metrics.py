@@ -1,4 +1,4 @@
-"""Reduce the AOV image of one pose to the numbers by which poses are compared."""
+"""Reduce the AOV image of one pose to the numbers for comparing poses."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ SCHEMA = "iriftrace.pose/2"
 TIMES = (
     *("load", "build", "straight", "refracted", "check", "metrics", "write", "figures", "total"),
 )
-"""Keys of `PoseMetrics.time_s`; ``check`` is that of the shells, in a sample of the rays."""
+"""Keys of `PoseMetrics.time_s`; ``check`` is the check of the shells by a sample of the rays."""
 
 _RAYS_PER_FACE = 4
 
@@ -44,7 +44,7 @@ _RAYS_PER_FACE = 4
 class ViewMetrics:
     """Numbers of the part or of one of its regions in one pose.
 
-    Lengths in mm, angles in degrees, shifts in pixels, coverages from 0 to 1. Numbers that rest on
+    Lengths in mm, angles in degrees, shifts in pixels, coverages from 0 to 1. Numbers computed from
     fewer than `FEWEST_RAYS` good rays are None.
     """
 
@@ -63,9 +63,9 @@ class ViewMetrics:
     lateral_resolution_mm_nnxy: float | None = None
     axial_resolution_mm_nnxy: float | None = None
     incidence_angle_deg: float | None = None  # mean
-    coverage: float | None = None  # area of the faces hit over the whole area
+    coverage: float | None = None  # area of the faces that rays hit, over the whole area
     coverage_area: float | None = None  # area of the pixels' footprints over the whole area
-    ensemble: EnsembleMetrics | None = None  # scatter, where the image is that of several fields
+    ensemble: EnsembleMetrics | None = None  # scatter, for the image of several fields
 
     def as_dict(self) -> JsonObject:
         """Plain JSON values, as in the file."""
@@ -94,30 +94,30 @@ _STEPS = ("lateral_resolution_mm", "axial_resolution_mm")
 
 @frozen(eq=False, kw_only=True, repr=False)
 class PoseMetrics(ViewMetrics):
-    """Numbers of one pose: those of the whole part, of each region, and where they come from.
+    """Numbers of one pose, for the whole part and for each region, and their origin.
 
     Attributes
     ----------
     hits_at_border
-        Straight rays of the outermost pixels that hit the part; more than none if it reaches beyond
+        Straight rays of the outermost pixels that hit the part; more than 0 if it reaches beyond
         the picture.
     triangles_in_view
-        Triangles of shells that the rays crossed, where the image says it.
+        Triangles of shells that the rays crossed, if the image states it.
     time_s
-        Seconds of each stage in `TIMES`; None for those not measured. Stages after the reduction
-        are entered by `add_time`.
+        Seconds of each stage in `TIMES`; None for those not measured. `add_time` enters the stages
+        after the reduction.
     wavelength_nm
-        Wavelength, nm, where the image says it.
+        Wavelength, nm, if the image states it.
     camera
         Camera and pose.
     assumptions
-        What the numbers rest on, in words.
+        Assumptions behind the numbers, in words.
     regions
         Numbers of each region of the part.
     full_resolution
-        Pixels of the camera that the picture is a scaled one of, where the image says it.
+        Pixels of the camera before the picture was scaled, if the image states it.
     engine_test, shells_against_field
-        What a check of the shells found, plain values; None where none was made.
+        Results of a check of the shells, plain values; None if there was none.
     """
 
     hits_at_border: int
@@ -133,10 +133,10 @@ class PoseMetrics(ViewMetrics):
 
     @property
     def full_camera(self) -> JsonObject | None:
-        """Shifts and resolutions with all pixels of the camera; None if the picture has them.
+        """Shifts and resolutions for all pixels of the camera; None if the picture has all.
 
-        A shift is as many times larger in pixels as there are more of them, and the step to the
-        next pixel as many times smaller, but for edges that few pixels pass over.
+        With more pixels a shift is as many times larger in pixels, and the step to the next pixel
+        as many times smaller, except for edges that few pixels pass over.
         """
         width = self.camera.resolution[0]
         if self.full_resolution is None or self.full_resolution[0] == width:
@@ -151,7 +151,7 @@ class PoseMetrics(ViewMetrics):
         }
 
     def add_time(self, stage: str, seconds: float) -> None:
-        """Enter what a stage after the reduction took, and add it to the total."""
+        """Enter the time of a stage after the reduction, and add it to the total."""
         self.time_s[stage] = seconds
         self.time_s["total"] = (self.time_s["total"] or 0.0) + seconds
 
@@ -194,12 +194,12 @@ def pose_metrics(
     image
         AOV image of the pose.
     part
-        The part that the image shows; by default the file that the image names.
+        The part in the image; by default the file that the image names.
     include
         Status codes of the rays that count; 0 and 5 are possible.
     nearest
-        Whether to search nearest neighbours for the resolutions ``*_nn3d`` and ``*_nnxy``, which
-        takes longer than all the rest; without, they are None.
+        Search nearest neighbours for the resolutions ``*_nn3d`` and ``*_nnxy``, which takes
+        longer than all the rest; without, they are None.
 
     Raises
     ------
@@ -281,7 +281,7 @@ def write_metrics(path: str | Path, metrics: PoseMetrics) -> None:
 
 
 def _values(image: AovImage, part: Part, rays: PoseRays, nearest: bool) -> dict[str, FloatArray]:
-    """Values of each ray that counts, (n,) arrays by the metrics that they give."""
+    """Values of each ray that counts, (n,) arrays, by the names of the metrics."""
     points, group = rays.position.T, part.smooth_group[rays.face]
     spacing = {"": step_spacing(points, rays.pixels, image.resolution, group)}
     if nearest:

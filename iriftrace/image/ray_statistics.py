@@ -1,4 +1,4 @@
-"""Counts of rays by what became of them, and statistics of values over rays."""
+"""Counts of rays by their outcome, and statistics of values over rays."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from iriftrace.image.aov_image import (
 )
 
 FEWEST_RAYS = 100
-"""A metric of fewer good rays is None, and a pose with fewer of them counts as empty."""
+"""Minimum number of good rays for a metric, which else is None, and for a pose not to be empty."""
 
 
 @frozen
 class Statistics:
-    """Some values in seven numbers, all None when there are fewer than `FEWEST_RAYS` values.
+    """Statistics of some values in seven numbers; None for fewer than `FEWEST_RAYS` values.
 
-    A few silhouette rays jump by millimetres and rule the mean, so median and quartiles (`p25`,
-    `p75`) stand beside it.
+    Outliers of several mm at silhouettes dominate the mean, so median and quartiles (`p25`, `p75`)
+    are given as well.
     """
 
     mean: float | None = None
@@ -44,15 +44,15 @@ class Statistics:
 
 
 UNKNOWN = Statistics()
-"""Those of too few values."""
+"""Statistics of too few values."""
 
 
 @frozen
 class RayCounts:
-    """Rays by what became of them."""
+    """Numbers of rays by their outcome."""
 
     hit: int  # straight rays that end on the part (or the region)
-    # Of each `Status`; of a region those whose straight ray hits it.
+    # Of each `Status`; for a region those whose straight ray hits it.
     good: int
     missed: int
     out_of_focus: int
@@ -62,7 +62,7 @@ class RayCounts:
     gave_up: int
     blocked: int
     launched: int | None = None  # all rays; None for a region
-    open_boundary: int | None = None  # good ones that pass an open end of the data, where known
+    open_boundary: int | None = None  # good rays that pass an open end of the data, where known
 
     def of(self, status: Status) -> int:
         """Rays of one status."""
@@ -70,18 +70,18 @@ class RayCounts:
 
     @property
     def lost(self) -> int:
-        """Rays whose refracted end is not known (`Status.lost`)."""
+        """Number of rays whose refracted end is not known (`Status.lost`)."""
         return sum(self.of(status) for status in Status if status.lost)
 
     @property
     def lost_fraction(self) -> float:
-        """Those per straight hit."""
+        """Lost rays per straight hit."""
         return self.lost / max(self.hit, 1)
 
 
 @frozen
 class EnsembleMetrics:
-    """Scatter over the fields of an ensemble, whose bias is the displacement of the mean image.
+    """Scatter over the fields of an ensemble; the bias is the displacement of the mean image.
 
     The scatter is the standard deviation over the fields, of displacement (mm) and shift (px), in
     statistics over the pixels. The bias can be corrected, the scatter cannot.
@@ -91,9 +91,9 @@ class EnsembleMetrics:
     scatter_mm: Statistics
     scatter_px: Statistics
     rays_in_all: int  # pixels that count in all members
-    rays_in_some: int  # in some only
-    worst_mm: Statistics  # displacement by the member that is the worst in each pixel
-    worst_member: int | None  # that is the worst in most pixels; None without any
+    rays_in_some: int  # only in some
+    worst_mm: Statistics  # displacement by the worst member of each pixel
+    worst_member: int | None  # the one that is worst in most pixels; None without any
 
 
 def ensemble_metrics(image: AovImage, pixels: IntArray, hits: IntArray) -> EnsembleMetrics:

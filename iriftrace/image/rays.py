@@ -1,7 +1,7 @@
-"""The rays of one pose that count, taken out of its AOV image in double precision.
+"""The rays of one pose that count, extracted from its AOV image in double precision.
 
-Everything is kept component by component, (3, n) and not (n, 3): NumPy works through long rows
-several times faster than through many short ones.
+Arrays are stored by component, (3, n) and not (n, 3): NumPy processes long rows several times
+faster than many short ones.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ class PoseRays:
 
 
 def rays_that_count(image: AovImage, include: Collection[int]) -> PoseRays:
-    """Take the rays of some status codes out of an image.
+    """Extract the rays with some status codes from an image.
 
-    An InputError if `include` names rays without a displacement, or a ray has no face.
+    Raises InputError if `include` names rays without a displacement, or a ray has no face.
     """
     pixels = np.flatnonzero(good_mask(image, include))
     face = np.rint(image.channels["part.face"].ravel()[pixels]).astype(np.int64) - 1
@@ -56,10 +56,10 @@ def rays_that_count(image: AovImage, include: Collection[int]) -> PoseRays:
 
 
 def bending(image: AovImage, rays: PoseRays) -> dict[str, FloatArray]:
-    """Lengths of n rays' displacements, of their parts at the line of sight, and of shifts, (n,).
+    """Lengths of n rays' displacements, of their components at the line of sight, and of shifts.
 
-    The keys are those of the metrics: ``displacement_mm``, across and along the line of sight
-    ``displacement_lateral_mm`` and ``displacement_axial_mm``, and ``shift_px``.
+    Arrays (n,) with the keys of the metrics: ``displacement_mm``, across and along the line of
+    sight ``displacement_lateral_mm`` and ``displacement_axial_mm``, and ``shift_px``.
     """
     camera = image.camera
     vector = _product(camera.matrix[:3, :3].T, _components(image, "displacement", rays.pixels))

@@ -1,10 +1,10 @@
-"""Sampling of the part by the rays of one pose: three readings of "resolution".
+"""Sampling of the part by the rays of one pose: three definitions of "resolution".
 
-The method's paper takes the distance to the nearest neighbour among the hit points, across and
+The method's paper uses the distance to the nearest neighbour among the hit points, across and
 along the optical axis. Nearest can mean in three dimensions (``nn3d``) or in the plane across the
-axis (``nnxy``); on a plane tilted about a pixel axis the nearest point in either sense lies at the
-same depth, so that the axial value is 0. The main reading is therefore the larger step to the next
-pixel's hit on the same smooth patch of the surface.
+axis (``nnxy``). On a plane tilted about a pixel axis the nearest point in either sense lies at the
+same depth, so that the axial value is 0. The main definition is therefore the larger step to the
+next pixel's hit on the same smooth patch of the surface.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ FRONTAL = "plane seen frontally"
 """Reason for an axial resolution of 0, for messages."""
 
 FRONTAL_SLOPE = 1e-3
-"""Steps along over steps across the axis below which only the rounding of hits is left of them."""
+"""Ratio of steps along and across the axis below which only the rounding of hits is left."""
 
 
 Spacing = tuple[FloatArray, FloatArray]
@@ -31,8 +31,8 @@ def step_spacing(
 ) -> Spacing:
     """Larger step from each point to the next pixel's point, to the right and below.
 
-    Of (n, 3) hit points, mm, camera frame, with rising row-major pixel numbers (n,) in a picture of
-    `resolution` (width, height); steps from one smooth patch, `group` (n,), to another do not
+    Input are (n, 3) hit points, mm, camera frame, with ascending row-major pixel numbers (n,) in a
+    picture of `resolution` (width, height). Steps between smooth patches, `group` (n,), do not
     count. Lateral is ``hypot(dx, dy)``, axial ``|dz|``, each the larger of the (at most two) steps.
     """
     width, height = resolution
@@ -73,7 +73,7 @@ def nearest_spacing(points: FloatArray, dimensions: int) -> Spacing:
 
 
 def seen_frontally(lateral: float, axial: float) -> bool:
-    """True where steps to the next pixel have no depth: a plane across the axis is seen.
+    """True if steps to the next pixel have no depth: the surface is a plane across the axis.
 
     Steps across and along the optical axis have one unit; they are NaN where they are not known.
     """

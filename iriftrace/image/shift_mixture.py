@@ -1,4 +1,4 @@
-"""Mixtures of what several members predict that come closest to what was measured."""
+"""Mixtures of several members' predictions that are closest to the measured values."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.image.camera_motion import OUTLIER
 
 NEAREST = 4
-"""Members nearest to the fit, in shifts of the dots, that show what the residual may stand for."""
+"""Number of members, nearest to the fit in shifts of the dots, that represent the residual."""
 
 MOST_OUTLIERS = 0.02
-"""A larger fraction of dots far from the fit are no outliers but air that the members are not."""
+"""Fraction of dots far from the fit above which they are not outliers but other air."""
 
 BEYOND_NOISE = 4.0
-"""Times the noise of a component; of dots without other errors 0.03 % leave more."""
+"""Multiple of a component's noise; 0.03 % of the dots without other errors exceed it."""
 
-_SUM = 1e4  # Weight of the row that makes the weights sum to 1, over that of the shifts.
+_SUM = 1e4  # Weight of the row that makes the weights sum to 1, relative to that of the shifts.
 _NONE = 1e-6  # Smaller weights are 0.
 
 
@@ -34,16 +34,16 @@ class ShiftMixture:
     weights : (k,) array
         Not negative; their sum is 1.
     used : (n,) array of bool
-        Shifts that are no outliers.
+        Shifts that are not outliers.
     residual : float
-        Root mean square of a component of what is left, by its degrees of freedom.
+        Root mean square of a component of the residual, by its degrees of freedom.
     """
 
     def __init__(
         self, predicted: FloatArray, measured: FloatArray, free: FloatArray | None = None
     ) -> None:
         self._predicted, self._measured = predicted, measured
-        # Turns in units that compare with the translations.
+        # Rotations in units that compare with the translations.
         self._units = None if free is None else 1.0 / np.sqrt(np.mean(free**2, axis=(0, 1)))
         self._free = None if free is None or self._units is None else free * self._units
         self.used: BoolArray = np.ones(len(measured), dtype=np.bool_)
@@ -67,7 +67,7 @@ class ShiftMixture:
 
     @property
     def motion(self) -> FloatArray | None:
-        """(6,) motion of the camera, mm and rad; None where none was fitted."""
+        """(6,) motion of the camera, mm and rad; None if it was not fitted."""
         if self._free is None or self._units is None:
             return None
         return np.asarray(self._units * self._motion_of(self.weights))
@@ -81,7 +81,7 @@ class ShiftMixture:
         return np.asarray(rest[rows])
 
     def foreign(self, noise: float) -> float:
-        """Fraction of the used values that leave more than every member predicts, and than noise.
+        """Fraction of the used values whose residual exceeds all predictions and the noise.
 
         Air of another kind, such as the plume of another body, moves dots that no member moves as
         far; a coarse mesh changes the shifts of those that are moved.
@@ -94,11 +94,11 @@ class ShiftMixture:
         """(k, k) covariance of the weights, by the noise of a component and the residual.
 
         The residual counts as noise of the shifts, which scatters the weights. Its systematic part
-        counts as a step towards each of the nearest members. It is what the squared residual has
-        more than that of the noise, and two of its standard deviations, sqrt(2 / f) of it each for
-        f degrees of freedom, which no residual shows. All weights together, the contrast of the
-        air, are as uncertain as the shift of a single dot is in proportion: devices look through
-        other air than most dots.
+        counts as a step towards each of the nearest members. This part is the excess of the squared
+        residual over that of the noise, plus two of its standard deviations, sqrt(2 / f) of it each
+        for f degrees of freedom, which no residual shows. The relative uncertainty of all weights
+        together, the contrast of the air, is that of the shift of a single dot: devices look
+        through other air than most dots.
         """
         count = len(self.weights)
         found = np.zeros((count, count))
@@ -106,7 +106,7 @@ class ShiftMixture:
         if len(support) > 1:
             along = null_space(np.ones((1, len(support))))
             columns = self._columns[:, support] @ along
-            # Weights lie between 0 and 1, whatever the dots do not determine.
+            # Weights lie between 0 and 1, even if the dots do not determine them.
             precision = columns.T @ columns / max(self.residual, noise) ** 2 + 4.0 * np.eye(
                 along.shape[1]
             )
@@ -124,13 +124,13 @@ class ShiftMixture:
         return np.asarray(found + contrast**2 * np.outer(self.weights, self.weights))
 
     def _off_by_dot(self, noise: float) -> float:
-        """Root mean square, over dots that moved, of what is left beyond noise of their shift."""
+        """Root mean square, over dots that moved, of the residual beyond noise over their shift."""
         mixed = np.tensordot(self.weights, self._predicted[:, self.used], axes=1)
         size = (mixed**2).sum(axis=1)
         moved = size > (BEYOND_NOISE * noise) ** 2
         beyond = (self.left(self.weights) ** 2).sum(axis=1) - mixed.shape[1] * noise**2
-        share = (beyond[moved] / size[moved]).mean() if moved.any() else 0.0
-        return float(np.sqrt(max(share, 0.0)))
+        fraction = (beyond[moved] / size[moved]).mean() if moved.any() else 0.0
+        return float(np.sqrt(max(fraction, 0.0)))
 
     def _motion_of(self, weights: FloatArray) -> FloatArray:
         assert self._free is not None
@@ -139,7 +139,7 @@ class ShiftMixture:
         return np.asarray(np.linalg.lstsq(rows, rest[self.used].ravel(), rcond=1e-10)[0])
 
     def _without_motion(self, used: BoolArray) -> tuple[FloatArray, FloatArray]:
-        """Predicted (cm, k) and measured (cm,) values without what a motion could make of them."""
+        """Predicted (cm, k) and measured (cm,) values without what a motion can explain."""
         columns = self._predicted[:, used].reshape(len(self._predicted), -1).T
         target = self._measured[used].ravel()
         if self._free is None:
@@ -152,7 +152,7 @@ def simplex_weights(columns: FloatArray, target: FloatArray) -> FloatArray:
     """Weights (k,) >= 0 of the sum 1 with the least squares of ``columns @ weights - target``."""
     heavy = _SUM * max(float(np.linalg.norm(columns, axis=0).max()), 1e-12)
     rows = np.vstack((columns, np.full((1, columns.shape[1]), heavy)))
-    # A triangular system of the same least squares: as many rows as members.
+    # A triangular system with the same least squares: as many rows as members.
     basis, small = qr(rows, mode="economic")
     weights, _ = nnls(small, basis.T @ np.append(target, heavy))
     weights = np.where(weights < _NONE, 0.0, weights)

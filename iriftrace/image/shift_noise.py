@@ -1,4 +1,4 @@
-"""Noise of shifts measured at scattered places, from how much neighbours differ."""
+"""Noise of shifts measured at scattered places, from differences between neighbours."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 
 NEIGHBOURS = 16
-"""Places around each one, itself among them, through which a surface of second order is laid."""
+"""Number of places, each one with its neighbours, through which a quadratic surface is fitted."""
 
 FEWEST_PLACES = 30
 _NORMAL_MEDIAN = 0.6745  # Median of a normal distribution's absolute values, of deviation 1.
@@ -18,8 +18,8 @@ _NORMAL_MEDIAN = 0.6745  # Median of a normal distribution's absolute values, of
 def shift_noise(places: FloatArray, shifts: FloatArray) -> float:
     """Standard deviation, px, of one component of shifts (n, 2), px, at places (n, 2), px.
 
-    Each shift is compared with the surface of second order through its neighbours' and its own
-    (least squares); the median ignores the places where the shifts themselves change faster.
+    Each shift is compared with the quadratic surface fitted to it and its neighbours (least
+    squares). The median ignores the places where the shifts themselves change faster.
 
     Raises
     ------
@@ -28,8 +28,8 @@ def shift_noise(places: FloatArray, shifts: FloatArray) -> float:
     """
     if len(places) < FEWEST_PLACES:
         raise InputError(
-            f"The noise of {len(places)} shifts cannot be told from their differences, for which "
-            f"{FEWEST_PLACES} are needed; state it (--noise 0.05, in Python noise_px)."
+            f"The noise of {len(places)} shifts cannot be estimated from their differences, as it "
+            f"needs {FEWEST_PLACES}; state it (--noise 0.05, in Python noise_px)."
         )
     _, near = cKDTree(places).query(places, NEIGHBOURS)
     offset = places[near] - places[:, None]

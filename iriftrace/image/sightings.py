@@ -1,7 +1,7 @@
 """Faces of the part that each pose of a sweep sees, and how well: reduced, added up, read again.
 
-In a sweep's file these are contiguous ragged arrays as the CF conventions (1.11, section 9.3.3)
-describe them: all rows of the first pose, then all of the second.
+In a sweep's file these are contiguous ragged arrays as in the CF conventions (1.11, section 9.3.3):
+all rows of the first pose, then all of the second.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ COLUMNS: dict[str, tuple[str, str, str]] = {
         for axis in "xyz"
     },
 }
-"""Columns, in the file with ``sighting_`` before their names: (type, unit, description)."""
+"""Columns, with ``sighting_`` before their names in the file: (type, unit, description)."""
 
 ROW = np.dtype([(name, kind) for name, (kind, _, _) in COLUMNS.items()])
 
@@ -50,8 +50,8 @@ class FaceSightings:
     rays: Int32Array  # good rays on each face
     displacement: Float32Array  # mm, mean over these rays
     incidence: Float32Array  # degree, smallest angle of these rays
-    # mm, world: way from where the bent ray hits the part to the straight line of sight, at right
-    # angles to that; mean over these rays.
+    # mm, world: vector from the hit of the refracted ray to the straight line of sight,
+    # perpendicular to that; mean over these rays.
     offset_x: Float32Array
     offset_y: Float32Array
     offset_z: Float32Array
@@ -83,7 +83,7 @@ NOTHING_SEEN = FaceSightings.from_rows(np.empty(0, dtype=ROW))
 def sight_faces(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> FaceSightings:
     """Reduce the rays of one pose with some status codes (0, 5) to the faces that they hit.
 
-    An InputError if `include` names rays without a displacement.
+    Raises InputError if `include` names rays without a displacement.
     """
     good = good_mask(image, include)
     face = np.rint(image.channels["part.face"][good]).astype(np.int64) - 1
@@ -110,9 +110,9 @@ def sight_faces(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> F
 
 
 def face_maps(sightings: Iterable[FaceSightings], part: Part) -> Variables:
-    """Add up what n poses of a sweep see of a part with m faces; one pose at a time is in memory.
+    """Add up the faces of a part that n poses of a sweep see; one pose at a time is in memory.
 
-    Variables for the sweep's dataset: ``sightings`` over ``pose`` and, over ``face``, area, region,
+    Variables for the sweep's dataset: ``sightings`` over ``pose``. Over the m faces: area, region,
     times seen, mean displacement and smallest angle of incidence, the latter two NaN for a face
     that was never seen.
     """
@@ -158,7 +158,7 @@ def face_maps(sightings: Iterable[FaceSightings], part: Part) -> Variables:
 def sightings_of(dataset: xr.Dataset, pose: int) -> FaceSightings:
     """Sightings of one pose of a sweep; only its own rows are read from the file.
 
-    An InputError if the sweep has no such pose, or no face data.
+    Raises InputError if the sweep has no such pose, or no face data.
     """
     ends = np.cumsum(_counts(dataset))
     if not 0 <= pose < len(ends):
@@ -181,9 +181,9 @@ def seen_by_pose(
 ) -> NDArray[np.bool_]:
     """Faces that each pose of a sweep sees well enough: (n, m) bool, of n poses and m faces.
 
-    A face does not count whose mean displacement or smallest angle of incidence is larger than a
-    limit, or that fewer good rays hit. An InputError if a limit lets nothing pass, or the sweep has
-    no face data.
+    A face does not count if its mean displacement or smallest angle of incidence is larger than a
+    limit, or if fewer good rays hit it. Raises InputError if a limit lets nothing pass, or the
+    sweep has no face data.
     """
     if not max_displacement_mm > 0.0:
         raise InputError(

@@ -1,4 +1,4 @@
-"""Hits on the part with what hot air does to them, as points for ParaView and CloudCompare."""
+"""Hits on the part with their displacement, as points for ParaView and CloudCompare."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ _UNITS = {
     "path.length": "mm",
     "path.error": "mm",
 }
-"""Unit by the start of a channel's name; those without one count."""
+"""Unit by the start of a channel's name; channels without one are counts."""
 
 _POINTS = ("straight.", "refracted.")
-"""Channels that the points are: the straight hits, and these plus the displacement."""
+"""Channels that are the points: the straight hits, and these plus the displacement."""
 
 
 def write_surface(path: str | Path, image: AovImage, part: Part) -> None:
     """Write the straight hits on the part as points, with the image's other channels.
 
     Points are float64: the line through the pixel's centre, cut with the plane of the face that it
-    hits. Channels have the names and the float32 numbers of the EXR; in a .vtp, which knows
+    hits. Channels have the names and the float32 numbers of the EXR; in a .vtp, which supports
     vectors, ``displacement`` is one of X, Y and Z. Where there is no displacement it is 0 and
-    ``status.code`` says why. Units and assumptions are field data of the .vtp and comments of the
+    ``status.code`` states why. Units and assumptions are field data of the .vtp and comments of the
     .ply.
 
     Parameters

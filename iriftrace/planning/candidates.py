@@ -1,4 +1,4 @@
-"""Poses of a sweep that can be ranked, and the variables that they are ranked by."""
+"""Poses of a sweep that can be ranked, and the variables of the ranking."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ if TYPE_CHECKING:
     import xarray as xr
 
 ROBUST = 2.0
-"""Standard deviations over an ensemble's members that are added by default."""
+"""Number of standard deviations over an ensemble's members that are added by default."""
 
 
 _DIMENSIONS = {"pose", "region"}
 
 
 def name_of(name: str, criteria: Criteria) -> str:
-    """One of `METRICS` as messages call it."""
+    """Name of one of `METRICS` in messages."""
     errors = {"normal": "error along the normal", "features": "error of diameters"}
     return errors.get(criteria.criterion or "", name) if name == "displacement" else name
 
 
 def in_force(criteria: Criteria, dataset: xr.Dataset) -> Criteria:
-    """The criteria with the criterion and the weights that a sweep is ranked by.
+    """The criteria with the criterion and the weights by which a sweep is ranked.
 
-    InputError for one about two devices where the sweep has one camera.
+    Raises InputError for a criterion about two devices if the sweep has one camera.
     """
     rig = "error_normal_p95" in dataset
     if criteria.criterion in ("normal", "features") and not rig:
         raise InputError(
-            f"The criterion {criteria.criterion} is about what two devices measure, and the sweep "
+            f"The criterion {criteria.criterion} is about a sensor with two devices, and the sweep "
             "is of one camera; sweep a scene with two (iriftrace scene --second), or leave it out."
         )
     members = "scatter_p95" in dataset
@@ -60,7 +60,7 @@ def in_force(criteria: Criteria, dataset: xr.Dataset) -> Criteria:
 
 
 def metric_variables(criteria: Criteria) -> dict[str, str]:
-    """Names of the variables of a sweep that hold each of `METRICS`, by criteria in force."""
+    """Names of the variables of a sweep for each of `METRICS`, by criteria in force."""
     reading = "" if criteria.resolution == "step" else f"_{criteria.resolution}"
     error = {"normal": f"error_normal_{criteria.statistic}", "features": "size_error"}.get(
         criteria.criterion or "", f"displacement_{criteria.statistic}"
@@ -74,7 +74,7 @@ def metric_variables(criteria: Criteria) -> dict[str, str]:
 
 
 def scatter_variable(criteria: Criteria) -> str:
-    """Variable of an ensemble's sweep with the scatter of what ranks, by criteria in force."""
+    """Variable of an ensemble's sweep with the scatter of the ranked value, by the criteria."""
     if criteria.criterion == "features":
         return "size_scatter"
     start = "error_normal_scatter" if criteria.criterion == "normal" else "scatter"
@@ -84,9 +84,9 @@ def scatter_variable(criteria: Criteria) -> str:
 def rankable(
     dataset: xr.Dataset, criteria: Criteria, needed: Collection[str]
 ) -> tuple[dict[str, FloatArray], BoolArray, dict[int, str]]:
-    """Metrics of all poses (mm; 0..1), mask of those that can be compared, and why others cannot.
+    """Metrics of all poses (mm; 0..1), mask of those that can be compared, and reasons for others.
 
-    A pose without a value of each of `needed` cannot. Reasons are by number of the pose.
+    A pose without a value of one of `needed` cannot be compared. Reasons are by number of the pose.
     """
     region = criteria.region
     variables = metric_variables(criteria)
@@ -102,7 +102,7 @@ def rankable(
         pose, reason = next(iter(reasons.items()))
         raise InputError(
             f"None of the {count} poses can be ranked for {region} (pose {pose}: {reason}); "
-            "check where the cameras stand and look, or rank another region."
+            "check the positions and directions of the cameras, or rank another region."
         )
     eligible = rich.copy()
     for name in needed:
@@ -121,7 +121,7 @@ def rankable(
     if not eligible.any():
         raise InputError(
             f"None of the {count} poses has all of {', '.join(needed)} for {region}, so none "
-            "can be ranked; give the weight 0 to what is not known."
+            "can be ranked; give the weight 0 to unknown metrics."
         )
     return metrics, eligible, reasons
 
@@ -129,7 +129,7 @@ def rankable(
 def _poor_poses(
     dataset: xr.Dataset, criteria: Criteria, column: int, coverage: FloatArray
 ) -> dict[int, str]:
-    """Poses that failed or see too little, and why."""
+    """Poses that failed or see too little, with the reason."""
     min_hits, min_coverage = criteria.min_hits, criteria.min_coverage
     good_rays = values_of(dataset, "rays_good", column).tolist()
     unknown = [""] * len(good_rays)
@@ -156,7 +156,7 @@ def _poor_poses(
 
 
 def scatter_added(dataset: xr.Dataset, criteria: Criteria) -> FloatArray:
-    """What the scatter over an ensemble's members adds to the displacement of all poses, mm."""
+    """Addition to the displacement of all poses for the scatter over an ensemble's members, mm."""
     variable = scatter_variable(criteria)
     column = ranked_region(dataset, [variable], criteria.region)
     return np.asarray((criteria.robust or 0.0) * values_of(dataset, variable, column))

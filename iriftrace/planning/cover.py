@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-# Entries of the table (pose sees group of faces) up to which the exact solver is tried, and up to
+# Largest table (entries: pose sees group of faces) for which the exact solver is tried, and for
 # which the relaxed program is solved (10 s for a million entries).
 _SMALL = 10_000
 _LARGE = 1_000_000
-# Entries times branches after which the exact solver gives up (some 10 s); a limit of time would
-# make the answer depend on the machine.
+# Product of entries and branches after which the exact solver gives up (some 10 s); with a limit of
+# time the answer would depend on the machine.
 _MOST_WORK = 4_000_000
-# HiGHS keeps its constraints to 1e-6, so a proof is worth no more.
+# HiGHS keeps its constraints to 1e-6, so a proof holds only to that.
 _PROOF = 1e-6
 # Its smallest gap is 1e-6, too; with the area in these units that is 1e-10 of it.
 _UNIT = 1e4
@@ -44,11 +44,11 @@ class ViewSet:
         Their numbers, m <= k: the pose that sees the most first, then the one that adds the most to
         it, and so on. Poses that would add nothing are left out.
     covered : float
-        Area they see, as a share of the part's area, 0..1.
+        Area they see, as a fraction of the part's area, 0..1.
     added : (m,) array
-        What each pose adds to those before it, as a share of the part's area.
+        Addition of each pose to those before it, as a fraction of the part's area.
     coverable : float
-        Share of the part's area that at least one of all poses sees.
+        Fraction of the part's area that at least one of all poses sees.
     exact : bool
         No other k poses see more (by more than 1e-6 of the part's area).
     gap : float
@@ -66,17 +66,17 @@ class ViewSet:
 def choose_views(seen: ArrayLike, face_areas: ArrayLike, k: int) -> ViewSet:
     """Choose k poses that together see as much area as possible.
 
-    Small cases are solved exactly as an integer program by SciPy's ``milp``. In others, or when
-    it needs too many branches, each pose is chosen for what it adds to those before it, which
-    reaches at least 1 - 1/e of the optimum (Nemhauser, Wolsey and Fisher, 1978, section 4), and
-    then exchanged while that helps. `ViewSet.gap` tells how far from the optimum the poses can be
-    at most, by the bound of the relaxed linear program or, for tables of more than a million
-    entries, by what the k best poses would add if they did not overlap.
+    Small cases are solved exactly as an integer program by SciPy's ``milp``. In others, or if it
+    needs too many branches, each pose is the one that adds the most to those before it, which
+    reaches at least 1 - 1/e of the optimum (Nemhauser, Wolsey and Fisher, 1978, section 4). Poses
+    are then exchanged while that helps. `ViewSet.gap` is an upper limit of the distance to the
+    optimum, by the bound of the relaxed linear program or, for tables of more than a million
+    entries, by the additions of the k best poses if they did not overlap.
 
     Parameters
     ----------
     seen : (n, m) array of bool
-        Pose i sees face j; well enough, by whatever limit the caller set.
+        Pose i sees face j, by limits of the caller.
     face_areas : (m,) array, mm^2
     k : int
         Number of poses, at least 1.
@@ -91,20 +91,20 @@ def choose_views(seen: ArrayLike, face_areas: ArrayLike, k: int) -> ViewSet:
     if k < 1:
         raise InputError(f"The number of views is {k}, so nothing is seen; give at least 1.")
     _check_seen(visible, areas)
-    groups, shares = _grouped(visible, areas / areas.sum())
+    groups, fractions = _grouped(visible, areas / areas.sum())
     views = min(k, len(visible))
     entries = np.count_nonzero(groups)
-    chosen = _exchanged(groups, shares, _greedy(groups, shares, views))
-    bound = _bound_of_gains(groups, shares, chosen, views)
-    if entries <= _LARGE and bound - _covered(groups, shares, chosen) > _PROOF:
-        bound = min(bound, _relaxed_bound(groups, shares, views))
-    if entries <= _SMALL and bound - _covered(groups, shares, chosen) > _PROOF:
-        found, best = _integer_program(groups, shares, views)
+    chosen = _exchanged(groups, fractions, _greedy(groups, fractions, views))
+    bound = _bound_of_gains(groups, fractions, chosen, views)
+    if entries <= _LARGE and bound - _covered(groups, fractions, chosen) > _PROOF:
+        bound = min(bound, _relaxed_bound(groups, fractions, views))
+    if entries <= _SMALL and bound - _covered(groups, fractions, chosen) > _PROOF:
+        found, best = _integer_program(groups, fractions, views)
         bound = min(bound, best)
-        if _covered(groups, shares, found) > _covered(groups, shares, chosen):
+        if _covered(groups, fractions, found) > _covered(groups, fractions, chosen):
             chosen = found
-    chosen = chosen[_greedy(groups[chosen], shares, len(chosen))]
-    together = np.logical_or.accumulate(groups[chosen], axis=0) @ shares
+    chosen = chosen[_greedy(groups[chosen], fractions, len(chosen))]
+    together = np.logical_or.accumulate(groups[chosen], axis=0) @ fractions
     covered = float(together[-1])
     gap = max(0.0, bound - covered)
     exact = gap <= _PROOF
@@ -112,7 +112,7 @@ def choose_views(seen: ArrayLike, face_areas: ArrayLike, k: int) -> ViewSet:
         poses=chosen,
         covered=covered,
         added=np.diff(together, prepend=0.0),
-        coverable=float(shares.sum()),
+        coverable=float(fractions.sum()),
         exact=exact,
         gap=0.0 if exact else gap,
     )
@@ -121,7 +121,7 @@ def choose_views(seen: ArrayLike, face_areas: ArrayLike, k: int) -> ViewSet:
 def _check_seen(seen: BoolArray, areas: FloatArray) -> None:
     if seen.ndim != 2 or areas.shape != seen.shape[1:]:
         raise InputError(
-            f"What the poses see has shape {seen.shape} and the areas {areas.shape}; give "
+            f"The table of seen faces has shape {seen.shape} and the areas {areas.shape}; give "
             "(poses, faces) and (faces,)."
         )
     if not (np.isfinite(areas).all() and (areas >= 0).all()):
@@ -135,19 +135,19 @@ def _check_seen(seen: BoolArray, areas: FloatArray) -> None:
         )
 
 
-def _grouped(seen: BoolArray, shares: FloatArray) -> tuple[BoolArray, FloatArray]:
-    """Join the faces that the same poses see: (n, g) groups seen and (g,) their shares."""
-    useful = seen.any(axis=0) & (shares > 0)
+def _grouped(seen: BoolArray, fractions: FloatArray) -> tuple[BoolArray, FloatArray]:
+    """Join the faces that the same poses see: (n, g) groups seen and (g,) their fractions."""
+    useful = seen.any(axis=0) & (fractions > 0)
     packed = np.packbits(seen[:, useful].T, axis=1)
     rows = np.ascontiguousarray(packed).view([("poses", f"V{packed.shape[1]}")]).ravel()
     _, first, group = np.unique(rows, return_index=True, return_inverse=True)
-    total: FloatArray = np.bincount(group, shares[useful]).astype(np.float64)
+    total: FloatArray = np.bincount(group, fractions[useful]).astype(np.float64)
     return seen[:, useful][:, first], total
 
 
-def _greedy(groups: BoolArray, shares: FloatArray, k: int) -> IntArray:
+def _greedy(groups: BoolArray, fractions: FloatArray, k: int) -> IntArray:
     """At most k rows, each the one that adds the most to those before it; in that order."""
-    left = shares.copy()
+    left = fractions.copy()
     table = groups.astype(np.float64)
     chosen: list[int] = []
     for _ in range(k):
@@ -160,11 +160,11 @@ def _greedy(groups: BoolArray, shares: FloatArray, k: int) -> IntArray:
     return np.array(chosen, dtype=np.int64)
 
 
-def _covered(groups: BoolArray, shares: FloatArray, poses: IntArray) -> float:
-    return float(shares[groups[poses].any(axis=0)].sum())
+def _covered(groups: BoolArray, fractions: FloatArray, poses: IntArray) -> float:
+    return float(fractions[groups[poses].any(axis=0)].sum())
 
 
-def _exchanged(groups: BoolArray, shares: FloatArray, poses: IntArray) -> IntArray:
+def _exchanged(groups: BoolArray, fractions: FloatArray, poses: IntArray) -> IntArray:
     """Exchange one pose at a time for the one that adds the most to the rest, while that helps."""
     table = groups.astype(np.float64)
     chosen = poses.copy()
@@ -173,7 +173,7 @@ def _exchanged(groups: BoolArray, shares: FloatArray, poses: IntArray) -> IntArr
         improved = False
         for place in range(len(chosen)):
             rest = groups[np.delete(chosen, place)].any(axis=0)
-            gains = table @ np.where(rest, 0.0, shares)
+            gains = table @ np.where(rest, 0.0, fractions)
             best = int(np.argmax(gains))
             # By more than rounding, so that it ends.
             if gains[best] > gains[chosen[place]] + 1e-12:
@@ -182,41 +182,41 @@ def _exchanged(groups: BoolArray, shares: FloatArray, poses: IntArray) -> IntArr
     return chosen
 
 
-def _bound_of_gains(groups: BoolArray, shares: FloatArray, poses: IntArray, k: int) -> float:
-    """No k poses see more than these do and the k largest additions to them."""
-    left = np.where(groups[poses].any(axis=0), 0.0, shares)
+def _bound_of_gains(groups: BoolArray, fractions: FloatArray, poses: IntArray, k: int) -> float:
+    """Upper bound for k poses: what these see, plus the k largest additions to them."""
+    left = np.where(groups[poses].any(axis=0), 0.0, fractions)
     gains = np.sort(groups.astype(np.float64) @ left)[-k:]
-    return min(float(shares.sum()), _covered(groups, shares, poses) + float(gains.sum()))
+    return min(float(fractions.sum()), _covered(groups, fractions, poses) + float(gains.sum()))
 
 
 def _program(
-    groups: BoolArray, shares: FloatArray, k: int
+    groups: BoolArray, fractions: FloatArray, k: int
 ) -> tuple[FloatArray, sparse.csr_array, FloatArray]:
     """Cost, matrix and upper limits of the program whose minimum is minus what k poses see.
 
-    Variables: how far each pose is used, then how far each group is seen, both 0..1. A group is
-    seen no farther than the poses that see it are used; whole poses make that 0 or 1 by itself.
+    Variables: the use of each pose, then the visibility of each group, both 0..1. A group is
+    visible at most as far as the poses that see it are used; whole poses make that 0 or 1.
     """
     n, g = groups.shape
     uses = sparse.csr_array(groups.T.astype(np.float64))
     matrix = sparse.block_array(
         [[-uses, sparse.eye_array(g)], [sparse.csr_array(np.ones((1, n))), None]], format="csr"
     )
-    cost = -_UNIT * np.concatenate((np.zeros(n), shares))
+    cost = -_UNIT * np.concatenate((np.zeros(n), fractions))
     return cost, matrix, np.concatenate((np.zeros(g), [float(k)]))
 
 
-def _relaxed_bound(groups: BoolArray, shares: FloatArray, k: int) -> float:
-    """Upper bound of what k poses see: not even fractions of poses see more."""
-    cost, matrix, limits = _program(groups, shares, k)
+def _relaxed_bound(groups: BoolArray, fractions: FloatArray, k: int) -> float:
+    """Upper bound of what k poses see, as fractions of poses see at least as much."""
+    cost, matrix, limits = _program(groups, fractions, k)
     # Six to nine times as fast as the simplex method on these tables.
     found = linprog(cost, A_ub=matrix, b_ub=limits, bounds=(0, 1), method="highs-ipm")
-    return -float(found.fun) / _UNIT if found.status == 0 else float(shares.sum())
+    return -float(found.fun) / _UNIT if found.status == 0 else float(fractions.sum())
 
 
-def _integer_program(groups: BoolArray, shares: FloatArray, k: int) -> tuple[IntArray, float]:
-    """The best k poses found, none if it gave up before, and what no k poses can exceed."""
-    cost, matrix, limits = _program(groups, shares, k)
+def _integer_program(groups: BoolArray, fractions: FloatArray, k: int) -> tuple[IntArray, float]:
+    """The best k poses found, none if it gave up before, and an upper bound for k poses."""
+    cost, matrix, limits = _program(groups, fractions, k)
     n, g = groups.shape
     found = milp(
         cost,
@@ -228,7 +228,7 @@ def _integer_program(groups: BoolArray, shares: FloatArray, k: int) -> tuple[Int
     poses = np.empty(0, int) if found.x is None else np.flatnonzero(found.x[:n] > 0.5)
     best = found.mip_dual_bound
     known = best is not None and np.isfinite(best)
-    return poses.astype(np.int64), -float(best) / _UNIT if known else float(shares.sum())
+    return poses.astype(np.int64), -float(best) / _UNIT if known else float(fractions.sum())
 
 
 @frozen
@@ -265,8 +265,8 @@ def plan_views(
 ) -> ViewSet:
     """Choose the poses of a sweep that together see the most of the criteria's region.
 
-    Faces beyond the limits do not count as seen, and poses with fewer good rays on the region than
-    ``min_hits`` are no candidates. Shares are those of the region's area.
+    Faces beyond the limits do not count as seen. Poses with fewer good rays on the region than
+    ``min_hits`` are not candidates. Fractions are those of the region's area.
     """
     number = ranked_region(dataset, ["rays_good"], criteria.region)
     seen = seen_by_pose(
@@ -281,9 +281,9 @@ def plan_views(
     return choose_views(seen, areas, views)
 
 
-def _nothing(dataset: xr.Dataset, wanted: BoolArray, region: str) -> str:
+def _nothing(dataset: xr.Dataset, in_region: BoolArray, region: str) -> str:
     """Why no face is left, and which limits would leave some."""
-    rows = wanted[dataset["sighting_face"].values]
+    rows = in_region[dataset["sighting_face"].values]
     if not rows.any():
         return f"No pose sees a face of {region}, so there is nothing to choose from; sweep others."
     displacement = dataset["sighting_displacement"].values[rows]

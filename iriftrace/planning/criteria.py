@@ -13,7 +13,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
 
 METRICS = ("displacement", "coverage", "axial", "lateral")
-"""Names of the metrics; the coverage is better the larger it is, the others the smaller."""
+"""Names of the metrics; a larger coverage is better, smaller values of the others are."""
 
 Statistic = Literal["mean", "median", "p95"]
 Resolution = Literal["step", "nn3d", "nnxy"]
@@ -53,16 +53,16 @@ def _one_of(choices: object) -> Callable[[object, Attribute[str], str], None]:
 class Criteria:
     """Criteria of a ranking; by default weights and normalisation of Kern et al. (2025).
 
-    The paper ranks by the mean displacement (`THE_PAPERS`). By default it is the 95th percentile:
-    a few rays at silhouettes jump by millimetres and rule the mean, and a median says nothing of
-    half of the picture, as where a plume moves nothing but what lies beside a flat face.
+    The paper ranks by the mean displacement (`THE_PAPERS`). The default is the 95th percentile:
+    outliers of several mm at silhouettes dominate the mean, and the median ignores half of the
+    pixels, for example if a plume only moves what lies next to a flat face.
 
     Parameters
     ----------
     displacement
         Weight in the score = displacement d + coverage (1 - c) + axial a + lateral l of the
-        normalised metrics, the smaller the better; of two devices the error takes its place.
-        0.5, 0.2, 0.15 and 0.15 by default, and where a criterion is named 1, 0, 0 and 0.
+        normalised metrics, the smaller the better; for two devices the error replaces the
+        displacement. 0.5, 0.2, 0.15 and 0.15 by default; with a criterion 1, 0, 0 and 0.
     coverage
         Weight of the part's area that is not seen.
     axial
@@ -70,8 +70,7 @@ class Criteria:
     lateral
         Weight of the resolution across the line of sight.
     statistic
-        Displacement of a pose: that below which 95 % of its rays stay, the median, or the paper's
-        mean.
+        Displacement of a pose: the 95th percentile of its rays, the median, or the paper's mean.
     resolution
         Reading of the resolution: step to the next pixel, or nearest neighbour in space or in the
         picture's plane.
@@ -80,19 +79,19 @@ class Criteria:
     percentile
         Upper end of the normalisation.
     criterion
-        Rank by this error, and by it alone unless weights are given: displacement of the camera's
-        rays; or, of a sensor with two devices, normal, the error of its points along the normal, or
-        features, the error of diameters. By default the displacement, of two devices the error
-        along the normal, is weighed against coverage and resolution.
+        Rank by this error, and only by it unless weights are given: displacement of the camera's
+        rays; or, for a sensor with two devices, normal, the error of its points along the normal,
+        or features, the error of diameters. By default the displacement (for two devices the error
+        along the normal) is weighed against coverage and resolution.
     robust
-        Of an ensemble of fields: how many standard deviations over its members are added to the
-        mean of what ranks; 2 by default, so that a pose is good whatever member is the air.
+        For an ensemble of fields: how many standard deviations over its members are added to the
+        mean of the ranked error; 2 by default, so that a pose is good in the air of any member.
     outside
-        What becomes of poses beyond the percentile: clipped to it, or not ranked.
+        Treatment of poses beyond the percentile: clipped to it, or not ranked.
     min_hits
-        Poses with fewer good rays stay unranked.
+        Poses with fewer good rays are not ranked.
     min_coverage
-        Poses that see a smaller share of the area, from 0 to 1, stay unranked.
+        Poses that see a smaller fraction of the area, from 0 to 1, are not ranked.
 
     Raises
     ------
@@ -127,13 +126,13 @@ class Criteria:
             )
         if self.min_hits < 1:
             raise InputError(
-                f"The smallest number of good rays is {self.min_hits}, so views of nothing would "
+                f"The smallest number of good rays is {self.min_hits}, so empty views would "
                 "be ranked; give at least 1."
             )
         if not 0 <= self.min_coverage <= 1:
             raise InputError(
-                f"The smallest coverage is {self.min_coverage:g}, but it is a share of the area; "
-                "give a number from 0 to 1, such as 0.3."
+                f"The smallest coverage is {self.min_coverage:g}, but it is a fraction of the "
+                "area; give a number from 0 to 1, such as 0.3."
             )
 
     @property

@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 
 @frozen(eq=False)
 class PoseView:
-    """What one pose sees."""
+    """The faces that one pose sees."""
 
     scene: str
     camera: Camera
     seen: FaceSightings
-    row: IntArray  # of each face in `seen`, -1 where it is not seen
+    row: IntArray  # of each face in `seen`, -1 if it is not seen
 
 
 def pair_table(
@@ -43,7 +43,7 @@ def pair_table(
     feature: bool,
     angles_deg: tuple[float, float],
 ) -> FloatArray:
-    """Rows (n, 6) of the pairs that share enough: both poses, and the values of `quantities`."""
+    """Rows (n, 6) of the pairs with enough in common: both poses, and values of `quantities`."""
     low, high = angles_deg
     cosines = np.cos(np.radians((high, low)))
     both = combinations if system == "stereo" else permutations
@@ -57,7 +57,7 @@ def pair_table(
 
 
 def views_of(dataset: xr.Dataset, faces: int) -> list[PoseView]:
-    """What each pose of a sweep sees of the part's `faces`; InputError for parallel rays."""
+    """The faces of the part that each pose of a sweep sees; raises InputError for parallel rays."""
     if swept_camera(dataset, 0).projection == "orthographic":
         raise InputError(
             "A camera with parallel rays has no place from which to triangulate; sweep with a "
@@ -85,7 +85,7 @@ def _pair(
     system: System,
     of_diameter: bool,
 ) -> tuple[float, float, float, float] | None:
-    """`error_mm`, `bias_mm`, `coverage` and `angle_deg`; None where a pair cannot be ranked."""
+    """`error_mm`, `bias_mm`, `coverage` and `angle_deg`; None if a pair cannot be ranked."""
     face = one.seen.face[(other.row[one.seen.face] >= 0) & (areas[one.seen.face] > 0)]
     if len(face) == 0:
         return None
@@ -102,7 +102,7 @@ def _pair(
     offsets = one.seen.offset[first], other.seen.offset[second]
     error = first_order_error(one.camera, other.camera, points, *offsets, system)
     along = np.einsum("ij,ij->i", error, part.face_normals[face])
-    # As many points are measured on a face as the camera has pixels there.
+    # A face has as many measured points as the camera has pixels there.
     rays = one.seen.rays[first].astype(np.float64)
     angle = float(np.degrees(np.arccos(_quantile(cosine, 0.5, rays))))
     bias = (
@@ -120,5 +120,5 @@ def statistic_of(errors: FloatArray, criteria: Criteria, weights: FloatArray) ->
     return _quantile(np.abs(errors), 0.5 if criteria.statistic == "median" else 0.95, weights)
 
 
-def _quantile(values: FloatArray, share: float, weights: FloatArray) -> float:
-    return float(np.quantile(values, share, weights=weights, method="inverted_cdf"))
+def _quantile(values: FloatArray, fraction: float, weights: FloatArray) -> float:
+    return float(np.quantile(values, fraction, weights=weights, method="inverted_cdf"))

@@ -1,4 +1,4 @@
-"""Pairs of a sweep's poses for two devices, ranked by what they would measure, without tracing."""
+"""Pairs of a sweep's poses for two devices, ranked by predicted errors without tracing."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     from iriftrace.scene.loaded import LoadedScene
 
 ANGLES_DEG = (15.0, 45.0)
-"""Angles of triangulation that sensors have: less makes noise large, more hides much."""
+"""Usual angles of triangulation of sensors: smaller ones increase noise, larger ones occlusion."""
 
 CONFIRMED = 3
-"""Best pairs that are measured by the exact solver: those among which a user chooses."""
+"""Number of best pairs that are measured by the exact solver, from which a user chooses."""
 
 LEAVE_OUT = "leave that out with --no-confirm."
 
@@ -45,31 +45,31 @@ class PairPlan:
     pairs : (n, 2) array of int
         Numbers of the poses of the camera and of the second device.
     score : (n,) array
-        Weighted sum of the normalised error, of what is not seen and of 1 / sin(angle), by which
-        the noise in depth grows; the smallest is the best. Of the measured ones with the error that
-        they measured.
+        Weighted sum of the normalised error, of the unseen fraction and of 1 / sin(angle), to
+        which the noise in depth is proportional; the smallest is the best. For measured pairs with
+        the measured error.
     error_mm : (n,) array, mm
         The criteria's statistic of the size of the error along the part's normal, over the camera's
         pixels.
     bias_mm : (n,) array, mm
-        Median of that error, with its sign; of a feature the error of its diameter instead.
+        Median of that error, with its sign; for a feature the error of its diameter instead.
     coverage : (n,) array
-        Share of the area that both see at an angle in the range, 0..1.
+        Fraction of the area that both see at an angle in the range, 0..1.
     angle_deg : (n,) array, degree
         Median of the angle between the two lines of sight.
     exact_mm : (k,) array, mm
-        Of the best k pairs by :func:`iriftrace.measure`: as `error_mm` of all measured points, of
-        a feature the error of its diameter.
+        Error of the best k pairs by :func:`iriftrace.measure`: as `error_mm` of all measured
+        points, for a feature the error of its diameter.
     exact_engine : str
-        What bent the rays for it; empty where nothing was measured.
+        Engine that bent the rays for it; empty if nothing was measured.
     system : str
     feature : str
-        Whose diameter counts; empty where none does.
+        Feature whose diameter counts; empty if there is none.
     criteria : Criteria
     angles_deg : (2,) tuple, degree
-        Range that counts as seen.
+        Range of angles that count as seen.
     limits : dict of (2,) tuples
-        Of the three quantities of the score: minimum, and percentile over the pairs.
+        Limits of the three quantities of the score: minimum, and percentile over the pairs.
     """
 
     pairs: IntArray
@@ -99,12 +99,12 @@ def plan_pairs(
     """Rank the pairs of a sweep's poses as places of two devices.
 
     Errors are those of :func:`iriftrace.triangulation.first_order.first_order_error` at the centres
-    of the faces that both poses see; no ray is traced but to confirm.
+    of the faces that both poses see; rays are traced only to confirm the best pairs.
 
     Parameters
     ----------
     dataset : xarray.Dataset
-        A sweep. Of several scenes those poses are paired that are of the same one.
+        A sweep. With several scenes, only poses of the same one are paired.
     criteria : Criteria
         Weights (those of both resolutions count for the noise in depth), statistic, region,
         percentile, ``min_coverage``, and ``min_hits`` on the faces in common.
@@ -114,20 +114,20 @@ def plan_pairs(
         Smallest and largest angle between two lines of sight at which a face counts as seen.
     feature : str, optional
         A region that is a cylinder or sphere, ``"cylinder:lateral"``. Its diameter's error is
-        stated, and pairs are ranked by that or by the points' error, whichever is larger: on a
-        short arc micrometres that vary along it change the diameter by many times as much, and
+        stated, and pairs are ranked by that or by the points' error, whichever is larger. On a
+        short arc, micrometres that vary along it change the diameter by many times as much;
         elsewhere large errors cancel in one state of the air and not in the next.
     confirm : bool
-        Measure the best three pairs by the exact solver and order them by what they measured; needs
+        Measure the best three pairs by the exact solver and order them by the measured error; needs
         the scene's files.
 
     Raises
     ------
     InputError
-        The angles are no range, the feature is none of the part's, the sweep has no faces, its part
-        or scene has changed, or no pair can be ranked.
+        The angles are not a range, the part does not have the feature, the sweep has no faces, its
+        part or scene has changed, or no pair can be ranked.
     SetupError
-        Pairs are to be measured and no usable LLVM or CUDA is there.
+        Pairs are to be measured and there is no usable LLVM or CUDA.
     """
     _check_angles(angles_deg)
     ranked_region(dataset, ["rays_good"], criteria.region)
@@ -153,7 +153,7 @@ def plan_pairs(
         best = order[:CONFIRMED].copy()
         pairs = table[best, :2].astype(np.int64)
         exact, engine = _measured(dataset, views, pairs, part, criteria, system, feature, region)
-        # The measured ones change places by what they measured.
+        # The measured pairs are ordered by their measured errors.
         values = table[best, 2:].T
         values[1 if feature else 0] = exact
         known = score_of_pairs(quantities(values, bool(feature)), limits, criteria, clipped=True)
@@ -181,7 +181,7 @@ def _check_angles(angles_deg: tuple[float, float]) -> None:
     low, high = angles_deg
     if not 0.0 < low < high < 180.0:
         raise InputError(
-            f"The angles {low:g}:{high:g} are no range of triangulation; give the smaller one "
+            f"The angles {low:g}:{high:g} are not a range of triangulation; give the smaller one "
             "first, such as 15:45."
         )
 
@@ -228,7 +228,7 @@ def _measured(
 
 
 def quantities(values: FloatArray, feature: bool) -> dict[str, FloatArray]:
-    """What n pairs are ranked by, the smaller the better: error, mm, unseen share, noise.
+    """The quantities that rank n pairs, the smaller the better: error, mm, unseen fraction, noise.
 
     From `PairPlan.error_mm`, `bias_mm`, `coverage` and `angle_deg`, (4, n) array; the bias may be
     that of a feature's diameter.
@@ -251,7 +251,7 @@ def score_of_pairs(
 ) -> FloatArray:
     """Scores (n,) of pairs by their `quantities` and the limits of these, as `PairPlan.score`.
 
-    Clipped, nothing counts less than at its minimum or more than at its percentile.
+    With clipping, no value counts less than its minimum or more than its percentile.
     """
     weights = criteria.weights
     factors = {
@@ -262,18 +262,18 @@ def score_of_pairs(
     total = np.zeros(len(values["error"]))
     for name, factor in factors.items():
         low, high = limits[name]
-        share = (values[name] - low) / (high - low) if high > low else 0.0 * values[name]
-        total += factor * (np.clip(share, 0.0, 1.0) if clipped else share)
+        fraction = (values[name] - low) / (high - low) if high > low else 0.0 * values[name]
+        total += factor * (np.clip(fraction, 0.0, 1.0) if clipped else fraction)
     return total
 
 
 def feature_region(feature: str, criteria: Criteria, part: Part) -> str:
-    """Region of the part that the feature is."""
+    """Region of the part for a feature."""
     kind, region, chosen = chosen_points(feature, np.arange(len(part.faces)), part)
     if kind not in ("cylinder", "sphere"):
         raise InputError(
             f"Pairs are ranked by the diameter of a cylinder or sphere, not of {feature!r}; give "
-            'such as "cylinder:lateral".'
+            'for example "cylinder:lateral".'
         )
     if criteria.region not in (WHOLE_PART, region):
         raise InputError(
@@ -282,14 +282,14 @@ def feature_region(feature: str, criteria: Criteria, part: Part) -> str:
     is_a = surface_kind(part.vertices[np.unique(part.faces[chosen])])
     if is_a != kind:
         raise InputError(
-            f"{region or 'The whole part'} is {f'a {is_a}' if is_a else 'no simple surface'} and "
-            f"no {kind}; name a region that is one, such as cylinder:lateral."
+            f"{region or 'The whole part'} is {f'a {is_a}' if is_a else 'not a simple surface'} "
+            f"and not a {kind}; name a region that is one, such as cylinder:lateral."
         )
     return region or WHOLE_PART
 
 
 def in_region(region: str, face: IntArray, part: Part) -> BoolArray:
-    """Mask (n,) of faces in a region; all of them where that is the whole part."""
+    """Mask (n,) of faces in a region; all of them if that is the whole part."""
     return chosen_points("" if region == WHOLE_PART else f":{region}", face, part)[2]
 
 
@@ -299,7 +299,7 @@ def scene_of_pairs(dataset: xr.Dataset, pose: int) -> LoadedScene:
         return load_swept_scene(dataset, pose).scene
     except InputError as error:
         raise InputError(
-            f"The best pairs cannot be measured, because their scene is not there: {error}; "
+            f"The best pairs cannot be measured, because their scene is missing: {error}; "
             f"{LEAVE_OUT}"
         ) from error
 

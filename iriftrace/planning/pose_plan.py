@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @frozen(eq=False)
 class PosePlan:
-    """Where to put the camera, by a sweep.
+    """The best camera poses of a sweep.
 
     Attributes
     ----------
@@ -48,20 +48,21 @@ def plan(
     evaluations: int | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> PosePlan:
-    """Rank the poses of a sweep; choose views and refine the best pose where that is asked for.
+    """Rank the poses of a sweep; choose views and refine the best pose if requested.
 
     Parameters
     ----------
     sweep : path or Dataset
-        What `iriftrace.run_sweep` wrote or gave.
+        A sweep that `iriftrace.run_sweep` wrote or returned.
     criteria : Criteria
-        Weights, normalisation and what a pose must show.
+        Weights, normalisation and requirements for a pose.
     views : int, optional
-        Number of poses that together are to see as much area as possible.
+        Number of poses that together see as much area as possible.
     limits : ViewLimits
-        How badly one of these may see a face.
+        Limits within which these poses must see a face.
     evaluations : int, optional
-        Most poses to render in a search around the best pose, at least 10; needs the scene's files.
+        Maximum number of poses to render in a search around the best pose, at least 10; needs the
+        scene's files.
     progress : callable, optional
         Called after each of these with their number and the best score so far.
 
@@ -71,7 +72,7 @@ def plan(
         The sweep cannot be read, no pose can be ranked, nothing is seen within the limits, or the
         scene has changed since the sweep.
     SetupError
-        Poses are to be rendered and no usable LLVM or CUDA is there.
+        Poses are to be rendered and there is no usable LLVM or CUDA.
     """
     dataset = read_sweep(sweep) if isinstance(sweep, str | Path) else sweep
     summary = summarise(dataset, criteria)

@@ -1,4 +1,4 @@
-"""One metric of all poses of a sweep as plans, figures and reports show it: named, with a unit."""
+"""One metric of all poses of a sweep for plans, figures and reports: named, with a unit."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _READINGS = {
     "nn3d": "nearest neighbour in space",
     "nnxy": "nearest neighbour in the picture's plane",
 }
-# Values that span more than this are read on a logarithmic scale.
+# Values that span more than this factor are shown on a logarithmic scale.
 _WIDE = 20.0
 
 
@@ -37,7 +37,7 @@ _WIDE = 20.0
 class Quantity:
     """One metric of all n poses.
 
-    Limits are the ends of the normalisation; of the score, which is not normalised again, its
+    Limits are the ends of the normalisation; for the score, which is not normalised again, its
     smallest and largest value.
     """
 
@@ -62,7 +62,7 @@ class Quantity:
 
 
 def metric_quantity(plan: Plan, key: str, enough: BoolArray) -> Quantity:
-    """One of `METRICS` of a ranking; `enough` masks the poses whose values rest on enough rays."""
+    """One of `METRICS` of a ranking; `enough` masks the poses with values from enough rays."""
     if key == "displacement":
         name = _ERRORS[plan.criteria.criterion or "displacement"]
         if plan.criteria.criterion != "features":
@@ -81,7 +81,7 @@ def metric_quantity(plan: Plan, key: str, enough: BoolArray) -> Quantity:
         factor, unit = 100.0, "%"
     elif high >= 10.0:
         factor, unit = 1.0, "mm"
-    # Only the displacement goes over orders of magnitude; zero has no place on its scale.
+    # Only the displacement spans orders of magnitude; zero has no place on its scale.
     wide = key == "displacement" and bool(np.nanmin(values) > 0.0)
     return Quantity(
         key=key,

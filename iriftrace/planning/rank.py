@@ -1,6 +1,6 @@
 """Ranking of the poses of a sweep by one score of four metrics, and their Pareto front.
 
-Every metric is brought to 0..1 between its minimum and a high percentile over the ranked poses, so
+Every metric is scaled to 0..1 between its minimum and a high percentile over the ranked poses, so
 that metrics of different units can be weighted against each other. The score is a sum of costs; the
 smallest is the best.
 """
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-# Differences, as shares of a metric's size, that are rounding and that hardly tell poses apart.
+# Differences, as fractions of a metric's size: due to rounding, and too small to rank by.
 _ROUNDING, _LITTLE = 1e-9, 0.01
 
-# Faces hit over area that pixels cover: below this, faces are missed and not cut by silhouettes.
+# Area of faces hit over that of pixels, below which faces are missed, not cut by silhouettes.
 _MISSED = 0.5
 
-# Faces hit less area that pixels cover: above this share of the part it is not silhouettes.
+# Area of faces hit minus that of pixels, as a fraction of the part, above which faces are large.
 _BEYOND = 0.05
 
 
@@ -46,20 +46,20 @@ class Plan:
     metrics : dict of (n,) arrays
         The values of the sweep, for each of `METRICS`; mm, and 0..1 for the coverage.
     normalised : dict of (n,) arrays
-        The same, 0 at the minimum and 1 at the percentile and above; 0 where all ranked poses are
+        The same, 0 at the minimum and 1 at the percentile and above; 0 if all ranked poses are
         the same, NaN for unranked poses.
     costs : dict of (n,) arrays
-        What the weights multiply: `normalised`, but 1 - normalised for the coverage, unless it is
+        Factors of the weights: `normalised`, but 1 - normalised for the coverage, unless it is
         the same in all ranked poses.
     limits : dict of (2,) tuples
-        Minimum and percentile of each metric; of the displacement without what scatter adds.
+        Minimum and percentile of each metric; for the displacement without the added scatter.
     unranked : dict
-        Number of each unranked pose and why it is not ranked.
+        Number of each unranked pose and the reason.
     constant : tuple of str
         Metrics that are the same in all ranked poses; they count 0.
     criteria : Criteria
     warnings : tuple of str
-        What was also issued as `IriftraceWarning`.
+        Warnings that were also issued as `IriftraceWarning`.
     """
 
     order: IntArray
@@ -93,7 +93,7 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
     dataset
         A sweep.
     criteria
-        Weights, normalisation and what a pose must show.
+        Weights, normalisation and requirements for a pose.
 
     Raises
     ------
@@ -160,7 +160,7 @@ def _above_percentile(
     limits: Mapping[str, tuple[float, float]],
     criteria: Criteria,
 ) -> dict[int, str]:
-    """Poses above the percentile in a metric that is needed, and why they are not ranked."""
+    """Poses above the percentile in a metric that is needed, with the reason."""
     reasons: dict[int, str] = {}
     for name in criteria.needed:
         upper = limits[name][1]
@@ -177,7 +177,7 @@ def _above_percentile(
 def _of_spreads(
     spreads: Mapping[str, float], needed: Sequence[str], criteria: Criteria, count: int
 ) -> list[str]:
-    """Sentences about metrics that differ not at all, or hardly, between the ranked poses."""
+    """Sentences about metrics that do not differ, or hardly, between the ranked poses."""
     messages = []
     if same := [name for name in needed if spreads[name] <= _ROUNDING]:
         messages.append(
@@ -186,8 +186,8 @@ def _of_spreads(
             "counts 0 in the score."
         )
     messages += [
-        f"The ranked poses differ in {name_of(name, criteria)} by {100 * spreads[name]:.2g} % "
-        "only, which the normalisation stretches so that it decides as much as the others; give "
+        f"The ranked poses differ in {name_of(name, criteria)} only by {100 * spreads[name]:.2g} "
+        "%, which the normalisation stretches so that it decides as much as the others; give "
         "it the weight 0 if so little does not matter."
         for name in needed
         if _ROUNDING < spreads[name] < _LITTLE
@@ -196,7 +196,7 @@ def _of_spreads(
 
 
 def ranked_quietly(dataset: xr.Dataset, criteria: Criteria) -> Plan:
-    """As `rank_poses`, without the warnings, which are said of the ranking that is shown."""
+    """As `rank_poses`, without the warnings, which are issued for the ranking that is shown."""
     with without_warnings():
         return rank_poses(dataset, criteria)
 
@@ -204,25 +204,25 @@ def ranked_quietly(dataset: xr.Dataset, criteria: Criteria) -> Plan:
 def _of_face_sizes(
     dataset: xr.Dataset, region: str, coverage: FloatArray, ranked: BoolArray
 ) -> list[str]:
-    """A sentence where rays miss faces that a pose sees, or faces reach far beyond what it sees."""
+    """A sentence if rays miss faces that a pose sees, or faces extend far beyond what it sees."""
     if "coverage_area" not in dataset:
         return []
     area = np.asarray(dataset["coverage_area"].sel(region=region).values, dtype=np.float64)
     hit, seen = (float(np.median(values[ranked])) for values in (coverage, area))
     if hit > seen + _BEYOND:
         return [
-            f"The part's faces are large: a face counts as seen where one ray hits it, and such of "
-            f"{100 * hit:.3g} % of the area are hit where pixels cover {100 * seen:.3g} % "
-            "(medians), so coverage, what several views see and pairs are wrong by as much; make "
-            "scene and sweep anew with smaller ones (iriftrace part subdivide)."
+            f"The part's faces are large: a face counts as seen if one ray hits it, and such faces "
+            f"have {100 * hit:.3g} % of the area where pixels cover {100 * seen:.3g} % "
+            "(medians), so coverage, sets of views and pairs are wrong by as much; make "
+            "scene and sweep again with smaller faces (iriftrace part subdivide)."
         ]
     if not hit < _MISSED * seen:
         return []
     return [
         f"The part's faces are finer than the rays: faces of {100 * hit:.3g} % of the area are hit "
-        f"where pixels cover {100 * seen:.3g} % (medians), so coverage and what several views see "
-        "say little; sweep with more pixels (-D scale), or with a part of fewer faces (iriftrace "
-        "part decimate)."
+        f"where pixels cover {100 * seen:.3g} % (medians), so coverage and sets of views "
+        "are not reliable; sweep with more pixels (-D scale), or with a part of fewer faces "
+        "(iriftrace part decimate)."
     ]
 
 
@@ -230,7 +230,7 @@ def score_of(plan: Plan, metrics: Mapping[str, float]) -> float:
     """Score of a pose that is not in the sweep, by the sweep's own normalisation.
 
     `metrics` are its values of those of `METRICS` that have a positive weight; mm, and 0..1 for the
-    coverage. NaN if one is unknown, or above the percentile where the plan discards such poses.
+    coverage. NaN if one is unknown, or above the percentile if the plan discards such poses.
     """
     total = 0.0
     for name, weight in plan.criteria.weights.items():
@@ -245,7 +245,7 @@ def score_of(plan: Plan, metrics: Mapping[str, float]) -> float:
 
 
 def pareto_front(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> IntArray:
-    """Poses that no other pose surpasses in every respect, whatever the weights.
+    """Poses that no other pose surpasses in every respect, independent of the weights.
 
     A pose is left out if another one is at least as good in displacement, coverage, axial and
     lateral resolution and better in one of them.
@@ -287,7 +287,7 @@ def limits_of(values: FloatArray, percentile: float) -> tuple[float, float]:
 def _normalise(values: FloatArray, lower: float, upper: float) -> FloatArray:
     if upper > lower:
         return np.clip((values - lower) / (upper - lower), 0.0, 1.0)
-    # The limit of a vanishing interval: nearly all poses share the minimum.
+    # The limit of a vanishing interval: nearly all poses have the minimum.
     return np.where(np.isfinite(values), np.where(values > lower, 1.0, 0.0), np.nan)
 
 
@@ -296,7 +296,7 @@ def _cost(name: str, normalised: FloatArray, constant: Collection[str]) -> Float
 
 
 def _spread(values: FloatArray) -> float:
-    """Range of the known values as a share of the largest; 0 if there are none."""
+    """Range of the known values as a fraction of the largest; 0 if there are none."""
     known = values[np.isfinite(values)]
     largest = np.abs(known).max(initial=0.0)
     return float(np.ptp(known) / largest) if largest > 0 else 0.0

@@ -37,44 +37,44 @@ SCHEMA = "iriftrace.refined/1"
 
 FEWEST_EVALUATIONS = 10
 
-# How far the search goes: as far as the next pose of the sweep, in these limits.
+# Range of the search: as far as the next pose of the sweep, within these limits.
 _REACH_DEG = (2.0, 30.0)
-# Distance by this factor either way, roll by this angle either way.
+# Range of the distance, a factor in both directions, and of the roll, an angle in both directions.
 _FACTOR, _ROLL_DEG = 1.25, 45.0
-# As a share of these ranges.
+# As a fraction of these ranges.
 _FIRST_STEP, _LAST_STEP = 0.4, 1e-3
 
-# Less is rounding, or no more than a ray at an edge.
+# Smaller differences are rounding, or no more than a ray at an edge.
 _LEAST_GAIN = 1e-4
 
-# Rendering the pose again gives the sweep's own score, but for a few rays on other processors.
+# Rendering the pose again gives the sweep's own score, except for a few rays on other processors.
 _SAME_SCORE = 0.01
 
 
 @frozen(eq=False)
 class Refinement:
-    """The best pose that was found near a pose of a sweep.
+    """The best pose found near a pose of a sweep.
 
     Attributes
     ----------
     start : int
-        Number of the pose from which the search went out.
+        Number of the pose where the search started.
     matrix : (4, 4) array, mm, world
         Camera to world; x right, y down, z forward.
     distance_mm : float, mm
-        From the camera to the point that it looks at, which stays.
+        From the camera to its target, which does not change.
     score, start_score : float
-        By the plan; the refined one is never the larger.
+        Scores by the plan; the refined one is never the larger.
     metrics, start_metrics : dict of float
-        The four metrics of either pose; mm, and 0..1 for the coverage.
+        The four metrics of both poses; mm, and 0..1 for the coverage.
     turn_deg : float, degree
-        Angle between the two directions to the camera, seen from what it looks at.
+        Angle between the two directions to the camera, seen from its target.
     roll_deg : float, degree
-        By how much the camera was rolled, clockwise as it looks.
+        Roll of the camera, clockwise as it looks.
     evaluations : int
-        Poses rendered, the start included.
+        Number of rendered poses, including the start.
     converged : bool
-        Whether the search ended by itself and not because the evaluations were used up.
+        True if the search ended by itself and not because the evaluations were used up.
     """
 
     start: int
@@ -91,7 +91,7 @@ class Refinement:
 
     @property
     def gain(self) -> float:
-        """By how much the score became smaller; 0 if nothing better was found."""
+        """Decrease of the score; 0 if nothing better was found."""
         return self.start_score - self.score
 
 
@@ -103,7 +103,7 @@ class _Trial:
 
 
 def check_evaluations(evaluations: int) -> None:
-    """Refuse a search that could not even look at every direction."""
+    """Refuse a search with too few evaluations for its directions."""
     if evaluations < FEWEST_EVALUATIONS:
         raise InputError(
             f"{evaluations} evaluations are too few to search around a pose; give at least "
@@ -124,7 +124,7 @@ def refine_pose(
     The camera keeps looking at the same point. Free are the direction from which it looks (as far
     as the nearest other pose of the sweep), its distance (by a quarter) and its roll (by 45
     degrees). The search is SciPy's COBYQA (Ragonneau, 2022), which fits quadratic models in a trust
-    region, needs no derivatives and is the same whenever it is repeated. From eight poses of the
+    region, needs no derivatives and is reproducible. From eight poses of the
     cylinder it gained as much as Nelder and Mead's simplex (on average 0.23) with 61 instead of 80
     renderings, and Powell's directions gained 0.18.
 
@@ -137,14 +137,14 @@ def refine_pose(
     swept
         The scene of the sweep.
     evaluations
-        Most poses to render, at least 10.
+        Maximum number of poses to render, at least 10.
     progress
         Called after each pose with their number and the best score so far.
 
     Raises
     ------
     InputError
-        Too few evaluations, or the best pose has no score any more.
+        Too few evaluations, or the best pose no longer has a score.
 
     Warns
     -----
@@ -186,16 +186,16 @@ def refine_pose(
 
 
 def _worst_score(plan: Plan) -> float:
-    """What counts for a pose that cannot be scored: more than any score."""
+    """Score of a pose that cannot be scored: larger than any other."""
     return 1.0 + sum(plan.criteria.weights.values())
 
 
 def _check_start(score: float, plan: Plan) -> None:
-    """Refuse a best pose that has no score any more, and warn of one that has another."""
+    """Refuse a best pose that no longer has a score, and warn if it has another one."""
     if score >= _worst_score(plan):
         raise InputError(
-            f"Pose {plan.best} cannot be scored any more when it is rendered again, so the scene "
-            "is not what was swept; run the sweep again."
+            f"Pose {plan.best} cannot be scored when it is rendered again, so the scene "
+            "has changed since the sweep; run the sweep again."
         )
     if abs(score - plan.score[plan.best]) > _SAME_SCORE:
         warn(
@@ -207,7 +207,7 @@ def _check_start(score: float, plan: Plan) -> None:
 def search(evaluate: Callable[[FloatArray], float], count: int, evaluations: int) -> bool:
     """Search for the place, `count` numbers in -1..1 from 0 on, where a value is the smallest.
 
-    By SciPy's COBYQA, see `refine_pose`. True where it ended before the evaluations did.
+    Uses SciPy's COBYQA, see `refine_pose`. True if it ended before the evaluations did.
     """
     found = minimize(
         evaluate,
@@ -251,11 +251,11 @@ class Around:
 
 
 def around_pose(dataset: xr.Dataset, pose: int) -> Around:
-    """Poses around one of a sweep, as far as the next direction of it."""
+    """Poses around one of a sweep, as far as its next direction."""
     matrices = np.asarray(dataset["matrix"].values, dtype=np.float64)
     cosines = np.delete(matrices[:, :3, 2], pose, axis=0) @ matrices[pose, :3, 2]
     angles = np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
-    # Other cameras of the same direction say nothing of how far the next direction is.
+    # Other cameras of the same direction do not show how far the next direction is.
     others = angles[angles > _REACH_DEG[0]]
     reach = float(others.min()) if len(others) else _REACH_DEG[1]
     return Around(
@@ -264,7 +264,7 @@ def around_pose(dataset: xr.Dataset, pose: int) -> Around:
 
 
 def _metrics(swept: SweptScene, matrix: FloatArray, plan: Plan) -> dict[str, float] | None:
-    """The four metrics of a pose; None where the camera cannot stand or sees too little."""
+    """The four metrics of a pose; None if the camera cannot stand there or sees too little."""
     criteria = plan.criteria
     try:
         view = swept.metrics(matrix, nearest=criteria.resolution != "step")
@@ -283,7 +283,7 @@ def _metrics(swept: SweptScene, matrix: FloatArray, plan: Plan) -> dict[str, flo
 
 
 def write_refined(path: Path, refined: Refinement, plan: Plan, dataset: xr.Dataset) -> None:
-    """Write a refined pose, how it was found in the ranking of a sweep, and what it is worth."""
+    """Write the refined pose, its starting pose and its score."""
     origin, target, up = look_at_of(refined.matrix, refined.distance_mm)
     wavelength = dataset.attrs.get("wavelength_nm")
     content = {
@@ -313,7 +313,7 @@ def write_search(
     ranking: Mapping[str, object],
     dataset: xr.Dataset,
 ) -> None:
-    """Write what a search found (.json), with the ranking of the sweep that it went out from."""
+    """Write the result of a search (.json), with the ranking of the sweep where it started."""
     content = {
         "schema": schema,
         "version": version("iriftrace"),

@@ -38,19 +38,19 @@ if TYPE_CHECKING:
 SCHEMA = "iriftrace.refined_pair/1"
 
 _NOTHING = 1e3
-"""Score of a pair that cannot be measured: more than any other."""
+"""Score of a pair that cannot be measured: larger than any other."""
 
 
 @frozen(eq=False)
 class PairValue:
-    """What a pair measures: `error_mm` to `angle_deg` as in `PairPlan`, of all measured points.
+    """Measurement of a pair: `error_mm` to `angle_deg` as in `PairPlan`, of all measured points.
 
-    The score is by the normalisation of the sweep's pairs, and less than 0 where it is better than
+    The score uses the normalisation of the sweep's pairs, and is less than 0 if it is better than
     all of them.
     """
 
     matrices: FloatArray  # (2, 4, 4), of the camera and the second device, camera to world, mm
-    distances_mm: FloatArray  # (2,), from each to what it looks at
+    distances_mm: FloatArray  # (2,), from each to its target
     score: float
     error_mm: float = math.nan
     bias_mm: float = math.nan
@@ -70,13 +70,13 @@ class PairValue:
 
 @frozen(eq=False)
 class PairRefinement:
-    """The best pair that was found near the best one of a sweep; never worse than that.
+    """The best pair found near the best one of a sweep; never worse than that.
 
     Attributes
     ----------
     start, best : PairValue
     evaluations : int
-        Pairs that were measured.
+        Number of measured pairs.
     converged : bool
         The search ended before the evaluations did.
     """
@@ -90,7 +90,7 @@ class PairRefinement:
 def write_refined_pair(
     path: Path, refined: PairRefinement, plan: PairPlan, dataset: xr.Dataset
 ) -> None:
-    """Write a refined pair and what it is worth (.json)."""
+    """Write a refined pair and its score (.json)."""
     content = {
         "system": plan.system,
         "feature": plan.feature or None,
@@ -114,7 +114,7 @@ def refine_pair(
 
     Direction, distance and roll of both devices are free, each as in
     `iriftrace.planning.refine.refine_pose`; every pair is measured (`iriftrace.measure`) through
-    the field itself where it lies beside the scene.
+    the field data if they lie next to the scene.
 
     Parameters
     ----------
@@ -123,14 +123,15 @@ def refine_pair(
     plan : PairPlan
         Its pairs.
     evaluations : int
-        Most pairs to measure, at least 10.
+        Maximum number of pairs to measure, at least 10.
     progress : callable, optional
         Called after each with their number and the best score so far.
 
     Raises
     ------
     InputError
-        Too few evaluations, the scene is gone or has changed, or the best pair cannot be measured.
+        Too few evaluations, the scene is missing or has changed, or the best pair cannot be
+        measured.
     """
     check_evaluations(evaluations)
     first, second = plan.pairs[0].tolist()
@@ -173,7 +174,7 @@ def _value(
         return nothing
     try:
         with without_warnings():
-            # What limits a scene was said when it was swept.
+            # Limits of a scene were warned of when it was swept.
             scan = measure(scene, *devices, system=plan.system)
     except InputError:
         return nothing

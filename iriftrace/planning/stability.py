@@ -9,13 +9,13 @@ from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.planning.rank import Plan, weighted
 
-# Scores that differ by less than this share of the sum of the weights differ by rounding.
+# Scores that differ by less than this fraction of the sum of the weights differ by rounding.
 _EQUAL_SCORES = 1e-12
 
 CLOSE_SCORES = 0.03
-"""Scores that differ by less than this share of the sum of the weights do not settle anything."""
+"""Scores that differ by less than this fraction of the sum of the weights are not decisive."""
 
-# Coverages of another kind: one view sees twice as much, and not just of next to nothing.
+# Different coverages: one view sees twice as much, and not only of next to nothing.
 _OTHER_RATIO = 2.0
 _OTHER_DIFFERENCE = 0.05
 
@@ -24,8 +24,8 @@ _OTHER_DIFFERENCE = 0.05
 class Stability:
     """Ranks of a plan's best pose when the weights vary.
 
-    Ranks (1: still the best) and winners are by the one weight that is smaller, and larger. The k
-    rivals are all poses that are better than the best one for some weights within the share, when
+    Ranks (1: still the best) and winners are for the one weight made smaller, and larger. The k
+    rivals are all poses that are better than the best one for some weights within the range, if
     all weights vary at once; its rank is never worse than k + 1.
     """
 
@@ -41,24 +41,24 @@ class Stability:
 
 @frozen(eq=False)
 class Alternative:
-    """A pose that scores nearly as well as the best one and shows something else."""
+    """A pose with nearly the best score and a different coverage."""
 
     pose: int
-    behind: float  # by how much its score is worse
+    behind: float  # difference of the scores
     coverage: float  # 0..1, its own
     best_coverage: float
 
 
-def stability(plan: Plan, share: float = 0.5) -> Stability:
-    """Tell how a plan's best pose fares when each weight varies by a share, above 0 and below 1.
+def stability(plan: Plan, fraction: float = 0.5) -> Stability:
+    """Compute the rank of a plan's best pose when each weight varies by a fraction, 0 to 1.
 
     The score is linear in the weights, so a pose beats another somewhere in the box of weights if
-    it does where each weight is at the end that favours it.
+    it does so where each weight is at the end that favours it.
     """
-    if not 0 < share < 1:
+    if not 0 < fraction < 1:
         raise InputError(
-            f"The weights are to vary by {share}, which leaves none of them or changes nothing; "
-            "give a share between 0 and 1."
+            f"The weights are to vary by {fraction}, which leaves none of them or changes nothing; "
+            "give a fraction between 0 and 1."
         )
     weights = {name: weight for name, weight in plan.criteria.weights.items() if weight > 0}
     equal = _EQUAL_SCORES * sum(weights.values())
@@ -66,7 +66,8 @@ def stability(plan: Plan, share: float = 0.5) -> Stability:
     ranks, winners = {}, {}
     for name, weight in weights.items():
         scores = [
-            weighted(costs, {**weights, name: weight * factor}) for factor in (1 - share, 1 + share)
+            weighted(costs, {**weights, name: weight * factor})
+            for factor in (1 - fraction, 1 + fraction)
         ]
         smaller, larger = (1 + int(np.count_nonzero(s < s[0] - equal)) for s in scores)
         ranks[name] = smaller, larger
@@ -75,12 +76,12 @@ def stability(plan: Plan, share: float = 0.5) -> Stability:
     lead = np.zeros(len(plan.order))
     for name, weight in weights.items():
         behind = weight * (costs[name][0] - costs[name])
-        lead += behind + share * np.abs(behind)
+        lead += behind + fraction * np.abs(behind)
     return Stability(ranks, winners, plan.order[lead > equal])
 
 
 def close_alternative(plan: Plan) -> Alternative | None:
-    """The best of the poses that score nearly as well as the winner and cover far more or less.
+    """The best of the poses with nearly the winner's score and a far larger or smaller coverage.
 
     Nearly means within `CLOSE_SCORES`. None if the winner is clear, or the coverage is unknown.
     """
@@ -98,6 +99,6 @@ def close_alternative(plan: Plan) -> Alternative | None:
 
 
 def far_apart(coverage: float, others: FloatArray) -> BoolArray:
-    """True where one coverage is at least twice the other, and they differ by 5 % of the area."""
+    """True if one coverage is at least twice the other, and they differ by 5 % of the area."""
     low, high = np.minimum(others, coverage), np.maximum(others, coverage)
     return (high >= _OTHER_RATIO * low) & (high - low >= _OTHER_DIFFERENCE)

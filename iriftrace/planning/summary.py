@@ -1,4 +1,4 @@
-"""Summary of a ranked sweep, as plans, figures and reports show it."""
+"""Summary of a ranked sweep for plans, figures and reports."""
 
 from __future__ import annotations
 
@@ -46,18 +46,18 @@ class SweepSummary:
     displacement, coverage, axial, lateral, score : Quantity
     matrices : (n, 4, 4) array, mm, world
     distance : (n,) array, mm
-        From the camera to what it looks at.
+        From the camera to its target.
     azimuth, elevation : (n,) array, degree
     angles_of : str
-        What azimuth and elevation belong to.
+        Reference of azimuth and elevation.
     rays : dict of (n,) arrays
         Rays of each status that occurs and hit the part, by status; -1 where unknown.
     polygons : (n,) array
         Triangles of the air in view; -1 where unknown.
     faces : (n,) array or None
-        Faces of the region that the pose sees; None where an older sweep does not say.
+        Faces of the region that the pose sees; None if an older sweep does not state it.
     varied : tuple of Varied
-        What differs between the poses besides position and direction.
+        Differences between the poses besides position and direction.
     front : (k,) array of int
         Poses on the Pareto front.
     plan : Plan
@@ -66,13 +66,13 @@ class SweepSummary:
     warned : (n, m) array of bool
         Poses of which the sweep warned, for each of `iriftrace.sweep.warned.FLAGS`.
     quartiles : (n, 2) array or None
-        Quartiles of the displacement of each pose's rays, um; None of an older sweep.
+        Quartiles of the displacement of each pose's rays, um; None for an older sweep.
     other_winners : dict of int
         Number of the best pose by each other statistic of the displacement that the sweep has.
     scatter : Quantity or None
         Standard deviation over the members of an ensemble; None for a single field.
     devices : str or None
-        Of how many devices the ranking is, a sentence; None for one camera.
+        Number of devices that the ranking is for, a sentence; None for one camera.
     """
 
     displacement: Quantity
@@ -100,59 +100,59 @@ class SweepSummary:
 
     @property
     def metrics(self) -> tuple[Quantity, ...]:
-        """What the score is made of."""
+        """The metrics of which the score consists."""
         return self.displacement, self.coverage, self.axial, self.lateral
 
     @property
     def of_camera(self) -> bool:
-        """Whether poses are ranked by the displacement of the camera's rays."""
+        """True if poses are ranked by the displacement of the camera's rays."""
         return self.plan.criteria.criterion == "displacement"
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
-        """The metrics, of an ensemble the scatter, and the score."""
+        """The metrics, for an ensemble the scatter, and the score."""
         scatter = () if self.scatter is None else (self.scatter,)
         return *self.metrics, *scatter, self.score
 
     def value_text(self, quantity: Quantity, pose: int) -> str:
-        """A metric of a pose with four digits; what is only rounding of a resolution is 0."""
+        """A metric of a pose with four digits; 0 if a resolution is only rounding."""
         frontal = quantity is self.axial and self.sees_frontally(pose)
         return "0" if frontal else f"{quantity.values[pose]:.4g}"
 
     def sees_frontally(self, pose: int) -> bool:
-        """Whether all that a pose sees is a plane across its axis; only steps can tell that."""
+        """True if a pose sees only a plane across its axis, which only steps can show."""
         lateral, axial = (float(self.plan.metrics[key][pose]) for key in ("lateral", "axial"))
         known = bool(self.axial.known[pose]) and self.plan.criteria.resolution == "step"
         return known and seen_frontally(lateral, axial)
 
     @property
     def origins(self) -> FloatArray:
-        """(n, 3) array, mm, world: where the cameras stand."""
+        """(n, 3) array, mm, world: positions of the cameras."""
         return self.matrices[:, :3, 3]
 
     @property
     def targets(self) -> FloatArray:
-        """(n, 3) array, mm, world: where the optical axes point."""
+        """(n, 3) array, mm, world: points where the optical axes point."""
         return self.origins + self.distance[:, None] * self.matrices[:, :3, 2]
 
     @cached_property
     def series(self) -> dict[str, IntArray]:
-        """Poses that differ in nothing but position: a description, which may be empty; numbers."""
+        """Poses that differ only in position: a description, which may be empty; numbers."""
         return series_of(self.varied, len(self.distance))
 
     @property
     def is_one_direction(self) -> bool:
-        """Whether the poses differ in their distance alone."""
+        """True if the poses differ only in their distance."""
         others = [one for one in self.varied if one.quantity != "stand-off"]
         angles = np.stack((self.azimuth, self.elevation))
-        # Those of one direction differ by rounding alone.
+        # Poses of one direction differ only by rounding.
         near = np.ptp(angles, axis=1).max() < 1e-6
         return near and not others and bool(np.unique(self.distance).size > 1)
 
     def grid(self, members: IntArray) -> IntArray | None:
-        """Pose of each elevation (rows) and azimuth (columns); None if the members are no grid.
+        """Pose of each elevation (rows) and azimuth (columns); None if the members are not a grid.
 
-        The one pose at a pole stands for all azimuths.
+        The single pose at a pole is used for all azimuths.
         """
         azimuths, column = np.unique(self.azimuth[members], return_inverse=True)
         elevations, row = np.unique(self.elevation[members], return_inverse=True)
@@ -170,7 +170,7 @@ class SweepSummary:
 
 
 def summarise(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> SweepSummary:
-    """Rank the poses of a sweep and collect what plans, figures and reports show of them.
+    """Rank the poses of a sweep and collect the data for plans, figures and reports.
 
     Raises
     ------
@@ -217,7 +217,7 @@ def _other_winners(dataset: xr.Dataset, criteria: Criteria) -> dict[str, int]:
     for statistic in get_args(Statistic):
         if statistic == criteria.statistic or criteria.criterion == "features":
             continue
-        # A sweep may lack it.
+        # A sweep may not have it.
         with suppress(InputError):
             found[statistic] = ranked_quietly(dataset, evolve(criteria, statistic=statistic)).best
     return found
@@ -233,7 +233,7 @@ def _variable(dataset: xr.Dataset, name: str) -> AnyArray:
 
 
 def _angles(dataset: xr.Dataset) -> tuple[FloatArray, FloatArray, str]:
-    """Angles of the orbit; of the line of sight where poses come from somewhere else."""
+    """Angles of the orbit; of the line of sight for poses from another source."""
     azimuth, elevation = (_variable(dataset, name) for name in ("azimuth", "elevation"))
     if np.isfinite(azimuth).all() and np.isfinite(elevation).all():
         return azimuth, elevation, "on the orbit"
@@ -272,32 +272,32 @@ def extreme_poses(summary: SweepSummary) -> dict[str, int]:
 
 
 def extreme_images(
-    dataset: xr.Dataset, summary: SweepSummary, beside: Path
+    dataset: xr.Dataset, summary: SweepSummary, folder: Path
 ) -> Iterator[tuple[str, AovImage]]:
     """Images of `extreme_poses`, with their names.
 
-    Read where the sweep kept them in the folder `beside`, else rendered again; `InputError` and
-    `SetupError` where neither can be done.
+    They are read if the sweep stored them in the folder `folder`, else rendered again. Raises
+    `InputError` or `SetupError` if neither can be done.
     """
     from iriftrace.sweep.reload import load_swept_scene
 
     images: dict[int, AovImage] = {}
     for name, pose in extreme_poses(summary).items():
         file = str(dataset["exr"].values[pose]) if "exr" in dataset else ""
-        if pose not in images and file and (beside / file).is_file():
-            images[pose] = read_exr(beside / file)
+        if pose not in images and file and (folder / file).is_file():
+            images[pose] = read_exr(folder / file)
         if pose not in images:
             images[pose] = load_swept_scene(dataset, pose).render(summary.matrices[pose]).image
         yield name, images[pose]
 
 
 def devices_text(dataset: xr.Dataset, criteria: Criteria) -> str | None:
-    """Of how many devices the ranking is, one sentence; None for one camera."""
+    """Number of devices that the ranking is for, one sentence; None for one camera."""
     if "error_normal_p95" not in dataset:
         return None
     if criteria.criterion == "displacement":
         return (
-            "This ranking is of the camera alone, but the sensor has two devices; rank by what "
-            "they measure (--criterion normal or features)."
+            "This ranking is for the camera alone, but the sensor has two devices; rank by their "
+            "measurement (--criterion normal or features)."
         )
     return "Both devices move together, and the coverage is that of points that both see."

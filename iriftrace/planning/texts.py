@@ -25,18 +25,18 @@ class RankingTable:
     headings: tuple[str, ...]  # with units
     short_headings: tuple[str, ...]  # fit into a terminal
     rows: tuple[tuple[str, ...], ...]
-    note: str = ""  # what a number in the rows means, in sentences
+    note: str = ""  # meaning of numbers in the rows, in sentences
 
 
 def ranking_table(summary: SweepSummary, top: int) -> RankingTable:
-    """Write down the best poses, at most `top`, which is at least 1."""
+    """Build the table of the best poses, at most `top`, which is at least 1."""
     if top < 1:
         raise InputError(f"A ranking of {top} rows shows no pose; give at least 1.")
     return _table(summary, summary.plan.order[:top].tolist())
 
 
 def front_table(summary: SweepSummary) -> RankingTable:
-    """Write down the poses on the Pareto front, by rank; those without a rank come last."""
+    """Build the table of the poses on the Pareto front, by rank; unranked ones come last."""
     front = set(summary.front.tolist())
     ranked = [pose for pose in summary.plan.order.tolist() if pose in front]
     return _table(summary, [*ranked, *sorted(front - set(ranked))])
@@ -102,7 +102,7 @@ def in_words(metric: Quantity) -> str:
 
 
 def least_error_text(summary: SweepSummary) -> str | None:
-    """The pose of the least error where another is the best, one sentence; None if it is."""
+    """The pose of the least error if another is the best, one sentence; None if it is."""
     plan = summary.plan
     least = int(plan.order[np.argmin(plan.metrics["displacement"][plan.order])])
     if least == plan.best:
@@ -120,7 +120,7 @@ def least_error_text(summary: SweepSummary) -> str | None:
 
 
 def stability_text(summary: SweepSummary) -> str | None:
-    """Ranks of the best pose with other weights, one sentence; None of a single weight."""
+    """Ranks of the best pose with other weights, one sentence; None for a single weight."""
     if len(summary.plan.criteria.needed) == 1:
         return None
     varied = stability(summary.plan)
@@ -148,7 +148,7 @@ def other_statistics_text(summary: SweepSummary) -> str | None:
 
 
 def robust_text(summary: SweepSummary) -> str | None:
-    """Between which poses the members differ least and most, one sentence; None of one field."""
+    """Poses with the least and the most scatter, one sentence; None for one field."""
     if summary.scatter is None:
         return None
     values = summary.scatter.values
@@ -173,7 +173,7 @@ def warned_text(summary: SweepSummary) -> str | None:
 
 
 def alternative_text(summary: SweepSummary) -> str | None:
-    """That the winner is not clear, or sees little, one sentence; None if neither."""
+    """Sentence if the winner is not clear, or sees little; None if neither."""
     found = close_alternative(summary.plan)
     if found is None:
         coverage = summary.plan.metrics["coverage"][summary.plan.order]
@@ -181,26 +181,26 @@ def alternative_text(summary: SweepSummary) -> str | None:
             return None
         return (
             f"The best pose sees {100 * coverage[0]:.1f} % of {_region(summary)}, another one "
-            f"{100 * coverage.max():.1f} %; ask for a --min-coverage if more has to be seen."
+            f"{100 * coverage.max():.1f} %; set --min-coverage if more has to be seen."
         )
     return (
         f"The winner is not clear: pose {found.pose} scores only {found.behind:.3f} more and sees "
         f"{100 * found.coverage:.1f} % of {_region(summary)} instead of "
         f"{100 * found.best_coverage:.1f} %; choose by what has to be measured, change the "
-        "weights or ask for a --min-coverage."
+        "weights or set --min-coverage."
     )
 
 
 def views_table(summary: SweepSummary, views: ViewSet) -> RankingTable:
-    """Write down poses that together see the most, and what each adds."""
-    shares = 100.0 * np.column_stack((views.added, np.cumsum(views.added)))
+    """Build the table of poses that together see the most, with the addition of each."""
+    fractions = 100.0 * np.column_stack((views.added, np.cumsum(views.added)))
     rows = tuple(
         (
             str(number),
             str(pose),
             f"{summary.azimuth[pose]:.1f}",
             f"{summary.elevation[pose]:.1f}",
-            *(f"{share:.2f}" for share in shares[number - 1]),
+            *(f"{fraction:.2f}" for fraction in fractions[number - 1]),
         )
         for number, pose in enumerate(views.poses.tolist(), start=1)
     )
@@ -243,6 +243,6 @@ def front_text(summary: SweepSummary) -> str:
 
 
 def _region(summary: SweepSummary) -> str:
-    """Name of what was ranked, for sentences."""
+    """Name of the ranked region, for sentences."""
     region = summary.plan.criteria.region
     return "the part" if region == WHOLE_PART else f"region {region}"

@@ -1,4 +1,4 @@
-"""Statements of a scene's own files on its air, and checks that they still hold."""
+"""Statements about a scene's air in its own files, and checks that they still hold."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def air_statement_of(file: SceneFile) -> AirStatement:
-    """The table beside the shells; empty when there is none, refused when it is damaged."""
+    """The table next to the shells; empty if there is none, refused if it is damaged."""
     table = _table_file(file)
     if table is None:
         return AirStatement()
@@ -37,13 +37,13 @@ def air_statement_of(file: SceneFile) -> AirStatement:
 
 
 def _table_file(file: SceneFile) -> Path | None:
-    """The first table there is, should shells lie in several folders."""
+    """The first table that exists, if shells lie in several folders."""
     tables = (path.parent / "shells.json" for path in file.shell_paths)
     return next(filter(Path.is_file, tables), None)
 
 
 def other_shells(file: SceneFile, stated: AirStatement) -> tuple[str, ...]:
-    """Shells, warned of, whose files are not those that were written with the table."""
+    """Shells whose files are not those that were written with the table, with a warning."""
     place = _table_file(file)
     rows = [row for row in stated.shells if row.sha256]
     if place is None or not rows:
@@ -54,8 +54,8 @@ def other_shells(file: SceneFile, stated: AirStatement) -> tuple[str, ...]:
     )
     if others:
         warn(
-            f"{', '.join(others)} {'is' if len(others) == 1 else 'are'} not of the shells that "
-            f"{place} was written with, so rays meet other air than it tells of; write the scene "
+            f"{', '.join(others)} {'is' if len(others) == 1 else 'are'} not among the shells that "
+            f"{place} was written with, so rays meet other air than it states; write the scene "
             "again."
         )
     return others
@@ -74,7 +74,7 @@ def warn_of_another_part(file: SceneFile, part: Part, written: PartOrigin | None
 
 
 def statement_of_field(cells: FieldCells, shells: AirStatement, name: str) -> AirStatement:
-    """Air and source as the field's file states them; the rest as beside the shells."""
+    """Air and source as the field's file states them; the rest as next to the shells."""
     if shells.source is not None and shells.source.sha256 != cells.source.sha256:
         warn(
             f"The shells of {name} were made from another field than its field file, so the two "
@@ -83,18 +83,18 @@ def statement_of_field(cells: FieldCells, shells: AirStatement, name: str) -> Ai
     return evolve(shells, air=cells.air, source=cells.source)
 
 
-def stated_normals(wanted: str, tables: SceneTables) -> str:
-    """Normals that bend rays: the wanted ones, and for how many shells not."""
-    if wanted == "facet" or not tables.has_normals:
+def stated_normals(requested: str, tables: SceneTables) -> str:
+    """The requested normals, and the number of shells that do not have them."""
+    if requested == "facet" or not tables.has_normals:
         return "facet"
     without = len(tables.facet_shells)
-    return f"gradient, but facet for {without} of the shells" if without else wanted
+    return f"gradient, but facet for {without} of the shells" if without else requested
 
 
 def stated_index_rule(
     name: str, stated: AirStatement, tables: SceneTables, others: Sequence[str]
 ) -> str:
-    """The stated rule, as long as the scene has the stated shells and none of `others`."""
+    """The stated rule, if the scene has the stated shells and none of `others`."""
     rule = stated.rule
     if rule is None:
         return "not stated"
@@ -107,6 +107,6 @@ def stated_index_rule(
         return f"edited: {len(others)} of {len(pairs)} {rule} shells changed" if others else rule
     warn(
         f"{name} has {len(pairs)} shells, {kept} of the {len(listed)} that were made for it, so "
-        "the air is cut into other layers than the field asks for; results say that it was edited."
+        "the air has other layers than the field requires; results state that it was edited."
     )
     return f"edited: {kept} of {len(listed)} {rule} shells, {len(pairs) - kept} others"

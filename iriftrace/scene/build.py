@@ -1,4 +1,4 @@
-"""Build a scene from field, part and camera: what belongs together is checked, then written."""
+"""Build a scene from field, part and camera: check that they fit together, then write it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 class SceneSettings(TypedDict, total=False):
-    """What `build_scene` and `build_ensemble` have in common, besides part, camera and path."""
+    """Common parameters of `build_scene` and `build_ensemble`, besides part, camera and path."""
 
     wall_temperature_k: float | None
     trim_mm: float | None
@@ -51,11 +51,11 @@ class BuiltScene(PathLike[str]):
     path : Path
         The XML file.
     shells : ShellStack
-        As written, trimmed to the camera's view if that was asked for.
+        As written, trimmed to the camera's view if requested.
     report : tuple of ShellReport
         Facts about each shell.
     fit : Fit or None
-        How field and part lie on each other; None of ready-made shells.
+        How field and part lie relative to each other; None for ready-made shells.
     """
 
     path: Path
@@ -107,17 +107,18 @@ def build_scene(
     second_id: str = "projector",
     blockers: Sequence[Part] = (),
 ) -> BuiltScene:
-    """Make a complete scene folder of field, part and camera, as ``iriftrace scene`` does.
+    """Make a complete scene folder from field, part and camera, as ``iriftrace scene`` does.
 
     Parameters
     ----------
     volume : IndexField or None
-        The field; None where ready-made shells stand for it (:func:`iriftrace.import_shells`).
+        The field; None with ready-made shells (:func:`iriftrace.import_shells`).
     part : Part
     camera : Camera
         At its full resolution.
     path : path
-        The scene's XML file; part, shells and field go beside it. Its folder is made when missing.
+        The scene's XML file; part, shells and field are written next to it. Its folder is created
+        if it is missing.
     shells : ShellStack, optional
         By default ``contour_shells(volume, layers, rule=rule)``.
     layers : int
@@ -125,9 +126,9 @@ def build_scene(
     rule : str
         See :func:`iriftrace.contour_shells`.
     wall_temperature_k : float, K, optional
-        Temperature of the hot part; a field with another one at its wall is warned of.
+        Temperature of the hot part; if the field has another one at its wall, a warning is issued.
     trim_mm : float, mm, optional
-        Shells are left out farther than this beside the camera's view; by default all are kept.
+        Shells farther than this outside the camera's view are left out; by default all are kept.
     scale : float
         Default of the scene's parameter ``scale``, a factor on the resolution.
     normals : str
@@ -135,14 +136,14 @@ def build_scene(
     inside_hit : str
         ``"drop"`` gives up rays that meet a shell from its inside; see ``first_hit``.
     notes : mapping of str, optional
-        What is known of the field, such as ``{"time": "snapshot"}``; stated in every result.
+        Facts about the field, such as ``{"time": "snapshot"}``; stated in every result.
     second : Camera, optional
         The device with which points are triangulated (:func:`iriftrace.measure`), at its full
         resolution.
     second_id : str
-        Its id, which says what it is: ``"projector"``, ``"camera_2"`` or ``"laser"``.
+        Its id, which states its kind: ``"projector"``, ``"camera_2"`` or ``"laser"``.
     blockers : sequence of Part
-        Bodies that only block the view, mm, world: supports; or the hot part, where `part` is a
+        Bodies that only block the view, mm, world: supports; or the hot part, if `part` is a
         board that is seen past it.
 
     Returns
@@ -154,7 +155,7 @@ def build_scene(
     InputError
         Field and part do not overlap, a camera stands in the part or in hot air, no shell is in
         its view, both devices stand at one place, shells are trimmed to one of two cameras, the
-        XML file has been changed since it was written, or the folder cannot be written.
+        XML file was edited by hand, or the folder cannot be written.
 
     Warns
     -----
@@ -210,7 +211,7 @@ def build_ensemble(
     second_id: str = "projector",
     blockers: Sequence[Part] = (),
 ) -> BuiltEnsemble:
-    """Make the scene of several fields of one part: bias and scatter of what they do.
+    """Make the scene of several fields of one part, for the mean and scatter of their results.
 
     Parameters
     ----------
@@ -275,7 +276,7 @@ def build_ensemble(
 
 @contextmanager
 def named(label: str, remedy: str = "") -> Iterator[None]:
-    """Name the member of an ensemble in an error that does not, and a remedy in brackets."""
+    """Add the member of an ensemble to an error without it, and a remedy in brackets."""
     try:
         yield
     except InputError as error:
@@ -285,7 +286,7 @@ def named(label: str, remedy: str = "") -> Iterator[None]:
 
 
 def _place(path: str | Path, part: Part) -> Path:
-    """The XML file, whose folder has room for the scene's own copy of the part."""
+    """The XML file, whose folder must have room for the scene's own copy of the part."""
     xml = Path(path)
     copy = xml.parent / PART_FILE
     if Path(part.path).resolve() == copy.resolve():
@@ -328,7 +329,7 @@ def _shells_for(
 
 
 def _note_of(fit: Fit) -> dict[str, str]:
-    """What does not fit, as a note that every result states."""
+    """Misfits, as a note that every result states."""
     return {"fit": " ".join(fit.warnings)} if fit.warnings else {}
 
 

@@ -1,4 +1,4 @@
-"""The members of an ensemble's scene: which fields they are and where their files lie."""
+"""The members of an ensemble's scene: their fields and the places of their files."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MEMBER = "member"
 """Parameter of an ensemble's scene: number of the member that is traced alone, from 1."""
 
 FOLDER = "members"
-"""Folder beside the scene's XML, with a folder for each member, named by its number."""
+"""Folder next to the scene's XML, with a folder for each member, named by its number."""
 
 TABLE = "members.json"
 INCLUDED = "shells.xml"
@@ -31,8 +31,8 @@ class FieldMember:
     """One field of an ensemble."""
 
     number: int  # from 1
-    label: str  # what tells it from the others: a time step, a parameter, a file's name
-    time: float | None  # in the file's own unit, where it states one
+    label: str  # distinguishes it from the others: a time step, a parameter, a file's name
+    time: float | None  # in the file's own unit, if it states one
     source: FieldSource
     weight: float = 1.0  # relative to that of the others
     covariance: list[float] | None = field(default=None, repr=False)  # row of a fit's weights
@@ -46,12 +46,12 @@ class FieldMember:
 
 
 def weights_of(members: Sequence[FieldMember]) -> MemberWeights:
-    """Weights of an ensemble's members, with their covariance where they were fitted."""
+    """Weights of an ensemble's members, with their covariance if they were fitted."""
     return MemberWeights.of([m.weight for m in members], [m.covariance for m in members])
 
 
 def member_folder(scene: Path, number: int | str) -> Path:
-    """Folder of one member's shells and field, beside the scene's XML file."""
+    """Folder of one member's shells and field, next to the scene's XML file."""
     return scene.parent / FOLDER / str(number)
 
 
@@ -60,7 +60,7 @@ def is_ensemble(scene: Path) -> bool:
     try:
         text = scene.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
-        # Whoever reads the scene says what is wrong with it.
+        # The reader of the scene states what is wrong with it.
         return False
     return re.search(rf'<default\s+name="{MEMBER}"', text) is not None
 
@@ -68,7 +68,7 @@ def is_ensemble(scene: Path) -> bool:
 def read_members(scene: Path) -> tuple[FieldMember, ...]:
     """Members of an ensemble's scene, as its table lists them.
 
-    InputError where the table is missing, damaged, or names members whose shells are not there.
+    Raises InputError if the table is missing or damaged, or names members without shells.
     """
     path = scene.parent / FOLDER / TABLE
     try:
@@ -103,16 +103,16 @@ def write_members(folder: Path, members: tuple[FieldMember, ...]) -> None:
 
 
 def members_of(scene: Path, values: Mapping[str, str]) -> tuple[FieldMember, ...]:
-    """Members that are to be traced together; none where one was chosen or the scene has one field.
+    """Members to trace together; none if one was chosen or the scene has one field.
 
-    Raises InputError as `read_members`, and where the member that was chosen does not exist.
+    Raises InputError as `read_members`, and if the chosen member does not exist.
     """
     if not is_ensemble(scene):
         return ()
     if MEMBER not in values:
         return read_members(scene)
     number = str(values[MEMBER])
-    # Another way to the same folder, ./1, would have results name a member that is not listed.
+    # Another path to the same folder, ./1, would have results name a member that is not listed.
     if not (number.isdecimal() and (member_folder(scene, number) / INCLUDED).is_file()):
         raise InputError(
             f'{scene} has no member "{number}"; give -D {MEMBER}=1 to '
@@ -122,7 +122,7 @@ def members_of(scene: Path, values: Mapping[str, str]) -> tuple[FieldMember, ...
 
 
 def member_files(scene: Path) -> tuple[Path, ...]:
-    """The table and what the scene includes for each member."""
+    """The table, and the files that the scene includes for each member."""
     folder = scene.parent / FOLDER
     included = [member_folder(scene, m.number) / INCLUDED for m in read_members(scene)]
     return (folder / TABLE, *included)

@@ -24,12 +24,12 @@ if TYPE_CHECKING:
     from mitsuba.parser import SceneNode
 
 _HEAD = 100_000
-"""Bytes of a file among which a scene begins, whatever comments it has before."""
+"""Number of bytes of a file in which a scene begins, with any comments before it."""
 
 SHELL_BSDFS = ("iso_shell", "dielectric")
 
 _NAMED_FILES = {"calibrated_camera": ("calibration", None), "gradient_path": ("field", FIELD_FILE)}
-"""Properties of plugins that name files, beside the filenames of meshes, and their defaults."""
+"""Properties of plugins that name files, besides the filenames of meshes, and their defaults."""
 
 
 @frozen(eq=False)
@@ -71,7 +71,7 @@ def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
 
 
 def _parsed(path: Path, values: Mapping[str, str]) -> list[SceneNode]:
-    """Nodes of a scene that is one and has these parameters."""
+    """Nodes of an XML file that is a scene and has these parameters."""
     import mitsuba as mi
 
     require_scene(path)
@@ -79,8 +79,8 @@ def _parsed(path: Path, values: Mapping[str, str]) -> list[SceneNode]:
     with path.open("rb") as opened:
         if b"<scene" not in opened.read(_HEAD):
             raise InputError(
-                f"{path} is no scene of Mitsuba's; give the XML file that `iriftrace scene` makes "
-                "of a field and a part."
+                f"{path} is not a Mitsuba scene; give the XML file that `iriftrace scene` makes "
+                "from a field and a part."
             )
     _check_variables(path, values)
     values = of_the_file(values)
@@ -112,7 +112,7 @@ def _the_part(shapes: Sequence[mi.Properties], path: Path) -> tuple[mi.Propertie
 
 
 def _shell_meshes(shells: Sequence[mi.Properties], in_layers: bool, path: Path) -> tuple[Path, ...]:
-    """Meshes of shells that have what bends rays, at the shells or in the layers between them."""
+    """Meshes of shells with the data that bend rays, at the shells or in the layers between."""
     meshes, flat = [], []
     for props in shells:
         placement = _placement(props, f"Shell '{props.id()}'")
@@ -122,7 +122,7 @@ def _shell_meshes(shells: Sequence[mi.Properties], in_layers: bool, path: Path) 
         if in_layers and _changes_lengths(placement) and _has_derivatives(mesh):
             raise InputError(
                 f"Shell '{props.id()}' in {path} has a to_world that changes lengths, but its file "
-                "gives the index's derivatives per mm of its own; make the scene anew with "
+                "gives the index's derivatives per mm of its own; write the scene again with "
                 "--field-transform, or bend rays at the shells alone (-D bending=shells)."
             )
         meshes.append(mesh)
@@ -130,8 +130,8 @@ def _shell_meshes(shells: Sequence[mi.Properties], in_layers: bool, path: Path) 
             flat.append(mesh.name)
     if flat:
         raise InputError(
-            f"{', '.join(flat)} in {path} has no vertex normals, so Mitsuba would invent some that "
-            'know nothing of grad(n); add <boolean name="face_normals" value="true"/> to the shape.'
+            f"{', '.join(flat)} in {path} has no vertex normals, and Mitsuba would derive some "
+            'without grad(n); add <boolean name="face_normals" value="true"/> to the shape.'
         )
     return tuple(meshes)
 
@@ -152,7 +152,7 @@ def _warn_of_lost_accuracy(nodes: Sequence[SceneNode], has_shells: bool, path: P
 
 
 def require_scene(path: Path) -> None:
-    """Refuse the name of a scene that is not there."""
+    """Refuse the name of a scene that does not exist."""
     if not path.is_file():
         raise InputError(f"There is no scene file {path}; `iriftrace scene` writes one.")
 
@@ -162,13 +162,13 @@ def _check_variables(path: Path, values: Mapping[str, str]) -> None:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise InputError(
-            f"{path} is no text in UTF-8 ({error.reason}); is it a scene's XML file?"
+            f"{path} is not text in UTF-8 ({error.reason}); give a scene's XML file."
         ) from error
     known = re.findall(r'<default\s+name="([^"]+)"', text)
     if WAVELENGTH in values and WAVELENGTH in known:
         raise InputError(
-            f'{path} has a parameter "{WAVELENGTH}" of its own, so it is not clear which one is '
-            "meant; give the file's another name."
+            f'{path} has a parameter "{WAVELENGTH}" of its own, so the name is ambiguous; '
+            "rename the file's parameter."
         )
     unknown = [name for name in of_the_file(values) if name not in known]
     if unknown:
@@ -176,7 +176,7 @@ def _check_variables(path: Path, values: Mapping[str, str]) -> None:
             f"{path} has no parameter {', '.join(unknown)}, so -D would change nothing; it has "
             f"{', '.join(known) or 'none'}."
         )
-    # An included file may use what the file itself does not.
+    # An included file may use parameters that the file itself does not.
     unneeded = [] if "<include" in text else [name for name in known if f"${name}" not in text]
     if unneeded:
         raise InputError(
@@ -217,10 +217,10 @@ def _mesh_file(props: mi.Properties, scene: Path) -> Path | None:
 
 
 def _check_named_file(node: SceneNode, scene: Path) -> None:
-    """Refuse a file of the current folder, where Mitsuba also looks, in place of the scene's."""
+    """Refuse a file of the current folder, where Mitsuba also looks, instead of the scene's."""
     name, default = _NAMED_FILES.get(_plugin(node), ("", None))
     named = node.props.get(name, default) if name else None
-    # What is nowhere is missed by whoever needs it, which says more of it.
+    # A missing file is reported by the reader that needs it, with more detail.
     if isinstance(named, str) and os.path.isfile(named):
         _check_there(scene.parent / named, scene)
 
@@ -230,9 +230,9 @@ def _check_there(file: Path, scene: Path) -> None:
         return
     if file.is_relative_to(scene.parent):
         raise InputError(
-            f"{file.relative_to(scene.parent)} is not beside {scene}; move the whole folder."
+            f"{file.relative_to(scene.parent)} is not next to {scene}; move the whole folder."
         )
-    raise InputError(f"The file {file}, which {scene} names, is not there; correct its path.")
+    raise InputError(f"The file {file}, which {scene} names, is missing; correct its path.")
 
 
 def _files(nodes: Sequence[SceneNode], scene: Path) -> tuple[Path, ...]:
@@ -243,7 +243,7 @@ def _files(nodes: Sequence[SceneNode], scene: Path) -> tuple[Path, ...]:
         for key in list(node.props.keys())
         if isinstance(node.props[key], str)
     ]
-    # A name that is none, such as a long text, is no file either.
+    # A value that is not a name, such as a long text, is not a file either.
     return tuple(
         file for word in dict.fromkeys(words) if os.path.isfile(file := scene.parent / word)
     )
@@ -278,7 +278,7 @@ def _changes_lengths(placement: NDArray[np.float64]) -> bool:
 
 
 def _ply_head(mesh: Path) -> bytes | None:
-    """The header of a PLY; None for what is no PLY."""
+    """The header of a PLY; None if the file is not one."""
     with mesh.open("rb") as file:
         head, end, _ = file.read(4096).partition(b"end_header")
     return head if end else None
@@ -294,18 +294,18 @@ def _has_derivatives(mesh: Path) -> bool:
 
 def _has_normals(mesh: Path) -> bool:
     if not mesh.is_file():
-        # Mitsuba says so itself.
+        # Mitsuba reports this itself.
         return True
     kind = mesh.suffix.lower()
     if kind == ".ply":
         head = _ply_head(mesh)
-        # Mitsuba also says so of what is no PLY.
+        # Mitsuba also reports a file that is not a PLY.
         return head is None or b" nx" in head
     return kind == ".obj" and b"\nvn " in mesh.read_bytes()
 
 
 def check_meshes(files: Iterable[Path]) -> None:
-    """Refuse damaged meshes, whose corners Mitsuba takes as they are."""
+    """Refuse damaged meshes, whose corners Mitsuba does not check."""
     for mesh in files:
         if mesh.suffix.lower() != ".ply":
             continue

@@ -1,4 +1,4 @@
-"""The scene folder of members whose weights were fitted, made of the folder of their scene."""
+"""The scene folder of members with fitted weights, made from the folder of their scene."""
 
 from __future__ import annotations
 
@@ -37,18 +37,18 @@ SHELLS_TABLE = "shells.json"
 def write_fitted_scene(
     scene: Path, members: Sequence[FieldMember], output: Path, *, of_board: bool = True
 ) -> tuple[FieldMember, ...]:
-    """Write the scene of fitted members, without those that serve for nothing.
+    """Write the scene of fitted members, without those that have no effect.
 
     Parameters
     ----------
     scene : path
         XML file of the ensemble's scene that is copied.
     members : sequence of FieldMember
-        Those that are kept, with weights and rows of their covariance.
+        Members to keep, with weights and rows of their covariance.
     output : path
         The new scene's XML file, in another folder.
     of_board : bool
-        The part is a board that is seen past the first blocker, which takes its place.
+        The part is a board that is seen past the first blocker, which becomes the part.
 
     Returns
     -------
@@ -58,7 +58,7 @@ def write_fitted_scene(
     Raises
     ------
     InputError
-        The output lies in the scene's own folder or was edited, a member is none of the scene's,
+        The output lies in the scene's own folder or was edited, a member is not one of the scene's,
         or the folder cannot be written.
     """
     check_fitted_scene(scene, output)
@@ -101,7 +101,7 @@ def check_fitted_scene(scene: Path, output: Path) -> None:
 
 
 def _numbers_in(scene: Path, members: Sequence[FieldMember]) -> list[int]:
-    """Numbers that the members' fields have in a scene, which may be another one."""
+    """Numbers of the members' fields in a scene, which may be another one."""
     own = {(m.source.sha256, m.time): m.number for m in read_members(scene)}
     missing = [m.label for m in members if (m.source.sha256, m.time) not in own]
     if missing:
@@ -113,7 +113,7 @@ def _numbers_in(scene: Path, members: Sequence[FieldMember]) -> list[int]:
 
 
 def _copy_bodies(scene: Path, building: Path, of_board: bool) -> tuple[str, int]:
-    """Copy the meshes of part and blockers; the new XML's text and the number of its blockers."""
+    """Copy the meshes of part and blockers; returns the new XML and the number of blockers."""
     parser = ET.XMLParser(target=ET.TreeBuilder(insert_comments=True))
     root = ET.parse(scene, parser=parser).getroot()
     shapes = {str(shape.get("id")): shape for shape in root.findall("shape")}
@@ -132,7 +132,7 @@ def _copy_bodies(scene: Path, building: Path, of_board: bool) -> tuple[str, int]
 
 
 def _copy_member(scene: Path, number: int, building: Path, member: FieldMember) -> None:
-    """Copy a member's shells and field, which then know their new number and the new part."""
+    """Copy a member's shells and field, with their new number and the new part."""
     target = building / FOLDER / str(member.number)
     shutil.copytree(member_folder(scene, number), target)
     included = target / INCLUDED

@@ -25,13 +25,13 @@ class AirState:
     Attributes
     ----------
     field : IndexField or None
-        None where ready-made shells stand for it.
+        None for ready-made shells.
     label : str
-        What tells it from the other states of an ensemble.
+        Distinguishes it from the other states of an ensemble.
     time : float or None
         In the file's unit.
     weight : float
-        Among the states of an ensemble; their sum is 1.
+        Weight among the states of an ensemble; their sum is 1.
     covariance : list of float or None
         Row of the covariance of fitted weights.
     """
@@ -63,7 +63,7 @@ class AirState:
         return None if self.field is None else cells_of(self.field)
 
     def as_member(self) -> MemberAir:
-        """What the scene's file of an ensemble is written from."""
+        """The data from which the scene's file of an ensemble is written."""
         return MemberAir(
             self.label,
             self.time,
@@ -79,18 +79,18 @@ class HotAir:
     """The hot air around a part, and how its shells bend rays.
 
     It has two descriptions: nested shells of equal refractive index, and the cells of the field.
-    Which of them bends rays, `Scene.engine` says.
+    `Scene.engine` selects the one that bends rays.
 
     Attributes
     ----------
     states : tuple of AirState
-        One, or several of an ensemble.
+        One state, or several of an ensemble.
     normals, inside_hit : str
-        Of the shells: parameters of ``first_hit``.
+        Parameters of ``first_hit`` for the shells.
     notes : mapping of str
-        What is known of the field, such as ``{"time": "snapshot"}``; stated in every result.
+        Facts about the field, such as ``{"time": "snapshot"}``; stated in every result.
     wall_temperature_k : float or None, K
-        Temperature of the hot part; a field with another one at its wall is warned of.
+        Temperature of the hot part; if a field has another one at its wall, a warning is issued.
     """
 
     states: tuple[AirState, ...]
@@ -113,18 +113,18 @@ class HotAir:
         notes: Mapping[str, str] | None = None,
         wall_temperature_k: float | None = None,
     ) -> None:
-        """Take a field, or several of one part as an ensemble.
+        """Use one field, or several of one part as an ensemble.
 
         Parameters
         ----------
         field : IndexField, sequence of IndexField or None
-            None where ready-made `shells` stand for it (:func:`iriftrace.import_shells`).
+            None with ready-made `shells` (:func:`iriftrace.import_shells`).
         layers : int
             Number of shells.
         rule : str
             See :func:`iriftrace.contour_shells`.
         shells : ShellStack, optional
-            In place of those that `layers` and `rule` give; of one field.
+            Used instead of those from `layers` and `rule`; for one field.
         labels : sequence of str
             Names of several fields; by default those of their files.
         weights : sequence of float or MemberWeights
@@ -145,7 +145,7 @@ class HotAir:
             raise InputError("A scene needs air that bends its rays; give a field, or shells.")
         if several and shells is not None:
             raise InputError(
-                "Ready-made shells are of one field, and several are given; leave out the shells."
+                "Ready-made shells belong to one field, but several are given; omit the shells."
             )
         names = list(labels) or ["" if one is None else f"{one.source.path}" for one in fields]
         if len(names) != len(fields):
@@ -158,8 +158,8 @@ class HotAir:
                 "each."
             )
         states = tuple(
-            AirState(one, name, None, share, row, layers, rule, shells)
-            for one, name, (share, row) in zip(fields, names, weights.rows, strict=True)
+            AirState(one, name, None, weight, row, layers, rule, shells)
+            for one, name, (weight, row) in zip(fields, names, weights.rows, strict=True)
         )
         self.__attrs_init__(states, normals, inside_hit, notes or {}, wall_temperature_k)
 

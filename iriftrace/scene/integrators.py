@@ -1,4 +1,4 @@
-"""The integrator that traces a scene's rays by the wanted engine, and what it says of the air."""
+"""The integrator that traces a scene's rays with the requested engine, and facts about its air."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 
 Integrator = Any
-"""``first_hit`` or ``gradient_path``: their classes are made anew for each variant."""
+"""``first_hit`` or ``gradient_path``: their classes are created again for each variant."""
 
 
 class TracedAir(TypedDict):
-    """What a `LoadedScene` says of its air, as its attributes."""
+    """Attributes of a `LoadedScene` that describe its air."""
 
     engine: str
     normals: str
@@ -51,7 +51,7 @@ def found_of_shells(
 
 
 def _bending(integrator: Integrator, tables: SceneTables) -> Bending:
-    """Places where rays are bent by shells."""
+    """Where the shells bend rays."""
     if integrator.bends_in_layers(tables):
         return Bending.LAYERS
     if integrator.bending == "layers" and integrator.normals == "gradient":
@@ -71,19 +71,19 @@ def found_of_field(integrator: Integrator, stated: AirStatement, name: str) -> T
 
 
 def field_file(path: Path, values: Mapping[str, str]) -> Path:
-    """The cells engine's field beside a scene, or of its member."""
+    """The cells engine's field next to a scene, or that of its member."""
     folder = member_folder(path, values.get(MEMBER, "1")) if is_ensemble(path) else path.parent
     return folder / FIELD_FILE
 
 
 def set_wavelength(integrator: Integrator, values: Mapping[str, str]) -> None:
-    """Let the cells engine take other light than its field's, if that was asked for."""
+    """Set another wavelength than that of the cells engine's field, if requested."""
     if WAVELENGTH in values:
         integrator.wavelength_nm = parse_quantity(values[WAVELENGTH], "nm")
 
 
 def integrator_for(own: Integrator, engine: str, name: str, field_file: Path) -> Integrator:
-    """The scene's own integrator, or one for the engine that is asked for."""
+    """The scene's own integrator, or one for the requested engine."""
     import mitsuba as mi
 
     check_engine(engine)
@@ -94,7 +94,7 @@ def integrator_for(own: Integrator, engine: str, name: str, field_file: Path) ->
         )
     if engine in (AUTO, own.engine):
         return own
-    # The two kinds of normals have their counterparts: each kind converges to its gradient.
+    # The two kinds of normals have counterparts: each kind converges to its gradient.
     smooth = own.normals == "gradient" if engine == "cells" else own.gradient == "recovered"
     if engine == "shells":
         chosen = {"type": "first_hit", "normals": "gradient" if smooth else "facet"}

@@ -1,4 +1,4 @@
-"""Loading scenes into Mitsuba: of an XML file, or of a Mitsuba scene of one's own."""
+"""Loading scenes into Mitsuba: from an XML file, or from a Mitsuba scene of one's own."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def load_scene(
     variant: str | None = None,
     engine: str = AUTO,
 ) -> LoadedScene:
-    """Load a scene's XML file into Mitsuba and build what every pose needs.
+    """Load a scene's XML file into Mitsuba and build the data for all poses.
 
     Parameters
     ----------
@@ -53,20 +53,20 @@ def load_scene(
         The XML file; its integrator must be ``first_hit`` or ``gradient_path``.
     variables : mapping, optional
         Values for the file's ``<default>`` parameters, as Mitsuba's ``-D name=value``; and
-        ``wavelength`` ("450 nm"), if it shall be another than the one the scene was made for.
+        ``wavelength`` ("450 nm"), if it differs from the one the scene was made for.
     variant : str, optional
         Mitsuba variant; see :func:`iriftrace.runtime.variant.ensure`.
     engine : str
-        ``"shells"`` or ``"cells"``, whatever the XML's own integrator is; ``"auto"`` for that one,
-        and cells where its shells are too few (:func:`iriftrace.trace.engine.choose`).
+        ``"shells"`` or ``"cells"``, independent of the XML's own integrator; ``"auto"`` for that
+        one, and cells where its shells are too few (:func:`iriftrace.trace.engine.choose`).
 
     Raises
     ------
     InputError
-        If the file is missing, Mitsuba cannot read it, it is no scene that can be traced, or
-        compiled plugins lie beside it.
+        If the file is missing, Mitsuba cannot read it, it is not a scene that can be traced, or
+        compiled plugins lie next to it.
     SetupError
-        If no usable LLVM or CUDA is there.
+        If there is no usable LLVM or CUDA.
 
     Warns
     -----
@@ -81,7 +81,7 @@ def load_scene(
         members,
         lambda number: _load_one(Path(path), {**values, MEMBER: str(number)}, variant, engine),
     )
-    # Closed at once, the others are loaded when they are traced.
+    # Closed at once; the others are loaded when they are traced.
     first = next(ensemble.scenes())
     return evolve(first, variables=values, ensemble=ensemble)
 
@@ -132,7 +132,7 @@ def _load_one(path: Path, values: dict[str, str], variant: str | None, engine: s
         part_to_world=file.part_to_world,
         full_resolution=camera_of(sensors[0]).full_resolution(),
         variables=values,
-        wanted_engine=engine,
+        requested_engine=engine,
         load_s=loaded - started,
         build_s=built - loaded,
         variant=chosen,
@@ -144,19 +144,20 @@ def _load_one(path: Path, values: dict[str, str], variant: str | None, engine: s
 
 
 def from_mitsuba(scene: mi.Scene) -> LoadedScene:
-    """Take a scene of one's own, made with Mitsuba, for `render_scene`, `trace_rays` and `measure`.
+    """Use a scene made with Mitsuba in `render_scene`, `trace_rays` and `measure`.
 
     Parameters
     ----------
     scene : mitsuba.Scene
-        Of the current variant, loaded with ``optimize=False``, with the integrator ``first_hit`` or
-        ``gradient_path``, a part (mm) and one or two sensors ``calibrated_camera``.
+        A scene of the current variant, loaded with ``optimize=False``, with the integrator
+        ``first_hit`` or ``gradient_path``, a part (mm) and one or two sensors
+        ``calibrated_camera``.
 
     Returns
     -------
     LoadedScene
-        Its part has the mesh's triangles and regions by their form. Of its air nothing is known
-        but what bends the rays: no wavelength, no source, and with shells no cells.
+        Its part has the mesh's triangles, and regions by their form. Of its air only what bends
+        the rays is known: no wavelength, no source, and with shells no cells.
 
     Raises
     ------
@@ -189,7 +190,7 @@ def from_mitsuba(scene: mi.Scene) -> LoadedScene:
         part_to_world=np.eye(4),
         full_resolution=camera_of(sensors[0]).full_resolution(),
         variables={},
-        wanted_engine=integrator.engine,
+        requested_engine=integrator.engine,
         load_s=0.0,
         build_s=time.perf_counter() - started,
         variant=chosen,
@@ -203,7 +204,7 @@ def from_mitsuba(scene: mi.Scene) -> LoadedScene:
 def _sensors(scene: mi.Scene, name: str) -> list[mi.Sensor]:
     sensors: list[mi.Sensor] = scene.sensors()
     if not sensors:
-        raise InputError(f"{name} has no sensor, so there is nothing to look through; add one.")
+        raise InputError(f"{name} has no sensor, so it cannot be rendered; add one.")
     return sensors
 
 
@@ -214,7 +215,7 @@ class _Devices(TypedDict):
 
 
 def _devices(sensors: Sequence[mi.Sensor]) -> _Devices:
-    """The cameras that a scene's first two sensors are."""
+    """The cameras of a scene's first two sensors."""
     second = sensors[1] if len(sensors) > 1 else None
     return {
         "camera": _camera(sensors[0]),
@@ -224,7 +225,7 @@ def _devices(sensors: Sequence[mi.Sensor]) -> _Devices:
 
 
 def _camera(sensor: mi.Sensor) -> Camera:
-    """The camera that a sensor is, of its film's crop window alone."""
+    """The camera of a sensor, for its film's crop window alone."""
     from iriftrace.plugins.film import camera_of
 
     camera = Camera.from_dict(camera_of(sensor).description())
@@ -241,12 +242,12 @@ def _text(value: object) -> str:
 
 
 def _check_same_part(part: Part, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> None:
-    """Face numbers mean the same in Mitsuba's mesh and in ours, or the metrics would lie."""
+    """Check that face numbers mean the same in Mitsuba's mesh and in ours."""
     same = len(faces) == len(part.faces) and np.allclose(
         vertices[faces], part.vertices[part.faces], rtol=1e-5, atol=1e-4
     )
     if not same:
         raise InputError(
             f"Mitsuba reads {part.path} with other triangles than iriftrace does, so that faces "
-            "and regions would be confused; write the part anew with `iriftrace scene`."
+            "and regions would be confused; write the part again with `iriftrace scene`."
         )

@@ -35,15 +35,15 @@ if TYPE_CHECKING:
     import mitsuba as mi
 
 KEPT_TRIANGLES = 10_000_000
-"""Triangles of shells that stay in memory between poses, about 1.5 GB with Mitsuba's own tree."""
+"""Number of triangles of shells kept in memory between poses, 1.5 GB with Mitsuba's own tree."""
 
 
 @frozen(eq=False)
-class _Lease:
-    """Frees the scene when no `LoadedScene` has it any more.
+class _SceneLock:
+    """Frees the scene when no `LoadedScene` refers to it any more.
 
-    Mitsuba's scene holds its integrator, whose tables hold the scene: only one of them letting go
-    frees both.
+    Mitsuba's scene refers to its integrator, whose tables refer to the scene. Both are freed only
+    if one of them drops its reference.
     """
 
     integrator: Integrator
@@ -59,40 +59,40 @@ class LoadedScene:
     Attributes
     ----------
     path : Path or None
-        The XML file; None of a scene of objects (`iriftrace.Scene`).
+        The XML file; None for a scene of objects (`iriftrace.Scene`).
     part : Part
         The measured part, mm, world.
     part_to_world : (4, 4) array
-        What the XML does to the part's file.
+        Transform of the part's file in the XML.
     camera : Camera
-        The scene's (first) sensor; `attrs.evolve` gives a scene seen by another.
+        The scene's (first) sensor; `attrs.evolve` creates a scene with another camera.
     full_resolution : (2,) tuple of int, px
-        Of that sensor's film before ``scale`` changed it.
+        Resolution of that sensor's film before ``scale`` changed it.
     variables : dict of str
-        Values that were given for the file's ``<default>`` parameters.
+        Values given for the file's ``<default>`` parameters.
     engine : str
         ``"shells"`` or ``"cells"``.
-    wanted_engine : str
-        What was asked for, whatever the XML says; ``"auto"`` where nothing was.
+    requested_engine : str
+        The requested engine, independent of the XML; ``"auto"`` if none was requested.
     normals : str
-        ``"gradient"`` or ``"facet"``, and for how many shells if not for all; of cells where their
-        gradient comes from.
+        ``"gradient"`` or ``"facet"``, and for how many shells if not for all; for cells the origin
+        of their gradient.
     bending : Bending
         Where rays are bent.
     index_rule : str
         How surfaces and layers were chosen, and whether the scene still has all of them.
     stated : AirStatement
-        What is known of the air (its state, source, index rule); nothing when the scene does not
-        say. For the cells engine air and source are those of its field.
+        Statements about the air (its state, source, index rule); empty if the scene has none. For
+        the cells engine air and source are those of its field.
     load_s, build_s : float
         Seconds for files and Mitsuba's acceleration structure, and for the tables.
     second : Camera or None
-        The second sensor, with which points are triangulated; None where there is none.
+        The second sensor, with which points are triangulated; None if there is none.
     second_id : str
         Its id in the file.
     ensemble : LoadedEnsemble or None
-        The members that are traced together, where the scene has several fields and none of them
-        was chosen. All else is then that of the first member.
+        The members that are traced together, if the scene has several fields and none of them
+        was chosen. All other attributes are then those of the first member.
     """
 
     path: Path | None
@@ -102,7 +102,7 @@ class LoadedScene:
     full_resolution: tuple[int, ...]
     variables: dict[str, str]
     engine: str
-    wanted_engine: str
+    requested_engine: str
     normals: str
     bending: Bending
     index_rule: str
@@ -119,8 +119,8 @@ class LoadedScene:
     _sensor: Camera = field(
         repr=False, default=Factory(lambda scene: scene.camera, takes_self=True)
     )
-    _lease: _Lease = field(
-        repr=False, default=Factory(lambda scene: _Lease(scene.integrator), takes_self=True)
+    _lock: _SceneLock = field(
+        repr=False, default=Factory(lambda scene: _SceneLock(scene.integrator), takes_self=True)
     )
 
     def __repr__(self) -> str:
@@ -133,22 +133,22 @@ class LoadedScene:
 
     @property
     def name(self) -> str:
-        """What messages call the scene."""
+        """Name of the scene in messages."""
         return "the scene" if self.path is None else str(self.path)
 
     @property
     def other_camera(self) -> Camera | None:
-        """The camera, if it is not that of Mitsuba's sensor any more."""
+        """The camera, if it is no longer that of Mitsuba's sensor."""
         return None if self.camera is self._sensor else self.camera
 
     @cached_property
     def through_cells(self) -> LoadedScene | None:
-        """The same scene traced through its field's cells, which are read at the first need.
+        """The same scene traced through its field's cells, which are read on first use.
 
-        None where an engine or bending at the shells was asked for, and where the field that the
-        shells were cut from does not lie beside the scene.
+        None if an engine or bending at the shells was requested, or if the field that the shells
+        were cut from does not lie next to the scene.
         """
-        if self.wanted_engine != AUTO or self.bending is not Bending.LAYERS:
+        if self.requested_engine != AUTO or self.bending is not Bending.LAYERS:
             return None
         with without_warnings():
             try:
@@ -158,22 +158,22 @@ class LoadedScene:
         return found if self.same_field(found) else None
 
     def same_field(self, other: LoadedScene) -> bool:
-        """Whether both scenes state the same file as the source of their air."""
+        """True if both scenes state the same file as the source of their air."""
         own, its = (one.source.sha256 if one.source else None for one in (self, other))
         return own == its
 
     @property
     def cells(self) -> FieldCells:
-        """The cells of its field; an InputError where there is none."""
+        """The cells of its field; raises InputError if there is none."""
         if self.path is not None:
             return load_field_file(field_file(self.path, self.variables))
         assert self._cells is not None
         return self._cells()
 
     def with_cells(self) -> LoadedScene:
-        """The same scene traced through its field's cells in place of its shells.
+        """The same scene traced through its field's cells instead of its shells.
 
-        InputError where there is no field.
+        Raises InputError if there is no field.
         """
         started = time.perf_counter()
         with runtime.using(self.variant):
@@ -188,17 +188,17 @@ class LoadedScene:
             found = found_of_field(integrator, self.stated, self.name)
         return evolve(
             self,
-            wanted_engine="cells",
+            requested_engine="cells",
             integrator=integrator,
             build_s=self.build_s + time.perf_counter() - started,
-            lease=_Lease(integrator),
+            lock=_SceneLock(integrator),
             ensemble=None if self.ensemble is None else self.ensemble.with_cells(),
             **found,
         )
 
     @property
     def source(self) -> FieldSource | None:
-        """What is known of the file that the air comes from."""
+        """Facts about the file that the air comes from."""
         return self.stated.source
 
 
@@ -237,7 +237,7 @@ class LoadedEnsemble:
         return weights_of(self.members)
 
     def scenes(self) -> Iterator[LoadedScene]:
-        """Every member's scene, in their order; what does not fit is let go after its turn."""
+        """Scenes of all members in order; those above the memory limit are freed after use."""
         for member in self.members:
             if member.number in self._kept:
                 yield self._kept[member.number]

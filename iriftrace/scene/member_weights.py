@@ -13,7 +13,7 @@ from iriftrace.core.errors import InputError
 
 
 def _checked(values: ArrayLike) -> FloatArray:
-    """Weights (k,) scaled to the sum 1; InputError unless they are finite, >= 0 and not all 0."""
+    """Weights (k,) scaled to the sum 1; raises InputError unless finite, >= 0 and not all 0."""
     weights = np.array(values, dtype=np.float64)
     if not (np.isfinite(weights).all() and (weights >= 0.0).all() and weights.sum() > 0.0):
         listed = ", ".join(f"{weight:g}" for weight in weights)
@@ -33,8 +33,8 @@ class MemberWeights:
     weights : (k,) array
         Not negative; their sum is 1.
     covariance : (k, k) array or None
-        Of weights that were fitted to a measurement (:func:`iriftrace.fit_members`); None for
-        members that are a sample of what the air may be.
+        Covariance of weights that were fitted to a measurement (:func:`iriftrace.fit_members`);
+        None for members that are a sample of the possible air.
     """
 
     weights: FloatArray = field(converter=_checked)
@@ -57,7 +57,7 @@ class MemberWeights:
 
     @property
     def rows(self) -> list[tuple[float, list[float] | None]]:
-        """Weight of each member and its row of the covariance, None where that is not known."""
+        """Weight of each member and its row of the covariance, None if that is not known."""
         weights = self.weights.tolist()
         known = [None] * len(weights) if self.covariance is None else self.covariance.tolist()
         return list(zip(weights, known, strict=True))
@@ -69,7 +69,7 @@ class MemberWeights:
 
     @property
     def degrees_of_freedom(self) -> float:
-        """Of `uncertainty`: effective members - 1 of a sample; infinite of fitted weights."""
+        """Those of `uncertainty`: effective members - 1 for a sample; infinite for a fit."""
         return np.inf if self.covariance is not None else max(self.effective - 1.0, 0.0)
 
     def mean(self, values: ArrayLike) -> FloatArray:
@@ -79,8 +79,8 @@ class MemberWeights:
     def scatter(self, values: ArrayLike) -> FloatArray:
         """Weighted standard deviation (...) over the members' (k, ...) values.
 
-        That of a sample, ``sum w (x - mean)^2 / (1 - sum w^2)`` under the root, which for equal
-        weights divides by k - 1; 0 where one member has all the weight.
+        It is that of a sample, the root of ``sum w (x - mean)^2 / (1 - sum w^2)``, which for equal
+        weights divides by k - 1; 0 if one member has all the weight.
         """
         numbers = np.asarray(values, dtype=np.float64)
         freedom = 1.0 - float(np.sum(self.weights**2))
@@ -91,7 +91,7 @@ class MemberWeights:
     def uncertainty(self, values: ArrayLike) -> FloatArray:
         """Standard uncertainty (...) of the weighted mean as a statement about the real air.
 
-        By the covariance C of fitted weights, the root of ``x C x``; without one the `scatter`.
+        With the covariance C of fitted weights, the root of ``x C x``; without it the `scatter`.
         """
         numbers = np.asarray(values, dtype=np.float64)
         if self.covariance is None:

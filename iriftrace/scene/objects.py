@@ -1,8 +1,8 @@
-"""A Mitsuba scene of objects in memory, equal to what Mitsuba makes of the files of the same scene.
+"""A Mitsuba scene from objects in memory, equal to the scene that Mitsuba loads from its files.
 
-The numbers of a scene's files are rounded: meshes to single precision, poses to 12 decimals.
-`kept_part` and `kept_camera` round alike, so that results do not depend on where a scene comes
-from.
+The numbers in a scene's files are rounded: meshes to single precision, poses to 12 decimals.
+`kept_part` and `kept_camera` round in the same manner, so that results do not depend on where a
+scene comes from.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
 
 def kept_part(part: Part) -> Part:
-    """A part as its file in a scene's folder keeps it: vertices in single precision."""
+    """A part as its file in a scene's folder stores it: vertices in single precision."""
     with without_warnings():
-        # What its own file gives reason to warn of was said when that was read.
+        # Warnings about the part's own file were issued when that was read.
         return part_of_mesh(
             part.vertices.astype(np.float32),
             part.faces,
@@ -41,9 +41,9 @@ def kept_part(part: Part) -> Part:
 
 
 def lookat(camera: Camera) -> dict[str, list[float]]:
-    """Origin, target and up of a camera, as a scene's file has them (``lookat``).
+    """Origin, target and up of a camera, as in a scene's file (``lookat``).
 
-    Rounded far below what matters, so that an edited file shows 0 and not 1e-14.
+    Rounded to far below what matters, so that an edited file shows 0 and not 1e-14.
     """
     distance = max(1.0, float(np.linalg.norm(camera.origin)))
     vectors = {
@@ -58,12 +58,12 @@ def lookat(camera: Camera) -> dict[str, list[float]]:
 
 
 def kept_camera(camera: Camera) -> Camera:
-    """A camera whose pose is the one that its ``lookat`` in a scene's file gives."""
+    """A camera with the pose that its ``lookat`` in a scene's file gives."""
     return camera if camera.projection != "pinhole" else camera.at(_matrix_of(lookat(camera)))
 
 
 def _matrix_of(pose: dict[str, list[float]]) -> FloatArray:
-    """Camera-to-world matrix (4, 4) that Mitsuba makes of a ``lookat``."""
+    """Camera-to-world matrix (4, 4) that Mitsuba computes from a ``lookat``."""
     import mitsuba as mi
 
     from iriftrace.plugins.kernels.projection import flip_axes
@@ -109,7 +109,7 @@ def _body(name: str, body: Part) -> mi.Mesh:
 
 
 def _shell(shell: Shell) -> mi.Mesh:
-    """The mesh of a shell, with the derivatives of the index where it knows them."""
+    """The mesh of a shell, with the derivatives of the index if it has them."""
     bsdf: dict[str, object] = {
         "type": "iso_shell",
         "ext_ior": float(1 + shell.ext),

@@ -1,4 +1,4 @@
-"""Surfaces of a scene that pictures show next to the part, by what its XML file says."""
+"""Surfaces of a scene that pictures show next to the part, as its XML file states them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ BLOCKER_ID = "blocker_"
 def outermost_surface(scene: Path) -> Path:
     """PLY file of the outermost shell of a scene, or of an ensemble's first member.
 
-    InputError, half a sentence, where there is none, or the scene places it elsewhere.
+    Raises InputError, half a sentence, if there is none, or the scene places it elsewhere.
     """
     file = member_folder(scene, 1) / INCLUDED if is_ensemble(scene) else scene
     if not file.is_file():
@@ -29,7 +29,7 @@ def outermost_surface(scene: Path) -> Path:
     for shape in ElementTree.parse(file).getroot().iter("shape"):
         name = shape.find("string[@name='filename']")
         layer = shape.find("bsdf[@type='iso_shell']/string[@name='layer']")
-        # What is placed by the scene lies elsewhere than its file says.
+        # A shell with a transform in the scene lies elsewhere than its file states.
         if name is None or layer is None or shape.find("transform") is not None:
             continue
         if layer.get("value", "").isdecimal():
@@ -42,7 +42,8 @@ def outermost_surface(scene: Path) -> Path:
 def blocker_surfaces(scene: Path) -> list[tuple[FloatArray, IntArray]]:
     """Vertices (n, 3), mm, and faces (m, 3) of the bodies that only block the view.
 
-    Those that `iriftrace.scene.write` wrote; InputError, half a sentence, for damaged files.
+    Only bodies that `iriftrace.scene.write` wrote. Raises InputError, half a sentence, for
+    damaged files.
     """
     found = []
     for shape in ElementTree.parse(scene).getroot().iter("shape"):

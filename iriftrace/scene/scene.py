@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 class Scene:
     """A part in hot air, seen by one device or measured by two.
 
-    Nothing is written or read; `attrs.evolve` gives a scene with another camera, light or air.
+    Nothing is written or read; `attrs.evolve` creates a scene with another camera, light or air.
 
     Attributes
     ----------
@@ -48,16 +48,16 @@ class Scene:
     second : Camera or None
         The device with which points are triangulated (:func:`iriftrace.measure`).
     second_id : str
-        What it is: ``"projector"``, ``"camera_2"`` or ``"laser"``.
+        Its kind: ``"projector"``, ``"camera_2"`` or ``"laser"``.
     wavelength_nm : float or None, nm
-        Of the light in vacuum; by default that of the air.
+        Wavelength of the light in vacuum; by default that of the air.
     engine : str
         ``"shells"``, ``"cells"``, or ``"auto"`` for shells, and cells in views for which they are
         too few (:func:`iriftrace.trace.engine.choose`).
     variant : str or None
         Mitsuba variant; see :func:`iriftrace.runtime.variant.ensure`.
     blockers : tuple of Part
-        Bodies that only block the view, mm, world: supports; or the hot part, where `part` is a
+        Bodies that only block the view, mm, world: supports; or the hot part, if `part` is a
         board that is seen past it.
     """
 
@@ -77,7 +77,7 @@ class Scene:
 
     @cached_property
     def loaded(self) -> LoadedScene:
-        """The scene in Mitsuba, ready to be traced; made at the first need.
+        """The scene in Mitsuba, ready to be traced; created on first use.
 
         Raises
         ------
@@ -104,7 +104,7 @@ class Scene:
 
     @cached_property
     def _fits(self) -> tuple[Fit | None, ...]:
-        """How each field and the part lie on each other; None of ready-made shells."""
+        """How each field and the part lie relative to each other; None for ready-made shells."""
         from iriftrace.field.part_fit import fit_part_to_field
 
         return tuple(
@@ -120,7 +120,7 @@ class Scene:
         )
 
     def notes_of_fit(self, number: int) -> dict[str, str]:
-        """What does not fit of one state of the air, as a note that every result states."""
+        """Misfits of one state of the air, as a note that every result states."""
         fit = self._fits[number]
         return {"fit": " ".join(fit.warnings)} if fit is not None and fit.warnings else {}
 
@@ -132,11 +132,11 @@ class Scene:
         Parameters
         ----------
         path : path
-            The scene's XML file; part, shells and field go beside it.
+            The scene's XML file; part, shells and field are written next to it.
         scale : float
             Default of the file's parameter ``scale``, a factor on the resolution.
         trim_mm : float, mm, optional
-            Shells are left out farther than this beside the camera's view; by default all are kept.
+            Shells farther than this outside the camera's view are left out; by default none.
 
         Raises
         ------
@@ -166,7 +166,7 @@ class Scene:
 
 
 def _loaded(scene: Scene) -> LoadedScene:
-    """Make a scene of objects ready for tracing."""
+    """Load a scene of objects for tracing."""
     states = scene.air.states
     if len(states) == 1:
         return _one_state(scene, 0)
@@ -224,7 +224,7 @@ def _one_state(scene: Scene, number: int) -> LoadedScene:
         camera=camera,
         full_resolution=camera.resolution,
         variables={},
-        wanted_engine=scene.engine,
+        requested_engine=scene.engine,
         load_s=loaded - started,
         build_s=time.perf_counter() - loaded,
         variant=chosen,
@@ -239,7 +239,7 @@ def _one_state(scene: Scene, number: int) -> LoadedScene:
 
 
 AnyScene = Scene | LoadedScene | str | PathLike[str]
-"""A scene of objects, a scene of files that was loaded, or the name of its file."""
+"""A scene of objects, a scene loaded from files, or the name of its file."""
 
 
 def loaded_scene(scene: AnyScene) -> LoadedScene:

@@ -24,23 +24,23 @@ if TYPE_CHECKING:
 
 
 DIAGONAL = np.array((0.62, -0.42, 0.66))
-"""From the part to a camera diagonally above it."""
+"""Direction from the part to a camera diagonally above it."""
 
 FILLED = 0.95
-"""Share of the picture's width and height that a part may fill; the rest shows that it ends."""
+"""Fraction of the picture's width and height that a part may fill; the rest shows that it ends."""
 
 _SAMPLES = 20_000
-"""Places on the part that are asked for; shares are within about 0.1 % of the part's."""
+"""Number of sampled places on the part; fractions differ by about 0.1 % from the part's."""
 
 _CLOSER = 0.01
-"""Share to which the distance is found at which the part fills the picture."""
+"""Relative tolerance of the distance at which the part fills the picture."""
 
 _DOUBLINGS = 20
-"""A camera that does not see the part from a million times as far never does."""
+"""Largest multiple of the part's size that is tried as the distance of a camera that sees it."""
 
 
 def _in_hot_air(points: FloatArray, field: IndexField, hottest_allowed: float) -> BoolArray:
-    """(n,) mask of points (n, 3), mm, in air thinner than a refractivity; ambient beside data."""
+    """(n,) mask of points (n, 3), mm, in air thinner than a refractivity; ambient off the data."""
     # NaN, outside the data, compares as ambient.
     return np.asarray(field.sample(points) < hottest_allowed)
 
@@ -55,10 +55,10 @@ def default_viewpoint(
 ) -> FloatArray:
     """Camera-to-world matrix (4, 4) diagonally above the part, in cold air, with all of it in view.
 
-    Lens, sensor and the near end of the focus, which the whole part keeps from it, are those of
+    Lens, sensor and the near end of the focus, beyond which the whole part lies, are those of
     `camera`; without a field, the hot air is the box around the shells. It looks at `target` (3,),
-    mm, world, by default the part's centre. Where the picture never holds the whole part, as for a
-    target far beside it, the place is the nearest that all else allows.
+    mm, world, by default the part's centre. If the picture cannot hold the whole part, as for a
+    target far from it, the place is the nearest that all other conditions allow.
     """
     direction = DIAGONAL / np.linalg.norm(DIAGONAL)
     diagonal = float(np.linalg.norm(np.ptp(part.bounds, axis=0)))
@@ -86,7 +86,7 @@ def default_viewpoint(
 
 
 def _nearest_with(holds: Callable[[float], bool], nearest_mm: float) -> float:
-    """Smallest distance at which something holds that holds from there on; `nearest_mm` if none."""
+    """Smallest distance from which on something holds; `nearest_mm` if there is none."""
     if holds(nearest_mm):
         return nearest_mm
     tried = (nearest_mm * 2.0**number for number in range(1, _DOUBLINGS + 1))
@@ -101,7 +101,7 @@ def _nearest_with(holds: Callable[[float], bool], nearest_mm: float) -> float:
 
 
 def _in_picture(camera: Camera, points: FloatArray, filled: float = 1.0) -> BoolArray:
-    """(n,) mask of points (n, 3), mm, that the middle of the picture shows, none being hidden."""
+    """(n,) mask of points (n, 3), mm, that the middle of the picture shows, without occlusion."""
     size = np.array(camera.resolution)
     place = camera.project(points)
     # NaN, behind the camera, compares as outside.
@@ -117,10 +117,10 @@ def farthest_mm(part: Part, camera: Camera) -> float:
 
 @frozen
 class PartView:
-    """How much of a part its picture holds, as shares of the solid angle at the camera."""
+    """How much of a part its picture shows, as fractions of the solid angle at the camera."""
 
-    # Of what the part turns to the camera; that one place may hide another is left out of account.
-    # 1 where it turns nothing to the camera, as to one inside it.
+    # Relative to the sides that face the camera; occlusion between them is not considered.
+    # 1 if no side faces the camera, as for a camera inside the part.
     outside: float
     out_of_focus: float  # in the picture, but nearer or farther than the focus interval
 
@@ -128,7 +128,7 @@ class PartView:
 def part_view(part: Part, camera: Camera) -> PartView:
     """Measure how much of a part lies outside a camera's picture and focus.
 
-    Of an open part both sides count, as its mesh does not tell which is outside.
+    Both sides of an open part count, as its mesh does not state which is outside.
     """
     points, face = part.surface.even_places(_SAMPLES)
     offset = points - camera.origin
@@ -137,15 +137,15 @@ def part_view(part: Part, camera: Camera) -> PartView:
     sight = camera.forward if parallel else offset / distance[:, None]
     turned = -np.sum(part.face_normals[face] * sight, axis=1)
     turned = np.maximum(turned, 0.0) if part.closed else np.abs(turned)
-    share = turned if parallel else turned / distance**2
-    if not share.any():
+    fraction = turned if parallel else turned / distance**2
+    if not fraction.any():
         return PartView(1.0, 0.0)
-    share = share / share.sum()
+    fraction = fraction / fraction.sum()
     length = offset @ camera.forward if parallel else distance
     near, far = camera.focus_mm
     seen = _in_picture(camera, points)
     sharp = (length >= near) & (length <= far)
-    return PartView(float(share[~seen].sum()), float(share[seen & ~sharp].sum()))
+    return PartView(float(fraction[~seen].sum()), float(fraction[seen & ~sharp].sum()))
 
 
 def refuse_camera_inside(
@@ -157,9 +157,9 @@ def refuse_camera_inside(
 ) -> None:
     """Refuse a camera, at (3,) mm in the world, in the part or inside the outermost shell.
 
-    `bodies` are the part and what only blocks the view.
+    `bodies` are the part and the bodies that only block the view.
 
-    Without a field, the closed shells are asked; `name` is what the error calls the camera.
+    Without a field, the closed shells are used; `name` is the camera's name in the error.
     """
     point = np.asarray(origin, dtype=np.float64).reshape(1, 3)
     place = f"The {name} at {np.round(point[0], 1).tolist()} mm stands"
@@ -188,7 +188,7 @@ def refuse_camera_inside(
 
 
 def refuse_one_place(camera: Camera, second: Camera) -> None:
-    """Refuse two devices whose lines of sight meet nowhere but at themselves."""
+    """Refuse two devices at one place, whose lines of sight meet only there."""
     if np.linalg.norm(camera.origin - second.origin) < 1e-3:
         raise InputError(
             "Both devices stand at one place, so their lines meet nowhere else; move one of them."

@@ -1,8 +1,8 @@
 """A scene in light of another wavelength than the one it was made for.
 
 n - 1 of all the air, hot or not, is proportional to that of the ambient air (Gladstone and Dale),
-so another wavelength multiplies every n - 1 of the scene by one number; shells stay where they
-are, because each lies at one temperature.
+so another wavelength multiplies every n - 1 of the scene by one number. The shells do not move,
+because each lies at one temperature.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     import mitsuba as mi
 
 WAVELENGTH = "wavelength"
-"""Parameter that every scene has, whatever its file says."""
+"""Parameter of every scene, independent of its file."""
 
 
 def of_the_file(values: Mapping[str, str]) -> dict[str, str]:
-    """The parameters that are the scene file's own."""
+    """The parameters that belong to the scene file itself."""
     return {name: value for name, value in values.items() if name != WAVELENGTH}
 
 
@@ -36,9 +36,9 @@ def set_shells(scene: mi.Scene, factor: float) -> None:
         if not hasattr(bsdf, "ext_ior"):
             raise InputError(
                 "The scene has shells with Mitsuba's dielectric, whose indices are not stated, so "
-                "they cannot be turned to another wavelength; use iso_shell."
+                "they cannot be changed to another wavelength; use iso_shell."
             )
-        # Several shapes may share one bsdf.
+        # Several shapes may use one bsdf.
         shells[id(bsdf)] = bsdf
     for bsdf in shells.values():
         bsdf.ext_ior = 1.0 + factor * (bsdf.ext_ior - 1.0)

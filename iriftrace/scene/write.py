@@ -1,4 +1,4 @@
-"""Write scene folders: the XML file for Mitsuba and for those who edit it, part, shells, field."""
+"""Write scene folders: the XML file for Mitsuba and for editing by hand, part, shells, field."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ SCALE = 0.5
 """Default factor on a scene's resolution."""
 
 _SEAL = "<!-- No command replaces this file once it is changed. SHA-256 of the rest: "
-"""Start of the line by which a file is known that nobody has changed."""
+"""Start of the line that shows whether a file was edited."""
 
 
 def write_scene(
@@ -57,12 +57,12 @@ def write_scene(
     second_id: str = "projector",
     blockers: Sequence[Part] = (),
 ) -> Path:
-    """Write a complete scene folder: XML, part, shells and what the cells engine needs.
+    """Write a complete scene folder: XML, part, shells and the data of the cells engine.
 
     Parameters
     ----------
     folder : path
-        Created when missing; files of the same names are replaced.
+        Created if missing; files of the same names are replaced.
     part : Part
     shells : ShellStack
     camera : Camera
@@ -78,11 +78,11 @@ def write_scene(
     report : sequence of ShellReport, optional
         Added to the shells' table.
     notes : mapping of str, optional
-        What is known of the field, such as ``{"time": "snapshot"}``; kept beside the shells.
+        Facts about the field, such as ``{"time": "snapshot"}``; stored next to the shells.
     paraview : bool
-        Whether to write ``shells.vtm`` too.
+        Also write ``shells.vtm``.
     field : IndexField, optional
-        Written too, as `field.npz`, for the cells engine.
+        Also written, as `field.npz`, for the cells engine.
     second : Camera, optional
         The device with which points are triangulated, at its full resolution.
     second_id : str
@@ -132,7 +132,7 @@ def write_scene(
 
 
 def save_bodies(folder: Path, part: Part, blockers: Sequence[Part]) -> PartFile:
-    """Write the part and the bodies that block the view; the part's file."""
+    """Write the part and the bodies that block the view; returns the part's file."""
     save_part(part, folder / PART_FILE)
     for number, blocker in enumerate(blockers, start=1):
         save_part(blocker, folder / BLOCKER_FILE.format(number))
@@ -140,17 +140,17 @@ def save_bodies(folder: Path, part: Part, blockers: Sequence[Part]) -> PartFile:
 
 
 def remove_stale_blockers(folder: Path, count: int) -> None:
-    """Remove the blockers of an earlier scene in a folder that has `count` of them now."""
+    """Remove blockers of an earlier scene from a folder whose scene now has `count` of them."""
     while (stale := folder / BLOCKER_FILE.format(count := count + 1)).is_file():
         stale.unlink()
 
 
 @contextmanager
 def written_together(folder: Path) -> Iterator[Path]:
-    """Folder to write to, whose files go to `folder` when the block ends without an error.
+    """Folder to write to, whose files are moved to `folder` when the block ends without an error.
 
     A block that fails, as on a full disk, leaves nothing behind: neither files nor folders that
-    were not there before. What the file system refuses is an InputError.
+    did not exist before. Errors of the file system are raised as InputError.
     """
     missing = [path for path in (folder, *folder.parents) if not path.exists()]
     building = folder / f".scene.{os.getpid()}"
@@ -189,8 +189,8 @@ def save_air(
 ) -> list[str]:
     """Write the shells, and the field for the cells engine, of one state of the air.
 
-    `shown` is the shells' folder, seen from the scene's file; what is given back are the lines of
-    its shells.
+    `shown` is the shells' folder, relative to the scene's file. Returns the lines of its
+    shells.
     """
     files = save_shells(
         shells, folder / SHELLS_FOLDER, report, notes=notes, paraview=paraview, part=part
@@ -201,10 +201,10 @@ def save_air(
 
 
 def refuse_edited(xml: Path) -> None:
-    """Refuse to replace a scene's file that somebody wrote or has changed since it was written."""
+    """Refuse to replace a scene's file that was written or edited by hand."""
     if xml.is_file() and not _is_as_written(xml.read_text(encoding="utf-8", errors="replace")):
         raise InputError(
-            f"{xml} has been changed since it was written, which would be lost; render it as it "
+            f"{xml} was edited by hand, so it is not replaced; render it as it "
             "is, name another output, or remove it."
         )
 
@@ -216,12 +216,12 @@ def _is_as_written(text: str) -> bool:
 
 
 def sealed(head: str, rest: str) -> str:
-    """Both pieces of a scene's XML with the check sum between them, by which edits are found."""
+    """Both pieces of a scene's XML with the check sum between them, which reveals edits."""
     return f"{head}{_SEAL}{sha256((head + rest).encode()).hexdigest()} -->\n{rest}"
 
 
 def require_pinhole(*cameras: Camera | None) -> None:
-    """Refuse cameras that ``calibrated_camera`` is not."""
+    """Refuse cameras that ``calibrated_camera`` cannot represent."""
     if any(camera is not None and camera.projection != "pinhole" for camera in cameras):
         raise InputError(
             "calibrated_camera is a pinhole camera; put an orthographic sensor into the XML by "
@@ -242,11 +242,11 @@ def scene_xml(
     second_id: str = "projector",
     blockers: int = 0,
 ) -> str:
-    """XML of a scene: integrator, camera, part and what bends the light.
+    """XML of a scene: integrator, camera, part and the shapes that bend the light.
 
-    `shapes` are the lines after the part: shells, or what includes them; `parameters` what else the
-    shapes use, with defaults; `remark` is a comment at the top; `blockers` is the number of bodies
-    that only block the view. The rest is as for `write_scene`.
+    `shapes` are the lines after the part: shells, or their include; `parameters` are further
+    parameters of the shapes, with defaults; `remark` is a comment at the top; `blockers` is the
+    number of bodies that only block the view. The rest is as for `write_scene`.
     """
     head = [
         '<?xml version="1.0" encoding="utf-8"?>',
@@ -299,7 +299,7 @@ def _body_lines(name: str, file: str) -> list[str]:
 
 
 def sensor_lines(camera: Camera, name: str) -> list[str]:
-    """Lines of a camera with the id `name`, and an empty one."""
+    """Lines of a camera with the id `name`, followed by an empty one."""
     near, far = camera.focus_mm
     pose = {key: ", ".join(map(repr, vector)) for key, vector in lookat(camera).items()}
     return [
@@ -335,7 +335,7 @@ def sensor_lines(camera: Camera, name: str) -> list[str]:
 
 
 def shell_shapes(stack: ShellStack, meshes: Sequence[Path], folder: str) -> list[str]:
-    """Lines of the shells, whose meshes lie in a folder as seen from the scene's file."""
+    """Lines of the shells, whose meshes lie in a folder relative to the scene's file."""
     lines = []
     for shell, mesh in zip(stack.shells, meshes, strict=True):
         lines += [

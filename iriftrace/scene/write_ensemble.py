@@ -41,12 +41,12 @@ if TYPE_CHECKING:
 
 @frozen(eq=False)
 class MemberAir:
-    """One member's air, to be written.
+    """The air of one member, for writing.
 
     Attributes
     ----------
     label : str
-        What tells it from the others.
+        Distinguishes it from the others.
     time : float or None
         In the file's unit.
     shells : ShellStack
@@ -54,11 +54,11 @@ class MemberAir:
     field : IndexField or None
         For the cells engine.
     report : sequence of ShellReport or None
-        Added to the shells' table; `iriftrace.build_ensemble` makes it.
+        Added to the shells' table; `iriftrace.build_ensemble` creates it.
     notes : mapping of str
-        Stated in every result, besides the scene's.
+        Stated in every result, in addition to the scene's.
     weight : float
-        Relative to that of the other members; equal by default.
+        Weight relative to those of the other members; equal by default.
     covariance : list of float or None
         Row of the covariance of fitted weights.
     """
@@ -112,7 +112,7 @@ def write_ensemble_scene(
     ------
     InputError
         There are fewer than two members, one has no source, or the folder cannot be written or
-        holds files of somebody else where the members are to go.
+        other files in the place of the members.
     """
     require_pinhole(camera, second)
     scene = Path(folder) / name
@@ -128,8 +128,8 @@ def write_ensemble_scene(
             raise InputError(
                 f"An ensemble of {len(listed)} field has no scatter; give at least two."
             )
-        shares = weights_of(listed).weights.tolist()
-        listed = tuple(evolve(m, weight=w) for m, w in zip(listed, shares, strict=True))
+        normalised = weights_of(listed).weights.tolist()
+        listed = tuple(evolve(m, weight=w) for m, w in zip(listed, normalised, strict=True))
         write_members(building / FOLDER, listed)
         origins = dict.fromkeys(m.source.origin for m in listed if m.source.origin)
         remark = f"An ensemble of {len(listed)} fields; -D {MEMBER}=2 traces the second one alone"
@@ -146,14 +146,14 @@ def write_ensemble_scene(
             blockers=len(blockers),
         )
         (building / name).write_text(text, encoding="utf-8")
-        # Members of an earlier, larger ensemble would be taken for this one's.
+        # Members of an earlier, larger ensemble would be read as members of this one.
         shutil.rmtree(scene.parent / FOLDER, ignore_errors=True)
     remove_stale_blockers(scene.parent, len(blockers))
     return scene, listed
 
 
 def _refuse_files_of_others(folder: Path) -> None:
-    """The folder of the members is replaced as a whole."""
+    """Refuse a folder with other files, as the folder of the members is replaced as a whole."""
     if not folder.exists():
         return
     names = {path.name for path in folder.iterdir()} if folder.is_dir() else {""}
@@ -174,12 +174,12 @@ def _write_member(
 ) -> FieldMember:
     if member.shells.source is None:
         raise InputError(
-            f"The shells of member {number} do not say from which field they come, so results "
-            "could not name it; make them of a field."
+            f"The shells of member {number} do not state the field they come from, which results "
+            "must name; make them from a field."
         )
     shapes = save_air(
         scene / FOLDER / str(number),
-        # Files are looked for from the scene's folder, also those that an included file names.
+        # Files are searched from the scene's folder, also those that an included file names.
         f"{FOLDER}/{number}/{SHELLS_FOLDER}",
         member.shells,
         member.field,

@@ -1,12 +1,12 @@
-"""The studies: what each varies and what it is compared with.
+"""The studies: the varied quantity of each, and its reference.
 
 Each gets a scene, whose air is replaced, fields by name, coarse to fine, and the modes.
 
 Against a stack of 20 shells with facet normals, the difference has a local maximum at six shells,
-which is no property of six. By the outer rule shell k of N lies at the fraction k / N of the index
-range, so all shells of 4, 5 or 10 are shells of the 20 too, with the same facets and the same
-errors of these, which cancel. Six is the first number after a dip; against 24 shells the dips are
-at 6, 8 and 12, and against the cells engine, or with gradient normals, there are none.
+which is not a property of six. By the outer rule shell k of N lies at the fraction k / N of the
+index range, so all shells of 4, 5 or 10 are also shells of the 20, with the same facets and the
+same errors of these, which cancel. Six is the first number after a dip. Against 24 shells the dips
+are at 6, 8 and 12, and against the cells engine, or with gradient normals, there are none.
 """
 
 from __future__ import annotations
@@ -47,10 +47,10 @@ def layers_study(
     """Compare numbers of shells with references.
 
     By default 20 shells in the case's own mode, as in the paper, and the cells engine.
-    InputError if a number of shells is below 1.
+    Raises InputError if a number of shells is below 1.
     """
     if any(count < 1 for count in layers):
-        raise InputError(f"{min(layers)} shells bend no ray; give numbers of at least 1.")
+        raise InputError(f"{min(layers)} shells refract no ray; give numbers of at least 1.")
     (field,) = fields.values()
     return Study(
         "layers",
@@ -74,8 +74,8 @@ def smoothing_study(
 ) -> Study:
     """Compare shells of the first field, smoothed by Taubin's method, with the second field.
 
-    Gradient normals and their derivatives stay with their vertices, because they belong to the
-    field and not to the facets.
+    Gradient normals and their derivatives do not change at their vertices, because they belong to
+    the field and not to the facets.
 
     By default the references are the finest field in the case's own mode, as in the paper, and the
     cells engine.
@@ -115,10 +115,10 @@ def mesh_study(
     """Compare fields of several resolutions with the last of them, cut at the same levels.
 
     Fields named in `split` are also contoured after their cells were divided into tetrahedra
-    (`TETRAHEDRA` is put after the name), and after these were split into eight (`SPLIT`). Between
+    (`TETRAHEDRA` is added to the name), and after these were split into eight (`SPLIT`). Between
     the last two only coplanar triangles are added.
 
-    InputError if there is one field only, or a name to split is none of theirs.
+    Raises InputError if there is only one field, or a name to split that is not a field's.
     """
     names, given = list(fields), list(fields.values())
     if len(names) < 2:
@@ -167,7 +167,7 @@ def rays_study(
 ) -> Study:
     """Time the stages of one picture at several factors on the camera's resolution.
 
-    InputError if two scales give the same number of rays.
+    Raises InputError if two scales give the same number of rays.
     """
     (field,) = fields.values()
     cameras = tuple(scene.camera.scaled(scale) for scale in scales)
@@ -200,16 +200,16 @@ def polygons_study(
 ) -> Study:
     """Time the stages of one picture at several numbers of triangles.
 
-    Midpoint subdivision leaves the surfaces where they are, so all but the first step trace the
+    Midpoint subdivision does not move the surfaces, so all but the first step trace the
     same rays through the same air.
 
     Shells begin with a mean of `smallest` triangles, by default as Kern et al. (2025), for which
-    they are thinned out, and are divided while they have no more than `largest` (4.8 million in
-    Kern et al.). InputError if the limits are not in order.
+    they are reduced, and are divided while they have no more than `largest` (4.8 million in
+    Kern et al.). Raises InputError if the limits are not in order.
     """
     if not FEWEST <= smallest <= largest:
         raise InputError(
-            f"Triangles of a shell from {smallest} to {largest} are no range; give at least "
+            f"Triangles of a shell from {smallest} to {largest} are not a range; give at least "
             f"{FEWEST} and then more."
         )
     check_modes(modes, 1, layers)

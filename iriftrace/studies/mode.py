@@ -17,7 +17,7 @@ from iriftrace.shells.stack import ShellStack
 
 @frozen
 class Mode:
-    """Making of shells from a field, and the fate of a ray that meets them.
+    """Generation of shells from a field, and refraction of the rays that meet them.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class Mode:
     index_rule : str
         See :func:`iriftrace.shells.levels.index_levels`.
     drop_inner : tuple of int
-        How many of the innermost levels are left out of each of a study's fields, or one number for
+        Number of innermost levels to leave out of each of a study's fields, or one number for
         all. Their index steps are left out too: rays continue to the part in the air of the last
         shell that remains.
     """
@@ -39,11 +39,11 @@ class Mode:
     drop_inner: tuple[int, ...] = field(default=(0,), converter=tuple[int, ...])
 
     def left(self, layers: int, number: int = 0) -> int:
-        """How many of ``layers`` levels are left of field ``number``, counted from 0."""
+        """Number of ``layers`` levels that remain of field ``number``, counted from 0."""
         return layers - self.drop_inner[number if len(self.drop_inner) > 1 else 0]
 
     def leaves(self, layers: int, number: int = 0) -> bool:
-        """Whether there is a shell; the last level of the outer rule has no surface."""
+        """True if there is a shell; the last level of the outer rule has no surface."""
         reached = layers - 1 if self.index_rule == "outer" else layers
         return min(reached, self.left(layers, number)) > 0
 
@@ -76,7 +76,7 @@ def one_change_each(papers: Mode) -> list[Mode]:
 
 
 def check_modes(modes: Sequence[Mode], fields: int, layers: int | None = None) -> None:
-    """Raise InputError if a mode is about another number of fields, or leaves no shell of one."""
+    """Raise InputError if a mode is for another number of fields, or leaves no shell of one."""
     for mode in modes:
         if len(mode.drop_inner) not in (1, fields):
             raise InputError(
@@ -85,7 +85,7 @@ def check_modes(modes: Sequence[Mode], fields: int, layers: int | None = None) -
             )
         if layers is not None and not all(mode.leaves(layers, n) for n in range(fields)):
             raise InputError(
-                f"Of {layers} shells the mode '{mode.name}' leaves none to trace; give more "
+                f"The mode '{mode.name}' leaves none of {layers} shells to trace; give more "
                 "layers, or leave fewer inner ones out."
             )
 
@@ -100,7 +100,7 @@ def shells_of(
 ) -> ShellStack | None:
     """Cut the study's field ``number``, from 0, into a mode's shells; None if none is left.
 
-    A level that is left out counts whether the field reaches it or not. The range is that of
+    A level that is left out counts even if the field does not reach it. The range is that of
     :func:`iriftrace.shells.contour.contour_shells`.
     """
     if layers > 0 and not mode.leaves(layers, number):
@@ -113,16 +113,16 @@ def shells_of(
 
 
 def through_shells(scene: Scene, stack: ShellStack, mode: Mode) -> Scene:
-    """Return the scene with shells for its air."""
+    """Return the scene with shells as its air."""
     air = HotAir(shells=stack, normals=mode.normals, inside_hit=mode.inside_hit)
     return evolve(scene, air=air, engine="shells")
 
 
 def through_cells(scene: Scene, field: IndexField, normals: str = "gradient") -> Scene:
-    """Return the scene with the cells of a field for its air.
+    """Return the scene with the cells of a field as its air.
 
-    Their gradient is that to which shells with ``"gradient"`` normals converge, or that of the
+    Their gradient is the one to which shells with ``"gradient"`` normals converge, or that of the
     field that is linear in each tetrahedron, to which ``"facet"`` normals do.
     """
-    # A scene of the program has shells, which this engine does not look at.
+    # A scene of the program has shells, which this engine ignores.
     return evolve(scene, air=HotAir(field, layers=1, normals=normals), engine="cells")

@@ -18,7 +18,7 @@ _EIGHTHS = (
 
 
 def as_tetrahedra(field: IndexField) -> IndexField:
-    """The same points and values with every cell divided into tetrahedra that share their faces.
+    """The same points and values with every cell divided into tetrahedra with common faces.
 
     On tetrahedra the index is linear, on other cells it is not: surfaces of equal index differ
     between the two by the second order of the cells' size.
@@ -32,9 +32,9 @@ def split_tetrahedra(field: IndexField) -> IndexField:
     """Every cell of a field of tetrahedra divided into eight at the middles of its edges.
 
     The index at a new point is the mean of the edge's ends, which the field already had there; so
-    surfaces of equal index stay where they are and get more triangles, all of them coplanar with
-    those they come from. Recovered gradients change: the mean at a new point is taken over smaller
-    cells, so that refining a linear field ever further gives back the steps of its gradient.
+    surfaces of equal index do not move and get more triangles, all of them coplanar with
+    the original ones. Recovered gradients change: the mean at a new point is taken over smaller
+    cells, so that repeated refinement of a linear field leads back to the steps of its gradient.
     """
     corners = np.asarray(field.grid.cell_connectivity, dtype=np.int64).reshape(-1, 4)
     points = np.asarray(field.grid.points)

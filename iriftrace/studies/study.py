@@ -19,7 +19,7 @@ from iriftrace.core.files import check_readable, whole_file
 from iriftrace.core.netcdf import check_netcdf
 from iriftrace.core.plain import JsonObject, plain
 from iriftrace.field.index_field import IndexField
-from iriftrace.image.differences import Hits, compare, hits_of, own_size
+from iriftrace.image.differences import Hits, compare, displacement_statistics, hits_of
 from iriftrace.image.ray_statistics import FEWEST_RAYS
 from iriftrace.scene.scene import Scene
 from iriftrace.shells.stack import ShellStack
@@ -70,7 +70,7 @@ TIMES: Variables = {
 
 @frozen
 class Axis:
-    """What is varied: dimension in the file, numbers or names, and its name in figures."""
+    """The varied quantity: dimension in the file, numbers or names, and its name in figures."""
 
     name: str
     values: tuple[Any, ...] = field(converter=tuple[Any, ...])
@@ -88,14 +88,14 @@ class Study:
     scene : Scene
         Its part, camera, variant and notes; its air is replaced.
     fields : mapping of IndexField
-        By name, coarse to fine.
+        Fields by name, coarse to fine.
     modes : tuple of Mode
     varied : callable
-        From a mode and a position on the axis to the shells, or None where none is left.
+        From a mode and a position on the axis to the shells, or None if none is left.
     layers : int, optional
-        Number of shells, where it is not what is varied.
+        Number of shells, if it is not varied.
     cameras : tuple of Camera
-        The camera at each position, where it is not that of the scene.
+        The camera at each position, if it is not that of the scene.
     references : tuple of str
         Hits are compared with these: one of `CELLS`, `SAME_MODE`, or a number of shells of the
         finest field in the case's own mode. Without them times are measured.
@@ -106,7 +106,7 @@ class Study:
     ------
     InputError
         If modes, values or references are missing or given twice, a reference is unknown, or a
-        mode leaves no shell or is about another number of fields.
+        mode leaves no shell or is for another number of fields.
     """
 
     name: str
@@ -121,7 +121,7 @@ class Study:
     more: Mapping[str, Any] = field(factory=dict)
 
     def __attrs_post_init__(self) -> None:
-        """Refuse what cannot be compared or leaves nothing to trace."""
+        """Raise InputError for options that cannot be compared or leave nothing to trace."""
         for what, some, fewest in (
             ("modes", [mode.name for mode in self.modes], 1),
             (self.axis.name, list(self.axis.values), 1),
@@ -136,7 +136,7 @@ class Study:
         for name in self.references:
             if name not in known and not (name.isdecimal() and int(name) > 0):
                 raise InputError(
-                    f'"{name}" is no reference; give {", ".join(known)} or a number of shells, '
+                    f'"{name}" is not a reference; give {", ".join(known)} or a number of shells, '
                     "such as 20."
                 )
         check_modes(self.modes, len(self.fields), self.layers)
@@ -152,13 +152,13 @@ class Study:
         return shells_of(field, layers, mode, number=number, index_range=levels)
 
     def case(self, mode: Mode, position: int) -> Scene | None:
-        """Scene at a position on the axis, or None where no shell is left."""
+        """Scene at a position on the axis, or None if no shell is left."""
         stack = self.varied(mode, position)
         scene = evolve(self.scene, camera=self.cameras[position]) if self.cameras else self.scene
         return None if stack is None else through_shells(scene, stack, mode)
 
     def reference(self, mode: Mode, name: str) -> Scene | None:
-        """Scene of a reference, or None where no shell is left."""
+        """Scene of a reference, or None if no shell is left."""
         if name in CELLS:
             return through_cells(self.scene, self.finest, CELLS[name])
         layers = self.layers if name == SAME_MODE and self.layers else int(name)
@@ -167,7 +167,7 @@ class Study:
 
     @property
     def source(self) -> JsonObject:
-        """Where the study comes from, as plain JSON values."""
+        """Origin of the study, as plain JSON values."""
         fields = list(self.fields.values())
         return {
             "version": version("iriftrace"),
@@ -187,7 +187,7 @@ class Study:
 def run_study(study: Study, path: str | Path, progress: Progress | None = None) -> xr.Dataset:
     """Trace every case, compare or time it, and write the result.
 
-    Finished cases go into a journal: the same call continues where an earlier one was interrupted.
+    Finished cases enter a journal: the same call continues where an earlier one was interrupted.
     References are traced when the first case needs them.
 
     Parameters
@@ -202,7 +202,7 @@ def run_study(study: Study, path: str | Path, progress: Progress | None = None) 
     -------
     xarray.Dataset
         With references ``SIZES`` over mode and axis, and ``DIFFERENCES`` over reference too: NaN
-        (-1 for counts) where no shell is left. Else ``TIMES`` over mode and axis:
+        (-1 for counts) if no shell is left. Else ``TIMES`` over mode and axis:
         ``search_share`` is the search's fraction of the refracted trace, the median of pairs that
         were measured one right after the other (more than 1 is noise); times of cases with another
         ``process`` come from another run of the program.
@@ -232,7 +232,7 @@ def run_study(study: Study, path: str | Path, progress: Progress | None = None) 
     def left(journal: Journal) -> Iterator[Piece]:
         for number in range(work.total):
             if number not in journal:
-                # All modes at one place, because what is made for a place may be large.
+                # All modes at one position, because the data of a position may be large.
                 position, mode = divmod(number, len(study.modes))
                 yield Piece(number, measure(study.modes[mode], position))
 
@@ -271,15 +271,17 @@ def _compared(study: Study) -> Callable[[Mode, int], Entry]:
         if good < FEWEST_RAYS:
             raise InputError(
                 f"Only {good} of the {rays:,} rays of the study's picture are good, but its "
-                f"numbers rest on at least {FEWEST_RAYS}; give more pixels (--scale), or let the "
+                f"numbers need at least {FEWEST_RAYS}; give more pixels (--scale), or let the "
                 "camera look at the part."
             )
-        # The engine of cells knows no mode.
+        # The engine of cells has no mode.
         others = [
             reference(study.modes[0] if name in CELLS else mode, name) for name in study.references
         ]
         pairs = [{} if other is None else compare(hits, other).as_dict() for other in others]
-        return own_size(hits) | {name: [pair.get(name) for pair in pairs] for name in DIFFERENCES}
+        return displacement_statistics(hits) | {
+            name: [pair.get(name) for pair in pairs] for name in DIFFERENCES
+        }
 
     return measure
 
@@ -299,7 +301,7 @@ def _timed(study: Study) -> Callable[[Mode, int], Entry]:
 
 
 def _dataset(study: Study, entries: Sequence[Entry]) -> xr.Dataset:
-    """One dataset over mode and axis; attributes that are no numbers or strings become JSON."""
+    """One dataset over mode and axis; attributes that are not numbers or strings become JSON."""
     import xarray as xr
 
     axis = study.axis
@@ -332,11 +334,11 @@ def _dataset(study: Study, entries: Sequence[Entry]) -> xr.Dataset:
 def _column(
     study: Study, entries: Sequence[Entry], name: str, unit: str, kind: type, text: str
 ) -> tuple[list[str], AnyArray, dict[str, str]]:
-    """Dimensions, values and attributes of a variable; what a case does not have is NaN or -1."""
+    """Dimensions, values and attributes of a variable; missing values of a case are NaN or -1."""
     sizes = {study.axis.name: len(study.axis.values), "mode": len(study.modes)}
     if name in DIFFERENCES:
         sizes["reference"] = len(study.references)
-    # None of a case without shells stands for all references.
+    # None of a case without shells is used for all references.
     rows = [np.full(list(sizes.values())[2:], entry.get(name), dtype=float) for entry in entries]
     values = np.reshape(rows, list(sizes.values()))
     if kind is int:
@@ -350,7 +352,7 @@ def read_study(path: str | Path) -> xr.Dataset:
     Raises
     ------
     InputError
-        If the file is missing, no netCDF, or of another program.
+        If the file is missing, not netCDF, or of another program.
     """
     import xarray as xr
 
@@ -362,17 +364,17 @@ def read_study(path: str | Path) -> xr.Dataset:
         with xr.open_dataset(path, engine="h5netcdf") as file:
             dataset: xr.Dataset = file.load()
     except Exception as error:  # xarray decodes what a damaged file states, with any error
-        raise InputError(f"{path} is no netCDF file ({error}); give a study.") from error
+        raise InputError(f"{path} is not a netCDF file ({error}); give a study.") from error
     if dataset.attrs.get("schema") != SCHEMA:
         raise InputError(
-            f"{path} has schema {dataset.attrs.get('schema')!r} instead of {SCHEMA!r}, so it is no "
-            "study of this version of iriftrace; run the study again."
+            f"{path} has schema {dataset.attrs.get('schema')!r} instead of {SCHEMA!r}, so it is "
+            "not a study of this version of iriftrace; run the study again."
         )
     return dataset
 
 
 def is_study(path: str | Path) -> bool:
-    """True if a file is a study's and no other netCDF file."""
+    """True if a file is a study's and not another netCDF file."""
     import h5netcdf
 
     try:

@@ -31,7 +31,7 @@ COUNTS = {
     "process": "number of the process that measured",
 }
 REPEATS = 5
-"""Times each picture is traced after the first, which compiles the kernels.
+"""Number of times that each picture is traced after the first, which compiles the kernels.
 
 The fastest counts: other programs on the machine can only make it slower.
 """
@@ -40,7 +40,7 @@ The fastest counts: other programs on the machine can only make it slower.
 def rendered(scene: Scene) -> Rendering:
     """Render a scene without warnings."""
     with without_warnings():
-        # A study has odd cases on purpose, and its table says what became of the rays.
+        # A study has odd cases on purpose, and its table has the outcomes of the rays.
         return render_scene(scene, empty=True)
 
 

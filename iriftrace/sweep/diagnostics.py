@@ -19,11 +19,11 @@ _LENGTHS = (("focal_length", "focal length", "focal"), ("stand_off", "stand-off"
 
 @frozen
 class Varied:
-    """Something that has more than one value in a sweep; the short label fits into a terminal."""
+    """A quantity with more than one value in a sweep; the short label fits into a terminal."""
 
     quantity: str
     short: str
-    unit: str  # "" of what has none
+    unit: str  # "" without a unit
     values: tuple[str, ...]
 
     @property
@@ -42,7 +42,7 @@ class Varied:
 
 
 def varied_of(dataset: xr.Dataset) -> tuple[Varied, ...]:
-    """Scene, focal length and stand-off, as far as they differ between the poses of a sweep."""
+    """Scene, focal length and stand-off, if they differ between the poses of a sweep."""
     found = []
     if "scene" in dataset:
         scenes = [str(name) for name in dataset["scene"].values]
@@ -58,7 +58,7 @@ def varied_of(dataset: xr.Dataset) -> tuple[Varied, ...]:
 
 
 def series_of(varied: tuple[Varied, ...], poses: int) -> dict[str, IntArray]:
-    """Poses that differ in nothing but position: a description (may be empty) and their numbers."""
+    """Poses that differ only in position: a description (may be empty) and their numbers."""
     numbers: dict[str, list[int]] = {}
     for pose in range(poses):
         numbers.setdefault(setting_of(varied, pose), []).append(pose)
@@ -66,12 +66,12 @@ def series_of(varied: tuple[Varied, ...], poses: int) -> dict[str, IntArray]:
 
 
 def setting_of(varied: tuple[Varied, ...], pose: int) -> str:
-    """Settings of a pose that others do not share, such as "focal length 8 mm"; may be empty."""
+    """Settings of a pose that differ between poses, such as "focal length 8 mm"; may be empty."""
     return ", ".join(one.text(pose) for one in varied)
 
 
 def _told_apart(names: list[str]) -> list[str]:
-    """Paths without what all have in common at the beginning and the end."""
+    """Paths without their common beginning and end."""
     folders = {name: Path(name).parent for name in names}
     if len({Path(name).name for name in names}) == 1 and len(set(folders.values())) > 1:
         common = os.path.commonpath([folder.absolute() for folder in folders.values()])

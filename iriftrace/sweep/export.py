@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 
 def check_table(path: Path) -> None:
-    """Refuse before the work a table that could not be written after it.
+    """Check that the table can be written before starting the computation.
 
-    InputError for another ending than ``.csv`` and ``.parquet``, SetupError without pyarrow.
+    Raises InputError for an ending other than ``.csv`` or ``.parquet``, SetupError without pyarrow.
     """
     _check_suffix(path, "table", (".csv", ".parquet"))
     if path.suffix.lower() == ".parquet" and find_spec("pyarrow") is None:
@@ -32,20 +32,20 @@ def check_table(path: Path) -> None:
 
 
 def check_surface(path: Path) -> None:
-    """Refuse before the work, with InputError, a surface that ParaView could not open after it."""
+    """Check that ParaView can open the surface before starting the computation, else InputError."""
     _check_suffix(path, "surface", (".vtp", ".vtu"))
 
 
 def _check_suffix(path: Path, what: str, suffixes: tuple[str, ...]) -> None:
     if path.suffix.lower() not in suffixes:
         raise InputError(
-            f"The {what} {path} must end in {' or '.join(suffixes)}, which says how it is written; "
-            "name it so."
+            f"The {what} {path} must end in {' or '.join(suffixes)}, which states its format; "
+            "rename it."
         )
 
 
 def write_table(path: Path, dataset: xr.Dataset) -> None:
-    """Write what is known of the whole part, one row a pose; the suffix says how.
+    """Write the values of the whole part, one row for each pose; the suffix sets the format.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def write_table(path: Path, dataset: xr.Dataset) -> None:
     check_table(path)
     others = [name for name in dataset.sizes if name not in ("pose", "region")]
     table = dataset.drop_dims(others).sel(region=WHOLE_PART).drop_vars("region").to_dataframe()
-    # A table has no header for what holds for all poses.
+    # A table has no header for values that hold for all poses.
     table["wavelength_nm"] = dataset.attrs.get("wavelength_nm")
     with whole_file(path) as temporary:
         if path.suffix.lower() == ".csv":
@@ -78,7 +78,7 @@ def write_face_maps(path: Path, dataset: xr.Dataset, part: Part) -> None:
     dataset : xarray.Dataset
         The sweep.
     part : Part
-        What was swept.
+        The part that was swept.
 
     Raises
     ------

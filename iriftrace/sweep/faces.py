@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from iriftrace.sweep.measures import Limits
 
 
-# A few rays at silhouettes jump by millimetres; these percentiles keep them out of the colours.
+# Outliers of several mm at silhouettes; these percentiles keep them out of the colours.
 _PERCENTILES = (1.0, 99.0)
 
 
@@ -36,12 +36,12 @@ class FaceMap:
 
 
 def has_faces(dataset: xr.Dataset) -> bool:
-    """True if a sweep says which faces each pose sees; older ones do not."""
+    """True if a sweep has the faces that each pose sees; older ones do not."""
     return COUNTS in dataset and "face_times_seen" in dataset
 
 
 def face_maps_of(dataset: xr.Dataset) -> tuple[FaceMap, ...]:
-    """Mean displacement, times seen and best incidence of each face; none of an older sweep."""
+    """Mean displacement, times seen and best incidence of each face; none for an older sweep."""
     if not has_faces(dataset):
         return ()
     times = np.asarray(dataset["face_times_seen"].values, dtype=np.float64)
@@ -89,7 +89,7 @@ def faces_seen(dataset: xr.Dataset, region: str) -> IntArray | None:
 
 
 def displacement_limits(values: FloatArray) -> Limits:
-    """Ends of the colours of displacements, their 1st and 99th percentile, apart enough to differ.
+    """Limits of the colours of displacements, their 1st and 99th percentile, never equal.
 
     The lower one is positive, for a logarithmic scale, unless nothing moves: then 0 and 1.
     """

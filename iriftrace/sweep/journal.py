@@ -1,4 +1,4 @@
-"""Long work that may be killed: finished pieces in an SQLite file beside the result to be."""
+"""Long work that may be killed: finished pieces in an SQLite file next to the future result."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ class Piece:
 
 @frozen(eq=False)
 class Work:
-    """So many pieces, `total`, that give one netCDF file together.
+    """A number of pieces, `total`, that together form one netCDF file.
 
-    Messages name its kind ("sweep") and what tells one from another ("poses, another scene or
-    other options"). The request is a fingerprint of all that the pieces depend on.
+    Messages use its kind ("sweep") and what distinguishes it from others ("poses, another scene or
+    other options"). The request is a fingerprint of everything that the pieces depend on.
     """
 
     kind: str
@@ -60,15 +60,15 @@ class Work:
         read: Callable[[Path], xr.Dataset],
         progress: Progress | None = None,
     ) -> xr.Dataset:
-        """Measure what an earlier run has left, write the result and read it.
+        """Measure the pieces that are still missing, write the result and read it.
 
-        `measure` gives the pieces that are not in the journal, in any order; `write` writes the
-        result, its attribute ``request`` included. Every piece is in the journal as soon as it is
-        measured, so that the same call goes on where a killed one stopped. The journal is removed
-        when the result is written. A result that is there is read and nothing is measured.
+        `measure` yields the pieces that are not in the journal, in any order; `write` writes the
+        result, including its attribute ``request``. Every piece enters the journal as soon as it is
+        measured, so that the same call continues where a killed one stopped. The journal is removed
+        when the result is written. An existing result is read and nothing is measured.
 
-        InputError if the file or its journal belongs to another work or cannot be written, or
-        another program is writing it.
+        Raises InputError if the file or its journal belongs to another work or cannot be written,
+        or another program is writing it.
         """
         if not self.output.parent.is_dir():
             raise InputError(f"The folder {self.output.parent} does not exist; create it first.")
@@ -96,7 +96,7 @@ class Work:
             dataset = read(self.output)
         except InputError as error:
             raise InputError(
-                f"{self.output} is there already and is no {self.kind}; {advice}."
+                f"{self.output} already exists and is not a {self.kind}; {advice}."
             ) from error
         if dataset.attrs.get("request") != self.request:
             dataset.close()
@@ -107,15 +107,15 @@ class Work:
 class Journal:
     """The finished pieces of a work; as a collection it holds their numbers.
 
-    One transaction of SQLite's write-ahead log a piece: what was committed survives the end of the
-    program, however it ends, and a power failure costs the last pieces at most. The exclusive
-    lock ends with the process. Of each piece only its number is in memory.
+    Each piece is one transaction of SQLite's write-ahead log. Committed pieces survive any end of
+    the program, and a power failure loses at most the last pieces. The exclusive lock ends with
+    the process. Only the number of each piece is in memory.
     """
 
     def __init__(self, connection: sqlite3.Connection, work: Work) -> None:
         self._connection = connection
-        # With the exclusive lock set first, the log needs no shared memory, which network file
-        # systems lack.
+        # With the exclusive lock set first, the log needs no shared memory, which does not exist
+        # on network file systems.
         connection.execute("PRAGMA locking_mode = EXCLUSIVE")
         connection.execute("PRAGMA journal_mode = WAL")
         connection.execute("PRAGMA synchronous = NORMAL")
@@ -180,12 +180,12 @@ class Journal:
         return row[0]
 
     def clear(self) -> None:
-        """Give the pieces up, because they are in the result."""
+        """Remove the pieces, because they are in the result."""
         self._numbers.clear()
 
 
 def journal_of(output: Path) -> Path:
-    """File of the journal beside a result."""
+    """File of the journal next to a result."""
     return output.with_name(output.name + ".partial")
 
 
@@ -193,8 +193,8 @@ def journal_of(output: Path) -> Path:
 def open_journal(work: Work) -> Iterator[Journal]:
     """Journal of a work, for one program at a time; without pieces it is removed at the end.
 
-    InputError if another program is writing it, it belongs to another work, or the file is damaged
-    or cannot be written.
+    Raises InputError if another program is writing it, it belongs to another work, or the file is
+    damaged or cannot be written.
     """
     path = journal_of(work.output)
     try:
@@ -207,7 +207,7 @@ def open_journal(work: Work) -> Iterator[Journal]:
             connection.close()
             if journal is not None and not journal:
                 path.unlink()
-    # Of damaged names of columns and texts sqlite3 says that they are not UTF-8.
+    # For damaged names of columns and texts sqlite3 reports that they are not UTF-8.
     except (sqlite3.Error, UnicodeDecodeError) as error:
         raise InputError(_reason(error, path, work.kind)) from error
 
@@ -227,6 +227,6 @@ def _reason(error: Exception, path: Path, kind: str) -> str:
     if code in (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_PERM):
         return (
             f"The {kind} needs the file {path} while it runs, which cannot be written ({error}); "
-            "remove what is there, or give another name with -o."
+            "remove the obstacle, or give another name with -o."
         )
     return f"{path} is damaged ({error}); delete it to start the {kind} again."

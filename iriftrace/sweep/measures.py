@@ -19,11 +19,11 @@ Limits = tuple[float, float]
 
 @frozen
 class Measure:
-    """One variable, whose value stands under the keys in a pose's metrics.
+    """One variable; the keys lead to its value in a pose's metrics.
 
-    A count is a whole number, -1 where it is unknown; others are floats and NaN. A regional one has
-    a value for each region, and not for the whole part alone. The method is what was done over the
-    members of an ensemble, as the CF conventions (1.11, section 7.3) say it.
+    A count is a whole number, -1 if it is unknown; others are floats and NaN. A regional measure
+    has a value for each region as well as for the whole part. The method is the statistic over the
+    members of an ensemble, in the words of the CF conventions (1.11, section 7.3).
     """
 
     keys: tuple[str, ...]
@@ -124,7 +124,7 @@ ENSEMBLE: dict[str, Measure] = {
         )
     },
 }
-"""Of an ensemble only; the other displacements are then those of the members' mean."""
+"""Only for an ensemble; the other displacements are then those of the members' mean."""
 
 RIG: dict[str, Measure] = {
     **{
@@ -161,7 +161,7 @@ RIG: dict[str, Measure] = {
     ),
     "points_measured": Measure(("scan", "points"), "1", "points that both devices see", count=True),
 }
-"""Of a sensor with two devices only."""
+"""Only for a sensor with two devices."""
 
 RAYS: dict[str, Measure] = {
     **{
@@ -206,11 +206,11 @@ def metric_variables(
     ensemble: bool = False,
     rig: bool = False,
 ) -> Variables:
-    """Variables of a dataset from what was measured in each of `count` poses.
+    """Variables of a dataset from the metrics of each of `count` poses.
 
-    Their entries, of which only one is in memory at a time, have ``metrics`` (the JSON of a pose,
-    or None) and ``failure``. The whole part comes before its regions. The scatter is added where
-    poses are those of an ensemble of fields, what is measured where they are those of two devices.
+    The entries, of which only one is in memory at a time, have ``metrics`` (the JSON of a pose,
+    or None) and ``failure``. The whole part comes before its regions. Scatter is added if the
+    poses are those of an ensemble of fields, measured values if they are those of two devices.
     """
     measures = {
         **MEASURES,

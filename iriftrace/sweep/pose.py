@@ -25,16 +25,16 @@ from iriftrace.sweep.rig import add_measured
 from iriftrace.trace.render import render_scene
 
 _OF_ALL_POSES = ("schema", "full_camera", "wavelength_nm", "camera", "pose", "assumptions")
-"""Keys of a pose's metrics that the sweep states for all poses, or not at all."""
+"""Keys of a pose's metrics that the sweep states for all poses or for none."""
 
 
 @frozen
 class SceneSource:
     """Where a process that renders poses finds their scene.
 
-    The path is absolute; the fingerprint is the SHA-256 of the file, of those that it names, and of
-    variables (of its ``<default>`` parameters), variant and engine. Files have a SHA-256 each, by
-    absolute path. The engine is the one that was asked for.
+    The path is absolute. The fingerprint is the SHA-256 of the file, of files that it names, and
+    of variables (of its ``<default>`` parameters), variant and engine. Each file has a SHA-256, by
+    absolute path. The engine is the requested one.
     """
 
     path: str
@@ -48,9 +48,9 @@ class SceneSource:
 
 @frozen(eq=False)
 class PoseTask:
-    """A pose to be rendered; small, and understood by every process that sees the scene's files.
+    """A pose to render; small, and usable by every process that sees the scene's files.
 
-    `include` has the status codes whose rays the metrics use; `nearest` is that of
+    `include` has the status codes of the rays that the metrics use; `nearest` is that of
     :func:`iriftrace.image.metrics.pose_metrics`; `exr` is the AOV image's absolute path, or empty;
     `second` is the other device of a sensor that measures by triangulation.
     """
@@ -67,9 +67,9 @@ class PoseTask:
 def source_of(
     path: Path, variables: dict[str, str], variant: str, engine: str = AUTO
 ) -> SceneSource:
-    """The scene as it lies on the disk now; InputError if it cannot be read."""
+    """The scene in its present state on the disk; raises InputError if it cannot be read."""
     with runtime.using(variant), without_warnings():
-        # Said when the scene is loaded.
+        # Warned of when the scene is loaded.
         files = _files(path, variables)
         if may_use_cells(engine):
             files = (*files, *_field_files(path, variables))
@@ -87,7 +87,7 @@ def source_of(
 
 
 def _files(path: Path, variables: dict[str, str]) -> tuple[Path, ...]:
-    """Every file that a scene names; of an ensemble those of all members that are traced."""
+    """Every file that a scene names; for an ensemble those of all members that are traced."""
     members = members_of(path, variables)
     if not members:
         included = member_files(path) if is_ensemble(path) else ()
@@ -98,7 +98,7 @@ def _files(path: Path, variables: dict[str, str]) -> tuple[Path, ...]:
 
 
 def _field_files(path: Path, variables: dict[str, str]) -> tuple[Path, ...]:
-    """Fields beside a scene whose file need not name them."""
+    """Fields next to a scene whose file need not name them."""
     if not is_ensemble(path):
         folders = [path.parent]
     elif MEMBER in variables:
@@ -114,14 +114,14 @@ def fingerprint(*pieces: object) -> str:
 
 
 def render_pose(task: PoseTask, scene: LoadedScene) -> Piece:
-    """Render one pose of a scene that was loaded from the task's source; the same in every process.
+    """Render one pose of a scene loaded from the task's source; the same in every process.
 
     The piece's entry has ``metrics`` (None if the pose failed) and ``failure`` (why, else empty);
-    its rows are those of `FaceSightings`. InputError if the image cannot be written; a pose without
-    a picture is a result that says why.
+    its rows are those of `FaceSightings`. Raises InputError if the image cannot be written. A pose
+    without a picture is a result that states why.
     """
     with without_warnings():
-        # Said once for the sweep, and not for every pose.
+        # Warned of once for the sweep, and not for every pose.
         try:
             rendering = render_scene(
                 scene, camera=task.camera, include=task.include, nearest=task.nearest, empty=True

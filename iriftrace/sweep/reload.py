@@ -1,4 +1,4 @@
-"""Scene, part and hot air of a sweep, read again by what its file says of them."""
+"""Scene, part and hot air of a sweep, read again from the sources that its file states."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 @frozen(eq=False)
 class SweptScene:
-    """Scene of a sweep, with the options by which it was rendered.
+    """Scene of a sweep, with the options of its rendering.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class SweptScene:
         from iriftrace.trace.render import render_scene
 
         with without_warnings():
-            # What limits a scene was said when it was swept.
+            # Limits of a scene were warned of when it was swept.
             return render_scene(
                 self.scene,
                 camera=self.camera.at(matrix),
@@ -66,7 +66,7 @@ class SweptScene:
             )
 
     def metrics(self, matrix: ArrayLike, *, nearest: bool = False) -> JsonObject:
-        """Metrics of a pose as the sweep kept them; raises as `render`."""
+        """Metrics of a pose as the sweep stored them; raises as `render`."""
         camera = self.camera.at(matrix)
         found = self.render(matrix, nearest=nearest).metrics.as_dict()
         rig = rig_of(self.scene)
@@ -76,21 +76,21 @@ class SweptScene:
 
 
 def load_swept_scene(dataset: xr.Dataset, pose: int) -> SweptScene:
-    """Load the scene that a sweep was made of, with the engine that was asked for.
+    """Load the scene of a sweep, with the engine that was requested.
 
     Parameters
     ----------
     dataset
         The sweep.
     pose
-        Number of the pose whose scene and focal length are wanted, where a sweep has several.
+        Number of the pose whose scene and focal length to load, if a sweep has several.
 
     Raises
     ------
     InputError
-        If the sweep does not name it, or its files are gone or have changed.
+        If the sweep does not name it, or its files are missing or have changed.
     SetupError
-        If no usable LLVM or CUDA is there.
+        If there is no usable LLVM or CUDA.
     """
     named, part = scene_of_pose(dataset, pose), attribute(dataset, "part")
     if "path" not in named or "path" not in part or not attribute(dataset, "camera"):
@@ -104,7 +104,7 @@ def load_swept_scene(dataset: xr.Dataset, pose: int) -> SweptScene:
 
     variant = _variant(named.get("variant"))
     with without_warnings():
-        # What limits the scene was said when it was swept.
+        # Limits of the scene were warned of when it was swept.
         scene = load_scene(
             named["path"],
             named.get("variables"),
@@ -116,7 +116,7 @@ def load_swept_scene(dataset: xr.Dataset, pose: int) -> SweptScene:
 
 
 def swept_camera(dataset: xr.Dataset, pose: int) -> Camera:
-    """The camera of a pose, with its focal length where a sweep has several; not placed there."""
+    """The camera of a pose, with its focal length if a sweep has several; not placed there."""
     camera = attribute(dataset, "camera")
     if "focal_length" in dataset:
         focal = float(dataset["focal_length"].values[pose])
@@ -125,7 +125,7 @@ def swept_camera(dataset: xr.Dataset, pose: int) -> Camera:
 
 
 def _variant(swept: str | None) -> str:
-    """The sweep's own variant; where it cannot run, the usual one, which is said."""
+    """The sweep's own variant; if it cannot run, the usual one, with a warning."""
     from iriftrace.runtime import variant as runtime
 
     try:
@@ -136,7 +136,7 @@ def _variant(swept: str | None) -> str:
         usual = runtime.ensure()
         warn(
             f"The sweep was rendered with {swept}, which does not run here ({error}); {usual} is "
-            "taken, which may differ in a few rays."
+            "used instead, which may differ in a few rays."
         )
         return usual
 
@@ -145,8 +145,8 @@ def _variant(swept: str | None) -> str:
 class Surroundings:
     """Part and outer surface of the hot air (vertices, faces) that the cameras of a sweep look at.
 
-    Blockers are bodies that only block the view. Vertices are in mm, world; `missing` says in half
-    a sentence each why one is None.
+    Blockers are bodies that only block the view. Vertices are in mm, world; `missing` states in
+    half a sentence each why one is None.
     """
 
     part: Part | None = None
@@ -156,7 +156,7 @@ class Surroundings:
 
 
 def surroundings_of(dataset: xr.Dataset) -> Surroundings:
-    """Read part and hot air, as far as their files are still what was swept."""
+    """Read part and hot air, if their files have not changed since the sweep."""
     found: JsonObject = {}
     missing = []
     for key, name, read in (
@@ -172,7 +172,7 @@ def surroundings_of(dataset: xr.Dataset) -> Surroundings:
 
 
 def swept_part(dataset: xr.Dataset) -> Part:
-    """Read the part of a sweep; InputError, half a sentence, if its file is not what was swept."""
+    """Read the part of a sweep; raises InputError, half a sentence, if its file has changed."""
     named = attribute(dataset, "part")
     if not {"path", "sha256", "length_unit", "to_world"} <= set(named):
         raise InputError("the sweep does not name its file")
@@ -182,7 +182,7 @@ def swept_part(dataset: xr.Dataset) -> Part:
 
 
 def _blockers(dataset: xr.Dataset) -> tuple[tuple[FloatArray, IntArray], ...]:
-    """None for a scene that is not what was swept, which the hot air's reason says."""
+    """None for a scene that has changed since the sweep, which the hot air's reason states."""
     try:
         scene = _unchanged_scene(dataset)
     except InputError:

@@ -1,4 +1,4 @@
-"""Two devices that move together: what they measure from each pose of a sweep."""
+"""Two devices that move together: their measurements from each pose of a sweep."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from iriftrace.triangulation.measure import measure
 from iriftrace.triangulation.scan import Scan, ScanStatus
 
 FEWEST_POINTS = 100
-"""Points of a region below which nothing is stated of it; as rays of a picture."""
+"""Minimum number of points of a region for a statement about it; as for rays of a picture."""
 
 
 @frozen(eq=False)
@@ -43,7 +43,7 @@ class Rig:
         return self.device.at(matrix @ self.to_first)
 
     def same_as(self, other: Rig | None) -> bool:
-        """Whether another rig measures alike from the same poses."""
+        """True if another rig measures the same from the same poses."""
         if other is None:
             return False
         devices = [{**one.device.as_dict(), "matrix": None} for one in (self, other)]
@@ -51,22 +51,22 @@ class Rig:
 
 
 def rig_of(scene: LoadedScene) -> Rig | None:
-    """The rigid sensor that a scene's two devices are; None of a scene with one camera."""
+    """The rigid sensor of a scene's two devices; None for a scene with one camera."""
     if scene.second is None:
         return None
     return Rig(scene.second, np.linalg.inv(scene.camera.matrix) @ scene.second.matrix)
 
 
 def add_measured(metrics: JsonObject, scene: LoadedScene, camera: Camera, second: Camera) -> None:
-    """Add what two devices measure to a pose's metrics (plain values).
+    """Add the measurement of two devices to a pose's metrics (plain values).
 
     The key ``scan`` for the whole part and for each region: ``points``, ``coverage`` (area of the
     faces with points over the area), ``error_normal_mm`` (mean, median, p95 and rms of the size of
-    the error along the normal, and the median with its sign, ``bias``) and of an ensemble
+    the error along the normal, and the median with its sign, ``bias``) and for an ensemble
     ``scatter_normal_mm``, nothing for fewer than `FEWEST_POINTS`; ``size_mm``, the error of the
-    region's diameter where it is a cylinder or sphere, of the whole part the largest one, and of an
-    ensemble its ``size_scatter_mm``. For the whole part also ``lost``, points whose rays are lost.
-    That nothing can be measured is no error.
+    region's diameter if it is a cylinder or sphere, for the whole part the largest one, and for an
+    ensemble its ``size_scatter_mm``. The whole part also has ``lost``, points whose rays are lost.
+    It is not an error if nothing can be measured.
     """
     found = _measured_by(scene, camera, second)
     metrics["scan"] = found.pop("part")
@@ -80,7 +80,7 @@ def _measured_by(scene: LoadedScene, camera: Camera, second: Camera) -> JsonObje
         return _nothing(part)
     try:
         with without_warnings():
-            # The sweep's flags say it of all poses.
+            # The sweep's flags state it for all poses.
             scan = measure(scene, camera, second)
             sizes = _size_errors(scan, part)
     except InputError:

@@ -22,14 +22,14 @@ from iriftrace.sweep.rig import Rig, rig_of
 from iriftrace.trace.rays import is_inside
 
 RenderPoses = Callable[[Iterable[PoseTask]], Iterator[Piece]]
-"""Renders the tasks of a sweep and gives the results in any order."""
+"""Renders the tasks of a sweep and yields the results in any order."""
 
 
 @frozen(eq=False)
 class Series:
     """Poses of one scene with one camera, whose own pose is not used.
 
-    The stand-off is what the orbit's semi-axes exceed the part's half extents by; NaN for other
+    The stand-off is the excess of the orbit's semi-axes over the part's half extents; NaN for other
     poses. A second device moves with the camera.
     """
 
@@ -49,8 +49,8 @@ def all_series(
 ) -> list[Series]:
     """Every combination of scene, focal length and set of poses; see `run_sweep`.
 
-    InputError if the camera has no focal length to change, or cameras to be moved out of the air,
-    or all of them, stand in the part.
+    Raises InputError if the camera has no focal length to change, or if cameras that are moved out
+    of the air, or all of them, stand in the part.
     """
     sets = {math.nan: poses} if isinstance(poses, PoseSet) else poses
     series: list[Series] = []
@@ -76,7 +76,7 @@ def _cameras(camera: Camera, focal_lengths_mm: Sequence[float]) -> list[Camera]:
     if camera.distortion is not None:
         raise InputError(
             f"The focal length is to be {lengths} mm, but the scene's lens distortion was "
-            f"calibrated at {camera.focal_length_mm:g} mm and is another at other lengths; leave "
+            f"calibrated at {camera.focal_length_mm:g} mm and differs at other lengths; leave "
             "--focal-length out, or the distortion."
         )
     return [evolve(camera, focal_length_mm=length) for length in focal_lengths_mm]
@@ -109,9 +109,9 @@ def _placed(scene: LoadedScene, poses: PoseSet, move_out: bool) -> PoseSet:
 
 
 def check_comparable(series: Sequence[Series], *, resumable: bool) -> None:
-    """Refuse, with InputError, series whose poses could not be ranked together.
+    """Raise InputError if the poses of the series could not be ranked together.
 
-    These have no pose, no file where a sweep is to be resumable, an orthographic camera, or
+    They have no pose, no file although a sweep is to be resumable, an orthographic camera, or
     different parts, variants, wavelengths or cameras; only focal length and pose of the camera may
     differ.
     """
@@ -120,7 +120,7 @@ def check_comparable(series: Sequence[Series], *, resumable: bool) -> None:
     first = series[0]
     if resumable and any(one.scene.path is None for one in series):
         raise InputError(
-            "A sweep with a file can go on after a break, so it needs the files of its scenes; "
+            "A sweep with a file can continue after a break, so it needs the files of its scenes; "
             "write the scene first (Scene.save) and sweep that, or leave the sweep's file out."
         )
     first.camera.check_movable()
@@ -162,7 +162,7 @@ def _sensor(camera: Camera) -> JsonObject:
 
 
 def sources_of(series: Sequence[Series]) -> list[SceneSource]:
-    """Where the scene of each series lies; each scene is read once."""
+    """Source of each series' scene; each scene is read once."""
     scenes = {id(one.scene): one.scene for one in series}
     known = {key: _source(scene, key) for key, scene in scenes.items()}
     return [known[id(one.scene)] for one in series]
@@ -170,8 +170,8 @@ def sources_of(series: Sequence[Series]) -> list[SceneSource]:
 
 def _source(scene: LoadedScene, number: int) -> SceneSource:
     if scene.path is not None:
-        return source_of(scene.path, scene.variables, scene.variant, scene.wanted_engine)
-    # In memory it is known in this process alone.
+        return source_of(scene.path, scene.variables, scene.variant, scene.requested_engine)
+    # A scene in memory is known in this process alone.
     return SceneSource("", {}, scene.variant, str(number), "", {})
 
 
@@ -201,7 +201,7 @@ def series_variables(series: Sequence[Series]) -> Variables:
 
 
 def scenes_attribute(series: Sequence[Series], sources: Sequence[SceneSource]) -> list[JsonObject]:
-    """Every scene once: path as given, absolute path, SHA-256, files, parameters and field.
+    """Each scene once: path as given, absolute path, SHA-256, files, parameters and field.
 
     A scene in memory has neither paths nor files.
     """
@@ -214,7 +214,7 @@ def scenes_attribute(series: Sequence[Series], sources: Sequence[SceneSource]) -
             "variables": scene.variables,
             "variant": scene.variant,
             "engine": scene.engine,
-            "wanted_engine": scene.wanted_engine,
+            "wanted_engine": scene.requested_engine,
             "field": plain(scene.source),
         }
         if scene.ensemble is not None:

@@ -32,7 +32,7 @@ SCHEMA = "iriftrace.sweep/2"
 WHOLE_PART = "part"
 
 CONVENTIONS = "CF-1.11"
-"""Climate and Forecast conventions that the files follow: units, flags, ragged arrays."""
+"""Climate and Forecast conventions of the files: units, flags, ragged arrays."""
 
 PLACE = (
     *("azimuth", "elevation", "distance", "origin_x", "origin_y", "origin_z"),
@@ -49,7 +49,7 @@ _LEVEL = 4
 
 
 def pose_variables(poses: PoseSet, target: ArrayLike) -> Variables:
-    """Where the cameras stood, as variables; ``distance`` is that to the target, mm, world."""
+    """Positions of the cameras as variables; ``distance`` is that to the target, mm, world."""
     distance = np.linalg.norm(poses.origins - np.asarray(target, dtype=np.float64), axis=1)
     origins = {
         f"origin_{axis}": (
@@ -76,9 +76,9 @@ def pose_variables(poses: PoseSet, target: ArrayLike) -> Variables:
 def to_dataset(
     variables: Variables, region_names: Sequence[str], attributes: JsonObject
 ) -> xr.Dataset:
-    """All variables as one dataset; attributes that are no numbers or strings become JSON.
+    """All variables as one dataset; attributes that are not numbers or strings become JSON.
 
-    What places a pose becomes a coordinate, so that poses are selected by it.
+    Variables that locate a pose become coordinates, so that poses can be selected by them.
     """
     import xarray as xr
 
@@ -100,8 +100,8 @@ def to_dataset(
 def write_sweep(path: Path, dataset: xr.Dataset, sightings: Iterable[FaceSightings]) -> None:
     """Write a sweep as netCDF; an existing file is replaced when the new one is complete.
 
-    The dataset holds all but the variables over ``sighting``: of the sightings of each pose only
-    one is in memory at a time. InputError if the disk has no room, or the file cannot be written.
+    The dataset has all variables except those over ``sighting``: the sightings of only one pose are
+    in memory at a time. Raises InputError if the disk has no room, or the file cannot be written.
     """
     rows = int(dataset[COUNTS].sum())
     _refuse_full_disk(path, dataset.nbytes + rows * ROW.itemsize)
@@ -112,7 +112,7 @@ def write_sweep(path: Path, dataset: xr.Dataset, sightings: Iterable[FaceSightin
 
 
 def _append_sightings(path: Path, rows: int, sightings: Iterable[FaceSightings]) -> None:
-    """Add the variables over ``sighting`` to a netCDF file that lacks them, pose by pose."""
+    """Add the variables over ``sighting`` to a netCDF file without them, pose by pose."""
     import h5netcdf
 
     with h5netcdf.File(path, "r+") as file:
@@ -138,7 +138,7 @@ def _append_sightings(path: Path, rows: int, sightings: Iterable[FaceSightings])
 
 
 def _refuse_full_disk(path: Path, needed: int) -> None:
-    """HDF5 ends the program when a disk gets full while it writes."""
+    """Refuse to start on a disk without room: HDF5 ends the program if it gets full."""
     if not path.parent.is_dir():
         return
     free = shutil.disk_usage(path.parent).free
@@ -152,13 +152,13 @@ def _refuse_full_disk(path: Path, needed: int) -> None:
 def read_sweep(path: str | Path) -> xr.Dataset:
     """Read a sweep that :func:`write_sweep` wrote.
 
-    Variables over ``sighting`` stay in the file, which is open as long as the dataset is there, and
-    are read where they are used: of a fine mesh they are large.
+    Variables over ``sighting`` stay in the file, which is open as long as the dataset exists, and
+    are read on use: for a fine mesh they are large.
 
     Raises
     ------
     InputError
-        If the file is missing, no netCDF, of another program, or holds no pose.
+        If the file is missing, not netCDF, of another program, or has no pose.
     """
     import xarray as xr
 
@@ -166,8 +166,8 @@ def read_sweep(path: str | Path) -> xr.Dataset:
         journal = journal_of(Path(path))
         if journal.is_file():
             raise InputError(
-                f"The sweep {path} is not finished, what is done lies in {journal}; give the same "
-                "`iriftrace sweep` command again, which goes on from there."
+                f"The sweep {path} is not finished, its finished poses are in {journal}; give the "
+                "same `iriftrace sweep` command again, which continues from there."
             )
         raise InputError(f"There is no sweep {path}; `iriftrace sweep` writes one.")
     check_readable(Path(path))
@@ -180,27 +180,29 @@ def read_sweep(path: str | Path) -> xr.Dataset:
             if SIGHTING not in variable.dims:
                 variable.load()
     except Exception as error:  # xarray decodes what a damaged file states, with any error
-        raise InputError(f"{path} is damaged or no netCDF file ({error}); give a sweep.") from error
+        raise InputError(
+            f"{path} is damaged or not a netCDF file ({error}); give a sweep."
+        ) from error
     schema = dataset.attrs.get("schema")
     if schema == SCHEMA and dataset.sizes.get("pose", 0):
         return dataset
     dataset.close()
     if schema == SCHEMA:
-        raise InputError(f"{path} holds no pose; run the sweep again.")
+        raise InputError(f"{path} has no pose; run the sweep again.")
     raise InputError(
-        f"{path} has schema {schema!r} instead of {SCHEMA!r}, so it is no sweep of this version of "
-        "iriftrace; run the sweep again."
+        f"{path} has schema {schema!r} instead of {SCHEMA!r}, so it is not a sweep of this version "
+        "of iriftrace; run the sweep again."
     )
 
 
 def scene_of(dataset: xr.Dataset) -> tuple[Path | None, str]:
-    """File of the scene that was swept and its SHA-256, as the attributes say."""
+    """File of the scene that was swept and its SHA-256, from the attributes."""
     scene = attribute(dataset, "scene")
     return (Path(scene["path"]), str(scene.get("sha256"))) if scene.get("path") else (None, "")
 
 
 def scene_of_pose(dataset: xr.Dataset, pose: int) -> JsonObject:
-    """Scene of one pose: path, SHA-256, parameters; empty where the attributes do not say."""
+    """Scene of one pose: path, SHA-256, parameters; empty if the attributes do not state it."""
     try:
         scenes = json.loads(dataset.attrs.get("scenes", "[]"))
         name = str(dataset["scene"].values[pose])
@@ -210,7 +212,7 @@ def scene_of_pose(dataset: xr.Dataset, pose: int) -> JsonObject:
 
 
 def traced_through_cells(dataset: xr.Dataset) -> BoolArray:
-    """Mask (n,) of the poses whose rays were bent by the field's cells."""
+    """Mask (n,) of the poses whose rays the field's cells bend."""
     count = dataset.sizes["pose"]
     names = dataset["scene"].values.astype(str) if "scene" in dataset else np.zeros(count)
     _, first, scene = np.unique(names, return_index=True, return_inverse=True)
@@ -220,7 +222,7 @@ def traced_through_cells(dataset: xr.Dataset) -> BoolArray:
 
 
 def check_unchanged(path: str | Path, sha256: str) -> None:
-    """Refuse, in half a sentence to go on with, a file that is not what was swept."""
+    """Raise InputError, half a sentence to be continued, if a file changed since the sweep."""
     file = Path(path)
     if not file.is_file():
         raise InputError(f"{file} is gone")

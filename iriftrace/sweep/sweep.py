@@ -48,11 +48,11 @@ class SweepOptions:
     Attributes
     ----------
     nearest : bool
-        Search nearest neighbours for the resolutions ``*_nn3d`` and ``*_nnxy`` too.
+        Also search nearest neighbours for the resolutions ``*_nn3d`` and ``*_nnxy``.
     include : tuple of int
-        Status codes whose rays the metrics use.
+        Status codes of the rays that the metrics use.
     exr : bool
-        Keep each pose's AOV image in a folder beside the result.
+        Keep each pose's AOV image in a folder next to the result.
     """
 
     nearest: bool = False
@@ -77,28 +77,28 @@ def run_sweep(
 ) -> xr.Dataset:
     """Render scenes from many poses and keep the metrics, in one netCDF file or in memory.
 
-    A scene with two devices is a rigid sensor: they move together, and what they measure from each
-    pose is kept beside the camera's metrics (:mod:`iriftrace.sweep.rig`).
+    A scene with two devices is a rigid sensor: they move together, and their measurement from each
+    pose is stored next to the camera's metrics (:mod:`iriftrace.sweep.rig`).
 
     Every combination of scene, focal length and set of poses is swept, in this order of nesting.
     All poses are equals: one `iriftrace.planning.rank.rank_poses` normalises and ranks them
     together, so that fields, focal lengths and distances compete.
 
-    Where a file is given, every finished pose goes into a journal beside it, so that a sweep that
-    was interrupted or killed loses the poses in flight at most: the same call goes on where it
-    stopped, and its result is the same but for the times. Memory does not grow with the number of
-    poses but for the metrics, some kilobytes a pose.
+    If a file is given, every finished pose enters a journal next to it, so that a sweep that was
+    interrupted or killed loses at most the poses in progress. The same call continues where it
+    stopped, with the same result except for the times. Memory does not grow with the number of
+    poses except for the metrics, some kilobytes a pose.
 
     Parameters
     ----------
     scenes : Scene, LoadedScene or path, or several
-        Of the same part, with the same sensor, which gives the intrinsics.
+        Scenes of the same part, with the same sensor, which gives the intrinsics.
     poses : PoseSet, or mapping from float to PoseSet
         Camera poses, or those of several orbits by their stand-offs, mm.
     path : path, optional
         The netCDF file; by default the result is in memory alone. Needs scenes of files.
     focal_lengths_mm : sequence of float, mm
-        In place of the sensor's.
+        Used instead of the sensor's.
     move_out : bool
         Move cameras that stand in the hot air back along their line of sight. Otherwise such a
         pose is recorded as failed.
@@ -127,7 +127,7 @@ def run_sweep(
     -----
     IriftraceWarning
         If cameras were moved; if more than half of the poses are empty, naming the main reason;
-        and of poses as :func:`iriftrace.trace.engine.choose` warns.
+        and about poses as :func:`iriftrace.trace.engine.choose` warns.
     """
     several = scenes if isinstance(scenes, Sequence) and not isinstance(scenes, str) else [scenes]
     loaded = [loaded_scene(one) for one in several]
@@ -151,7 +151,7 @@ def run_series(
     if path is not None:
         return _run(series, Path(path), target, options, progress, render)
     if options.exr:
-        raise InputError("Pictures of a sweep lie beside its file; give the sweep a path.")
+        raise InputError("Pictures of a sweep are stored next to its file; give the sweep a path.")
     with TemporaryDirectory() as folder:
         return _run(series, Path(folder) / "sweep.nc", target, options, progress, render).load()
 
@@ -197,14 +197,14 @@ def _run(
 def _request(
     series: Sequence[Series], sources: Sequence[SceneSource], options: SweepOptions
 ) -> str:
-    """Fingerprint of all that the result depends on."""
+    """Fingerprint of everything that the result depends on."""
     content = [
         [source.fingerprint, one.camera.as_dict(), one.stand_off_mm, one.poses.matrices.tolist()]
         for source, one in zip(sources, series, strict=True)
     ]
-    wanted = [options.nearest, list(options.include), options.exr]
+    settings = [options.nearest, list(options.include), options.exr]
     # A journal's rows have these columns.
-    return fingerprint(version("iriftrace"), content, wanted, list(COLUMNS))
+    return fingerprint(version("iriftrace"), content, settings, list(COLUMNS))
 
 
 def _tasks(
@@ -214,7 +214,7 @@ def _tasks(
     out: Path,
     done: Collection[int],
 ) -> Iterator[PoseTask]:
-    """Poses that are not done, scene by scene, so that a worker needs one scene at a time."""
+    """Poses that are not finished, scene by scene, so that a worker needs one scene at a time."""
     folder = out.with_suffix("").absolute()
     if options.exr:
         folder.mkdir(exist_ok=True)
@@ -255,7 +255,7 @@ def _dataset(
     out: Path,
     target: ArrayLike | None,
 ) -> xr.Dataset:
-    """All that the journal holds, but for what each pose sees of each face."""
+    """All variables of the journal, except the faces that each pose sees."""
     first = series[0]
     part = first.scene.part
     poses = joined(one.poses for one in series)

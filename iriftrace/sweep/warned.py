@@ -1,4 +1,4 @@
-"""Warnings of single poses of a sweep, as flags that its file keeps."""
+"""Warnings about single poses of a sweep, as flags that its file stores."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 VARIABLE = "warned"
 """Name of the variable over ``pose`` that holds the flags."""
 
-SHARE = 0.05
-"""Share of rays from which on they can make a 95th percentile by themselves."""
+FRACTION = 0.05
+"""Fraction of rays from which on they can determine a 95th percentile by themselves."""
 
 
 @frozen
 class Flag:
-    """One thing that is warned of."""
+    """One reason for a warning."""
 
     name: str
     """As in the file's ``flag_meanings`` (CF conventions 1.11, section 3.5)."""
@@ -36,8 +36,8 @@ class Flag:
 
 FLAGS = (
     Flag("air_too_coarse", "s", TOO_COARSE),
-    Flag("open_boundary", "o", f"over {SHARE:.0%} of the rays pass an open end of the data"),
-    Flag("out_of_focus", "f", f"over {SHARE:.0%} of the hits out of focus"),
+    Flag("open_boundary", "o", f"over {FRACTION:.0%} of the rays pass an open end of the data"),
+    Flag("out_of_focus", "f", f"over {FRACTION:.0%} of the hits out of focus"),
     Flag("part_beyond_picture", "b", "part reaches beyond the picture"),
     Flag("rays_lost", "l", f"over {LOST_LIMIT:.1%} of the hits or points lost"),
 )
@@ -56,7 +56,7 @@ def warned_variable(dataset: xr.Dataset) -> Variable:
         missing = gone > LOST_LIMIT * (points + gone)
     coarse = (whole["engine_test_p95"].values > LIMIT) & (whole["through_cells"].values != 1)
     found = (
-        *(coarse, passed > SHARE * good, blurred > SHARE * hit, (beyond > 0) | (hit == 0)),
+        *(coarse, passed > FRACTION * good, blurred > FRACTION * hit, (beyond > 0) | (hit == 0)),
         (lost > LOST_LIMIT * hit) | missing,
     )
     flags = sum((one & (good >= 0)).astype(np.int8) << bit for bit, one in enumerate(found))

@@ -31,13 +31,13 @@ Result_co = TypeVar("Result_co", covariant=True)
 
 
 class Future(Protocol[Result_co]):
-    """A result that a worker of Dask will have."""
+    """A future result of a worker of Dask."""
 
     def result(self) -> Result_co: ...
 
 
 class Client(Protocol):
-    """What is used of a client of Dask distributed, whose own methods have no types."""
+    """The methods of a client of Dask distributed that are used, which has no types of its own."""
 
     loop: object
 
@@ -56,14 +56,14 @@ _SECONDS_TO_ANSWER = 5
 _SECONDS_FOR_A_WORKER = 10
 _ADDRESS = re.compile(r"(tcp|tls|ws|wss)://\S+:\d+")
 
-# One is being rendered, the next one waits at the worker, so that it never idles. More would only
-# make results wait in the workers' memory.
+# One task is being rendered, the next one waits at the worker, so that it never idles. More would
+# only make results wait in the workers' memory.
 _TASKS_PER_WORKER = 2
 
-# Ctrl-C reaches all processes of a terminal; the one that asked for the workers ends them.
+# Ctrl-C reaches all processes of a terminal; the one that started the workers ends them.
 _IGNORE_INTERRUPTS = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
 
-# A worker that was started with several threads gets several poses at once, but Dr.Jit's arrays,
+# A worker with several threads would get several poses at once, but Dr.Jit's arrays,
 # the variant and the scene are those of the process. A pose uses several cores anyway.
 _one_at_a_time = threading.Lock()
 
@@ -72,14 +72,14 @@ _loaded: dict[str, LoadedScene] = {}
 
 
 def check_scheduler(scheduler: str, count: int | None = None) -> None:
-    """Refuse before the work a scheduler that is neither ``"local"`` nor an address.
+    """Refuse a scheduler that is neither ``"local"`` nor an address before starting the work.
 
-    InputError also if `count` workers are asked of it that it cannot start; SetupError if Dask
+    Also raises InputError if `count` workers are requested that it cannot start; SetupError if Dask
     distributed is not installed.
     """
     if scheduler != LOCAL and not _ADDRESS.fullmatch(scheduler):
         raise InputError(
-            f"The scheduler {scheduler!r} is no address; give local, or what `dask scheduler` "
+            f"The scheduler {scheduler!r} is not an address; give local, or what `dask scheduler` "
             "prints, such as tcp://192.168.0.1:8786."
         )
     if count is not None and scheduler != LOCAL:
@@ -136,7 +136,7 @@ def scheduler_client(scheduler: str, count: int | None = None) -> Iterator[Clien
 def run_tasks(
     client: Client, work: Callable[[Task], Result], tasks: Iterable[Task]
 ) -> Iterator[Result]:
-    """Results of `work(task)` as they come, of a function of a module that runs on the workers."""
+    """Yield results of `work(task)` as they arrive; workers must be able to import `work`."""
     futures = [client.submit(work, task, pure=False) for task in tasks]
     try:
         for future in import_module("distributed").as_completed(futures, loop=client.loop):
@@ -154,9 +154,9 @@ def _local(count: int | None) -> Iterator[Client]:
             n_workers=count or max(2, cores // 2),
             threads_per_worker=1,
             processes=True,
-            # Nobody looks at it, and its usual port may be taken.
+            # The dashboard is not used, and its usual port may be taken.
             dashboard_address="127.0.0.1:0",
-            # Dask's limit, an equal share of the memory, would kill workers with large scenes.
+            # Dask's limit, an equal part of the memory, would kill workers with large scenes.
             memory_limit=0,
             preload=_IGNORE_INTERRUPTS,
             silence_logs=logging.CRITICAL,
@@ -189,7 +189,7 @@ def _connected(address: str) -> Iterator[Client]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep what Dask has to say of lost connections out of the user's way: results tell."""
+    """Hide Dask's messages about lost connections from the user; the results show them."""
     import_module("distributed")  # which gives each of its loggers a level
     names = [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]
     levels = {name: logging.getLogger(name).level for name in names}
@@ -257,14 +257,14 @@ def _result(future: Future[Result]) -> Result:
 def render_on_worker(task: PoseTask, workers_of_host: Mapping[str, int]) -> Piece:
     """Render one pose in this worker; hosts are named as in the workers' addresses."""
     with _one_at_a_time:
-        _share_cores(task.source.variant, workers_of_host)
+        _limit_cores(task.source.variant, workers_of_host)
         return render_pose(task, _scene(task.source))
 
 
-def _share_cores(variant: str, workers_of_host: Mapping[str, int]) -> None:
-    """Let Dr.Jit use this worker's share of the cores.
+def _limit_cores(variant: str, workers_of_host: Mapping[str, int]) -> None:
+    """Let Dr.Jit use this worker's part of the cores.
 
-    By default each process takes all of them: n workers would run n times as many threads as there
+    By default each process uses all of them: n workers would run n times as many threads as there
     are cores, which wait for each other. The result does not depend on it.
     """
     runtime.ensure(variant)
@@ -286,7 +286,7 @@ def _scene(source: SceneSource) -> LoadedScene:
         _check(source)
         _loaded.clear()
         with without_warnings():
-            # The program that asks for the sweep has said them.
+            # The program that requested the sweep has issued these warnings.
             _loaded[source.fingerprint] = load_scene(
                 source.path, source.variables, variant=source.variant, engine=source.engine
             )

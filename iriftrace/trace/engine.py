@@ -1,9 +1,9 @@
-"""Choice of the description of the air that bends rays: shells, or cells where they must.
+"""Choice of the engine that bends rays: shells, or cells where the shells are too coarse.
 
-There is one test on one sample of rays: shells suffice where hits hardly move when every second
+There is one test on one sample of rays: shells suffice if hits hardly move when every second
 shell is left out. Where lines of sight run along the layers, as straight down a plume, they move by
-as much as the air does. Whoever traces asks `choose`, so the same rays have the same numbers in a
-picture, a measurement, a correction and a sweep.
+as much as the displacement itself. All tracing calls `choose`, so the same rays have the same
+numbers in a picture, a measurement, a correction and a sweep.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ if TYPE_CHECKING:
     from iriftrace.plugins.kernels.queries import StraightHits
 
 PIXELS = 100_000
-"""Of the picture by which a camera is tested, at most."""
+"""Maximum number of pixels of the picture by which a camera is tested."""
 
 SAMPLE = 5000
-"""Rays of a picture or bundle that are traced in the test, at most."""
+"""Maximum number of rays of a picture or bundle that are traced in the test."""
 
-SHARES = 0.5, 0.95
+QUANTILES = 0.5, 0.95
 
 FEWEST = 100
-"""Bent rays of a picture below which the test says nothing; as for the metrics."""
+"""Minimum number of refracted rays of a picture for a test; as for the metrics."""
 
 LIMIT = 0.03
-"""Of the share of the 95th percentile: what the shells are to be right by."""
+"""Largest relative change of the hits (95th percentiles) for which shells suffice."""
 
 TOO_COARSE = "shells too few for single rays"
 
@@ -59,11 +59,11 @@ the scene's own sensor."""
 
 @frozen
 class EngineTest:
-    """By how much hits move when every second shell is left out.
+    """Change of the hits when every second shell is left out.
 
-    Median and 95th percentile of the distances between the hits are also stated as shares of the
-    displacement's. Rays that no shell bends, though they run through hot air between two of them,
-    are wrong altogether: a share of 1.
+    Median and 95th percentile of the distances between the hits are also stated as fractions of the
+    displacement's. Rays that run through hot air between two shells without being refracted by one
+    are entirely wrong: a fraction of 1.
     """
 
     rays: int  # of the sample that hit the part both times
@@ -75,25 +75,25 @@ class EngineTest:
 
     @property
     def suffices(self) -> bool:
-        """Whether single rays of this view can be relied on."""
+        """True if single rays of this view can be relied on."""
         return self.p95_share <= LIMIT
 
 
 @frozen(eq=False)
 class Choice:
-    """The scene as it is to be traced, and what its shells were tested with.
+    """The scene as it is to be traced, and the test of its shells.
 
     Attributes
     ----------
     scene : LoadedScene
     test : EngineTest or None
-        The worst of all views and members of an ensemble; None where nothing could be tested.
+        The worst of all views and members of an ensemble; None if nothing could be tested.
     through_cells : bool
-        Whether cells take the shells' place.
+        True if cells are traced instead of shells.
     straight : StraightHits or None
-        Those of the picture, where it was tested as it is.
+        Straight hits of the picture, if it was tested at its own resolution.
     straight_s : float
-        Seconds that these took.
+        Seconds that the straight hits took.
     """
 
     scene: LoadedScene
@@ -111,18 +111,18 @@ class Choice:
 
 
 def choose(scene: LoadedScene, *views: View) -> Choice:
-    """Choose what bends the rays of some views, all alike.
+    """Choose the engine that bends the rays of some views, the same for all.
 
-    Cells are chosen where the shells are too few for one of the views, in one of an ensemble's
-    members; the field lies beside the scene; no engine was asked for; and the cells do not lose
-    over 0.5 % of the same rays. Nothing is tested where the scene has cells alone or was asked for
-    them, has fewer than 5 shells or such as do not lead from one index to the next, and where no
-    ray of the views is bent, fewer than 100 of a picture.
+    Cells are chosen if the shells are too few for one of the views in one of an ensemble's members,
+    the field file lies next to the scene, no engine was requested, and the cells lose at most 0.5 %
+    of the same rays. Nothing is tested if the scene has only cells or was loaded to use them, has
+    fewer than 5 shells or shells that do not lead from one index to the next, or if no ray of the
+    views is refracted (in a picture, fewer than 100).
 
     Warns
     -----
     IriftraceWarning
-        The shells are too few, whether or not cells take their place.
+        The shells are too few, whether or not cells are used instead.
     """
     if scene.engine != "shells":
         return Choice(scene)
@@ -135,11 +135,11 @@ def choose(scene: LoadedScene, *views: View) -> Choice:
 
 
 class _Sample(NamedTuple):
-    """Rays of a view that hit the part in focus, and how many of them must be bent."""
+    """Rays of a view that hit the part in focus, and how many of them must be refracted."""
 
     rays: tuple[mi.Point3d, mi.Vector3d] | None  # origins, mm, and directions
     fewest: int
-    straight: StraightHits | None = None  # of a picture that is tested as it is
+    straight: StraightHits | None = None  # of a picture that is tested at its own resolution
     straight_s: float = 0.0
 
 
@@ -168,7 +168,7 @@ def _by_samples(scene: LoadedScene, samples: list[_Sample]) -> Choice:
 
 
 def _members(scene: LoadedScene) -> Iterator[LoadedScene]:
-    """Scenes of a single field each."""
+    """Scenes with one field each."""
     if scene.ensemble is None:
         yield scene
     else:
@@ -201,28 +201,28 @@ def _of_bundle(origins: FloatArray, directions: FloatArray) -> tuple[mi.Point3d,
 def _tested(scene: LoadedScene, sample: _Sample) -> EngineTest | None:
     fewest = sample.fewest
     assert sample.rays is not None
-    ways = scene.integrator.moved_by_fewer_shells(scene.mitsuba_scene, *sample.rays)
-    if ways is None:
+    changes = scene.integrator.moved_by_fewer_shells(scene.mitsuba_scene, *sample.rays)
+    if changes is None:
         return None
-    displacement, moved, blind = map(np.array, ways)
+    displacement, moved, blind = map(np.array, changes)
     known, unmet = np.isfinite(moved), int(blind.sum())
     bent = known & (displacement > 0.0)
     if bent.sum() < fewest and unmet < fewest:
         return None
-    whole = change = shares = np.zeros(2)
+    whole = change = relative = np.zeros(2)
     if bent.sum() >= fewest:
-        whole, change = (np.quantile(a[known], SHARES) for a in (displacement, moved))
+        whole, change = (np.quantile(a[known], QUANTILES) for a in (displacement, moved))
         if not whole[0] > 0.0:
-            whole = np.quantile(displacement[bent], SHARES)
-        shares = change / whole
-    wrong = unmet / len(blind) > 1.0 - np.array(SHARES)
-    shares = np.where(wrong, 1.0, shares)
-    (median, p95), (median_share, p95_share) = change.tolist(), shares.tolist()
+            whole = np.quantile(displacement[bent], QUANTILES)
+        relative = change / whole
+    wrong = unmet / len(blind) > 1.0 - np.array(QUANTILES)
+    relative = np.where(wrong, 1.0, relative)
+    (median, p95), (median_share, p95_share) = change.tolist(), relative.tolist()
     return EngineTest(int(known.sum()), median, p95, median_share, p95_share, unmet)
 
 
 def _lost_fraction(scene: LoadedScene, samples: list[_Sample]) -> float:
-    """Largest fraction of a sample's rays whose end is not known, in any member."""
+    """Largest fraction of a sample's rays, over all members, whose end is not known."""
     return max(
         _lost_of(member, *sample.rays)
         for member in _members(scene)
@@ -236,15 +236,15 @@ def _lost_of(scene: LoadedScene, origin: mi.Point3d, direction: mi.Vector3d) -> 
     import mitsuba as mi
 
     count = dr.width(origin, direction)
-    # A camera's rays all have the same origin, which is a single number an axis.
-    starts, ways = (
+    # A camera's rays all have the same origin, which is a single number for each axis.
+    starts, headings = (
         [axis + dr.zeros(mi.Float64, count) for axis in vector] for vector in (origin, direction)
     )
     trace = scene.integrator.trace(
         scene.mitsuba_scene,
         lambda ray: (
             mi.Point3d(*(dr.gather(mi.Float64, axis, ray) for axis in starts)),
-            mi.Vector3d(*(dr.gather(mi.Float64, axis, ray) for axis in ways)),
+            mi.Vector3d(*(dr.gather(mi.Float64, axis, ray) for axis in headings)),
         ),
         count,
         focus=(0.0, float("inf")),
@@ -262,14 +262,13 @@ def _warn_of_coarse_shells(found: EngineTest, through_cells: bool) -> None:
     )
     if found.p95_share == 1.0:
         change = (
-            f"{found.unmet:,} rays of a sample run through hot air between two shells and meet "
-            "none, so that no shell bends them"
+            f"{found.unmet:,} rays of a sample run through hot air between two shells without "
+            "meeting one, so that they are not refracted"
         )
     warn(
-        f"{change}; the field itself was traced instead, which --engine shells prevents."
+        f"{change}; the field data were traced instead (--engine shells prevents this)."
         if through_cells
-        else f"{change}; trace the field itself (--engine cells), or use more shells "
-        "(--layers 20).",
+        else f"{change}; trace the field data (--engine cells), or use more shells (--layers 20).",
         stacklevel=4,
     )
 
@@ -277,15 +276,15 @@ def _warn_of_coarse_shells(found: EngineTest, through_cells: bool) -> None:
 def warn_of_coarse_poses(
     p95_shares: FloatArray, p95_mm: FloatArray, through_cells: FloatArray
 ) -> None:
-    """The same of a sweep's n poses, (n,) arrays.
+    """The same warning for a sweep's n poses, (n,) arrays.
 
-    Shares are NaN where nothing is known; `through_cells` is 1 where cells served instead.
+    Fractions are NaN where nothing is known; `through_cells` is 1 where cells were used instead.
     """
     coarse = p95_shares > LIMIT
     for these, what in (
         (
             coarse & (through_cells == 1),
-            "the field itself was traced there (--engine shells insists on shells)",
+            "the field data were traced there (--engine shells prevents this)",
         ),
         (
             coarse & (through_cells != 1),

@@ -7,29 +7,29 @@ import math
 from attrs import asdict, frozen
 
 from iriftrace.core.errors import InputError
-from iriftrace.image.differences import Hits, compare, hits_of, own_size
+from iriftrace.image.differences import Hits, compare, displacement_statistics, hits_of
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.trace.engine import FEWEST
 from iriftrace.trace.pose_image import pose_image
 
 SAMPLE = 100_000
-"""Pixels of the two pictures that are compared."""
+"""Number of pixels of the two pictures that are compared."""
 
 MEDIAN_LIMIT, P95_LIMIT = 0.02, 0.04
-"""Shares above which more shells are advised: what 13 shells reach on the cylinder's fields."""
+"""Fractions above which more shells are advised: what 13 shells reach on the cylinder's fields."""
 
 
 @frozen
 class ShellError:
-    """Differences between the shells' refracted hits and the cells engine's.
+    """Differences between the refracted hits of the shells and of the cells engine.
 
-    Median and 95th percentile of the distances are also stated as shares of the displacement's, by
-    the cells engine.
+    Median and 95th percentile of the distances are also stated as fractions of the displacement's,
+    by the cells engine.
     """
 
     shells: int  # in the scene
     rays: int  # of the sample that are good with both engines
-    unmatched: int  # good with one of them only
+    unmatched: int  # good with only one of them
     median_mm: float
     p95_mm: float
     median_share: float
@@ -37,7 +37,7 @@ class ShellError:
 
     @property
     def suffice(self) -> bool:
-        """Whether the shells are as good as 13 are on the cylinder's fields."""
+        """True if the shells are as good as 13 are on the cylinder's fields."""
         return self.median_share <= MEDIAN_LIMIT and self.p95_share <= P95_LIMIT
 
     def as_dict(self) -> dict[str, float | int | bool]:
@@ -46,14 +46,14 @@ class ShellError:
 
 
 def shell_error(scene: LoadedScene, sample: int = SAMPLE) -> ShellError:
-    """Trace a coarser picture through the shells and through the field itself, and compare.
+    """Trace a coarser picture through the shells and through the field data, and compare.
 
-    The scene's engine is ``"shells"``, and the field file that `write_scene` puts beside the XML is
-    there. The pictures have about `sample` pixels.
+    The scene's engine must be ``"shells"``, and the field file that `write_scene` puts next to the
+    XML must exist. The pictures have about `sample` pixels.
     """
     if scene.engine != "shells":
         raise InputError(
-            f"{scene.name} is traced through the field itself, so there are no shells to check; "
+            f"{scene.name} is traced through the field data, so there are no shells to check; "
             "choose the engine shells."
         )
     if scene.ensemble is not None:
@@ -65,19 +65,19 @@ def shell_error(scene: LoadedScene, sample: int = SAMPLE) -> ShellError:
     if not scene.same_field(cells):
         raise InputError(
             f"The shells of {scene.name} were cut from another field than its field file, so their "
-            "difference is no error of theirs; write the scene again."
+            "difference is not their error; write the scene again."
         )
     here, reference = (_sampled(each, sample) for each in (scene, cells))
     differences = compare(here, reference)
     if differences.matched < FEWEST:
         raise InputError(
-            f"Only {differences.matched} rays are good with both engines, too few to check shells "
-            f"by; render at least {FEWEST}, with a larger -D scale."
+            f"Only {differences.matched} rays are good with both engines, too few to check the "
+            f"shells; render at least {FEWEST}, with a larger -D scale."
         )
-    size = own_size(reference)
+    size = displacement_statistics(reference)
     if not size["displacement_median"] > 0.0:
         raise InputError(
-            f"The air of {scene.name} bends no ray, so the shells' error is no share of anything; "
+            f"The air of {scene.name} refracts no ray, so the shells have no relative error; "
             "check the field."
         )
     return ShellError(

@@ -1,4 +1,4 @@
-"""Warning of rays whose end is not known: lost on the way, or deflected more than air can do."""
+"""Warning about rays whose end is not known: lost on the way, or deflected too much for air."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from iriftrace.core.errors import warn
 from iriftrace.image.ray_statistics import RayCounts
 
 LIMIT = 0.005
-"""Fraction of a view's hits from which on it is warned of."""
+"""Fraction of a view's hits above which a warning is issued."""
 
 REMEDY = (
     "use the other engine (--engine shells or cells), and write the scene again from the "
@@ -15,7 +15,7 @@ REMEDY = (
 
 
 def warn_of_lost_rays(rays: RayCounts) -> None:
-    """Warn of a picture with many pixels of status 5 or 6."""
+    """Warn about a picture with many pixels of status 5 or 6."""
     if rays.lost_fraction > LIMIT:
         warn(
             f"{rays.lost:,} of {rays.hit:,} hits ({rays.lost_fraction:.1%}) have no reliable "
@@ -26,7 +26,7 @@ def warn_of_lost_rays(rays: RayCounts) -> None:
 
 
 def warn_of_lost_points(lost: int, points: int, where: str) -> None:
-    """Warn of a cloud in which `lost` of so many points have no reliable line of sight."""
+    """Warn about a cloud in which `lost` of so many points have no reliable line of sight."""
     if lost > LIMIT * points:
         warn(
             f"{lost:,} of {points:,} points ({lost / points:.1%}) {where}, because a refracted ray "

@@ -1,8 +1,8 @@
 """Weights of an ensemble's members from measured shifts of what is seen through their air.
 
 The shift that a member predicts at a place of the hot picture is that place minus the projection
-of the point where its bent ray ends. Weights are not negative and sum to 1, so the fit is a mixture
-of the members; a motion of the camera between the pictures may be fitted with it.
+of the point where its refracted ray ends. Weights are not negative and sum to 1, so the fit is a
+mixture of the members. A motion of the camera between the pictures may be fitted as well.
 """
 
 from __future__ import annotations
@@ -32,42 +32,42 @@ from iriftrace.trace.rays import traced_as_chosen
 SCHEMA = "iriftrace.fit/1"
 
 DOUBTFUL = 2.0
-"""From so many times the noise on the residual says that the members are not the measured air."""
+"""Residual, as a multiple of the noise, from which on the members are not the measured air."""
 
 INDISTINCT = 0.1
-"""Members whose shifts differ by less, over their noise, cannot be told apart."""
+"""Members whose shifts differ by less, relative to their noise, cannot be told apart."""
 
-BESIDE = 0.2
-"""A larger fraction of dots that lie beside the board are another camera's."""
+OFF_BOARD = 0.2
+"""Fraction of dots next to the board above which they belong to another camera."""
 
 
 @frozen(eq=False)
 class MemberFit:
-    """Weights that make what the members predict what was measured.
+    """Weights with which the members' predictions match the measured values.
 
     Attributes
     ----------
     members : tuple of FieldMember
         All members of the scene, with their fitted weights and rows of the covariance.
     covariance : (k, k) array
-        Of the weights: by the residual as noise of what was measured; and by what air may differ
-        from the fit by as much as the residual has more than the noise: towards the nearest
-        members, or all of it more or less.
+        Covariance of the weights. It has the residual as noise of the measured values, and as a
+        systematic difference of the air by as much as the residual exceeds the noise: towards the
+        nearest members, or of the whole contrast.
     unit : str
-        Of the four next: ``"px"`` of shifts, ``"K"`` of temperatures.
+        Unit of the next four values: ``"px"`` for shifts, ``"K"`` for temperatures.
     residual, noise : float
-        Root mean square of a component of what the fit leaves, and its noise.
+        Root mean square of a component of the residual of the fit, and of its noise.
     single : (k,) array
-        What each member leaves by itself.
+        Residual of each member by itself.
     foreign : float
-        Fraction that leaves more than the noise and than any member predicts, as in air of another
-        kind (`ShiftMixture.foreign`).
+        Fraction of the values whose residual exceeds the noise and any member's prediction, as in
+        air of another kind (`ShiftMixture.foreign`).
     measured : float
-        Root mean square of a component of the measured shifts, or of what temperatures exceed the
-        ambient one.
+        Root mean square of a component of the measured shifts, or of the temperatures' excess over
+        the ambient one.
     dots : dict of int
-        Number ``measured``, ``used`` and ``outliers``; of shifts also ``hidden`` by a body,
-        ``beside`` the board and ``lost``.
+        Numbers ``measured``, ``used`` and ``outliers``; for shifts also ``hidden`` by a body,
+        ``beside`` (next to the board) and ``lost``.
     motion : (6,) array or None
         Translation, mm, and rotation vector, rad, of the camera between the pictures, in its own
         frame; None where it was not fitted.
@@ -97,12 +97,12 @@ class MemberFit:
 
     @property
     def contained(self) -> bool:
-        """Whether the residual is below `DOUBTFUL` times the noise."""
+        """True if the residual is below `DOUBTFUL` times the noise."""
         return self.ratio < DOUBTFUL
 
     @property
     def verdict(self) -> str:
-        """Whether the members contain the measured air, in a sentence."""
+        """One sentence on whether the members contain the measured air."""
         found = (
             f"the residual of {self.residual:.3g} {self.unit} is {self.ratio:.3g} times the noise"
         )
@@ -112,17 +112,17 @@ class MemberFit:
 
     @property
     def serving(self) -> tuple[FieldMember, ...]:
-        """Members with weight, and those without that the covariance rests on."""
+        """Members with weight, and those without weight that the covariance needs."""
         rows = zip(self.members, self.covariance, strict=True)
         return tuple(m for m, row in rows if m.weight > 0.0 or row.any())
 
     @property
     def refused(self) -> bool:
-        """Whether the measured air is of another kind, so that no scene is made of the members."""
+        """True if the measured air is of another kind, so that no scene is made of the members."""
         return not self.contained and self.foreign > MOST_OUTLIERS
 
     def require_contained(self) -> None:
-        """Refuse members that are far from the measured air, with an InputError."""
+        """Raise InputError if the members are far from the measured air."""
         if self.refused:
             what = {"px": "dots move farther", "K": "temperatures rise higher"}[self.unit]
             raise InputError(
@@ -176,7 +176,7 @@ def fit_members(
         resolution (:func:`iriftrace.read_measured_shift`).
     noise_px : float, px, optional
         Standard deviation of a component of the shifts; by default from the differences of
-        neighbours in what the fit leaves (`shift_noise`).
+        neighbouring residuals (`shift_noise`).
     camera_motion : bool
         Fit a rigid motion of the camera between the pictures, too.
 
@@ -187,8 +187,8 @@ def fit_members(
     Raises
     ------
     InputError
-        The scene is no ensemble; the dots are another camera's, hidden, or fewer than the members;
-        or the members' shifts do not differ, as of a board in front of the part.
+        The scene is not an ensemble; the dots are another camera's, hidden, or fewer than the
+        members; or the members' shifts do not differ, as with a board in front of the part.
     """
     loaded = loaded_scene(scene)
     ensemble = members_in(loaded)
@@ -235,7 +235,7 @@ def member_fit(
     dots: dict[str, int],
     provenance: JsonObject,
 ) -> MemberFit:
-    """What was found of members; attributes as of `MemberFit`."""
+    """Assemble the results of a fit; attributes as of `MemberFit`."""
     covariance = found.covariance(noise)
     fitted = MemberWeights(found.weights, covariance).rows
     return MemberFit(
@@ -257,7 +257,7 @@ def member_fit(
 
 
 def members_in(scene: LoadedScene) -> LoadedEnsemble:
-    """The members of a scene; an InputError where it has one field."""
+    """The members of a scene; raises InputError if it has only one field."""
     if scene.ensemble is None:
         raise InputError(
             f"{scene.name} has one field, so there are no weights to fit; make it of several "
@@ -308,25 +308,25 @@ def _seen(
 
 
 def _counts(status: IntArray) -> dict[str, int]:
-    """Dots by what became of their rays in the members."""
+    """Numbers of dots by the outcome of their rays in the members."""
     hidden = (status == Status.BLOCKED).any(axis=0)
-    beside = (status == Status.MISSED).any(axis=0) & ~hidden
-    lost = (status != Status.GOOD).any(axis=0) & ~hidden & ~beside
+    off_board = (status == Status.MISSED).any(axis=0) & ~hidden
+    lost = (status != Status.GOOD).any(axis=0) & ~hidden & ~off_board
     return {
         "measured": status.shape[1],
         "hidden": int(hidden.sum()),
-        "beside": int(beside.sum()),
+        "beside": int(off_board.sum()),
         "lost": int(lost.sum()),
     }
 
 
 def _check_dots(dots: dict[str, int], members: int) -> None:
     """Refuse dots that do not lie on the board, or are too few."""
-    measured, beside, hidden = dots["measured"], dots["beside"], dots["hidden"]
-    usable = measured - beside - hidden - dots["lost"]
-    if beside > BESIDE * measured:
+    measured, off_board, hidden = dots["measured"], dots["beside"], dots["hidden"]
+    usable = measured - off_board - hidden - dots["lost"]
+    if off_board > OFF_BOARD * measured:
         raise InputError(
-            f"{beside:,} of {measured:,} dots lie beside the board as the scene's camera sees it, "
+            f"{off_board:,} of {measured:,} dots lie next to the board in the scene's camera, "
             "so the shifts are from another camera, or camera or board stand elsewhere; correct "
             "the scene's camera, or the board's place (--part-transform)."
         )
@@ -335,17 +335,17 @@ def _check_dots(dots: dict[str, int], members: int) -> None:
             f"All {measured:,} dots lie on the hot part or on another blocker, which hides the "
             "board there; give shifts of dots on the board."
         )
-    others = f" ({hidden:,} dots are hidden, {beside:,} beside the board)"
+    others = f" ({hidden:,} dots are hidden, {off_board:,} next to the board)"
     check_count(usable, members, "dots on the board", others)
 
 
 def _check_spread(spread: float, noise: float) -> None:
-    """Refuse members whose shifts, px, no dot tells apart."""
+    """Refuse members whose shifts, px, differ too little at the dots."""
     if spread < INDISTINCT * noise:
         raise InputError(
             f"The members' shifts of the dots differ by {spread:.2g} px, less than a tenth of the "
-            f"noise of {noise:.2g} px, so they tell nothing of the air; a board in front of the "
-            "part or far beside it sees no hot air: place it behind the part."
+            f"noise of {noise:.2g} px, so weights cannot be determined; a board in front of the "
+            "part or far from its plume sees no hot air: place it behind the part."
         )
 
 

@@ -42,11 +42,11 @@ def pose_image(
     include: Collection[int] = (0,),
     straight: StraightHits | None = None,
 ) -> AovImage:
-    """Trace the rays of a scene's own sensor, or of a camera in its place, straight and bent.
+    """Trace straight and refracted rays of a scene's own sensor, or of a camera instead of it.
 
-    Of an ensemble all members are traced, one after the other; straight rays only once, or not at
-    all where their hits are given. The codes in `include` are those of the rays that enter its mean
-    and scatter. Refused is a camera in the hot air or in the part, and a film that would smear the
+    All members of an ensemble are traced, one after the other. Straight rays are traced once, or
+    not at all if their hits are given. Rays with a code in `include` enter its mean and scatter.
+    A camera in the hot air or in the part is refused, and so is a film that would smear the
     channels.
     """
     if scene.ensemble is None:
@@ -79,7 +79,7 @@ def sensor_for(scene: LoadedScene, camera: Camera | None) -> mi.Sensor:
 def _one_field(
     scene: LoadedScene, camera: Camera | None, straight: StraightHits | None, whose: str = ""
 ) -> tuple[AovImage, StraightHits]:
-    """The image of one field, and its straight hits, which serve other fields too."""
+    """The image of one field, and its straight hits, which other fields use as well."""
     with runtime.using(scene.variant):
         sensor = sensor_for(scene, camera)
         where = scene.integrator.surroundings(scene.mitsuba_scene, sensor)
@@ -108,7 +108,7 @@ def _one_field(
             "refracted": times["refracted"],
         },
         "counts": report["counts"],
-        # Of the scene's film before ``scale`` changed it, px.
+        # Resolution of the scene's film before ``scale`` changed it, px.
         "full_resolution": list(scene.full_resolution) if same_film else None,
     }
     channels = dict(zip(scene.integrator.aov_names(), planes, strict=True))
@@ -129,9 +129,9 @@ class EnsembleStatistics:
         self._include = tuple(include)
 
     def add(self, image: AovImage, weight: float = 1.0, number: int | None = None) -> None:
-        """Take in the image of one more member, of the same part and camera.
+        """Add the image of one more member, of the same part and camera.
 
-        Its `number` is by default that of the images so far, from 1.
+        By default `number` counts the images, from 1.
         """
         face = image.channels["part.face"].ravel()
         if self.count == 0:

@@ -38,7 +38,7 @@ def provenance(scene: LoadedScene, camera: Camera) -> JsonObject:
         "part": {
             "path": str(Path(part.path).resolve()),
             "sha256": part.sha256,
-            # The file that the user gave, of which the scene has a copy.
+            # The user's own file, of which the scene has a copy.
             "source": written.source
             if written is not None and written.sha256 == part.sha256
             else Path(part.path).name,
@@ -56,7 +56,7 @@ def provenance(scene: LoadedScene, camera: Camera) -> JsonObject:
             "field_origin": _listed(one.origin for one in known if one.origin),
             **({} if ensemble is None else {"ensemble": _meaning(ensemble)}),
             **({"field_member": notes["member"]} if ensemble is None and "member" in notes else {}),
-            # As the fields state it, where the user did not.
+            # As the fields state it, unless the user did.
             "field_time": notes.get("time") or _listed(one.time for one in known if one.time),
             "field_symmetry": notes.get("symmetry")
             or _listed(one.facts.symmetry for one in known if one.facts.symmetry),
@@ -72,7 +72,7 @@ def provenance(scene: LoadedScene, camera: Camera) -> JsonObject:
 
 
 def _for_studies(scene: LoadedScene, notes: Mapping[str, str]) -> dict[str, str]:
-    """Choices of studies of another program's findings."""
+    """Choices made to study findings of another program."""
     if scene.engine != "shells":
         return {}
     stated = {"shells": notes["shells"]} if "shells" in notes else {}
@@ -98,7 +98,7 @@ def _meaning(ensemble: LoadedEnsemble) -> str:
 
 
 def _listed(texts: Iterable[str]) -> str:
-    """The first of some texts, each said once; `ensemble` has all."""
+    """The first of some texts, without repetitions; `ensemble` has all."""
     found = list(dict.fromkeys(texts))
     rest = [f"and {len(found) - _MOST_LISTED} more"] if len(found) > _MOST_LISTED else []
     return "; ".join([*found[:_MOST_LISTED], *rest]) or "not stated"

@@ -1,4 +1,4 @@
-"""Cost of refraction beside the ray queries themselves: a trace's queries, replayed alone."""
+"""Cost of refraction relative to its ray queries: a trace's queries, replayed alone."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import mitsuba as mi
 
 RECORDED = 24
-"""Queries recorded of each ray; hardly one crosses more shells of the usual 13."""
+"""Number of queries recorded for each ray; few rays cross more shells of the usual 13."""
 
 
 class PairOfTimes(NamedTuple):
@@ -28,7 +28,7 @@ class PairOfTimes(NamedTuple):
 class Recording:
     """All queries of a pose's refracted rays, in the order in which the tracer makes them.
 
-    Of a scene with the integrator ``first_hit``; of each ray at most `queries` are recorded.
+    The scene must have the integrator ``first_hit``; at most `queries` are recorded for each ray.
     """
 
     def __init__(self, scene: LoadedScene, queries: int = RECORDED) -> None:

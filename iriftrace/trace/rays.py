@@ -79,8 +79,8 @@ def trace_rays(
     """Trace any bundle of rays: a projector's, a laser sheet's, a random pencil.
 
     Those of a camera come from `Camera.rays`.
-    What bends the rays is chosen by :func:`iriftrace.trace.engine.choose`, unless an engine was
-    asked for; ask for one where bundles are compared, as for derivatives by finite differences.
+    The engine is chosen by :func:`iriftrace.trace.engine.choose`, unless one was requested.
+    Request one to compare bundles, as for derivatives by finite differences.
 
     Parameters
     ----------
@@ -91,9 +91,9 @@ def trace_rays(
     focus_mm : (2,) tuple, mm
         Nearest and farthest length of a straight ray that counts as sharp.
     coherent : bool
-        Neighbouring rays run alike, as a camera's do; only the speed depends on it.
+        Neighbouring rays are similar, as a camera's are; this affects only the speed.
     trace_all : bool
-        Bend also the rays whose straight twin misses the part; otherwise they are left out.
+        Also trace refracted rays whose straight twin misses the part; otherwise they are left out.
 
     Returns
     -------
@@ -117,7 +117,7 @@ def trace_rays(
             f"{loaded.name} is an ensemble of {len(loaded.ensemble)} fields, and a bundle of rays "
             'is traced through one of them; load it with {"member": 1}, for example.'
         )
-    free = loaded.wanted_engine == AUTO
+    free = loaded.requested_engine == AUTO
     chosen = choose(loaded, (start, heading)).scene if free else loaded
     return traced_as_chosen(
         chosen, start, heading, focus_mm=focus_mm, coherent=coherent, trace_all=trace_all
@@ -133,7 +133,7 @@ def traced_as_chosen(
     coherent: bool = False,
     trace_all: bool = True,
 ) -> RayHits:
-    """As `trace_rays`, of rays whose engine is chosen already; directions have length one."""
+    """As `trace_rays`, for rays whose engine is already chosen; directions have length one."""
     with runtime.using(scene.variant):
         import drjit as dr
         import mitsuba as mi
@@ -148,8 +148,10 @@ def traced_as_chosen(
             trace_all=trace_all,
         ).trace
         if trace is None:
-            way, count = np.empty((0, 3)), np.empty(0, dtype=np.int64)
-            return RayHits(way, way, way, way, count, count, np.empty(0), count, count, count)
+            empty, count = np.empty((0, 3)), np.empty(0, dtype=np.int64)
+            return RayHits(
+                empty, empty, empty, empty, count, count, np.empty(0), count, count, count
+            )
         refracted = trace.refracted
         on_part = np.array(trace.straight_outcome) == 1
         bent_on_part = np.array(refracted.outcome) == 1
@@ -174,10 +176,10 @@ def traced_as_chosen(
         )
 
 
-def bent_ends(
+def refracted_hits(
     scene: LoadedScene, origin: FloatArray, directions: FloatArray
 ) -> tuple[FloatArray, FloatArray, IntArray, IntArray, BoolArray]:
-    """Trace neighbouring rays from one point along their bent lines alone, through one field.
+    """Trace neighbouring rays from one point along their refracted paths alone, in one field.
 
     From a (3,) array, mm, and (n, 3) unit vectors, world: (n, 3) points where each ray hit or was
     last bent, mm, and unit directions from there; (n,) faces of the part under the hit, -1 where it
@@ -210,7 +212,7 @@ def bent_ends(
 
 
 def _on_device(vectors: FloatArray) -> mi.Float64:
-    """Coordinates one after the other (Float64), of which Dr.Jit gathers vectors."""
+    """Coordinates one after the other (Float64), from which Dr.Jit gathers vectors."""
     import mitsuba as mi
 
     from iriftrace.plugins.kernels.vertex_table import aligned
@@ -221,7 +223,7 @@ def _on_device(vectors: FloatArray) -> mi.Float64:
 def is_inside(scene: LoadedScene, points: ArrayLike) -> NDArray[np.bool_]:
     """Mask of points in the hot air or in the part, (n, 3) array, mm, world to (n,) array.
 
-    Of an ensemble in the hot air of any member.
+    For an ensemble, in the hot air of any member.
     """
     positions = np.asarray(points, dtype=np.float64).reshape(-1, 3)
     inside = np.zeros(len(positions), dtype=bool)

@@ -33,9 +33,9 @@ class Rendering:
         return f"Rendering({width} x {height} px, {self.metrics!r})"
 
     def save(self, path: str | Path, *, rgb: str | None = None) -> tuple[Path, Path]:
-        """Write the AOV EXR and, beside it, the metrics JSON; returns both names.
+        """Write the AOV EXR and, next to it, the metrics JSON; returns both names.
 
-        ``rgb`` is that of :func:`iriftrace.write_exr`.
+        `rgb` is passed to :func:`iriftrace.write_exr`.
         """
         exr = Path(path)
         started = time.perf_counter()
@@ -55,11 +55,11 @@ def render_scene(
     empty: bool = False,
     check_field: bool = False,
 ) -> Rendering:
-    """Trace a camera's rays through a scene, bent and unbent, and reduce the hits to metrics.
+    """Trace a camera's straight and refracted rays through a scene, and reduce the hits to metrics.
 
-    What bends the rays is chosen by :func:`iriftrace.trace.engine.choose`; the metrics' key
-    ``engine_test`` says what was tested. Of an ensemble (`LoadedScene.ensemble`) the image holds
-    the mean displacement of the members and its standard deviation, and the metrics have the key
+    The engine is chosen by :func:`iriftrace.trace.engine.choose`; the metrics' key ``engine_test``
+    has the result of its test. For an ensemble (`LoadedScene.ensemble`) the image holds the mean
+    displacement of the members and its standard deviation, and the metrics have the key
     ``ensemble``; see `pose_image`.
 
     Parameters
@@ -67,15 +67,15 @@ def render_scene(
     scene : Scene, LoadedScene or path
         A path is loaded first; load once to render many poses.
     camera : Camera, optional
-        Takes the place of the scene's own sensor.
+        Used instead of the scene's own sensor.
     include : collection of int
         Status codes whose rays the metrics use.
     nearest : bool
         See :func:`iriftrace.image.metrics.pose_metrics`.
     empty : bool
-        Whether a picture without a good ray is a result too and not an error.
+        Accept a picture without a good ray as a result instead of raising an error.
     check_field : bool
-        Trace a sample of the rays through the field itself too (``shells_against_field``); see
+        Also trace a sample of the rays through the field data (``shells_against_field``); see
         :func:`iriftrace.trace.field_reference.shell_error`.
 
     Returns
@@ -127,7 +127,7 @@ def render_scene(
 
 
 def keep_checks(metrics: PoseMetrics, earlier: JsonObject) -> PoseMetrics:
-    """Fill in times and checks that only rendering knew, for an image reduced again.
+    """Copy times and checks that only rendering knew to the metrics of an image reduced again.
 
     `earlier` are the JSON values written when it was rendered; another pose's are not used.
     """

@@ -15,13 +15,13 @@ from iriftrace.trace.provenance import provenance
 def fit_temperatures(scene: AnyScene, temperatures: AirTemperatures) -> MemberFit:
     """Fit the weights of an ensemble's members to temperatures of the air.
 
-    Each temperature counts by its own uncertainty; residual and noise are in K of their root mean
-    square.
+    Each temperature is weighted by its own uncertainty; residual and noise are in K of their root
+    mean square.
 
     Parameters
     ----------
     scene : Scene, LoadedScene or path
-        An ensemble of fields; what it measures and its camera do not matter.
+        An ensemble of fields; its part and camera do not matter.
     temperatures : AirTemperatures
         In the scene's frame (:func:`iriftrace.read_air_temperatures`).
 
@@ -32,7 +32,7 @@ def fit_temperatures(scene: AnyScene, temperatures: AirTemperatures) -> MemberFi
     Raises
     ------
     InputError
-        The scene is no ensemble or has no fields; places lie in its part; there are fewer
+        The scene is not an ensemble or has no fields; places lie in its part; there are fewer
         temperatures than members; or the members hardly differ there.
     """
     loaded = loaded_scene(scene)
@@ -56,7 +56,7 @@ def fit_temperatures(scene: AnyScene, temperatures: AirTemperatures) -> MemberFi
     if spread < INDISTINCT * noise:
         raise InputError(
             f"The members' temperatures differ by {spread:.2g} K at the thermocouples, less than a "
-            f"tenth of their uncertainty of {noise:.2g} K, so they tell nothing of the air; place "
+            f"tenth of their uncertainty of {noise:.2g} K, so weights cannot be determined; place "
             "thermocouples in the plume."
         )
     found = ShiftMixture((factor * predicted)[:, :, None], (factor * measured)[:, None])

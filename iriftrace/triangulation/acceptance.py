@@ -1,7 +1,7 @@
 """Acceptance test of an optical 3-D system by VDI/VDE 2634 part 2, simulated in hot air.
 
 Reference artefacts are the part's regions: spheres and planes. Their calibrated sizes are those of
-surfaces through the part's corners. Errors of the cold points are the tessellation's alone.
+surfaces through the part's corners. The errors of the cold points come from the tessellation alone.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class AcceptanceRow(TypedDict):
 
 
 def acceptance(features: Sequence[JsonObject], part: Part) -> list[AcceptanceRow]:
-    """Errors that VDI/VDE 2634 part 2 tests, of fitted spheres and planes.
+    """Errors of fitted spheres and planes that VDI/VDE 2634 part 2 tests.
 
     - probing error of form: range of the distances from the fitted sphere;
     - probing error of size: diameter of the fitted sphere less the calibrated one;

@@ -1,9 +1,9 @@
-"""A measured cloud without the air's share.
+"""Remove the refraction error from a measured point cloud.
 
-A sensor found X' where the straight lines of its devices meet; the bent ones end on X. The error
-e(X) = X' - X of a point is known by `lines_of_sight`, so X is the fixed point of X <- X' - e(X).
-Both are found together: each round traces both devices' lines once, aims them anew and moves the
-point. A round shrinks what is left as one of `lines_of_sight` does.
+A sensor found X' where the straight lines of its devices meet; the refracted rays end on X. The
+error e(X) = X' - X of a point is computed by `lines_of_sight`, so X is the fixed point of
+X <- X' - e(X). Both are solved together: each round traces the lines of both devices once, aims
+them again and moves the point. A round reduces the residual as one of `lines_of_sight` does.
 """
 
 from __future__ import annotations
@@ -39,40 +39,40 @@ from iriftrace.triangulation.larger import Larger, larger_than
 from iriftrace.triangulation.two_points import lines_of_sight
 
 REACH_MM = 1.0
-"""Farthest distance from the part of a point that is still one of it.
+"""Largest distance of a point from the part at which it still belongs to the part.
 
-Forged parts are off their CAD model by some tenths of a millimetre.
+Forged parts deviate from their CAD model by some tenths of a millimetre.
 """
 
 ON_THE_PART_MM = 0.05
 """Tolerated gap along a ray between its end and a point on the part's surface."""
 
 SETTLED_MM = 1e-5
-"""A round that moves point and aims by less is the last: a hundredth of what sensors resolve."""
+"""Rounds end when point and aims move by less: a hundredth of what sensors resolve."""
 
 ROUNDS = 20
-"""Straight down a plume a round leaves a third; from a millimetre twelve leave a nanometre."""
+"""A round straight down a plume reduces a residual to a third; twelve reduce 1 mm to 1 nm."""
 
 SAMPLE = 10_000
-"""Points whose distance from the part is asked for."""
+"""Number of sampled points whose distance from the part is computed."""
 
 MANY = 0.05
-"""Share of points, hidden or far from the part, that is no matter of edges and silhouettes."""
+"""Fraction of points, hidden or far from the part, that edges and silhouettes do not explain."""
 
 PIECE = 1_000_000
-"""Points that are corrected at a time: 0.6 GB of rays."""
+"""Number of points that are corrected at a time: 0.6 GB of rays."""
 
 
 ON_PART_MM = 0.02
-"""Median distance of a cloud that lies on the part, so that nobody asks for the part's size."""
+"""Median distance below which a cloud lies on the part, so that its size is not checked."""
 
 MOSTLY_PART = 3
-"""Times as many points nearer than `REACH_MM` than up to twice as far: a cloud that is aligned with
-the part and holds its table as well. Of one that is not, as many lie in both layers."""
+"""Least ratio of points nearer than `REACH_MM` to points up to twice as far, in an aligned cloud
+that also holds the table. In a cloud that is not aligned both layers have as many points."""
 
 _DOUBTFUL = {
     CorrectionStatus.FAR_FROM_PART: "are far from the part (more than 1 mm) or on its outline and "
-    "stay as they were measured; that is right for a table, clamps and outliers, otherwise align "
+    "are not corrected; that is right for a table, clamps and outliers, otherwise align "
     "the cloud with the part (--cloud-to-part).",
     CorrectionStatus.HIDDEN: "are hidden from one of the scene's devices, which cannot have "
     "measured them; check where the scene has the devices, and the frame of the cloud "
@@ -93,27 +93,28 @@ def correct(
     phase: Phase | None = None,
     field_uncertainty: float = 0.0,
 ) -> Correction:
-    """Take the air's share out of measured points.
+    """Remove the refraction error from measured points.
 
-    Of an ensemble of fields the weighted mean of its members' shares; its uncertainty is their
-    scatter, or follows from the covariance of fitted weights (:func:`iriftrace.fit_members`).
+    For an ensemble of fields the correction is the weighted mean over its members. Its uncertainty
+    is their scatter, or follows from the covariance of fitted weights
+    (:func:`iriftrace.fit_members`).
 
     Parameters
     ----------
     points : (n, 3) array, mm, world
-        Of one scan by these devices, before it was merged with others or aligned.
+        From one scan by these devices, before it was merged with others or aligned.
     scene : Scene, LoadedScene or path
     camera, second, system, phase
-        As for `iriftrace.measure`. A laser's sheet is taken to pass through each point.
+        As for `iriftrace.measure`. A laser's sheet is assumed to pass through each point.
     field_uncertainty : float
-        Relative standard uncertainty of the air's contrast, n - n of the ambient air, which that of
-        the correction is proportional to: 0.05 for 5 %.
+        Relative standard uncertainty of the air's contrast, n - n of the ambient air, to which
+        the correction is proportional: 0.05 for 5 %.
 
     Raises
     ------
     InputError
         As `iriftrace.measure`, and if there are no points, some are not finite, none lies on the
-        part or can be corrected, or the uncertainty is no share.
+        part or can be corrected, or the uncertainty is not a fraction.
 
     Warns
     -----
@@ -125,24 +126,24 @@ def correct(
     in_box, to_part = _near_part(measured, loaded.part)
     traced = choose(loaded, camera, second).scene
     members = (traced,) if traced.ensemble is None else traced.ensemble.scenes()
-    # Clouds come in any order, and rays side by side are traced faster.
+    # Clouds come in any order; neighbouring rays are traced faster.
     with np.errstate(divide="ignore", invalid="ignore"):
         pixel, second_pixel = (device.project(measured) for device in (camera, second))
     in_view = np.asarray(np.isfinite(np.hstack((pixel, second_pixel))).all(axis=1))
     order = tile_order(pixel)
     order = order[(in_view & in_box)[order]]
-    share = partial(_air_share, camera=camera, second=second, system=system, phase=phase)
-    found = [_in_one_field(measured, in_view, order, member, share) for member in members]
-    shares, statuses = [one[0] for one in found], [one[1] for one in found]
+    point_error = partial(_point_error, camera=camera, second=second, system=system, phase=phase)
+    found = [_in_one_field(measured, in_view, order, member, point_error) for member in members]
+    by_member, statuses = [one[0] for one in found], [one[1] for one in found]
     face = found[0][2]
     weights = None if traced.ensemble is None else traced.ensemble.weights
-    status = _common_status(statuses, shares, weights)
-    # What stands behind the part, such as a table, is hidden and none of it.
+    status = _common_status(statuses, by_member, weights)
+    # What stands behind the part, such as a table, is hidden and does not belong to it.
     hidden = np.flatnonzero(status == CorrectionStatus.HIDDEN)
     far = loaded.part.surface.distance(measured[hidden]) > REACH_MM
     status[hidden[far]] = CorrectionStatus.FAR_FROM_PART
     _refuse_none(status, measured, loaded.part)
-    errors = np.where(status[:, None] == CorrectionStatus.CORRECTED, shares, 0.0)
+    errors = np.where(status[:, None] == CorrectionStatus.CORRECTED, by_member, 0.0)
     error = errors[0] if weights is None else weights.mean(errors)
     larger = _larger(measured - error, loaded.part)
     _warn_of_doubtful(status, larger, loaded.part)
@@ -169,18 +170,16 @@ def _in_one_field(
     in_view: BoolArray,
     order: IntArray,
     scene: LoadedScene,
-    share: Callable[..., tuple[FloatArray, IntArray, IntArray]],
+    point_error: Callable[..., tuple[FloatArray, IntArray, IntArray]],
 ) -> tuple[FloatArray, IntArray, IntArray]:
-    """`_share_of_noisy` of the points whose rows are in `order`, and outcomes of all others."""
+    """`_robust_error` of the points whose rows are in `order`, and outcomes of all others."""
     error = np.zeros_like(measured)
     outside = (CorrectionStatus.FAR_FROM_PART, CorrectionStatus.OUTSIDE_VIEW)
     status = np.where(in_view, *outside).astype(np.int64)
     face = np.full(len(measured), -1)
-    of_field = partial(share, loaded=scene)
+    of_field = partial(point_error, loaded=scene)
     for rows in np.array_split(order, math.ceil(len(order) / PIECE)) if len(order) else ():
-        error[rows], status[rows], face[rows] = _share_of_noisy(
-            measured[rows], scene.part, of_field
-        )
+        error[rows], status[rows], face[rows] = _robust_error(measured[rows], scene.part, of_field)
     return error, status, face
 
 
@@ -195,7 +194,7 @@ def _checked(points: ArrayLike, field_uncertainty: float) -> FloatArray:
         raise InputError("Some points of the cloud are not finite; leave them out.")
     if not 0.0 <= field_uncertainty < 1.0:
         raise InputError(
-            f"The field's uncertainty is {field_uncertainty:g}, but it is a share of the air's "
+            f"The field's uncertainty is {field_uncertainty:g}, but it is a fraction of the air's "
             "contrast; give one from 0 to 1, such as 0.05 (5 %)."
         )
     return measured
@@ -209,7 +208,7 @@ def _near_part(measured: FloatArray, part: Part) -> tuple[BoolArray, FloatArray]
     Raises
     ------
     InputError
-        The cloud is not one of the part where it stands.
+        The cloud does not lie on the part.
     """
     in_box = _in_box(measured, part)
     to_part = part.surface.distance(_sample(measured[in_box]))
@@ -221,7 +220,7 @@ def _near_part(measured: FloatArray, part: Part) -> tuple[BoolArray, FloatArray]
             raise InputError(larger.sentence(part.growth))
         middle = np.median(part.surface.distance(_sample(measured)))
         raise InputError(
-            f"The cloud lies {middle:.3g} mm beside the part (median), so it is another part's, in "
+            f"The cloud lies {middle:.3g} mm from the part (median), so it is another part's, in "
             "another unit (--length-unit) or another frame (--cloud-to-part); give its points in "
             "mm in the frame of the scene."
         )
@@ -234,49 +233,49 @@ def _in_box(points: FloatArray, part: Part) -> BoolArray:
 
 
 def _larger(points: FloatArray, part: Part) -> Larger | None:
-    """Whether corrected points (n, 3) are of a larger part, where they do not lie on this one.
+    """Size comparison of corrected points (n, 3) that do not lie on this part; None if they do.
 
-    Of a strip of a surface refraction alone looks like another size, by as much as 2 %.
+    On a strip of a surface refraction alone looks like another size, by as much as 2 %.
     """
     to_part = part.surface.distance(_sample(points[_in_box(points, part)]))
     return larger_than(points, part) if np.median(to_part) > ON_PART_MM else None
 
 
 def _warn_of_doubtful(status: IntArray, larger: Larger | None, part: Part) -> None:
-    """Warn of a cloud of another size, and of many points that cannot be of this one."""
+    """Warn of a cloud of another size, and of many points that cannot belong to this part."""
     if larger is not None:
         warn(larger.sentence(part.growth))
     for code, sentence in _DOUBTFUL.items():
         fraction = np.mean(status == code)
-        # Points far from a part of another size are no matter of the alignment.
+        # Points far from a part of another size are not a matter of the alignment.
         explained = larger is not None and code == CorrectionStatus.FAR_FROM_PART
         if fraction > MANY and not explained:
             text = f"{fraction:.0%} of the points {sentence}"
             warn(text)
     lost = int((status == CorrectionStatus.LOST).sum())
-    warn_of_lost_points(lost, len(status), "stay as they were measured")
+    warn_of_lost_points(lost, len(status), "are not corrected")
 
 
 def _sample(points: FloatArray) -> FloatArray:
-    """At most `SAMPLE` of the points (n, 3), at random: sensors write every so many rows alike."""
+    """At most `SAMPLE` random points of the (n, 3): sensors may write equal rows periodically."""
     rows = np.random.default_rng(0).choice(len(points), min(SAMPLE, len(points)), False)
     return points[rows]
 
 
 def _common_status(
-    statuses: Sequence[IntArray], shares: Sequence[FloatArray], weights: MemberWeights | None
+    statuses: Sequence[IntArray], by_member: Sequence[FloatArray], weights: MemberWeights | None
 ) -> IntArray:
-    """Outcome (n,) of each point by those in the air of each member of an ensemble."""
+    """Outcome (n,) of each point from its outcomes in the air of an ensemble's members."""
     status = np.max(statuses, axis=0)
     if weights is not None:
-        scatter, mean = weights.uncertainty(shares), weights.mean(shares)
+        scatter, mean = weights.uncertainty(by_member), weights.mean(by_member)
         vague = np.linalg.norm(scatter, axis=1) > np.linalg.norm(mean, axis=1)
         status[vague & (status == CorrectionStatus.CORRECTED)] = CorrectionStatus.UNCERTAIN
     return np.asarray(status)
 
 
 def _refuse_none(status: IntArray, measured: FloatArray, part: Part) -> None:
-    """An InputError where no point can be corrected."""
+    """Raise InputError if no point can be corrected."""
     if (status == CorrectionStatus.CORRECTED).any():
         return
     counts = CorrectionStatus.counts(status)
@@ -285,9 +284,9 @@ def _refuse_none(status: IntArray, measured: FloatArray, part: Part) -> None:
         f"far from the part, {counts['hidden']:,} hidden from a device, "
         f"{counts['outside_view']:,} behind a device or beyond its lens, "
         f"{counts['several_images']:,} have several images, {counts['outside_field']:,} are "
-        f"seen through no hot air that is known, of {counts['lost']:,} the rays were lost on "
-        f"the way and of {counts['uncertain']:,} the correction "
-        "is uncertain by more than itself; the cloud is "
+        f"seen through no hot air that is known, {counts['lost']:,} have rays that were lost on "
+        f"the way, and for {counts['uncertain']:,} the correction "
+        "is less than its uncertainty; the cloud is "
         f"{_across(measured):.3g} mm across and the part {_across(part.bounds):.3g} mm: "
         "check its unit (--length-unit), its frame (--cloud-to-part) and where the scene has "
         "the devices."
@@ -299,17 +298,19 @@ def _across(points: FloatArray) -> float:
     return float(np.linalg.norm(np.ptp(points, axis=0)))
 
 
-def _share_of_noisy(
-    measured: FloatArray, part: Part, share: Callable[..., tuple[FloatArray, IntArray, IntArray]]
+def _robust_error(
+    measured: FloatArray,
+    part: Part,
+    point_error: Callable[..., tuple[FloatArray, IntArray, IntArray]],
 ) -> tuple[FloatArray, IntArray, IntArray]:
-    """`_air_share` where noise decides neither on which face a point lies nor whether it is seen.
+    """`_point_error` with the face of a point, and whether it is seen, made robust to noise.
 
-    Next to a rim, and where a line of sight grazes the part, a few micrometres into the material
-    hide a point and as many out of it do not, so that a hole of the points that are left would be
-    too small. So the face is the nearest one, and points that seem hidden or far, or to lie on
+    Next to a rim, and where a line of sight grazes the part, a point a few micrometres inside the
+    material is hidden and one as far outside is not. The remaining points of a hole would then make
+    it too small. So the face is the nearest one, and points that seem hidden or far, or to lie on
     another region, are judged as if they lay on it.
     """
-    error, status, face = share(measured)
+    error, status, face = point_error(measured)
     place = measured - error
     foot, nearest = part.surface.nearest(place)
     near = np.linalg.norm(foot - place, axis=1) <= REACH_MM
@@ -319,11 +320,11 @@ def _share_of_noisy(
     face[near] = nearest[near]
     if len(rows):
         on_part = foot[rows] + error[rows]
-        error[rows], status[rows], _ = share(on_part, reach_mm=ON_THE_PART_MM)
+        error[rows], status[rows], _ = point_error(on_part, reach_mm=ON_THE_PART_MM)
     return error, status, face
 
 
-def _air_share(
+def _point_error(
     measured: FloatArray,
     loaded: LoadedScene,
     camera: Camera,
@@ -338,7 +339,7 @@ def _air_share(
     """
     place = measured.copy()
     offsets = np.zeros((2, *measured.shape))
-    lacking = np.full((len(measured), 2), np.nan)
+    residual = np.full((len(measured), 2), np.nan)
     face = np.full(len(measured), -1)
     found, in_air, lost = np.zeros((3, len(measured)), dtype=bool)
     for _ in range(ROUNDS):
@@ -352,7 +353,7 @@ def _air_share(
         aimed = np.array((one.offset, other.offset))
         moved = np.linalg.norm(aimed - offsets[:, rows], axis=2).max(axis=0)
         offsets[:, rows] = aimed
-        lacking[rows] = np.column_stack((one.lacking, other.lacking))
+        residual[rows] = np.column_stack((one.residual, other.residual))
         face[rows] = one.face
         in_air[rows] = one.in_air | other.in_air
         lost[rows] = one.lost | other.lost
@@ -367,8 +368,8 @@ def _air_share(
         found[rows] = moved <= SETTLED_MM
     with np.errstate(invalid="ignore"):
         # NaN where a ray misses the part.
-        far = ~(lacking >= -reach_mm).all(axis=1)
-        hidden = (lacking > reach_mm).any(axis=1)
+        far = ~(residual >= -reach_mm).all(axis=1)
+        hidden = (residual > reach_mm).any(axis=1)
     status = np.select(
         [lost, ~found, far, hidden, ~in_air],
         [

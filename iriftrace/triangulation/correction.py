@@ -33,20 +33,20 @@ from iriftrace.triangulation.statistics import PointStatus, each_along, worst_me
 SCHEMA = "iriftrace.correction/1"
 
 COVERAGE_FACTOR = 2
-"""Of expanded uncertainties of what is known well: 95.45 % of a normal distribution."""
+"""Coverage factor of well-known expanded uncertainties: 95.45 % of a normal distribution."""
 
 COVERED = 0.9772498680518208
-"""Of that distribution below twice its standard deviation."""
+"""Fraction of that distribution below twice its standard deviation."""
 
 
 class CorrectionStatus(PointStatus):
     """Outcome of a measured point.
 
-    Outside the field neither line of sight meets hot air of which anything is known; uncertain is
-    an air's share that scatters over an ensemble's members by more than itself; of a point that is
-    lost, the refracted ray from a device is not known (`iriftrace.image.aov_image.Status.lost`).
-    Outside the view is a point behind a device, or so far beside its picture that its lens has no
-    ray there. Not measured are rows of the cloud's file that are no point.
+    Outside the field, neither line of sight meets hot air of which anything is known. A point is
+    uncertain if its correction scatters over an ensemble's members by more than itself, and lost if
+    the refracted ray from a device is not known (`iriftrace.image.aov_image.Status.lost`). It is
+    outside the view if it lies behind a device, or so far outside its picture that its lens has no
+    ray there. Rows of the cloud's file that are not a point are not measured.
     """
 
     CORRECTED = 0
@@ -68,9 +68,9 @@ class Correction:
     ----------
     measured : (n, 3) array, mm, world
     error : (n, 3) array, mm
-        The air's share of each; 0 where it is not known.
+        Refraction error of each; 0 where it is not known.
     status : (n,) array of int
-        `CorrectionStatus`; points with another one than 0 stay as they were measured.
+        `CorrectionStatus`; points with another one than 0 are not corrected.
     face : (n,) array of int
         Of the part; -1 where the camera's line meets none.
     normal : (n, 3) array
@@ -79,11 +79,11 @@ class Correction:
     provenance : dict
         As in `iriftrace.Scan`.
     field_uncertainty : float
-        Relative standard uncertainty of the air's contrast, n - n of the ambient air, without its
-        unsteadiness; 0 if it is not stated.
+        Relative standard uncertainty of the air's contrast, n - n of the ambient air, without the
+        part that comes from unsteady air; 0 if it is not stated.
     errors : (k, n, 3) array or None, mm
-        The air's share by each member of an ensemble, whose weighted mean `error` is; None for one
-        field.
+        Refraction error by each member of an ensemble, whose weighted mean `error` is; None for
+        one field.
     weights : MemberWeights or None
         Of the members.
     to_part : (m,) array or None, mm
@@ -91,10 +91,10 @@ class Correction:
     larger : Larger or None
         By how much the cloud is larger than the part, where that explains most of its distance.
     growth : Growth or None
-        Thermal expansion of the part, at whose hot temperature sizes hold; None where it is not
-        known.
+        Thermal expansion of the part, with the hot temperature for which sizes hold; None where it
+        is not known.
     state : FieldState
-        Whether the air is synthetic, and how far unsteady.
+        Whether the air is synthetic, and how unsteady it is.
     """
 
     measured: FloatArray
@@ -114,18 +114,18 @@ class Correction:
 
     @property
     def u_contrast(self) -> float:
-        """Relative standard uncertainty of the air's contrast with its unsteadiness; 0: unknown."""
+        """Relative standard uncertainty of the air's contrast with unsteadiness; 0: unknown."""
         if not self.field_uncertainty:
             return 0.0
         return math.hypot(self.field_uncertainty, self.state.unsteadiness or 0.0)
 
     @property
     def u_normal(self) -> FloatArray | None:
-        """(n,) array, mm: standard uncertainty of what was taken out, along the normal.
+        """(n,) array, mm: standard uncertainty of the correction along the normal.
 
-        That of the members' mean (`MemberWeights.uncertainty`), and the contrast's uncertainty
-        times the correction, which is proportional to it, in quadrature. NaN of points that stay as
-        they are; None where neither is known.
+        Root sum of squares of that of the members' mean (`MemberWeights.uncertainty`) and of the
+        contrast's uncertainty times the correction, which is proportional to the contrast. NaN for
+        points without a correction; None where neither is known.
         """
         if self.errors is None and not self.u_contrast:
             return None
@@ -137,7 +137,7 @@ class Correction:
 
     @property
     def points(self) -> FloatArray:
-        """(n, 3) array, mm, world: the measured points without the air's share."""
+        """(n, 3) array, mm, world: the measured points without their refraction error."""
         return self.measured - self.error
 
     def features(
@@ -151,15 +151,15 @@ class Correction:
     ) -> list[JsonObject]:
         """Features of the corrected points, measured and corrected; see `feature_table`.
 
-        Of each size three expanded uncertainties, mm, None where one is not known:
-        ``size_uncertainty_mm`` U = k u of the share that was air, with ``coverage_factor`` k by
+        Each size has three expanded uncertainties, mm, None where one is not known:
+        ``size_uncertainty_mm`` U = k u of the correction of the size, with ``coverage_factor`` k by
         Student's t for as many fields as it was estimated from (GUM, annex G), 2 for many or one;
         ``fit_uncertainty_mm`` (k = 2) of the fit to the corrected points, by their scatter;
-        ``total_uncertainty_mm``, the root of the sum of their squares. That of synthetic air is not
-        known. Of an ensemble also ``worst_member``, whose corrected size ``worst_size_mm`` is
-        farthest from the mean.
+        ``total_uncertainty_mm``, the root of the sum of their squares. For synthetic air the first
+        is not known. An ensemble also has ``worst_member``, whose corrected size ``worst_size_mm``
+        is farthest from the mean.
 
-        Of a part that is expanded also ``at_reference`` (`ColdSizes`), by the standard
+        An expanded part also has ``at_reference`` (`ColdSizes`), by the standard
         uncertainties of the expansion (relative) and of the hot temperature (K).
         """
         good = self.status == CorrectionStatus.CORRECTED
@@ -178,7 +178,7 @@ class Correction:
         u_expansion: float | None = None,
         u_temperature_k: float | None = None,
     ) -> list[JsonObject]:
-        """Distances and angles between `features` (see `relations`), with what they have.
+        """Distances and angles between `features` (see `relations`), with uncertainties.
 
         The keys of angles end in ``_deg`` in place of ``_mm``.
         """
@@ -210,7 +210,7 @@ class Correction:
     def _air_uncertainty(
         self, size: dict[str, float | None], scatter: float
     ) -> tuple[float | None, float | None]:
-        """Expanded uncertainty of the share of a size or angle that was air, and its k."""
+        """Expanded uncertainty of the correction of a size or angle, and its coverage factor k."""
         measured, corrected = size["measured"], size["corrected"]
         known = self.u_normal is not None and not self.state.synthetic
         if measured is None or corrected is None or not known:
@@ -222,8 +222,8 @@ class Correction:
     def _coverage_factor(self, by_field: float, scatter: float) -> float:
         """k for as many degrees of freedom as Welch and Satterthwaite's formula gives (GUM, G.4).
 
-        The field's uncertainty is taken for known; the scatter over n equally weighted fields has
-        n - 1.
+        The field's uncertainty is assumed to be exact; the scatter over n equally weighted fields
+        has n - 1 degrees of freedom.
         """
         if self.weights is None or not scatter:
             return COVERAGE_FACTOR
@@ -251,7 +251,7 @@ class Correction:
         }
 
     def regions(self, part: Part) -> list[RegionRow]:
-        """What was taken out along the normal by region of the part; see `region_table`."""
+        """Corrections along the normal by region of the part; see `region_table`."""
         good = self.status == CorrectionStatus.CORRECTED
         along = np.einsum("ij,ij->i", self.error, self.normal)
         return region_table(part, self.face[good], along[good])
@@ -275,8 +275,8 @@ class Correction:
         features, regions, related : sequences of dict
             Rows of `features`, `regions` and `relations`, written with the numbers.
         cloud : Cloud, optional
-            Whose `points` were corrected: all of its rows are written in their order, with its
-            further columns. Rows that were not measured stay as they are.
+            The cloud whose `points` were corrected: all of its rows are written in their order,
+            with its further columns. Rows that were not measured are written unchanged.
         motion : (4, 4) array, mm, optional
             Rigid motion from the frame of the cloud to that of the scene, which was applied to it.
         in_cloud_frame : bool

@@ -65,13 +65,13 @@ def devices_of(
 
 
 def better_phase(camera: Camera, projector: Camera) -> Phase:
-    """The lines of a projector's picture that run more across the way to the camera."""
+    """The lines of a projector's picture that run more across the direction to the camera."""
     base = projector.matrix[:3, :2].T @ (camera.origin - projector.origin)
     return "columns" if abs(base[0]) >= abs(base[1]) else "rows"
 
 
 def provenance_of_two(scene: LoadedScene, camera: Camera) -> JsonObject:
-    """Provenance of what two devices measure of a scene, as plain JSON values."""
+    """Provenance of a measurement of a scene by two devices, as plain JSON values."""
     found = provenance(scene, camera)
     found["assumptions"]["exposure"] = "one instant: both devices see the same air"
     return found
@@ -97,7 +97,7 @@ def triangulated(
 def phase_planes(projector: Camera, direction: FloatArray, phase: str) -> FloatArray:
     """Normals of the planes of a projector's columns or rows at its lines of sight.
 
-    With a distorting lens a column is no plane; the plane through its tangent takes its place.
+    With a distorting lens a column is not a plane; the plane through its tangent is used instead.
     """
     place = projector.project(projector.origin + direction)
     along = np.array((0.0, 0.5) if phase == "columns" else (0.5, 0.0))

@@ -1,4 +1,4 @@
-"""Synthetic and unsteady air, by what a field's file states: whether a correction has a U."""
+"""Synthetic and unsteady air, as a field's file states it: whether a correction has a U."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ _RANGE = 2.0 * math.sqrt(3.0)
 
 @frozen
 class FieldState:
-    """What the file of a scene's field says of the uncertainty of a correction.
+    """What the file of a scene's field states about the uncertainty of a correction.
 
     Attributes
     ----------
     synthetic : bool
-        Air from formulas, of which no uncertainty is known.
+        Air from formulas, whose uncertainty is not known.
     unsteadiness : float or None
         Relative standard uncertainty of the air's contrast because it changes in time while a scan
-        sees one state; 0 of steady air and where nothing is stated, None of unsteady air whose
+        sees one state; 0 for steady air and where nothing is stated, None for unsteady air whose
         changes are not stated.
     """
 

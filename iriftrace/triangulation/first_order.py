@@ -20,19 +20,19 @@ def first_order_error(
     system: System = "fringe",
     phase: Phase | None = None,
 ) -> FloatArray:
-    r"""Error X' - X (n, 3) of points whose lines of sight pass beside them by known offsets.
+    r"""Error X' - X (n, 3) of points whose lines of sight pass them at known offsets.
 
     The devices see X along the unit directions a and b, and their straight lines pass through
     :math:`X + \delta_c` and :math:`X + \delta_p`. With the normal m of the projector's plane
 
     .. math:: e = \delta_c + a \frac{m \cdot (\delta_p - \delta_c)}{m \cdot a}
 
-    and of two cameras e is the midpoint between the two lines. What is left out is of second order:
-    the offset is taken at X for the line that ends beside it.
+    and for two cameras e is the midpoint between the two lines. The neglected terms are of second
+    order: the offset is taken at X for the line that ends next to it.
 
     Points and offsets are (n, 3) arrays, mm, world; an offset is :math:`-(I - a a^T)` times the
     displacement, as `iriftrace.image.sightings.FaceSightings.offset` has it. A laser's sheet is
-    taken to pass through each point. System and phase as for :func:`iriftrace.measure`.
+    assumed to pass through each point. System and phase as for :func:`iriftrace.measure`.
     """
     a, b = unit_vectors(points - camera.origin), unit_vectors(points - second.origin)
     phase = phase or ("columns" if system == "laser" else better_phase(camera, second))
@@ -44,11 +44,11 @@ def first_order_error(
 def first_order_size(
     points: FloatArray, normals: FloatArray, error: FloatArray, weights: FloatArray
 ) -> float:
-    """Error, mm, of the diameter of the cylinder or sphere that fits points best, to first order.
+    """Error, mm, of the diameter of the best-fit cylinder or sphere through points, to first order.
 
-    Small errors (n, 3), mm, move, turn and widen the Gaussian best fit by what their least squares
-    over these seven motions say, with weights (n,); motions that no outward normal tells of, as of
-    a cylinder along its axis, are left at 0.
+    Small errors (n, 3), mm, move, turn and widen the Gaussian best fit. The seven motions follow
+    from least squares with weights (n,). Motions that no outward normal determines, such as that
+    of a cylinder along its axis, are left at 0.
     """
     arm = points - np.average(points, axis=0, weights=weights)
     motions = np.column_stack((np.ones(len(points)), normals, np.cross(arm, normals)))

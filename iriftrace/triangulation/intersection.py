@@ -10,7 +10,7 @@ from iriftrace.core.arrays import FloatArray
 def nearest_point(
     first_origin: FloatArray, first: FloatArray, second_origin: FloatArray, second: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Midpoint (n, 3) of the shortest way between skew lines (stereo), and its length (n,), mm.
+    """Midpoint (n, 3) of the shortest segment between skew lines (stereo), and its length (n,), mm.
 
     Hartley and Zisserman, Multiple View Geometry, 12.2, for lines in space. Origins are (3,) or
     (n, 3) arrays, mm, directions (n, 3) unit vectors, nowhere parallel.

@@ -1,4 +1,4 @@
-"""A cloud of a part that is hotter than its drawing: how much larger the cloud is than the part."""
+"""Relative size of a measured cloud and the part, which show that the part was measured hot."""
 
 from __future__ import annotations
 
@@ -11,29 +11,29 @@ from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
 
 STEEL = Growth(expansion=14e-6, reference_k=293.15, hot_k=293.15)
-"""Forged steel of any temperature between 20 and 1250 degC, to a tenth."""
+"""Expansion of forged steel at any temperature between 20 and 1250 degC, to within 10 %."""
 
 HOTTEST_K = 1800.0
 """Steel melts."""
 
 LEAST = 5e-4
-"""Relative difference in size that is worth a sentence: steel at 55 degC."""
+"""Relative difference in size from which on it is reported: steel at 55 degC."""
 
 MOST = 0.05
-"""Beyond which it is another unit or another part: steel melts at 2 %."""
+"""Relative difference beyond which it is another unit or another part: steel melts at 2 %."""
 
 BOX = 0.05
-"""Of the part's diagonal: how far beside the part's box a point may lie that is one of it."""
+"""Fraction of the part's diagonal: how far outside its box a point of the part may lie."""
 
 SAMPLE = 3000
 
 ROUNDS = 15
 
 GATE = 3.5 * 1.4826
-"""Times the median distance beyond which a point is no point of the part."""
+"""Multiple of the median distance beyond which a point does not belong to the part."""
 
 MOST_LEFT = 0.5
-"""Of the distance that a rigid alignment leaves: what the scale may leave to explain most of it."""
+"""Largest ratio of the distances after fits with and without a scale that the scale explains."""
 
 
 @frozen
@@ -53,7 +53,7 @@ class Larger:
     rigid_mm: float
 
     def sentence(self, growth: Growth | None) -> str:
-        """What it means for a part whose growth is known or not, and what to do."""
+        """What it means for a part whose expansion is known or not, and what to do."""
         by = self.scale - 1.0
         grown = growth or STEEL
         hot_k = grown.hot_k + by * grown.factor / grown.expansion
@@ -79,10 +79,10 @@ def _celsius(kelvin: float) -> str:
 
 
 def larger_than(points: FloatArray, part: Part) -> Larger | None:
-    """Whether the points (n, 3), mm, about a part are those of a larger or smaller one.
+    """Compare the size of the points (n, 3), mm, with that of the part.
 
-    A similarity (rotation, shift and scale) is fitted, and a rigid motion. None where the scale is
-    small or does not explain most of the distance that the rigid motion leaves.
+    A similarity (rotation, shift and scale) is fitted, and a rigid motion. None if the scale is
+    small or does not explain most of the distance that remains after the rigid motion.
     """
     margin = BOX * float(np.linalg.norm(np.ptp(part.bounds, axis=0)))
     low, high = part.bounds + np.array([[-margin], [margin]])
@@ -99,11 +99,11 @@ def larger_than(points: FloatArray, part: Part) -> Larger | None:
 
 
 def _aligned(points: FloatArray, part: Part, scaling: bool) -> tuple[float, float, float]:
-    """Scale of points (n, 3) over the part, its standard uncertainty, and the median distance left.
+    """Scale of points (n, 3) over the part, its standard uncertainty, and the remaining distance.
 
     Least squares of the distances from the nearest points of the surface, along their directions,
     over small motions (Chen and Medioni, Image and Vision Computing 10 (1992) 145) and a scale,
-    from round to round. Motions that no direction tells of are left at 0.
+    iterated. The distance is a median. Motions that no direction determines are left at 0.
     """
     scale, doubt = 1.0, np.inf
     size = float(np.linalg.norm(np.ptp(points, axis=0)))

@@ -1,8 +1,8 @@
 """Simulate what two devices measure through hot air.
 
-The camera's pixel sees X on the part along a bent ray, and the second device sees or lights X along
-another one. The sensor's software knows neither: it intersects the two straight lines of sight of
-its calibration, and finds X'. The error is X' - X.
+The camera's pixel sees X on the part along a refracted ray, and the second device sees or lights X
+along another one. The sensor's software knows neither: it intersects the two straight lines of
+sight of its calibration, and finds X'. The error is X' - X.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ from iriftrace.triangulation.scan import Scan, ScanStatus
 from iriftrace.triangulation.two_points import lines_of_sight
 
 LEAST_ANGLE = math.radians(1.0)
-"""Lines at a smaller angle are warned of: their intersection moves 57 times as far as they do."""
+"""Angle below which a warning is issued: the intersection moves 57 times as far as the lines."""
 
 CLEAR_MM = 1e-3
-"""Length of a ray that may lack at a point it sees: what the miss allows at 0.06 degrees."""
+"""Tolerated gap between a ray's end and the target point: what the miss allows at 0.06 degrees."""
 
 
 def measure(
@@ -56,10 +56,10 @@ def measure(
 ) -> Scan:
     """Simulate a measurement with two devices in hot air.
 
-    Of an ensemble of fields the weighted means over its members, with their scatter.
+    For an ensemble of fields the results are weighted means over its members, with their scatter.
 
-    The camera's pixels (the rays of the sheet, of a laser) are traced along their bent rays to the
-    part. The other device's line of sight to each point is found by `lines_of_sight`. The measured
+    The camera's pixels (for a laser, the rays of its sheet) are traced along their refracted rays
+    to the part. `lines_of_sight` finds the other device's line of sight to each point. The measured
     point is where the straight lines meet:
 
     - ``stereo``: the midpoint between two cameras' lines.
@@ -74,16 +74,16 @@ def measure(
     camera, second : Camera, optional
         The scene's own two sensors by default.
     system : str, optional
-        By default what the id of the scene's second sensor says: ``camera_2``, ``projector`` or
-        ``laser``; stereo for other ones.
+        By default the id of the scene's second sensor decides: ``camera_2``, ``projector`` or
+        ``laser``; stereo for other ids.
     phase : str, optional
-        Of fringe projection; by default columns or rows, whichever run more across the way from the
-        projector to the camera.
+        For fringe projection; by default columns or rows, those that run more across the direction
+        from the projector to the camera.
 
     Raises
     ------
     InputError
-        If there is no second device, both stand at one place, or they see nothing in common (of an
+        If there is no second device, both stand at one place, or they see nothing in common (for an
         ensemble: in the air of every member).
 
     Warns
@@ -116,7 +116,7 @@ def _together(scans: Sequence[Scan], weights: MemberWeights) -> Scan:
             "No point is measured in the air of every member of the ensemble; point both devices "
             "at the same side, or measure one member (-D member=1)."
         )
-    # Row by row of the picture, as the points of each scan are.
+    # Row by row of the picture, in the order of the points of each scan.
     rows = [np.cumsum(scan.status == ScanStatus.MEASURED)[kept] - 1 for scan in scans]
 
     def each(name: str) -> FloatArray:
@@ -148,9 +148,9 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
     status[lit.pixel] = codes
     missing = int((status == ScanStatus.LOST).sum())
     warn_of_lost_points(missing, len(lit.point) + lit.lost, "are left out")
-    good = np.flatnonzero(codes[lines.asked] == ScanStatus.MEASURED)
-    good = good[np.argsort(lit.pixel[lines.asked[good]])]
-    kept = lines.asked[good]
+    good = np.flatnonzero(codes[lines.numbers] == ScanStatus.MEASURED)
+    good = good[np.argsort(lit.pixel[lines.numbers[good]])]
+    kept = lines.numbers[good]
     if len(kept) == 0:
         raise InputError(_nothing_in_common(lit.outcome, codes))
     one, other = lit.direction[kept], lines.direction[good]
@@ -176,22 +176,22 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
 
 
 class _Lit(NamedTuple):
-    """Points of the part that the rays of the device end on that is traced forward."""
+    """Points of the part where the rays of the device that is traced forward end."""
 
     point: FloatArray  # (n, 3), mm
     normal: FloatArray  # (n, 3), of the part
     face: IntArray  # (n,)
-    place: FloatArray  # (n, 2), px, from where the ray came
-    direction: FloatArray  # (n, 3), in which it started
+    place: FloatArray  # (n, 2), px, where the ray starts in the picture
+    direction: FloatArray  # (n, 3), of the ray at its start
     pixel: IntArray  # (n,) row-major number of its pixel
     outcome: IntArray  # `Status` of all rays that were traced
-    lost: int  # of them
+    lost: int  # number of rays that were lost
     status: NDArray[np.int64]  # `ScanStatus` of all pixels that have no point
     shape: tuple[int, int]  # rows and columns
 
 
 def _lit_points(scene: LoadedScene, forward: Camera, *, sheet: bool) -> _Lit:
-    """Trace the rays of a device, of the middle column of one that sends a sheet of light."""
+    """Trace the rays of a device; only those of the middle column if it sends a sheet of light."""
     pixels, number, shape = _pixels(forward, sheet=sheet)
     towards = _towards_part(forward, scene.part, pixels)
     status = np.full(len(towards), ScanStatus.NOT_SEEN, dtype=np.int64)
@@ -223,7 +223,7 @@ def _lit_points(scene: LoadedScene, forward: Camera, *, sheet: bool) -> _Lit:
 class _Lines(NamedTuple):
     """Lines of sight from the other device to points."""
 
-    asked: IntArray  # (m,) numbers of the points
+    numbers: IntArray  # (m,) numbers of the points
     direction: FloatArray  # (m, 3)
 
 
@@ -233,7 +233,7 @@ def _seen_by(
     """`ScanStatus` of lit points for the other device, and its lines of sight to them."""
     distance = row_lengths(lit.point - solved.origin)
     near, far = solved.focus_mm
-    # An open part may be seen from the back of its triangles, by both devices then.
+    # An open part may be seen from the back of its triangles, then by both devices.
     sides = (np.einsum("ij,ij->i", lit.normal, d.origin - lit.point) for d in (forward, solved))
     turned = np.prod(list(sides), axis=0) <= 0
     with np.errstate(invalid="ignore"):
@@ -243,26 +243,26 @@ def _seen_by(
         [ScanStatus.OUTSIDE_PICTURE, ScanStatus.OUT_OF_FOCUS, ScanStatus.SHADOW],
         ScanStatus.MEASURED,
     )
-    asked = np.flatnonzero(codes == ScanStatus.MEASURED)
-    lines = lines_of_sight(scene, solved.origin, lit.point[asked])
-    clear = np.abs(lines.lacking) <= CLEAR_MM
-    codes[asked[~lines.found]] = ScanStatus.SEVERAL_IMAGES
-    codes[asked[lines.lost]] = ScanStatus.LOST
-    codes[asked[lines.found & ~clear]] = ScanStatus.SHADOW
-    return codes, _Lines(asked, lines.direction)
+    numbers = np.flatnonzero(codes == ScanStatus.MEASURED)
+    lines = lines_of_sight(scene, solved.origin, lit.point[numbers])
+    clear = np.abs(lines.residual) <= CLEAR_MM
+    codes[numbers[~lines.found]] = ScanStatus.SEVERAL_IMAGES
+    codes[numbers[lines.lost]] = ScanStatus.LOST
+    codes[numbers[lines.found & ~clear]] = ScanStatus.SHADOW
+    return codes, _Lines(numbers, lines.direction)
 
 
 def _warn_of_angle(median: float) -> None:
     if median < LEAST_ANGLE:
         warn(
             f"The lines of the two devices meet at {np.degrees(median):.2g} degrees (median), so "
-            "that small errors of either become large in depth; set them farther apart.",
+            "so that small errors of either become large in depth; set them farther apart.",
             stacklevel=5,
         )
 
 
 def _nothing_in_common(forward: IntArray, solved: IntArray) -> str:
-    """Why no point is measured, by what became of the rays of the one and of the other device."""
+    """Why no point is measured, from the outcomes of the rays of both devices."""
     blurred = (forward == Status.OUT_OF_FOCUS).sum() + (solved == ScanStatus.OUT_OF_FOCUS).sum()
     if blurred > 0.5 * len(forward):
         return (

@@ -56,9 +56,9 @@ class Scan:
     angle : (n,) array, rad
         Between the two straight lines.
     pixel : (n, 2) array, px
-        Of the camera; pixel centres at whole numbers.
+        In the camera's picture; pixel centres at whole numbers.
     face : (n,) array of int
-        Of the part, from 0.
+        Face of the part, from 0.
     status : (h, w) array of int
         `ScanStatus` of every pixel of the device that was traced forward.
     system : str
@@ -70,10 +70,10 @@ class Scan:
         Version, scene, field and part, and the assumptions in force; see
         :func:`iriftrace.trace.provenance.provenance`.
     errors : (k, n, 3) array or None, mm
-        X' - X in the air of each member of an ensemble, whose weighted means over the k members
-        all else is; None for one field.
+        X' - X in the air of each member of an ensemble; all other values are weighted means over
+        the k members. None for one field.
     weights : MemberWeights or None
-        Of the members.
+        Weights of the members.
     time_s : dict of float, s
         ``load`` and ``build`` of the scene, and ``measure``.
     """
@@ -150,11 +150,11 @@ class Scan:
         }
 
     def best_fit(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """What a rigid alignment of the cloud to the part takes for pose, and what it leaves.
+        """Rigid-body part of the error, and the residual after best-fit alignment.
 
         Least squares of the errors along the normals over small motions, x -> x + w x (x - c) + t
         about the cloud's centre c (Chen and Medioni, Image and Vision Computing 10 (1992) 145).
-        Motions that no normal tells of, as of a cylinder along its axis, are left at 0.
+        Motions that no normal determines, such as that of a cylinder along its axis, are left at 0.
 
         Returns
         -------
@@ -196,9 +196,9 @@ class Scan:
     ) -> list[JsonObject]:
         """Features of the points, cold and measured; see `feature_table`.
 
-        Of an ensemble also ``size_scatter_mm``, the size's standard deviation over its members,
-        and ``worst_member`` with ``worst_size_mm``, the size farthest from the cold one; of a part
-        that is expanded ``at_reference`` (`ColdSizes`).
+        An ensemble also has ``size_scatter_mm``, the size's standard deviation over its members,
+        and ``worst_member`` with ``worst_size_mm``, the size farthest from the cold one. A part
+        that is expanded also has ``at_reference`` (`ColdSizes`).
         """
         clouds = {"cold": self.true, "measured": self.points}
         by_member = () if self.errors is None else self.true + self.errors
@@ -206,7 +206,7 @@ class Scan:
         return ColdSizes(part).add_to_features([self._with_scatter(row) for row in rows], "cold")
 
     def relations(self, part: Part, features: list[JsonObject]) -> list[JsonObject]:
-        """Distances and angles between `features` (see `relations`), with what they have.
+        """Distances and angles between `features` (see `relations`), with their scatter.
 
         The keys of angles end in ``_deg`` in place of ``_mm``.
         """
@@ -269,7 +269,7 @@ class Scan:
             "pixel_u": self.pixel[:, 0],
             "pixel_v": self.pixel[:, 1],
             "face": self.face.astype(np.int32),
-            # Of the points that were measured, which are the cloud.
+            # The cloud consists of the points that were measured.
             "status": np.full(len(self.points), ScanStatus.MEASURED, dtype=np.int32),
         }
         return save_cloud(path, self.points, columns, values)

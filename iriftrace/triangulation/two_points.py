@@ -1,17 +1,17 @@
 r"""Lines of sight from a device to given points: the two-point problem of geometrical optics.
 
-A device at o sees (or lights) a point X along the bent ray that ends there. The sensor's software
-knows the straight line along which that ray leaves the device, so its direction is sought. The
-straight line is aimed at A, beginning with A = X; the traced ray passes X by the *miss*
+A device at o sees (or lights) a point X along the refracted ray that ends there. The sensor's
+software knows the straight line along which that ray leaves the device, so its direction is sought.
+The line is aimed at A, beginning with A = X; the traced ray passes X by the *miss*
 
 .. math:: m = (I - d d^T)(Y - X)
 
-with a point Y of its last straight way and the direction d there, and A - m is the next aim. The
+with a point Y of its last straight segment and its direction d, and A - m is the next aim. The
 deflection changes little between neighbouring aims, so each round shrinks the miss by the factor
 :math:`|\partial\delta / \partial x|`, some 1e-3 on a part's side, up to 0.3 straight down a plume.
 Where that is not below 1 the point has several images.
 
-Points need not lie on the part: a ray goes on along its last straight way.
+Points need not lie on the part: a ray continues along its last straight segment.
 """
 
 from __future__ import annotations
@@ -22,26 +22,26 @@ from attrs import frozen
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.geometry.triangles import row_lengths, unit_vectors
 from iriftrace.scene.loaded import LoadedScene
-from iriftrace.trace.rays import bent_ends
+from iriftrace.trace.rays import refracted_hits
 
 MISS_MM = 1e-6
-"""A ray that passes a point by less has found it: a thousandth of what sensors resolve."""
+"""Largest miss of a ray that has found its point: a thousandth of what sensors resolve."""
 
 ROUNDS = 8
 
 
 @frozen(eq=False)
 class LinesOfSight:
-    """Straight lines from a device whose bent rays end on n points.
+    """Straight lines from a device whose refracted rays end on n points.
 
-    What lacks to a point is measured from the ray's end on the part, along the ray: far from 0
-    where something lies between the device and the point, NaN where the ray meets no part.
+    The residual is the distance to a point from the ray's end on the part, along the ray: far from
+    0 where something lies between device and point, NaN where the ray does not meet the part.
     """
 
-    direction: FloatArray  # (n, 3), unit; of the last round where none was found
-    offset: FloatArray  # (n, 3), mm, from the point to what the line is aimed at
-    found: BoolArray  # the bent ray passes the point by `MISS_MM` at most
-    lacking: FloatArray  # mm
+    direction: FloatArray  # (n, 3), unit; that of the last round where none was found
+    offset: FloatArray  # (n, 3), mm, from the point to the aim of the line
+    found: BoolArray  # the refracted ray passes the point by `MISS_MM` at most
+    residual: FloatArray  # mm
     face: IntArray  # of the part, under the ray's end; -1 where it meets none
     in_air: BoolArray  # the ray met hot air
     lost: BoolArray  # where the ray ends is not known, see `iriftrace.image.aov_image.Status.lost`
@@ -63,7 +63,7 @@ def lines_of_sight(
     aim = points + (0.0 if offset is None else offset)
     direction = unit_vectors(aim - origin)
     miss = np.full(len(points), np.inf)
-    lacking = np.full(len(points), np.nan)
+    residual = np.full(len(points), np.nan)
     face = np.full(len(points), -1)
     in_air, lost = np.zeros((2, len(points)), dtype=bool)
     active = np.arange(len(points))
@@ -71,17 +71,17 @@ def lines_of_sight(
         if len(active) == 0:
             break
         direction[active] = unit_vectors(aim[active] - origin)
-        last_point, last_way, face[active], crossings, lost[active] = bent_ends(
+        last_point, last_direction, face[active], crossings, lost[active] = refracted_hits(
             scene, origin, direction[active]
         )
         beyond = points[active] - last_point
-        along = np.einsum("ij,ij->i", beyond, last_way)
-        off = along[:, None] * last_way - beyond
+        along = np.einsum("ij,ij->i", beyond, last_direction)
+        off = along[:, None] * last_direction - beyond
         miss[active] = row_lengths(off)
-        lacking[active] = np.where(face[active] >= 0, along, np.nan)
+        residual[active] = np.where(face[active] >= 0, along, np.nan)
         in_air[active] = crossings > 0
         unsettled = ~(miss[active] <= MISS_MM) & ~lost[active]
         active = active[unsettled]
         aim[active] -= off[unsettled]
     found = (miss <= MISS_MM) & ~lost
-    return LinesOfSight(direction, aim - points, found, lacking, face, in_air, lost)
+    return LinesOfSight(direction, aim - points, found, residual, face, in_air, lost)

@@ -50,7 +50,7 @@ def test_case_is_written_without_openfoam(folder: Path, capsys: pytest.CaptureFi
     assert "normal (B)" in said
     assert (folder / "case/system/controlDict").is_file()
     assert main(["field", "simulate", *words, "--transition=5mm", "--write-only"]) == 0
-    assert "is there already" in capsys.readouterr().out
+    assert "already exists" in capsys.readouterr().out
 
 
 def test_the_expected_time_is_said_in_words(capsys: pytest.CaptureFixture[str]) -> None:

@@ -139,7 +139,7 @@ def test_setting_and_limits_are_complete(page: Page) -> None:
     assert "61 good rays (2 %) pass an open end of the data" in limits
     assert "25.0 % of the part's area is seen by no pose." in limits
     assert "geometric optics" in limits
-    rays = next(table for table in page.tables if table[0][0] == "what became of them")
+    rays = next(table for table in page.tables if table[0][0] == "outcome")
     # 3050 good, 9000 missed, 1500 out of focus.
     assert rays[1:] == [
         ["Good", "3,050", "67 %"],
@@ -215,7 +215,7 @@ def test_what_decides_stands_in_the_first_box(tmp_path: Path) -> None:
     content = report_content(table, summary, 4)
     assert content.title == "Where to put the camera: flange.stl"
     field_text, engines, warned = content.rests_on
-    assert engines.startswith("1 of 4 poses were traced through the field itself")
+    assert engines.startswith("1 of 4 poses were traced through the field data")
     assert dict(content.assumptions)["engine"].endswith(engines)
     assert field_text.startswith("SYNTHETIC FIELD: synthetic: formulas, no simulation.")
     assert "shells too few" in warned

@@ -61,7 +61,7 @@ def test_interaction_matrix_of_parallel_rays() -> None:
     np.testing.assert_allclose(
         np.einsum("nij,j->ni", found, MOTION), shifts_of(camera, where, MOTION), atol=1e-5
     )
-    with pytest.raises(InputError, match="do not tell one motion of the camera from another"):
+    with pytest.raises(InputError, match="do not determine the motion of the camera"):
         fit_camera_motion(camera, where, found @ MOTION)
 
 
@@ -112,7 +112,7 @@ def test_outliers_do_not_pull() -> None:
 def test_points_that_do_not_tell_motions_apart() -> None:
     camera = lens_camera(None)
     line = np.outer(np.linspace(-20, 20, 50), (1.0, 0.5, 0.2))
-    with pytest.raises(InputError, match="do not tell one motion"):
+    with pytest.raises(InputError, match="do not determine the motion"):
         fit_camera_motion(camera, line, np.zeros((50, 2)))
     with pytest.raises(InputError, match="3 points do not determine"):
         fit_camera_motion(camera, points(3), np.zeros((3, 2)))

@@ -178,7 +178,7 @@ def test_motion_that_cannot_be_told_is_no_error() -> None:
     found = compare(image, measured(places, shift_at(places)), positions="hot")
     assert found.motion is None
     report = found.as_dict()
-    assert "do not tell one motion" in report["camera_motion"]["reason"]
+    assert "do not determine the motion" in report["camera_motion"]["reason"]
     np.testing.assert_array_equal(found.remainder, found.residual)
 
 

@@ -84,13 +84,13 @@ def test_markers(tmp_path: Path, text: str) -> None:
     [
         ("a.csv", "x,y\n1,2\n", "has the columns x, y, but"),
         ("a.csv", "", "has the columns none, but"),
-        ("a.csv", "u,v,du,dv\n", "holds no measured shift"),
-        ("a.csv", "u,v,du,dv\n1,2,,\n", "holds no measured shift"),
+        ("a.csv", "u,v,du,dv\n", "has no measured shift"),
+        ("a.csv", "u,v,du,dv\n1,2,,\n", "has no measured shift"),
         ("a.csv", "u,v,du,dv\n1,2,3\n", "line 2 has 3 columns"),
-        ("a.csv", "u,v,du,dv\n1,2,3,4\n1,2,3,far\n", "line 3: 1, 2, 3, far are no four numbers"),
+        ("a.csv", "u,v,du,dv\n1,2,3,4\n1,2,3,far\n", "line 3: 1, 2, 3, far are not four numbers"),
         ("a.exr", "no picture", "not an OpenEXR file"),
-        ("a.npy", "no array", "is no NumPy array"),
-        ("a.tif", "", "is no measured shift that can be read"),
+        ("a.npy", "no array", "is not a NumPy array"),
+        ("a.tif", "", "is not a file of measured shifts"),
     ],
 )
 def test_wrong_files_are_refused(tmp_path: Path, name: str, text: str, message: str) -> None:
@@ -106,7 +106,7 @@ def test_wrong_maps_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"has the shape \(4, 3\)"):
         read_measured_shift(tmp_path / "a.npy")
     np.save(tmp_path / "a.npy", np.full((4, 3, 2), np.nan))
-    with pytest.raises(InputError, match="holds no measured shift"):
+    with pytest.raises(InputError, match="has no measured shift"):
         read_measured_shift(tmp_path / "a.npy")
     three = {name: FIELD[..., 0] for name in "RGB"}
     with pytest.raises(InputError, match="has the channels B, G, R, but a map of shifts has two"):

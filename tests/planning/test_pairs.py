@@ -105,15 +105,15 @@ def test_poses_of_several_scenes_are_paired_scene_by_scene(dataset: xr.Dataset) 
 @pytest.mark.parametrize(
     ("chosen", "said"),
     [
-        ({"feature": "cylinder:head -x"}, "is a plane and no cylinder"),
-        ({"feature": "cylinder"}, "no simple surface"),
+        ({"feature": "cylinder:head -x"}, "is a plane and not a cylinder"),
+        ({"feature": "cylinder"}, "not a simple surface"),
         ({"feature": "plane:head -x"}, "diameter of a cylinder or sphere"),
         ({"feature": "cylinder:nowhere"}, "no region 'nowhere'"),
         (
             {"feature": "cylinder:lateral", "criteria": Criteria(region="head -x")},
             "not on the region",
         ),
-        ({"angles_deg": (45.0, 15.0)}, "no range of triangulation"),
+        ({"angles_deg": (45.0, 15.0)}, "not a range of triangulation"),
         ({"angles_deg": (0.1, 0.2)}, "No two poses of the sweep"),
         ({"criteria": Criteria(region="nowhere")}, "no region 'nowhere'"),
     ],

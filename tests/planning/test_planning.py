@@ -232,7 +232,7 @@ def test_a_constant_metric_counts_zero(name: str) -> None:
 def test_a_metric_that_hardly_differs_is_said_to_decide_as_much() -> None:
     """It counts as always, since the paper's normalisation knows no size."""
     little = 0.3 * (1 + 1e-3 * np.array(NORMALISED["lateral"]))
-    with pytest.warns(IriftraceWarning, match=r"differ in lateral by 0\.1 % only"):
+    with pytest.warns(IriftraceWarning, match=r"differ in lateral only by 0\.1 %"):
         plan = rank_poses(five(lateral=little))
     assert plan.constant == ()
     assert np.ptp(plan.normalised["lateral"]) == 1.0

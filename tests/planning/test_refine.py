@@ -158,9 +158,9 @@ def test_what_cannot_be_refined_is_refused() -> None:
     table, plan = hill_sweep()
     with pytest.raises(InputError, match="9 evaluations are too few"):
         refine_pose(table, plan, Hill(), evaluations=9)
-    with pytest.raises(InputError, match="cannot be scored any more"):
+    with pytest.raises(InputError, match="cannot be scored when"):
         refine_pose(table, plan, Hill(good=99))
-    with pytest.raises(InputError, match="cannot be scored any more"):
+    with pytest.raises(InputError, match="cannot be scored when"):
         refine_pose(table, plan, Hill(forbidden_z=-1.0))
 
 

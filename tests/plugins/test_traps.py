@@ -129,7 +129,7 @@ def test_ply_without_normals_is_refused_for_gradient_normals(xml: Path, edit: Ed
         'shells/shell_02.ply"/>',
         'shells/shell_02.ply"/><boolean name="face_normals" value="true"/>',
     )
-    with pytest.warns(IriftraceWarning, match=r"shell_02\.ply is not of the shells"):
+    with pytest.warns(IriftraceWarning, match=r"shell_02\.ply is not among the shells"):
         assert load_scene(xml).normals == "gradient, but facet for 1 of the shells"
 
 

@@ -220,7 +220,7 @@ def test_shells_and_parts_of_others_are_noticed(ten: Path, tmp_path: Path) -> No
     scene = shutil.copytree(ten.parent, tmp_path / "copy") / ten.name
     shells = [scene.parent / "members" / number / "shells" for number in "23"]
     shutil.copy(shells[0] / "shell_02.ply", shells[0] / "shell_03.ply")
-    with pytest.warns(IriftraceWarning, match=r"2/shells/shell_03\.ply is not of the shells"):
+    with pytest.warns(IriftraceWarning, match=r"2/shells/shell_03\.ply is not among the shells"):
         assert load_scene(scene, {"member": 2}).index_rule.startswith("edited: 1 of 5")
     save_part(slab(5)[0].transformed(np.diag((2.0, 2.0, 1.0, 1.0))), scene.parent / "part.ply")
     with pytest.warns(IriftraceWarning, match=r"part\.ply is not the part that the scene"):

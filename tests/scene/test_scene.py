@@ -220,7 +220,7 @@ def test_shells_and_parts_of_other_scenes_are_noticed(xml: Path, tmp_path: Path)
         warnings.simplefilter("error", IriftraceWarning)
         rule = load_scene(xml).index_rule
     shutil.copy(other / "shells" / "shell_02.ply", xml.parent / "shells")
-    with pytest.warns(IriftraceWarning, match=r"shell_02\.ply is not of the shells"):
+    with pytest.warns(IriftraceWarning, match=r"shell_02\.ply is not among the shells"):
         assert load_scene(xml).index_rule == f"edited: 1 of 4 {rule} shells changed"
     text = xml.read_text()
     xml.write_text(text.replace('"part.ply"', '"../other/part.ply"'))
@@ -242,7 +242,9 @@ def test_a_shell_of_another_folder_is_noticed(xml: Path, tmp_path: Path, edit: E
     finer = concentric_cylinders(4, sections=80)
     other = write_scene(tmp_path / "other", *finer, CAMERA, paraview=False).parent
     edit('"shells/shell_02.ply"', f'"{other}/shells/shell_02.ply"')
-    with pytest.warns(IriftraceWarning, match=r"other/shells/shell_02\.ply is not of the shells"):
+    with pytest.warns(
+        IriftraceWarning, match=r"other/shells/shell_02\.ply is not among the shells"
+    ):
         assert load_scene(xml).index_rule.startswith("edited: 1 of 4")
 
 
@@ -327,7 +329,7 @@ def test_missing_file_is_named(tmp_path: Path) -> None:
     [
         ("</scene>", "", "Parsing of XML file .* failed"),
         ('type="calibrated_camera"', 'type="calibrated_camra"', "calibrated_camra"),
-        ("shells/shell_03.ply", "shells/shell_33.ply", "shell_33.ply is not beside"),
+        ("shells/shell_03.ply", "shells/shell_33.ply", "shell_33.ply is not next to"),
         ('<string name="filename" value="part.ply"/>', "", '"filename"|mesh file'),
         (
             '<shape type="ply" id="shell_03">',

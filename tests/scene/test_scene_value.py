@@ -133,7 +133,7 @@ def test_what_cannot_be_a_scene_is_refused(scene: iriftrace.Scene, tmp_path: Pat
     with pytest.raises(InputError, match="needs air"):
         iriftrace.HotAir()
     field, shells = scene.air.states[0].field, scene.air.states[0].shells
-    with pytest.raises(InputError, match="Ready-made shells are of one field"):
+    with pytest.raises(InputError, match="Ready-made shells belong to one field"):
         iriftrace.HotAir([field, field], shells=shells)
     with pytest.raises(InputError, match="1 labels for 2 fields"):
         iriftrace.HotAir([field, field], labels=["one"])

@@ -97,7 +97,7 @@ def test_figures_have_a_column_for_each_reference(layers: xr.Dataset) -> None:
 
 @pytest.mark.parametrize("name", ["0", "fine", "-3"])
 def test_unknown_references_are_refused(block: tuple[IndexField, Scene], name: str) -> None:
-    with pytest.raises(InputError, match="no reference"):
+    with pytest.raises(InputError, match="not a reference"):
         layers_study(block[1], {"f": block[0]}, [OURS], layers=[2], references=[name])
 
 
@@ -168,7 +168,7 @@ def test_a_study_of_meshes_needs_two_fields_and_known_names(
         mesh_study(scene, {"a": field}, [OURS], references=["same mode"])
     with pytest.raises(InputError, match="no field c to split"):
         mesh_study(scene, {"a": field, "b": field}, [OURS], references=["same mode"], split=["c"])
-    with pytest.raises(InputError, match="no reference"):
+    with pytest.raises(InputError, match="not a reference"):
         mesh_study(scene, {"a": field, "b": field}, [OURS], references=["best"])
     with pytest.raises(InputError, match="leaves none"):
         mesh_study(

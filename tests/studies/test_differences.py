@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from iriftrace.core.errors import InputError
-from iriftrace.image.differences import Hits, compare, own_size
+from iriftrace.image.differences import Hits, compare, displacement_statistics
 
 
 def hits(displacement: np.ndarray, good: np.ndarray, hit: np.ndarray | None = None) -> Hits:
@@ -54,9 +54,9 @@ def test_pictures_without_common_rays_cannot_be_compared() -> None:
 def test_a_run_states_its_own_size_and_what_it_lost() -> None:
     displacement = np.array([[3.0, 4.0, 0.0], [0.0, 0.0, 1.0], [50.0, 0.0, 0.0]])
     good, hit = np.array([True, True, False]), np.array([True, True, True])
-    size = own_size(hits(displacement, good, hit))
+    size = displacement_statistics(hits(displacement, good, hit))
     assert size["displacement_median"] == pytest.approx(3.0)
     assert size["displacement_rms"] == pytest.approx(np.sqrt(13.0))
     assert (size["rays_good"], size["rays_lost"]) == (2, 1)
     with pytest.raises(InputError, match="No ray"):
-        own_size(hits(displacement, np.zeros(3, dtype=bool)))
+        displacement_statistics(hits(displacement, np.zeros(3, dtype=bool)))

@@ -38,7 +38,7 @@ def test_rays_are_counted_and_every_stage_takes_time(variant: str, tmp_path: Pat
     ratio = found["rays_refracted"] / found["rays"]
     assert float(abs(ratio.isel(launched=0) - ratio.isel(launched=1)).max()) < 0.02
     timing_figure(found)
-    noise = "above 100 %: noise, the search is timed in a run of its own"
+    noise = "above 100 %: noise, the search is timed in a separate run"
     for share, count in ((0.9, 0), (1.2, 1)):
         found["search_share"][:] = share
         titles = [
@@ -90,7 +90,7 @@ def test_replayed_queries_find_what_the_trace_found(
 
 def test_ranges_are_checked(variant: str, tmp_path: Path) -> None:
     field, scene = field_and_scene(tmp_path, variant)
-    with pytest.raises(InputError, match="no range"):
+    with pytest.raises(InputError, match="not a range"):
         polygons_study(scene, {"f": field}, [OURS], smallest=5000, largest=400)
     with pytest.raises(InputError, match="each different"):
         rays_study(scene, {"f": field}, [OURS], scales=[1.0, 1.0])

@@ -90,7 +90,7 @@ def test_another_study_is_never_replaced(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="study of other files or options"):
         run_cases(out, {**REQUEST, "count": 6}, 6, square)
     (tmp_path / "text.nc").write_text("no netCDF")
-    with pytest.raises(InputError, match="is no study"):
+    with pytest.raises(InputError, match="is not a study"):
         run_cases(tmp_path / "text.nc", REQUEST, 5, square)
 
 

@@ -99,7 +99,7 @@ def test_plan_says_that_both_move(
     assert main(["plan", str(file)]) == 0
     assert "Both devices move together" in capsys.readouterr().out
     assert main(["plan", str(file), "--criterion", "displacement"]) == 0
-    assert "is of the camera alone" in " ".join(capsys.readouterr().out.split())
+    assert "is for the camera alone" in " ".join(capsys.readouterr().out.split())
     refined = tmp_path / "refined.json"
     assert main(["plan", str(file), "--refine", "--evaluations=11", "-o", str(refined)]) == 0
     found = json.loads(refined.read_text())
@@ -111,5 +111,5 @@ def test_plan_says_that_both_move(
 def test_a_question_about_two_devices_does_not_fit_one_camera(scene: LoadedScene) -> None:
     one = iriftrace.run_sweep(evolve(scene, second=None), POSES)
     assert "error_normal_p95" not in one
-    with pytest.raises(InputError, match="about what two devices measure"):
+    with pytest.raises(InputError, match="about a sensor with two devices"):
         rank_poses(one, Criteria(criterion="normal"))

@@ -391,7 +391,7 @@ def test_file_of_another_kind_is_refused(tmp_path: Path, content: bytes) -> None
 def test_a_sweep_that_is_not_finished_is_no_missing_one(tmp_path: Path) -> None:
     (tmp_path / "half.nc.partial").touch()
     with pytest.raises(
-        InputError, match=r"half\.nc is not finished, what is done lies in .*partial"
+        InputError, match=r"half\.nc is not finished, its finished poses are in .*partial"
     ):
         read_sweep(tmp_path / "half.nc")
 
@@ -405,13 +405,13 @@ def test_a_damaged_file_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         raise RuntimeError("incorrect metadata checksum after all read attempts")
 
     monkeypatch.setattr(xr, "open_dataset", fail)
-    with pytest.raises(InputError, match=r"damaged\.nc is damaged or no netCDF file .*checksum"):
+    with pytest.raises(InputError, match=r"damaged\.nc is damaged or not a netCDF file .*checksum"):
         read_sweep(path)
 
 
 def test_netcdf_of_another_program_is_refused(tmp_path: Path) -> None:
     xr.Dataset({"a": ("x", [1.0])}).to_netcdf(tmp_path / "other.nc", engine="h5netcdf")
-    with pytest.raises(InputError, match="no sweep of this version"):
+    with pytest.raises(InputError, match="not a sweep of this version"):
         read_sweep(tmp_path / "other.nc")
 
 
@@ -420,7 +420,7 @@ def test_file_of_another_program_is_not_replaced(
 ) -> None:
     path = tmp_path / "other.nc"
     path.write_bytes(b"somebody's work")
-    with pytest.raises(InputError, match="is there already and is no sweep"):
+    with pytest.raises(InputError, match="already exists and is not a sweep"):
         run_sweep(scene, poses, path)
     assert path.read_bytes() == b"somebody's work"
     assert list(tmp_path.iterdir()) == [path]

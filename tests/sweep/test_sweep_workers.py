@@ -146,9 +146,9 @@ def test_local_workers_start_and_end(
 @pytest.mark.parametrize(
     ("scheduler", "count", "words"),
     [
-        ("localhost", None, "no address"),
-        ("tcp://", None, "no address"),
-        ("http://here:8786", None, "no address"),
+        ("localhost", None, "not an address"),
+        ("tcp://", None, "not an address"),
+        ("http://here:8786", None, "not an address"),
         ("local", 0, "do nothing"),
         ("tcp://127.0.0.1:8786", 2, "started by hand"),
     ],

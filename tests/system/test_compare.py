@@ -118,7 +118,7 @@ WRONG = {
     "no such rendering": ("compare gone.exr m.csv", "gone.exr"),
     "no such measurement": ("compare {image} gone.csv -o a.json", "gone.csv"),
     "a folder": ("compare {image} here -o a.json", "here is a folder"),
-    "another kind": ("compare {image} {scene} -o a.json", "no measured shift that can be read"),
+    "another kind": ("compare {image} {scene} -o a.json", "not a file of measured shifts"),
     "no columns": ("compare {image} words.csv -o a.json", "u, v, du, dv"),
     "markers elsewhere": (
         "compare {image} far.csv -o a.json",

@@ -17,7 +17,7 @@ from iriftrace.cli import main, program
 from iriftrace.cli.console import pose_progress, working
 from iriftrace.scenes import folder_of
 
-SAID = "interrupted; nothing half written was left behind\n"
+SAID = "interrupted; no incomplete file was left behind\n"
 
 # The delay begins with the first heavy import, however long Python itself takes to start.
 DELAYED = """
@@ -165,7 +165,7 @@ def test_ctrl_c_says_how_much_is_kept(
     assert status == 130
     assert said.splitlines()[-1] == (
         f"interrupted; 59 of 172 {what.lower()} are kept in s.nc.partial, give the same command "
-        "again to go on"
+        "again to continue"
     )
 
 

@@ -91,7 +91,8 @@ def test_ctrl_c_ends_the_workers_without_a_word_of_theirs(tmp_path: Path) -> Non
     assert process.returncode == 130
     assert "Traceback" not in said
     kept = re.fullmatch(
-        r"interrupted; (\d+) of 1000 poses are kept in (.+), give the same command again to go on",
+        r"interrupted; (\d+) of 1000 poses are kept in (.+), "
+        "give the same command again to continue",
         said.splitlines()[-1],
     )
     assert kept

@@ -275,7 +275,7 @@ def test_files_that_hold_no_sweep(sweep: Path, fails: Failing, command: str) -> 
         "gone.nc": "no sweep gone.nc",
         "text.nc": "no netCDF",
         "folder.nc": "folder",
-        "other.nc": "no sweep",
+        "other.nc": "not a sweep",
         "empty.nc": "no pose",
     }.items():
         assert words in fails(command, name)

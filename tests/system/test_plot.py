@@ -86,7 +86,7 @@ def test_a_sweep_whose_scene_is_gone_is_drawn_without_it(
     # The EXRs lie beside the sweep, which has moved away from them.
     assert views.startswith("note: The views from poses ")
     assert views.endswith("cannot be rendered again: gone.xml is gone.")
-    assert space == "note: The 3-D pictures lack the hot air (gone.xml is gone)."
+    assert space == "note: The 3-D pictures do not show the hot air (gone.xml is gone)."
     assert names(tmp_path / "figures", ".png") == IN_SPACE
 
 

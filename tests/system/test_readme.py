@@ -47,7 +47,7 @@ def run(arguments: list[str], folder: Path) -> str:
     assert done.returncode == 0, done.stderr
     warnings = [line for line in done.stderr.splitlines() if "warning" in line.lower()]
     # Views along the layers: single poses of the sweep, and the README's camera by 3.0 %.
-    expected = ("engine_test_p95", "the field itself was traced instead")
+    expected = ("engine_test_p95", "the field data were traced instead")
     assert all(any(text in line for text in expected) for line in warnings), done.stderr
     return done.stdout
 

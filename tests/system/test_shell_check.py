@@ -98,4 +98,4 @@ def test_a_few_rays_check_nothing(
 ) -> None:
     monkeypatch.setattr(shell_check, "FEWEST", 10**6)
     message = fails("render", str(hot.scene), "-o", "out.exr", "--check-shells")
-    assert "too few to check shells by; render at least 1000000" in message
+    assert "too few to check the shells; render at least 1000000" in message

@@ -93,7 +93,7 @@ WRONG = {
     ),
     "another lens": (
         ["--stereo-calibration={rig}", "--focal-length=16 mm"],
-        "--focal-length .* --stereo-calibration says that too",
+        "--focal-length .* --stereo-calibration states it as well",
     ),
     "a motion that looks away": (
         ["--stereo-calibration={rig}", "--cloud-to-part={away}", "--pixel-size=3um"],

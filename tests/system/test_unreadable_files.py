@@ -81,7 +81,7 @@ def test_a_scene_that_was_moved_without_its_meshes(
     shutil.copytree(hot.scene.parent, tmp_path / "moved")
     (tmp_path / "moved" / gone).unlink()
     assert fails("render", "moved/scene.xml", "-o", "out.exr") == (
-        f"{gone} is not beside moved/scene.xml; move the whole folder."
+        f"{gone} is not next to moved/scene.xml; move the whole folder."
     )
 
 
@@ -97,7 +97,7 @@ def test_a_damaged_field_file_is_not_to_be_trusted(
 
 
 def test_field_and_part_in_the_wrong_order(hot: HotBlock, fails: Failing) -> None:
-    asked = "block.stl is no field that can be read here; are field and part in the wrong order?"
+    asked = "block.stl is not a field that can be read here; field and part may be exchanged."
     said = fails("scene", hot.part, hot.field, "-o", "out/scene.xml")
     assert said.endswith(asked)
     assert fails("study", "layers", hot.part, hot.field, "-o", "layers.nc").endswith(asked)

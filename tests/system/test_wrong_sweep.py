@@ -53,7 +53,10 @@ LINES = {
     "status that is none": ("sweep {scene} -o a.nc --include 99", "99"),
     "table of another kind": ("sweep {scene} -o a.nc --export a.xlsx", r"a\.xlsx.*\.csv or"),
     "surface of another kind": ("sweep {scene} -o a.nc --surface a.stl", r"a\.stl.*\.vtp or"),
-    "scheduler of words": ("sweep {scene} -o a.nc --scheduler cluster", "'cluster' is no address"),
+    "scheduler of words": (
+        "sweep {scene} -o a.nc --scheduler cluster",
+        "'cluster' is not an address",
+    ),
     "no workers": ("sweep {scene} -o a.nc --workers 0", "0 workers"),
 }
 
@@ -106,7 +109,7 @@ def test_output_of_another_program(
     else:
         xr.Dataset({"a": ("x", [1.0])}).to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
     message = fails(*f"sweep {hot.scene} -o a.nc {ORBIT}".split())
-    assert "a.nc is there already and is no sweep" in message
+    assert "a.nc already exists and is not a sweep" in message
 
 
 def test_journal_that_is_a_file(fails: Failing, hot: HotBlock, tmp_path: Path) -> None:

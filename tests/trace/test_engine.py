@@ -178,7 +178,7 @@ def with_field(
 @pytest.mark.parametrize(
     ("options", "engine", "said"),
     [
-        ((), "cells", "the field itself was traced instead"),
+        ((), "cells", "the field data were traced instead"),
         (("--engine", "shells"), "shells", "--layers 20"),
         (("-D", "bending=shells"), "shells", "--layers 20"),
     ],
@@ -209,7 +209,7 @@ def test_a_sweep_traces_the_field_where_shells_are_too_few(
 ) -> None:
     scene = load_scene(with_field(FROM_THE_SIDE))
     poses = PoseSet(np.stack([look_at(o, (0.0, 0.0, 0.0)) for o in (FROM_THE_SIDE, FROM_ABOVE)]))
-    with pytest.warns(IriftraceWarning, match=r"1 of 2 poses .*the field itself was traced there"):
+    with pytest.warns(IriftraceWarning, match=r"1 of 2 poses .*the field data were traced there"):
         dataset = run_sweep(scene, poses, tmp_path / "s.nc")
     assert dataset["through_cells"].values.tolist() == [0, 1]
     images = [load_swept_scene(dataset, k).render(poses.matrices[k]).image for k in (0, 1)]
@@ -241,7 +241,7 @@ def test_rays_of_a_bundle_are_chosen_for_as_those_of_a_picture(
     scene = load_scene(xml)
     origins = np.tile(scene.camera.origin, (40, 1))
     towards = np.column_stack((np.linspace(-12, 12, 40), np.zeros(40), np.zeros(40))) - origins
-    with pytest.warns(IriftraceWarning, match="the field itself was traced instead"):
+    with pytest.warns(IriftraceWarning, match="the field data were traced instead"):
         found = trace_rays(scene, origins, towards)
     cells = trace_rays(load_scene(xml, engine="cells"), origins, towards)
     shells = trace_rays(load_scene(xml, engine="shells"), origins, towards)
@@ -256,7 +256,7 @@ def test_an_ensemble_is_traced_alike_in_all_members(tmp_path: Path) -> None:
     part = read_part(folder_of("cylinder") / "part.ply")
     air = HotAir([field, field])
     scene = Scene(part, air, camera_at(FROM_ABOVE))
-    with pytest.warns(IriftraceWarning, match="the field itself was traced instead"):
+    with pytest.warns(IriftraceWarning, match="the field data were traced instead"):
         found = render_scene(scene)
     assert found.image.header["engine"] == "cells"
     assert found.metrics.engine_test["through_cells"]

@@ -199,7 +199,7 @@ def test_shifts_that_cannot_be_fitted(board: iriftrace.Scene, shifts: MeasuredSh
     aside = board.part.transformed(
         np.array(((1, 0, 0, 60), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1.0)))
     )
-    refused("beside the board", shifts, attrs.evolve(board, part=aside))
+    refused("next to the board", shifts, attrs.evolve(board, part=aside))
     front = board.part.transformed(
         np.array(((1, 0, 0, 0), (0, 1, 0, -100), (0, 0, 1, 0), (0, 0, 0, 1.0)))
     )

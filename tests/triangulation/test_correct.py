@@ -65,7 +65,7 @@ ONCE = pytest.mark.parametrize(
 
 
 def test_no_pixel_that_sees_the_part_is_left_out(scan: Scan, scene: LoadedScene) -> None:
-    """Rays beside the part's outline are not traced; here all of the picture's are."""
+    """Rays outside the part's outline are not traced; here all of the picture's are."""
     camera = DEVICES[0]
     width, height = camera.resolution
     row, column = np.divmod(np.arange(width * height), width)
@@ -111,10 +111,10 @@ def test_where_shells_are_too_few_the_field_serves(variant: str) -> None:
         one.at(look_at((x, 0.1, 240.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
         for one, x in zip(DEVICES, (-40.0, 40.0), strict=True)
     ]
-    with pytest.warns(IriftraceWarning, match="the field itself was traced instead"):
+    with pytest.warns(IriftraceWarning, match="the field data were traced instead"):
         scan = measure(scene, *above, system="fringe")
     assert scan.provenance["engine"] == "cells"
-    with pytest.warns(IriftraceWarning, match="the field itself was traced instead"):
+    with pytest.warns(IriftraceWarning, match="the field data were traced instead"):
         found = correct(scan.points, scene, *above, system="fringe")
     assert found.provenance["engine"] == "cells"
     insisted = load_scene(folder_of("cylinder") / "scene.xml", variant=variant, engine="shells")
@@ -338,7 +338,7 @@ def test_a_table_under_the_part_is_left_as_it_is(scan: Scan, scene: LoadedScene)
     assert (found.status[-count:] == CorrectionStatus.FAR_FROM_PART).all()
     np.testing.assert_array_equal(found.status[:-count], alone.status)
     np.testing.assert_allclose(found.error[:-count], alone.error, atol=1e-9)
-    with pytest.raises(InputError, match="beside the part"):
+    with pytest.raises(InputError, match="mm from the part"):
         correct(points + np.array((0.0, 9.0, 6.0)), scene, *DEVICES, system=scan.system)
 
 
@@ -365,7 +365,7 @@ def test_points_that_no_device_can_see_stay_as_measured(scan: Scan, scene: Loade
         (lambda points: points[:0], "n > 0 points"),
         (lambda points: points[:, :2], "n > 0 points"),
         (lambda points: points * np.nan, "not finite"),
-        (lambda points: points + 50.0, "beside the part"),
+        (lambda points: points + 50.0, "mm from the part"),
     ],
 )
 def test_wrong_clouds_are_one_sentence(

@@ -161,7 +161,7 @@ def test_what_scatters_by_more_than_itself_is_not_taken_out(
         tmp_path / "vague", part, airs, CAMERA, paraview=False, second=PROJECTOR
     )
     points = measure(three).points
-    with pytest.raises(InputError, match=f"of {len(points)} the correction is uncertain"):
+    with pytest.raises(InputError, match=f"for {len(points)} the correction is less than its"):
         correct(points, load_scene(xml, variant=variant))
 
 
@@ -169,7 +169,7 @@ def test_nothing_is_known_of_one_field_alone(three: LoadedScene) -> None:
     one = member(three, 2)
     assert measure(one).scatter_normal is None
     assert correct(measure(one).points, one).u_normal is None
-    with pytest.raises(InputError, match="is 5, but it is a share"):
+    with pytest.raises(InputError, match="is 5, but it is a fraction"):
         correct(measure(one).points, one, field_uncertainty=5.0)
 
 

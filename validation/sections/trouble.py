@@ -17,7 +17,7 @@ from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field
 from iriftrace.geometry.triangles import polydata
 from iriftrace.image.aov_image import Status
-from iriftrace.image.differences import Differences, Hits, compare, hits_of, own_size
+from iriftrace.image.differences import Differences, Hits, compare, displacement_statistics, hits_of
 from iriftrace.image.ray_statistics import RayCounts
 from iriftrace.part.part import read_part
 from iriftrace.runtime.variant import ensure
@@ -172,7 +172,7 @@ def cut_by(stack: ShellStack, shift_mm: float) -> int:
 
 def shares(here: Outcome, reference: Outcome) -> tuple[Differences, float, float]:
     """Differences; their median and p95 over those of the reference's displacements, per cent."""
-    found, size = compare(here.hits, reference.hits), own_size(reference.hits)
+    found, size = compare(here.hits, reference.hits), displacement_statistics(reference.hits)
     return (
         found,
         100 * found.median / size["displacement_median"],
@@ -211,7 +211,7 @@ def refused(case: str, here: Outcome, reference: Outcome) -> list[Line]:
     if not chosen.any():
         return []
     off = compare(evolve(here.hits, good=chosen), reference.hits)
-    size = own_size(evolve(reference.hits, good=chosen))
+    size = displacement_statistics(evolve(reference.hits, good=chosen))
     return [
         Line(
             f"{case}: difference of those hits, median",
