@@ -11,7 +11,6 @@ import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from warnings import warn
 
 import numpy as np
 from attrs import evolve, frozen
@@ -23,7 +22,7 @@ from iriftrace.camera.calibration_pixels import check_pixels
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import Distortion
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import length_factor
 from iriftrace.geometry.transform import nearest_rotations
 
@@ -236,7 +235,6 @@ def exact_rotation(values: CalibrationValues, matrix: FloatArray) -> FloatArray:
         warn(
             f"The rotation matrix in {values.called} is rounded to few digits; the nearest "
             f"rotation is used, and directions are uncertain by about {off:.1g} rad.",
-            IriftraceWarning,
             stacklevel=4,
         )
     (rotation,) = nearest_rotations(matrix[None])
@@ -315,7 +313,6 @@ def _distortion(values: CalibrationValues) -> Distortion:
             f"{values.called} has four distortion coefficients and names no lens model; they are "
             "read as k1, k2, p1, p2. If they are k1 to k4 of a fisheye lens (cv2.fisheye), "
             "calibrate with cv2.calibrateCamera; if not, add distortion_model: plumb_bob.",
-            IriftraceWarning,
             stacklevel=4,
         )
     try:

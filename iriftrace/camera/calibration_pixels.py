@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from warnings import warn
-
 import numpy as np
 
 from iriftrace.camera.calibration_file import CalibrationValues
 from iriftrace.core.arrays import FloatArray, IntArray
-from iriftrace.core.errors import IriftraceWarning
+from iriftrace.core.errors import warn
 
 SHORTEST_FOCAL = 0.15
 """Fraction of a picture's width: lenses without fisheye see less than 147 degrees."""
@@ -23,7 +21,7 @@ def check_pixels(values: CalibrationValues, matrix: FloatArray, size: IntArray) 
             "lens has; give the camera matrix in pixels"
         )
     off, swapped = (np.abs(centre / one - 0.5).max() for one in (size, size[::-1]))
-    if swapped < 0.05 < 0.1 < off or swapped < 0.02 < 0.07 < off:
+    if swapped < 0.05 < off - swapped:
         raise values.wrong(
             f"its pictures are {size[0]} px wide and {size[1]} px high, but its principal point "
             f"({centre[0]:.0f}, {centre[1]:.0f}) px is the middle of pictures {size[1]} px wide; "
@@ -35,7 +33,6 @@ def check_pixels(values: CalibrationValues, matrix: FloatArray, size: IntArray) 
             f"The principal point ({centre[0]:.0f}, {centre[1]:.0f}) px in {values.called} lies "
             f"outside the pictures of {size[0]} x {size[1]} px; if this is not a projector, the "
             "camera matrix is of another resolution.",
-            IriftraceWarning,
             stacklevel=4,
         )
     elif abs(across - down) < 0.05 and min(abs(across - 0.5), abs(down - 0.5)) > 0.15:
@@ -44,6 +41,5 @@ def check_pixels(values: CalibrationValues, matrix: FloatArray, size: IntArray) 
             f"middle of pictures of about {2 * centre[0]:.0f} x {2 * centre[1]:.0f} px, and not of "
             f"{size[0]} x {size[1]} px; if the pictures were not cropped, the camera matrix is of "
             "another resolution.",
-            IriftraceWarning,
             stacklevel=4,
         )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from iriftrace.camera.pose_set import PoseSet, aimed, fixed
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 
 if TYPE_CHECKING:
     from iriftrace.part.part import Part
@@ -177,10 +176,9 @@ def _check_angles(azimuths: FloatArray, elevations: FloatArray) -> None:
             f"{_MOST_VALUES} poses, which no sweep gets through; give fewer."
         )
     if len(np.unique(np.remainder(azimuths, 360.0))) < len(azimuths):
-        warnings.warn(
+        warn(
             "Some azimuths are equal but for full turns, so their poses are traced and ranked "
             "more than once; end the range before it closes, such as 0:350:36.",
-            IriftraceWarning,
             stacklevel=3,
         )
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from warnings import warn
 
 import numpy as np
 from attrs import evolve, frozen
@@ -37,7 +36,7 @@ from iriftrace.camera.calibration import (
 from iriftrace.camera.calibration_file import CalibrationValues, calibration_content, folded
 from iriftrace.camera.calibration_matlab import is_matlab, matlab_length_unit, matlab_motion
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import length_factor
 
 BASELINES_MM = (3.0, 20_000.0)
@@ -145,7 +144,6 @@ def read_stereo_calibration(
         warn(
             f"In {rest.path} the right camera stands to the left of the left one. If that is "
             "wrong, R and T lead from right to left: invert them.",
-            IriftraceWarning,
             stacklevel=2,
         )
     else:
@@ -329,7 +327,6 @@ def _check_axes(values: CalibrationValues, rotation: FloatArray, shift_mm: Float
         warn(
             f"The axes of the two cameras in {values.path} lead apart by {angle:.0f} degrees; if "
             "they meet, R is transposed, or R and T are of different directions.",
-            IriftraceWarning,
             stacklevel=3,
         )
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from iriftrace.clouds.columns import (
 )
 from iriftrace.clouds.text import read_table
 from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import length_factor
 from iriftrace.geometry.ply import read_ply
 
@@ -133,7 +132,7 @@ def read_cloud(
 
 
 def _warn(text: str) -> None:
-    warnings.warn(text, IriftraceWarning, stacklevel=4)
+    warn(text, stacklevel=4)
 
 
 def _warn_of_rounding(points: FloatArray, file: Path) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import codecs
 import csv
 import re
-import warnings
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,7 +19,7 @@ from iriftrace.clouds.columns import (
     unit_of,
 )
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.number_table import is_numbers, numbers, separator_of, with_exponents
 
 _WORD = "nan"
@@ -127,9 +126,8 @@ def _numbers_alone(columns: dict[str, FloatArray], file: Path) -> dict[str, Floa
     kept = {name: values for name, values in columns.items() if not np.isnan(values).all()}
     words = [name for name in columns if name not in kept]
     if words:
-        warnings.warn(
+        warn(
             f"{file.name} has columns of words or dates, which are left out: {', '.join(words)}.",
-            IriftraceWarning,
             stacklevel=4,
         )
     return kept
@@ -147,10 +145,9 @@ def _without_count(rows: Sequence[str], file: Path) -> Sequence[str]:
             "correct each by itself: write a file for each."
         )
     if count != len(rows) - 1:
-        warnings.warn(
+        warn(
             f"{file.name} states {count:,} points and holds {len(rows) - 1:,}; it may be cut "
             "short: export the cloud again.",
-            IriftraceWarning,
             stacklevel=4,
         )
     return rows[1:]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 from typing import get_args
@@ -11,7 +10,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.plain import JsonObject
 from iriftrace.features.fit import (
     FEWEST,
@@ -83,7 +82,7 @@ def feature_table(
             chosen = chosen[inliers(gated[chosen], kind, gate, _beside(part, region))]
             fits = {name: fit_feature(cloud[chosen], kind) for name, cloud in clouds.items()}
         except InputError as error:
-            warnings.warn(f"{choice} is left out: {error}", IriftraceWarning, stacklevel=3)
+            warn(f"{choice} is left out: {error}", stacklevel=3)
             continue
         doubts = (
             _doubt(fit, np.ptp(clouds[name][chosen], axis=0).max(), region, found)
@@ -91,7 +90,7 @@ def feature_table(
         )
         doubt = _other_surface(part, kind, region) or next(filter(None, doubts), None)
         if doubt:
-            warnings.warn(doubt, IriftraceWarning, stacklevel=3)
+            warn(doubt, stacklevel=3)
         row = feature_row(kind, region, count, fits)
         if members:
             same = [fit_feature(cloud[chosen], kind) for cloud in members]

@@ -5,14 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
-from warnings import warn
 
 import numpy as np
 from attrs import frozen
 
 from iriftrace.air.refractivity import Air
 from iriftrace.core.arrays import FloatArray, as_float64
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import parse_quantity
 from iriftrace.field.cell_means import point_means
 
@@ -124,7 +123,6 @@ def point_values(grid: pv.UnstructuredGrid, name: str, path: str) -> FloatArray:
     warn(
         f"{name!r} in {path} is given in the cells; its mean at the points misses the values at "
         "the wall, so export point data when the solver can.",
-        IriftraceWarning,
         stacklevel=3,
     )
     return point_means(grid, values)
@@ -302,7 +300,6 @@ def _from_index(values: FloatArray, name: str, path: str) -> FloatArray:
         warn(
             f"The array {name!r} in {path} holds n in single precision, which leaves steps of "
             "1.2e-7 and a coarse gradient; export n-1, the temperature or double precision.",
-            IriftraceWarning,
             stacklevel=4,
         )
     return refractivity

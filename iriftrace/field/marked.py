@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from warnings import warn
-
 import numpy as np
 import pyvista as pv
 from attrs import frozen
 
 from iriftrace.core.arrays import AnyArray, BoolArray, as_float64
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 
 # Written by VTK's probe and resampling filters: 0 where the source has no value, and less than 1
 # where a later filter has averaged such points.
@@ -68,7 +66,6 @@ def without_gaps(grid: pv.UnstructuredGrid, name: str, path: str) -> pv.Unstruct
     warn(
         f"{what}{np.count_nonzero(missing)} of {len(missing)} {places}; {there} are left out, and "
         "rays stay straight there.",
-        IriftraceWarning,
         stacklevel=3,
     )
     return chosen_cells(grid, np.flatnonzero(~cells))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
-from warnings import warn
 
 import numpy as np
 import pyvista as pv
@@ -13,7 +12,7 @@ from attrs import evolve
 from numpy.typing import ArrayLike
 
 from iriftrace.air.refractivity import TEMPERATURE_RANGE, Air
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import length_factor
 from iriftrace.field import arrays
 from iriftrace.field.flow import flow_in
@@ -182,14 +181,12 @@ def read_volume(path: str | Path, *, member: int | None = None, flow: bool = Fal
         warn(
             f"{path} has {len(contents.states)} states; the last one, {contents.states[-1][0]}, "
             "is used; choose another with the time option (--time).",
-            IriftraceWarning,
             stacklevel=4,
         )
     grid = _joined(contents.data, path)
     if has_higher_order(grid):
         warn(
             f"{path} has cells of higher order; only the values at their corners are used.",
-            IriftraceWarning,
             stacklevel=4,
         )
     origins = (one_line(contents.origin), origin_of(contents.data))
@@ -240,7 +237,6 @@ def _warn_of_marked(found: Sequence[Unmarked], path: Path) -> None:
     warn(
         f"{path} marks {left_out} of {count} cells as hidden, as copies or as without a value "
         f"({names}); they are left out.",
-        IriftraceWarning,
         stacklevel=5,
     )
 
@@ -292,7 +288,6 @@ def _warn_of_other_ambient(result: IndexField) -> None:
                 else "no room is like that: check the array's unit (temperature_unit, "
                 "--temperature-unit)."
             ),
-            IriftraceWarning,
             stacklevel=3,
         )
 
@@ -313,6 +308,5 @@ def _warn_of_other_index(raw: pv.UnstructuredGrid, result: IndexField) -> None:
             f"{result.temperature_k[worst]:.0f} K, {name!r} says n-1 = {stored[worst]:.4g} and the "
             f'density scaling {result.refractivity[worst]:.4g}; give array="{name}" '
             f"(--array {name}) to use it.",
-            IriftraceWarning,
             stacklevel=3,
         )

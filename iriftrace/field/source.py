@@ -40,7 +40,7 @@ class FieldFacts:
     time : str
         ``"mean"`` or ``"snapshot"``; "" if not stated.
     symmetry : str
-        Such as "mirrored at y = 0 mm"; "" if not stated.
+        Such as "mirrored at y = 0 mm", or "none, all sides were solved"; "" if not stated.
     """
 
     kind: FieldKind = FieldKind.NOT_STATED

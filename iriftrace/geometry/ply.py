@@ -45,9 +45,9 @@ def read_ply(path: Path) -> PlyMesh:
     import trimesh
 
     # Without processing, the order of the faces is that of the file and of Mitsuba.
-    small = _CAPITAL_AXIS.sub(lambda axis: axis[0].lower(), head)
+    plain_head = _CAPITAL_AXIS.sub(lambda axis: axis[0].lower(), head)
     with path.open("rb") as file:
-        data = file if small == head else io.BytesIO(small + file.read()[len(head) :])
+        data = file if plain_head == head else io.BytesIO(plain_head + file.read()[len(head) :])
         mesh = trimesh.load(data, file_type="ply", process=False)
     raw = mesh.metadata.get("_ply_raw", {})
     # A file of no vertices is an empty scene to trimesh.

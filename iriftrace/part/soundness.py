@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 
 import numpy as np
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.geometry.topology import Neighbours, faces_to_flip, find_neighbours
 from iriftrace.geometry.triangles import area_vectors
@@ -52,19 +51,17 @@ def stated_growth(
 def check_unit(path: Path, vertices: FloatArray, stated: str, chosen: str) -> None:
     """Warn when the unit is not the one that the file states, or makes an unlikely size."""
     if stated != chosen:
-        warnings.warn(
+        warn(
             f"{path} declares its unit as {stated} but is read as {chosen}; leave length_unit "
             "(--length-unit) out if the file is right.",
-            IriftraceWarning,
             stacklevel=3,
         )
         return
     size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     if is_unlikely_size(size):
-        warnings.warn(
+        warn(
             f"{path} is {size:.3g} mm across when read as {chosen}, which is unlikely for a "
             "measured part; check length_unit (--length-unit).",
-            IriftraceWarning,
             stacklevel=3,
         )
 
@@ -80,11 +77,10 @@ def distinct_triangles(path: str, welded: IntArray) -> BoolArray:
     keep = distinct_faces(welded)
     repeated = np.count_nonzero(~keep)
     if repeated:
-        warnings.warn(
+        warn(
             f"{path} has {repeated} triangles that lie exactly on others (a body that was exported "
             "twice, both sides of a surface, or the wall between two bodies that touch); they are "
             "left out.",
-            IriftraceWarning,
             stacklevel=4,
         )
     return keep
@@ -99,26 +95,23 @@ def oriented_outward(
         areas = np.linalg.norm(area_vectors(vertices, faces), axis=1)
         flip = faces_to_flip(neighbours, areas)
         faces = np.where(flip[:, None], faces[:, ::-1], faces)
-        warnings.warn(
+        warn(
             f"{path} has {np.count_nonzero(flip)} triangles that face the other way than their "
             "neighbours; they were turned over.",
-            IriftraceWarning,
             stacklevel=3,
         )
     if neighbours.open_edges:
-        warnings.warn(
+        warn(
             f"{path} is not closed ({neighbours.open_edges} open edges): coverage refers to the "
             "remaining surface, rays may pass through the holes, and the inside of the part is "
             "unknown; rays through a hole count what they find behind it.",
-            IriftraceWarning,
             stacklevel=3,
         )
         return faces, neighbours
     if signed_volume(vertices - vertices.mean(axis=0), faces) < 0.0:
         faces = faces[:, ::-1]
-        warnings.warn(
+        warn(
             f"{path} has inward-facing normals (negative volume); all triangles were turned over.",
-            IriftraceWarning,
             stacklevel=3,
         )
     return faces, neighbours

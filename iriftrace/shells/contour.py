@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from iriftrace.core.arrays import Float32Array, FloatArray, IntArray
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 from iriftrace.geometry.topology import drop_degenerate, face_along, weld
 from iriftrace.geometry.triangles import normals_along, used_vertices
 from iriftrace.shells.hessian import derivative_rows
@@ -168,10 +167,9 @@ def _warn_of_missing(field: IndexField, surfaces: FloatArray, found: Iterable[in
     if missing:
         names = ", ".join(str(layer) for layer in missing)
         temperature = field.air.temperature(surfaces[np.array(missing) - 1])
-        warnings.warn(
+        warn(
             f"No surface for level {names} ({np.min(temperature):.0f} to "
             f"{np.max(temperature):.0f} K): the field has no such air, or only pieces below the "
             "size limit; these shells are left out.",
-            IriftraceWarning,
             stacklevel=3,
         )

@@ -225,17 +225,17 @@ class Cell:
         import mitsuba as mi
 
         faces = zip(*self._faces_along(point, direction), strict=True)
-        margin, exit_ = mi.Float(-dr.inf), mi.Float(0)
+        margin, exit_distance = mi.Float(-dr.inf), mi.Float(0)
         leaving = mi.UInt32(0)
         # A ray along an edge does not leave through the faces that meet there.
         parallel = FLAT * self._size * self._size
         for face, (inside, across, distance) in enumerate(faces):
             better = (self.entry != face) & (across > parallel) & (inside > margin)
             margin = dr.select(better, inside, margin)
-            exit_ = dr.select(better, distance, exit_)
+            exit_distance = dr.select(better, distance, exit_distance)
             leaving = dr.select(better, mi.UInt32(face), leaving)
         backward = (self.entry < NO_FACE) & (self._volume < 0)
-        lost = (margin < -LOST_MM * self._size) | (~backward & (exit_ < -LOST_MM))
+        lost = (margin < -LOST_MM * self._size) | (~backward & (exit_distance < -LOST_MM))
         next_ = dr.gather(
             mi.UInt32, self._air.tetrahedra, self.number * 8 + 4 + leaving, self._active
         )
@@ -244,7 +244,9 @@ class Cell:
             mi.UInt32, self._air.wall, next_ & ~mi.UInt32(BOUNDARY), self._active & ends
         )
         return Passage(
-            distance=mi.Float64(dr.select(backward, dr.minimum(exit_, 0), dr.maximum(exit_, 0))),
+            distance=mi.Float64(
+                dr.select(backward, dr.minimum(exit_distance, 0), dr.maximum(exit_distance, 0))
+            ),
             place=(next_ >> 2) * 8 + (next_ & 3),
             ends=ends,
             wall=wall != 0,

@@ -11,7 +11,7 @@ valid until the ray has come as far, or is some roundings off that line.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.nystrom import nystrom_step
@@ -25,18 +25,13 @@ from iriftrace.plugins.kernels.queries import (
     ray_query,
 )
 from iriftrace.plugins.kernels.tables import SceneTables
-
-if TYPE_CHECKING:
-    import mitsuba as mi
-
-    from iriftrace.plugins.kernels.tetrahedra import Entrance, Passage
+from iriftrace.plugins.kernels.tetrahedra import Entrance, Passage
 
 OUTSIDE, INSIDE, SEEKING = range(3)
 
 OVERLAP_STEPS = 8
 """Steps by which each query of the part reaches back, so that no ray slips between two of them, and
 by which a ray may leave the line of the last one."""
-
 
 MOST_RELOCATIONS = 20
 """A ray whose piece had to be sought more often gives up. Through meshes with folds and slits those
@@ -73,7 +68,7 @@ class WalkState(NamedTuple):
     active: dt.Bool
 
 
-class _Segment(NamedTuple):
+class _Piece(NamedTuple):
     """The next piece of a ray's path unless an opaque shape ends it; masks of rays are Bool."""
 
     speed: dt.Float64  # the index
@@ -125,7 +120,7 @@ class _Move(NamedTuple):
     time: dt.Float64  # mm: length over index
     skipped: dt.Float64  # mm: straight on where it leaves the data after it had gone back
     retreat: dt.Float64
-    segment: dt.Float64  # mm
+    length: dt.Float64  # mm
     gradient_error: dt.Vector3f  # what the gradient's error does to the velocity
     step_error: dt.Float  # and the step's
 
@@ -135,7 +130,7 @@ class Walk:
 
     def __init__(
         self,
-        opaque: mi.Scene,
+        opaque: dt.Scene,
         tables: SceneTables,
         medium: dt.Medium,
         coherent: bool,
@@ -145,8 +140,7 @@ class Walk:
         import drjit as dr
         import mitsuba as mi
 
-        self.opaque, self.tables, self.medium = opaque, tables, medium
-        self.coherent = coherent
+        self.opaque, self.tables, self.medium, self.coherent = opaque, tables, medium, coherent
         self.smallest_step = dr.opaque(mi.Float64, step)
         self.limit = dr.opaque(mi.UInt32, most)
         self.boundary = medium.boundary_beside(opaque)
@@ -199,31 +193,28 @@ class Walk:
         return dr.maximum(RELATIVE_STEP * dr.max(dr.abs(point)), self.smallest_step / 50)
 
     def _advance(self, s: WalkState) -> WalkState:
-        segment = self._segment(s)
-        sight = self._sight(s, segment)
-        move = self._move(s, segment, sight)
-        s = self._with_errors(self._with_mode(s, segment, sight, move), segment, move)
-        return self._with_outcome(s, segment, sight, move)
+        piece = self._piece(s)
+        sight = self._sight(s, piece)
+        move = self._move(s, piece, sight)
+        s = self._with_errors(self._with_mode(s, piece, sight, move), piece, move)
+        return self._with_outcome(s, piece, sight, move)
 
-    def _segment(self, s: WalkState) -> _Segment:
+    def _piece(self, s: WalkState) -> _Piece:
         """Find the next piece: up to the data, through a cell, or back to one."""
         import drjit as dr
 
-        medium = self.medium
         speed = dr.norm(s.velocity)
         heading = s.velocity / speed
-        outside = s.active & (s.mode == OUTSIDE)
-        inside = s.active & (s.mode == INSIDE)
-        seeking = s.active & (s.mode == SEEKING)
+        modes = (OUTSIDE, INSIDE, SEEKING)
+        outside, inside, seeking = (s.active & (s.mode == mode) for mode in modes)
 
         ahead_point = s.point + heading * s.ahead
-        entrance = medium.entrance(
-            ray_query(self.boundary, ahead_point, heading, self.coherent, outside), outside
-        )
+        hit = ray_query(self.boundary, ahead_point, heading, self.coherent, outside)
+        entrance = self.medium.entrance(hit, outside)
         place = dr.select(outside, entrance.place, s.place)
-        cell = medium.cell(place, (outside & entrance.found) | inside | seeking)
+        cell = self.medium.cell(place, (outside & entrance.found) | inside | seeking)
         to_face = dr.select(outside, entrance.distance + s.ahead, 0)
-        # A cell sees what is near, as rays need not be that are outside or have lost their segment.
+        # A cell sees what is near, but rays that are outside or lost need not be near.
         at_cell = s.point + heading * dr.select(seeking, s.ahead, to_face)
         remaining, entering = cell.entry_distance(at_cell, dr.select(seeking, -heading, heading))
         gap = to_face + remaining
@@ -237,7 +228,7 @@ class Walk:
         back = s.ahead - passage.distance
         came_in = steps_back & passage.ends
         length = dr.select(inside, passage.distance, dr.select(enters, gap, dr.inf))
-        return _Segment(
+        return _Piece(
             speed=speed,
             heading=heading,
             outside=outside,
@@ -261,7 +252,7 @@ class Walk:
             came_in=came_in,
         )
 
-    def _sight(self, s: WalkState, segment: _Segment) -> _Sight:
+    def _sight(self, s: WalkState, piece: _Piece) -> _Sight:
         """Ask for opaque shapes, where the last answer does not hold any more.
 
         It holds while the ray stays within some roundings of that line (0.2 um in a scene that
@@ -271,21 +262,17 @@ class Walk:
         import mitsuba as mi
 
         overlap = OVERLAP_STEPS * RELATIVE_STEP * dr.max(dr.abs(s.point))
-        lateral_offset = s.lateral_offset + s.deflection * mi.Float(segment.length)
-        known = (s.free > segment.length + overlap + query_error(s.point, self.smallest_step)) & (
-            lateral_offset < mi.Float(OVERLAP_STEPS * self.smallest_step)
-        )
-        looks = (
-            (segment.walks & (segment.length > 0) & ~known)
-            | (segment.outside & ~segment.leaves)
-            | segment.came_in
-        )
-        start = s.point - segment.heading * overlap
-        hit = ray_query(self.opaque, start, segment.heading, self.coherent, looks)
+        lateral_offset = s.lateral_offset + s.deflection * mi.Float(piece.length)
+        reach = piece.length + overlap + query_error(s.point, self.smallest_step)
+        known = (s.free > reach) & (lateral_offset < mi.Float(OVERLAP_STEPS * self.smallest_step))
+        looks = piece.came_in | (piece.outside & ~piece.leaves)
+        looks |= piece.walks & (piece.length > 0) & ~known
+        start = s.point - piece.heading * overlap
+        hit = ray_query(self.opaque, start, piece.heading, self.coherent, looks)
         seen = looks & hit.is_valid()
         rough = mi.Float64(hit.t) - overlap
         return _Sight(
-            ended=seen & (rough <= segment.length),
+            ended=seen & (rough <= piece.length),
             hit=hit,
             rough=rough,
             free=dr.select(looks, dr.select(seen, rough, dr.inf), s.free),
@@ -293,30 +280,30 @@ class Walk:
             lateral_offset=dr.select(looks, 0, s.lateral_offset),
         )
 
-    def _move(self, s: WalkState, segment: _Segment, sight: _Sight) -> _Move:
+    def _move(self, s: WalkState, piece: _Piece, sight: _Sight) -> _Move:
         """Pass the piece: through a cell by a step of order 4, straight to or back to the data."""
         import drjit as dr
         import mitsuba as mi
 
-        cell, heading = segment.cell, segment.heading
-        passes = segment.walks & ~sight.ended
-        enters, came_in = segment.enters & ~sight.ended, segment.came_in & ~sight.ended
-        time = dr.select(passes, segment.length / segment.speed, 0)
+        cell, heading = piece.cell, piece.heading
+        passes = piece.walks & ~sight.ended
+        enters, came_in = piece.enters & ~sight.ended, piece.came_in & ~sight.ended
+        time = dr.select(passes, piece.length / piece.speed, 0)
         stepped = nystrom_step(
             s.point, s.velocity, lambda point: cell.acceleration(point, heading), time
         )
         error: dt.Vector3f = mi.Vector3f(cell.gradient_error(stepped.middle, heading))
-        straight = dr.select(enters, segment.gap, dr.select(came_in, segment.back, 0))
+        straight = dr.select(enters, piece.gap, dr.select(came_in, piece.back, 0))
         # Where the data's boundary is folded, a ray that goes back out of them would meet the same
         # fold for ever: it goes straight on from where it turned back.
-        leaves_data = passes & segment.passage.ends
-        length = dr.select(passes, segment.length, straight)
+        leaves_data = passes & piece.passage.ends
+        length = dr.select(passes, piece.length, straight)
         retreat = dr.maximum(s.retreat - length, 0)
         skipped = dr.select(leaves_data, retreat, 0)
         point = mi.Point3d(dr.select(passes, stepped.point, s.point + heading * straight))
         point = mi.Point3d(point + heading * skipped)
         refractivity = cell.refractivity(point)
-        starts = (s.entry_index == 0) & (enters | segment.arrives | came_in)
+        starts = (s.entry_index == 0) & (enters | piece.arrives | came_in)
         velocity = dr.select(passes, stepped.velocity, s.velocity)
         return _Move(
             passes=passes,
@@ -328,75 +315,73 @@ class Walk:
             velocity=dr.select(starts | enters, heading * (1 + refractivity), velocity),
             gain=velocity - s.velocity,
             refractivity=refractivity,
-            time=dr.select(passes, time, straight / segment.speed),
+            time=dr.select(passes, time, straight / piece.speed),
             skipped=skipped,
             retreat=retreat - skipped,
-            segment=length,
+            length=length,
             gradient_error=dr.select(passes, error * mi.Float(time), 0),
             step_error=dr.select(passes, dr.norm(mi.Vector3f(stepped.velocity_error)), 0),
         )
 
-    def _with_mode(self, s: WalkState, segment: _Segment, sight: _Sight, move: _Move) -> WalkState:
+    def _with_mode(self, s: WalkState, piece: _Piece, sight: _Sight, move: _Move) -> WalkState:
         """Where the ray is now, and what is known of the path ahead."""
         import drjit as dr
         import mitsuba as mi
 
-        inside = move.enters | segment.arrives | move.came_in
+        inside = move.enters | piece.arrives | move.came_in
         mode = dr.select(inside, mi.UInt32(INSIDE), s.mode)
-        outside = move.leaves_data | segment.lost | (segment.seeking & segment.passage.lost)
+        outside = move.leaves_data | piece.lost | (piece.seeking & piece.passage.lost)
         mode = dr.select(outside, mi.UInt32(OUTSIDE), mode)
-        mode = dr.select(segment.astray, mi.UInt32(SEEKING), mode)
-        place = dr.select(move.passes | segment.steps_back, segment.passage.place, segment.place)
-        here = self.medium.unentered(segment.place)
-        place = dr.select(segment.arrives | move.came_in, here, place)
-        ahead = dr.select(segment.again, 4 * s.ahead, self._step_at(move.point))
-        ahead = dr.select(segment.astray, segment.gap, ahead)
+        mode = dr.select(piece.astray, mi.UInt32(SEEKING), mode)
+        place = dr.select(move.passes | piece.steps_back, piece.passage.place, piece.place)
+        here = self.medium.unentered(piece.place)
+        place = dr.select(piece.arrives | move.came_in, here, place)
+        ahead = dr.select(piece.again, 4 * s.ahead, self._step_at(move.point))
+        ahead = dr.select(piece.astray, piece.gap, ahead)
         deflection = sight.deflection + dr.norm(mi.Vector3f(move.gain))
-        gone_aside = dr.select(move.passes, deflection * mi.Float(segment.length), 0)
+        gone_aside = dr.select(move.passes, deflection * mi.Float(piece.length), 0)
         return s._replace(
             mode=mode,
             place=dr.select(sight.ended, s.place, place),
-            ahead=dr.select(segment.steps_back, segment.back, ahead),
-            free=sight.free - (move.segment + move.skipped),
+            ahead=dr.select(piece.steps_back, piece.back, ahead),
+            free=sight.free - (move.length + move.skipped),
             deflection=deflection,
             lateral_offset=sight.lateral_offset + gone_aside,
             retreat=move.retreat,
         )
 
-    def _with_errors(self, s: WalkState, segment: _Segment, move: _Move) -> WalkState:
+    def _with_errors(self, s: WalkState, piece: _Piece, move: _Move) -> WalkState:
         """Add up the path length and the estimates of its errors."""
         import drjit as dr
         import mitsuba as mi
 
         time, gained = mi.Float(move.time), move.gradient_error
-        along = dr.select(move.passes, dr.dot(move.gain, segment.heading) / 2, 0)
+        along = dr.select(move.passes, dr.dot(move.gain, piece.heading) / 2, 0)
         of_steps = s.step_velocity_error + move.step_error / 2
         return s._replace(
             point=move.point,
             velocity=move.velocity,
-            path_length=s.path_length + move.skipped + move.time * (segment.speed + along),
+            path_length=s.path_length + move.skipped + move.time * (piece.speed + along),
             position_error=s.position_error + (s.velocity_error + gained / 2) * time,
             velocity_error=s.velocity_error + gained,
             step_position_error=s.step_position_error + dr.abs(time) * of_steps,
             step_velocity_error=s.step_velocity_error + move.step_error,
         )
 
-    def _with_outcome(
-        self, s: WalkState, segment: _Segment, sight: _Sight, move: _Move
-    ) -> WalkState:
+    def _with_outcome(self, s: WalkState, piece: _Piece, sight: _Sight, move: _Move) -> WalkState:
         """Count, and end the rays that hit, escape or give up."""
         import drjit as dr
         import mitsuba as mi
 
         ended, contrast = sight.ended, move.refractivity - self.ambient
-        at_wall = (move.enters & segment.entrance.wall) | (move.leaves_data & segment.passage.wall)
+        at_wall = (move.enters & piece.entrance.wall) | (move.leaves_data & piece.passage.wall)
         opened = (move.enters | move.came_in | move.leaves_data) & ~at_wall
         # Where a ray starts does not count.
-        sought = segment.lost | (segment.astray & (s.entry_index != 0))
+        sought = piece.lost | (piece.astray & (s.entry_index != 0))
         relocations = s.relocations + dr.select(sought, mi.UInt32(1), 0)
         gave_up = (s.count + 1 >= self.limit) | (relocations > MOST_RELOCATIONS)
         gave_up &= s.active & ~ended
-        escaped = segment.outside & ~segment.entrance.found & ~ended
+        escaped = piece.outside & ~piece.entrance.found & ~ended
         # Whether it is the part, `_ended` looks up.
         outcome = dr.select(ended, mi.UInt32(HIT_PART), s.outcome)
         met = dr.select(move.passes | move.enters, dr.abs(mi.Float(contrast)), 0)

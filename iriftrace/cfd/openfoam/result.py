@@ -202,8 +202,10 @@ def _write(case: Case, grid: pv.UnstructuredGrid, file: Path, how: str, facts: F
     if case.floor is not None:
         parts.append(f"floor at z = {case.floor:g} mm")
     mirrored = [f"{name} = {value:g} mm" for name, value in case.domain.planes.items()]
-    symmetry = f"mirrored at {' and '.join(mirrored)}" if mirrored else ""
-    parts += [symmetry] if symmetry else []
+    symmetry = (
+        f"mirrored at {' and '.join(mirrored)}" if mirrored else "none, all sides were solved"
+    )
+    parts += [symmetry] if mirrored else []
     output = pv.UnstructuredGrid(
         grid.cells, grid.celltypes, np.asarray(grid.points, dtype=np.float32)
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from iriftrace.air.refractivity import Air
 from iriftrace.cfd.openfoam.wall import wall_temperature
 from iriftrace.cfd.synthetic.mesh import AirMesh, air_mesh, usual_mesh
 from iriftrace.cfd.synthetic.model import SyntheticAir
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import whole_file
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.origin import state_origin
@@ -80,5 +79,5 @@ def write_synthetic_field(
         grid.save(temporary)
     field = _field_of(grid, air, Air(temperature_k=air.ambient_k), str(path))
     for message in fit_part_to_field(field, air.part).warnings:
-        warnings.warn(message, IriftraceWarning, stacklevel=2)
+        warn(message, stacklevel=2)
     return grid

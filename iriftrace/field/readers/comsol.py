@@ -7,14 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from warnings import warn
 
 import numpy as np
 import pyvista as pv
 from attrs import evolve, frozen
 
 from iriftrace.core.arrays import FloatArray, IntArray
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import sha256_of
 from iriftrace.core.number_table import numbers, separator_of
 from iriftrace.core.units import length_factor
@@ -213,7 +212,6 @@ def _without_gaps(table: _Table, names: dict[str, Column], path: Path) -> _Table
     warn(
         f"{path} has no number (NaN) at {np.count_nonzero(missing)} of {len(missing)} points; they "
         "are left out.",
-        IriftraceWarning,
         stacklevel=5,
     )
     if table.cells is None:

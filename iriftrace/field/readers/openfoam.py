@@ -7,13 +7,12 @@ import math
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from warnings import warn
 
 import numpy as np
 import pyvista as pv
 from attrs import frozen
 
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import sha256_of_list
 from iriftrace.field.arrays import quantity_of
 from iriftrace.field.flow import TEMPERATURE, VELOCITY, VELOCITY_OVER_TEMPERATURE, is_motion
@@ -138,7 +137,6 @@ def _case(path: Path) -> _Case:
             warn(
                 f"{folder} is reconstructed up to t = {whole[-1]}, which is read, but its "
                 f"processors continue to t = {apart[-1]}; run reconstructPar to read later times.",
-                IriftraceWarning,
                 stacklevel=5,
             )
         return _Case(folder, (folder,), whole)

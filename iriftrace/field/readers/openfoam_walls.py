@@ -12,14 +12,13 @@ import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
-from warnings import warn
 
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import FloatArray, IntArray
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 from iriftrace.field.readers.openfoam_mesh import Piece, polygon_corners
 
 if TYPE_CHECKING:
@@ -175,7 +174,6 @@ def _refuse_or_warn(wall: bool, patch: str, name: str, kind: str, file: Path) ->
         )
     warn(
         f"{what}patch {patch} (type {kind}); the values of the cells next to it are used.",
-        IriftraceWarning,
         stacklevel=8,
     )
 

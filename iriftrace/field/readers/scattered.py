@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import TYPE_CHECKING
-from warnings import warn
 
 import numpy as np
 from scipy.spatial import Delaunay, QhullError
 
 from iriftrace.core.arrays import BoolArray, FloatArray, Int32Array, IntArray
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 from iriftrace.field.gradient import TETRAHEDRON_EDGES
 from iriftrace.geometry.query import Surface
 from iriftrace.geometry.topology import connected
@@ -57,7 +56,6 @@ def merged(points: FloatArray, values: FloatArray, path: Path) -> tuple[FloatArr
     warn(
         f"{path} repeats {len(points) - len(unique)} points with the same values; each is used "
         "once.",
-        IriftraceWarning,
         stacklevel=5,
     )
     return unique, means
