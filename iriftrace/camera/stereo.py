@@ -45,6 +45,9 @@ BASELINES_MM = (3.0, 20_000.0)
 LARGEST_ANGLE_DEG, LEAST_ANGLE_DEG = 120.0, 3.0
 """Angles of two axes above which cameras face each other, and below which they are parallel."""
 
+NEAREST_CROSSING_MM = 40.0
+"""Distance in front of camera 1 below which axes that meet have a T of another unit."""
+
 _SIDES = (("1", "2"), ("left", "right"), ("l", "r"), ("0", "1"), ("cam", "proj"))
 _OF_A_CAMERA = ("", "cam", "camera", "cameraparameters", "cameraparams", "sensor", "intrinsics")
 _RECTIFICATION = ("R", "rectification_matrix", "rectification")
@@ -313,7 +316,7 @@ def _refuse_pose_of_the_first(first: CalibrationValues) -> None:
 
 
 def _check_axes(values: CalibrationValues, rotation: FloatArray, shift_mm: FloatArray) -> None:
-    """Refuse cameras that face each other, and warn of axes that lead apart."""
+    """Refuse cameras that face each other; warn of axes that lead apart or meet too near."""
     centre, axis = -rotation.T @ shift_mm, rotation[2]
     angle = np.degrees(np.arccos(np.clip(axis[2], -1.0, 1.0)))
     if angle > LARGEST_ANGLE_DEG:
@@ -323,7 +326,19 @@ def _check_axes(values: CalibrationValues, rotation: FloatArray, shift_mm: Float
         )
     # Where the axis of camera 2 is nearest to that of camera 1, the z axis.
     along = np.cross(np.cross((0.0, 0.0, 1.0), axis), (0.0, 0.0, 1.0))
-    if angle > LEAST_ANGLE_DEG and -(centre @ along) / (axis @ along) < 0.0:
+    if angle <= LEAST_ANGLE_DEG:
+        return
+    to_nearest = -(centre @ along) / (axis @ along)
+    meeting_mm = (centre + to_nearest * axis)[2]
+    if 0.0 < meeting_mm < NEAREST_CROSSING_MM:
+        warn(
+            f"The axes of the two cameras in {values.path} meet {meeting_mm:.3g} mm in front of "
+            "them. If they stand farther from what they see, T is in another unit: state it "
+            "(--calibration-length-unit), or multiply T by the size of a square if the target's "
+            "points were given in squares.",
+            stacklevel=3,
+        )
+    if to_nearest < 0.0:
         warn(
             f"The axes of the two cameras in {values.path} lead apart by {angle:.0f} degrees; if "
             "they meet, R is transposed, or R and T are of different directions.",

@@ -19,7 +19,7 @@ _MOST_LISTED = 20
 
 _BRACKETS = re.compile(r"\s*[\[(<{]\s*([^\])>}]*?)\s*[\])>}]")
 _SUFFIX = re.compile(r"[\s_/,.-]+(?:in\s+)?(um|µm|μm|mm|cm|m|inch)$")
-_UNREAD_UNITS = frozenset("nm dm km ft feet foot mil mils thou px pixel pixels".split())
+_UNREAD_UNITS = frozenset("nm dm km ft feet foot ' mil mils thou px pixel pixels".split())
 
 _AXES = {"x": 0, "y": 1, "z": 2, "0": 0, "1": 1, "2": 2}
 _FORMS = tuple(

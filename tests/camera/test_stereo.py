@@ -201,6 +201,8 @@ def test_axes_that_cannot_be_of_a_sensor(tmp_path: Path) -> None:
     )
     with pytest.warns(IriftraceWarning, match="lead apart by"):
         read_stereo_calibration(_of_opencv(tmp_path / "transposed.json", rig.ROTATION.T))
+    with pytest.warns(IriftraceWarning, match=r"meet 2\d\.\d mm in front .* size of a square"):
+        read_stereo_calibration(rig.opencv(tmp_path / "squares.yaml", T=rig.TRANSLATION / 25.0))
     degrees = np.array([0.03, 3.0, -0.05])
     with pytest.raises(InputError, match=r"172 degrees apart, .* rotation vector in degrees"):
         read_stereo_calibration(_of_opencv(tmp_path / "degrees.json", degrees))

@@ -191,6 +191,13 @@ def test_a_unit_beside_the_names_is_that_of_the_numbers(header: str, tmp_path: P
         read_cloud(cloud, length_unit="mm")
 
 
+def test_inches_by_their_sign(tmp_path: Path) -> None:
+    cloud = write(tmp_path / "cloud.csv", '"X ("")","Y ("")","Z ("")"', [0, 1, 2])
+    np.testing.assert_allclose(read_cloud(cloud).points, 25.4 * POINTS[:, :3], rtol=1e-15)
+    cloud = write(tmp_path / "cloud.txt", 'X (") Y (") Z (")', [0, 1, 2], " ")
+    np.testing.assert_allclose(read_cloud(cloud).points, 25.4 * POINTS[:, :3], rtol=1e-15)
+
+
 def test_an_obj_states_its_unit_in_a_comment(tmp_path: Path) -> None:
     cloud = tmp_path / "cloud.obj"
     cloud.write_text(

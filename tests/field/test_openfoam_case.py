@@ -335,12 +335,18 @@ def with_variable(case: Path) -> None:
     (case / "2.5/T").write_text(re.sub(r"(value\s+)(non)?uniform[^;]*", r"\1uniform $hot", text))
 
 
+def squared(case: Path) -> None:
+    text = (case / "2.5/T").read_text()
+    (case / "2.5/T").write_text(text.replace("[0 0 0 1 0 0 0]", "[0 2 -2 0 0 0 0]"))
+
+
 def twice(case: Path) -> None:
     (case / "2.5/T.gz").write_bytes(gzip.compress((case / "2.5/T").read_bytes()))
 
 
 DAMAGE = {
     "a variable": (with_variable, r"2\.5/T cannot be read; it has variables or directives"),
+    "an enthalpy": (squared, r"states the dimensions \[0 2 -2 0 0 0 0\], which are not those"),
     "packed and plain": (twice, r"both T and T\.gz"),
     "no mesh": (remove("constant/polyMesh"), "has no mesh"),
     "regions": (regions, "the regions air; convert the air with `foamToVTK -region air`"),

@@ -27,6 +27,7 @@ _PROCESSOR = re.compile(r"processor(\d+)")
 _NO_VALUES = re.compile(r"processor.*|symmetry.*|wedge|empty|.*cyclic.*", re.IGNORECASE)
 _BINARY = re.compile(rb"\bformat\s+binary")
 _DIRECTIVE = re.compile(rb"\$\w|(?:^|\s)#\s*[a-z]+")
+_DIMENSIONS = re.compile(rb"^\s*dimensions\s*\[([^\]]*)\]", re.MULTILINE)
 _PATCH = re.compile(r"(?P<name>[^\s{}();]+)\s*\{[^{}]*?\btype\s+(?P<kind>\w+)\s*;")
 
 
@@ -217,6 +218,8 @@ def _piece(folder: Path, time: str, flow: bool) -> Piece:
         if _DIRECTIVE.search(text) and not _BINARY.search(text):
             why = "it has variables or directives ($ or #), and a solver writes files without them"
         raise InputError(f"The file {file} cannot be read; {why}, so choose another time (--time).")
+    if TEMPERATURE in there:
+        _refuse_other_dimensions(folder / time / TEMPERATURE)
     kinds = _patch_kinds(folder)
     patches = {
         name: mesh
@@ -233,6 +236,21 @@ def _piece(folder: Path, time: str, flow: bool) -> Piece:
             kelvin = np.asarray(arrays[TEMPERATURE], dtype=np.float64)[:, None]
             arrays[VELOCITY_OVER_TEMPERATURE] = np.asarray(arrays[VELOCITY], np.float64) / kelvin
     return piece
+
+
+def _refuse_other_dimensions(file: Path) -> None:
+    """Refuse a file named as a temperature that states another quantity's dimensions."""
+    packed = file.with_name(f"{file.name}.gz")
+    data = gzip.decompress(packed.read_bytes()) if packed.is_file() else file.read_bytes()
+    found = _DIMENSIONS.search(data)
+    if found is None:
+        return
+    exponents = found[1].decode(errors="replace").split()
+    if [word for word in enumerate(exponents) if word[1] != "0"] != [(3, "1")]:
+        raise InputError(
+            f"{file} states the dimensions [{' '.join(exponents)}], which are not those of a "
+            "temperature in kelvin, [0 0 0 1 0 0 0]; write the temperature under this name."
+        )
 
 
 def _patch_kinds(folder: Path) -> dict[str, str]:
