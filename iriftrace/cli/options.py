@@ -215,11 +215,11 @@ def check_input(*paths: Path | None) -> None:
 
 def check_field(*paths: Path) -> None:
     """Refuse a folder that is not an OpenFOAM case in place of a field, and an unreadable file."""
-    from iriftrace.field.readers.members import kind_of
+    from iriftrace.field.readers.members import reader_of
 
     for path in paths:
         if path.is_dir():
-            kind_of(path)
+            reader_of(path)
         check_readable(path)
 
 

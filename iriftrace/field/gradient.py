@@ -89,6 +89,13 @@ def cell_corners(grid: LinearCells) -> dict[int, tuple[IntArray, IntArray]]:
     return result
 
 
+def corners_in(cells: pv.CellArray) -> tuple[IntArray, IntArray]:
+    """Cell and point number of every corner of any cells, such as those of ``grid.GetCells()``."""
+    starts = np.asarray(cells.GetOffsetsArray(), dtype=np.int64)
+    corners = np.asarray(cells.GetConnectivityArray(), dtype=np.int64)
+    return np.repeat(np.arange(len(starts) - 1), np.diff(starts)), corners
+
+
 def point_gradient(grid: LinearCells, values: FloatArray) -> FloatArray:
     """Gradient of a quantity at the points of a grid, whose cells are of the types in `CORNERS`.
 

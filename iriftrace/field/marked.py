@@ -8,6 +8,7 @@ from attrs import frozen
 
 from iriftrace.core.arrays import AnyArray, BoolArray, as_float64
 from iriftrace.core.errors import InputError, warn
+from iriftrace.field.gradient import corners_in
 
 # Written by VTK's probe and resampling filters: 0 where the source has no value, and less than 1
 # where a later filter has averaged such points.
@@ -15,6 +16,7 @@ _VALID = ("vtkvalidpointmask", "vtkvalidcellmask")
 _GHOSTS = ("vtkGhostType", "vtkGhostLevels")
 _HIDDEN_POINT = 2
 """Bit of a point's vtkGhostType for hidden points; the other bit marks copies with values."""
+_ANY = -1
 
 
 @frozen(eq=False)
@@ -28,13 +30,23 @@ class Unmarked:
 
 def unmarked(block: pv.DataSet) -> Unmarked:
     """Remove cells that are ghosts of any kind, not valid, or have a hidden corner."""
-    grid, ghosts = _unblanked(block)
+    grid = block.copy(deep=False)
+    # VTK removes some kinds of marked cells of images by itself, without counting them.
+    point_marks, cell_marks = (
+        {name: np.array(data.pop(name)).astype(np.int64) for name in _GHOSTS if name in data}
+        for data in (grid.point_data, grid.cell_data)
+    )
+    if not isinstance(grid, pv.UnstructuredGrid):
+        grid = grid.cast_to_unstructured_grid()
     points = np.zeros(grid.n_points, dtype=bool)
     cells = np.zeros(grid.n_cells, dtype=bool)
     names: set[str] = set()
-    for data, kind, mask in ((grid.point_data, "point", points), (grid.cell_data, "cell", cells)):
+    for data, marks, bits, mask in (
+        (grid.point_data, point_marks, _HIDDEN_POINT, points),
+        (grid.cell_data, cell_marks, _ANY, cells),
+    ):
         found = {n: ~(as_float64(data[n]) >= 1.0) for n in data if n.lower() in _VALID}
-        found |= {name: _ghosts(values, kind) for name, values in ghosts[kind].items()}
+        found |= {name: (values & bits) != 0 for name, values in marks.items()}
         for name, marked in found.items():
             mask |= marked
             names.update([name] if marked.any() else [])
@@ -79,28 +91,7 @@ def chosen_cells(grid: pv.UnstructuredGrid, numbers: AnyArray) -> pv.Unstructure
 
 def _at_corners(grid: pv.UnstructuredGrid, points: BoolArray) -> BoolArray:
     """Mask (c,) of the cells that have a corner among the masked (n,) points."""
-    starts = np.asarray(grid.cell_offsets, dtype=np.int64)
-    cell = np.repeat(np.arange(grid.n_cells), np.diff(starts))
+    cell, corner = corners_in(grid.GetCells())
     mask = np.zeros(grid.n_cells, dtype=bool)
-    mask[cell[points[np.asarray(grid.cell_connectivity)]]] = True
-    return mask
-
-
-def _unblanked(block: pv.DataSet) -> tuple[pv.UnstructuredGrid, dict[str, dict[str, AnyArray]]]:
-    """All cells as an unstructured grid, and the ghost marks of its points and cells.
-
-    VTK removes some kinds of marked cells of images by itself, without counting them.
-    """
-    shown = block.copy(deep=False)
-    ghosts: dict[str, dict[str, AnyArray]] = {}
-    for kind, data in (("point", shown.point_data), ("cell", shown.cell_data)):
-        ghosts[kind] = {name: np.array(data.pop(name)) for name in _GHOSTS if name in data}
-    if not isinstance(shown, pv.UnstructuredGrid):
-        shown = shown.cast_to_unstructured_grid()
-    return shown, ghosts
-
-
-def _ghosts(values: AnyArray, kind: str) -> BoolArray:
-    marks = values.astype(np.int64)
-    mask: BoolArray = (marks & _HIDDEN_POINT) != 0 if kind == "point" else marks != 0
+    mask[cell[points[corner]]] = True
     return mask

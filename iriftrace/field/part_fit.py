@@ -12,7 +12,7 @@ from itertools import product
 import numpy as np
 from attrs import Factory, evolve, frozen
 
-from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.field.index_field import IndexField
@@ -102,17 +102,16 @@ def body_in_air(field: IndexField, part: Part, blockers: Sequence[Part]) -> Part
     A board that is seen past a hot part stands apart. A body is in the air if the field's inner
     wall lies near it or, for a field without inner wall, its hot air does.
     """
-    near = [body for body in (part, *blockers) if _stands_in(body, field)]
-    return near[0] if near else part
-
-
-def _stands_in(body: Part, field: IndexField) -> bool:
-    """True if a fraction of the field's inner wall lies near a body, or hot air around it."""
-    if field.wall.n_points:
-        return bool(np.mean(body.surface.distance(field.wall.points) < NEAR_MM) > _LEAST_BARE)
     middle = 0.5 * (field.ambient_refractivity + field.hottest_refractivity)
-    hot = _box(np.asarray(field.grid.points)[np.asarray(field.refractivity) < middle])
-    return bool(np.all(body.bounds[0] <= hot[1]) and np.all(body.bounds[1] >= hot[0]))
+    for body in (part, *blockers):
+        if field.wall.n_points:
+            near = np.mean(body.surface.distance(field.wall.points) < NEAR_MM) > _LEAST_BARE
+        else:
+            hot = _box(np.asarray(field.grid.points)[field.refractivity < middle])
+            near = not _apart(body.bounds, hot)
+        if near:
+            return body
+    return part
 
 
 def fit_part_to_field(
@@ -140,13 +139,27 @@ def fit_part_to_field(
         The field does not reach the part; the message names the unit or axes that would fix it.
     """
     part = body_in_air(field, part, blockers)
-    wall = field.wall
-    cavity = _box(np.asarray(wall.points)) if wall.n_points else None
-    advice = "" if cavity is None else _advice(part, field, cavity)
+    wall, data = field.wall, _box(np.asarray(field.grid.points))
     unreached = f"The field {field.source.path} does not reach the part {part.path}: "
-    _refuse_elsewhere(field, part, cavity, unreached, advice)
-    if cavity is None:
-        return _fit_without_wall(field, part, wall_temperature_k)
+    if not wall.n_points:
+        return _fit_without_wall(field, part, data, unreached, wall_temperature_k)
+    cavity = _box(np.asarray(wall.points))
+    advice = _advice(part, field, cavity)
+    if _apart(part.bounds, data):
+        raise InputError(
+            f"{unreached}they do not overlap; {advice} If the part is a board that is seen past a "
+            "hot part, give that one as a blocker (--blocker)."
+        )
+    larger = _diagonal(part.bounds) / _diagonal(data)
+    wider = _diagonal(cavity) / _diagonal(part.bounds)
+    for what, ratio, than in (
+        ("the part", larger, "field"),
+        ("the field's inner wall", wider, "part"),
+    ):
+        if ratio > MOST_LARGER:
+            raise InputError(
+                f"{unreached}{what} is {ratio:.3g} times as large as the {than}; {advice}"
+            )
     bodies = {id(body): body for body in (part, *blockers)}.values()
     gaps = np.min([body.surface.distance(wall.points) for body in bodies], axis=0)
     # A wall that is nowhere closer than half its own size belongs to another body.
@@ -156,76 +169,34 @@ def fit_part_to_field(
             f"{advice}"
         )
     median, p95 = (float(gap) for gap in np.percentile(gaps, (50, 95)))
-    refractivity = np.asarray(wall.point_data["refractivity"], dtype=np.float64)
-    temperature = float(np.median(field.air.temperature(refractivity)))
+    temperature = float(np.median(field.air.temperature(as_float64(wall["refractivity"]))))
     places, face = part.surface.even_places(SAMPLE)
     off_wall = Surface(wall.points, wall.regular_faces).distance(places) > LARGEST_GAP_MM
     bare = float(np.mean(off_wall))
     fit = Fit(median, p95, temperature, bare, (), _bare_of_region(part, off_wall, face))
-    messages = _gap_messages(field, fit, advice)
-    messages += _temperature_message(temperature, wall_temperature_k)
-    return evolve(fit, warnings=tuple(messages))
-
-
-def _refuse_elsewhere(
-    field: IndexField, part: Part, cavity: FloatArray | None, unreached: str, advice: str
-) -> None:
-    """Refuse a part outside the field, or one whose size does not match the field or its cavity."""
-    data = _box(np.asarray(field.grid.points))
-    apart = bool(np.any(part.bounds[0] > data[1]) or np.any(part.bounds[1] < data[0]))
-    if cavity is None:
-        if apart:
-            raise InputError(f"{unreached}they do not overlap; check units and axes.")
-        sizes = _diagonal(data), _diagonal(part.bounds)
-        if max(sizes) > MOST_DATA_LARGER * min(sizes):
-            raise InputError(
-                f"The field {field.source.path} measures {_size(data)} and the part {part.path} "
-                f"{_size(part.bounds)}, so one of them was read in the wrong unit; give the part's "
-                "(--length-unit) or the field's (--field-length-unit), or scale the field "
-                '(--field-transform "scale 0.001").'
-            )
-        return
-    if apart:
-        raise InputError(
-            f"{unreached}they do not overlap; {advice} If the part is a board that is seen past a "
-            "hot part, give that one as a blocker (--blocker)."
-        )
-    larger = _diagonal(part.bounds) / _diagonal(data)
-    if larger > MOST_LARGER:
-        raise InputError(
-            f"{unreached}the part is {larger:.3g} times as large as the field; {advice}"
-        )
-    wider = _diagonal(cavity) / _diagonal(part.bounds)
-    if wider > MOST_LARGER:
-        raise InputError(
-            f"{unreached}the field's inner wall is {wider:.3g} times as large as the part; {advice}"
-        )
-
-
-def _gap_messages(field: IndexField, fit: Fit, advice: str) -> list[str]:
-    """Sentences about a gap around the part, or areas of it without hot air."""
-    median, p95, bare = fit.gap_median_mm, fit.gap_p95_mm, fit.bare_share
-    messages = []
+    messages = _temperature_message(temperature, wall_temperature_k)
     if p95 > LARGEST_GAP_MM:
         # A part next to its cavity is bare too, but the warning about the gap says enough.
-        messages.append(
+        messages = (
             f"The part does not fill the cavity in the field: the gap is {median:.3g} mm (median) "
             f"and {p95:.3g} mm (95th percentile), so rays cross air without field data; "
-            f"{advice}"
+            f"{advice}",
+            *messages,
         )
     elif bare > LARGEST_BARE_SHARE:
-        messages.append(
+        remedy = (
+            "use smaller cells (--cell-size), which follow sharp edges and thin walls."
+            if synthetic_mark(field.source)
+            else "mirror a field that was solved on a half or quarter, use smaller cells "
+            "where the part is round, or check unit and axes."
+        )
+        messages = (
             f"{bare:.0%} of the part's surface lies more than {LARGEST_GAP_MM} mm off the field's "
             f"wall ({fit.bare_regions}), so no hot air is known there and rays through it stay "
-            "straight; "
-            + (
-                "use smaller cells (--cell-size), which follow sharp edges and thin walls."
-                if synthetic_mark(field.source)
-                else "mirror a field that was solved on a half or quarter, use smaller cells "
-                "where the part is round, or check unit and axes."
-            )
+            f"straight; {remedy}",
+            *messages,
         )
-    return messages
+    return evolve(fit, warnings=messages)
 
 
 def _bare_of_region(part: Part, off_wall: BoolArray, face: IntArray) -> dict[str, float]:
@@ -237,34 +208,47 @@ def _bare_of_region(part: Part, off_wall: BoolArray, face: IntArray) -> dict[str
     return {part.region_names[k]: float(share[k]) for k in order}
 
 
-def _fit_without_wall(field: IndexField, part: Part, expected_k: float | None) -> Fit:
+def _fit_without_wall(
+    field: IndexField, part: Part, data: FloatArray, unreached: str, expected_k: float | None
+) -> Fit:
+    """The temperature of the air at the part; refuses a part elsewhere or of another size."""
+    if _apart(part.bounds, data):
+        raise InputError(f"{unreached}they do not overlap; check units and axes.")
+    sizes = _diagonal(data), _diagonal(part.bounds)
+    if max(sizes) > MOST_DATA_LARGER * min(sizes):
+        raise InputError(
+            f"The field {field.source.path} measures {_size(data)} and the part {part.path} "
+            f"{_size(part.bounds)}, so one of them was read in the wrong unit; give the part's "
+            "(--length-unit) or the field's (--field-length-unit), or scale the field "
+            '(--field-transform "scale 0.001").'
+        )
     found = field.sample(part.vertices)
     known = found[np.isfinite(found)]
-    unknown = float("nan")
-    temperature = float(np.median(field.air.temperature(known))) if len(known) else unknown
+    temperature = float(np.median(field.air.temperature(known))) if len(known) else np.nan
     message = (
         "The field has no cavity, so the position of the part in it cannot be checked; "
         "look at part and field together."
     )
     messages = (message, *_temperature_message(temperature, expected_k))
-    return Fit(unknown, unknown, temperature, unknown, messages)
+    return Fit(np.nan, np.nan, temperature, np.nan, messages)
 
 
-def _temperature_message(found_k: float, expected_k: float | None) -> list[str]:
+def _temperature_message(found_k: float, expected_k: float | None) -> tuple[str, ...]:
     if expected_k is None or abs(found_k - expected_k) <= LARGEST_DIFFERENCE_K:
-        return []
+        return ()
     if np.isnan(found_k):
-        return ["The field has no data at the part's surface, so its temperature is unknown."]
+        return ("The field has no data at the part's surface, so its temperature is unknown.",)
     # The difference between 0 K and 0 degC: a value in one unit was read as the other.
     unit = abs(abs(found_k - expected_k) - ZERO_CELSIUS_K) < LARGEST_DIFFERENCE_K
-    return [
+    cause = (
+        "one of the two was given in degC but read as kelvin."
+        if unit
+        else "check the field's array and the part's temperature."
+    )
+    return (
         f"The air at the wall has {found_k:.1f} K instead of the expected {expected_k:.1f} K; "
-        + (
-            "one of the two was given in degC but read as kelvin."
-            if unit
-            else "check the field's array and the part's temperature."
-        )
-    ]
+        f"{cause}",
+    )
 
 
 def _unit_advice(scale: float, part: Part, field: IndexField) -> tuple[str, bool]:
@@ -327,6 +311,10 @@ def _advice(part: Part, field: IndexField, target: FloatArray) -> str:
 
 def _box(points: FloatArray) -> FloatArray:
     return np.stack((points.min(axis=0), points.max(axis=0))).astype(np.float64)
+
+
+def _apart(box: FloatArray, other: FloatArray) -> bool:
+    return bool(np.any(box[0] > other[1]) or np.any(box[1] < other[0]))
 
 
 def _diagonal(box: FloatArray) -> float:

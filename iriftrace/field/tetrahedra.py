@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 from attrs import frozen
 
-from iriftrace.core.arrays import AnyIntArray, BoolArray, FloatArray, IntArray, NumberArray
+from iriftrace.core.arrays import (
+    AnyIntArray,
+    BoolArray,
+    FloatArray,
+    IntArray,
+    NumberArray,
+    as_float64,
+)
 from iriftrace.core.errors import InputError
 from iriftrace.field.gradient import (
     HEXAHEDRON,
@@ -74,29 +81,28 @@ def tetrahedra_of(grid: LinearCells) -> Tetrahedra:
     pyvista.UnstructuredGrid. Raises InputError if there are too many cells, or three of them have
     a common face.
     """
-    points = np.asarray(grid.points, dtype=np.float64)
-    split = (_split(cells, kind) for kind, (_, cells) in cell_corners(grid).items())
-    corners = np.concatenate([_turned_by_majority(tetrahedra, points) for tetrahedra in split])
-    if len(corners) > MOST_TETRAHEDRA:
+    points = as_float64(grid.points)
+    of_kinds = []
+    for kind, (_, cells) in cell_corners(grid).items():
+        tetrahedra = _split(cells, kind)
+        # Solvers do not agree on the order of a wedge's corners, and a mirrored field is all
+        # left-handed. Negative volumes that remain are inverted cells.
+        if _volumes(tetrahedra, points).sum() < 0:
+            tetrahedra = tetrahedra[:, _MIRRORED]
+        of_kinds.append(tetrahedra)
+    split = np.concatenate(of_kinds)
+    if len(split) > MOST_TETRAHEDRA:
         raise InputError(
-            f"The field splits into {len(corners)} tetrahedra, but at most {MOST_TETRAHEDRA} can "
+            f"The field splits into {len(split)} tetrahedra, but at most {MOST_TETRAHEDRA} can "
             "be numbered; crop it to the part's surroundings."
         )
-    corners = _without_flat_twins(corners)
-    equal = _equal_faces(corners)
-    while len(crowded := _crowded(equal)):
-        corners = _without_caps(corners, crowded, points)
-        equal = _equal_faces(corners)
-    return _of_one_orientation(corners, points, _face_pairs(equal))
-
-
-def _turned_by_majority(corners: IntArray, points: FloatArray) -> IntArray:
-    """All tetrahedra of one cell type, reversed if most of their volume is negative.
-
-    Solvers do not agree on the order of a wedge's corners, and a mirrored field is left-handed
-    throughout. The remaining negative volumes are inverted cells.
-    """
-    return corners[:, _MIRRORED] if _volumes(corners, points).sum() < 0 else corners
+    corners = _without_flat_twins(split)
+    while True:
+        order, same = _equal_rows(np.sort(corners[:, OPPOSITE].reshape(-1, 3), axis=1))
+        crowded = np.flatnonzero(same[1:] & same[:-1])
+        if not len(crowded):
+            return _of_one_orientation(corners, points, order, same)
+        corners = _without_caps(corners, order[crowded[:, None] + np.arange(3)], points)
 
 
 def _without_caps(corners: NumberArray, crowded: IntArray, points: FloatArray) -> NumberArray:
@@ -122,17 +128,23 @@ def _without_caps(corners: NumberArray, crowded: IntArray, points: FloatArray) -
 
 
 def _of_one_orientation(
-    corners: NumberArray, points: FloatArray, pairs: tuple[IntArray, IntArray, IntArray]
+    corners: NumberArray, points: FloatArray, order: IntArray, same: BoolArray
 ) -> Tetrahedra:
     """Reverse tetrahedra whose orientation differs from their neighbours'; returns these, too.
+
+    `order` and `same` are those of `_equal_rows` for all faces.
 
     The sign of a volume does not decide this: half a field may be a mirror image, tetrahedra may be
     numbered at random, and programs that split polyhedra make every piece right-handed, including
     inverted slivers. A ray that follows faces through such a piece is lost. The order of the points
     on the common faces of neighbours does decide it.
     """
+    # A face's number is four times the tetrahedron's plus its own.
+    first, second = order[:-1][same], order[1:][same]
+    boundary = np.ones(len(order), dtype=bool)
+    boundary[first] = boundary[second] = False
+    alone = np.flatnonzero(boundary)
     faces = corners[:, OPPOSITE].reshape(-1, 3)
-    first, second, alone = pairs
     # Ascending or reversed, two of three pairs of consecutive points of a face ascend.
     ascends = (np.roll(faces, -1, axis=1) > faces).sum(axis=1) == 2
     opposed = ascends[first] != ascends[second]
@@ -142,13 +154,19 @@ def _of_one_orientation(
         turned, one_sided = cells_to_flip(np.stack((first, second), axis=1) // 4, opposed, volume)
         turned &= ~one_sided
         corners = np.where(turned[:, None], corners[:, _MIRRORED], corners)
-        first, second, alone = (_renumbered(rows, turned) for rows in pairs)
-    return _with_neighbours(corners, first, second, alone)
-
-
-def _renumbered(faces: IntArray, turned: BoolArray) -> IntArray:
-    """Face numbers (four times the tetrahedron's plus their own) after some are reversed."""
-    return np.where(turned[faces // 4], faces - faces % 4 + _MIRRORED[faces % 4], faces)
+        first, second, alone = (
+            np.where(turned[rows // 4], rows - rows % 4 + _MIRRORED[rows % 4], rows)
+            for rows in (first, second, alone)
+        )
+    neighbours = np.empty(corners.size, dtype=np.uint32)
+    neighbours[first], neighbours[second] = second, first
+    neighbours[alone] = BOUNDARY + np.arange(len(alone))
+    return Tetrahedra(
+        corners=corners,
+        neighbours=neighbours.reshape(-1, 4),
+        boundary=corners[:, OPPOSITE].reshape(-1, 3)[alone],
+        boundary_place=alone.astype(np.uint32),
+    )
 
 
 def _volumes(corners: AnyIntArray, points: FloatArray) -> FloatArray:
@@ -195,41 +213,6 @@ def _without_flat_twins(corners: IntArray) -> NumberArray:
     twice = np.zeros(len(corners), dtype=bool)
     twice[order[1:][repeated]] = twice[order[:-1][repeated]] = True
     return corners[~twice].astype(np.uint32)
-
-
-def _with_neighbours(
-    corners: NumberArray, first: IntArray, second: IntArray, alone: IntArray
-) -> Tetrahedra:
-    neighbours = np.empty(corners.size, dtype=np.uint32)
-    neighbours[first], neighbours[second] = second, first
-    neighbours[alone] = BOUNDARY + np.arange(len(alone))
-    return Tetrahedra(
-        corners=corners,
-        neighbours=neighbours.reshape(-1, 4),
-        boundary=corners[:, OPPOSITE].reshape(-1, 3)[alone],
-        boundary_place=alone.astype(np.uint32),
-    )
-
-
-def _equal_faces(corners: AnyIntArray) -> tuple[IntArray, BoolArray]:
-    """Faces with the same points, of tetrahedra (m, 4); see `_equal_rows`."""
-    return _equal_rows(np.sort(corners[:, OPPOSITE].reshape(-1, 3), axis=1))
-
-
-def _crowded(equal: tuple[IntArray, BoolArray]) -> IntArray:
-    """Numbers (k, 3) of faces with the same points, of which there may be at most two."""
-    order, same = equal
-    triples: IntArray = order[np.flatnonzero(same[1:] & same[:-1])[:, None] + np.arange(3)]
-    return triples
-
-
-def _face_pairs(equal: tuple[IntArray, BoolArray]) -> tuple[IntArray, IntArray, IntArray]:
-    """Numbers of faces with the same points, first and second, and of faces without a match."""
-    order, same = equal
-    first, second = order[:-1][same], order[1:][same]
-    alone = np.ones(len(order), dtype=bool)
-    alone[first] = alone[second] = False
-    return first, second, np.flatnonzero(alone)
 
 
 def _equal_rows(rows: AnyIntArray) -> tuple[IntArray, BoolArray]:

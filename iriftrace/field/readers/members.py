@@ -10,24 +10,35 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Protocol
 
 from attrs import evolve, frozen
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import check_readable
 from iriftrace.field.readers import cgns, comsol, ensight, exodus, openfoam, vtk_files
-from iriftrace.field.readers.states import Contents
+from iriftrace.field.readers.states import Contents, State
 
-VTK = (".vtu", ".pvtu", ".vtk", ".vti", ".vtr", ".vts", ".pvd", ".vtm")
-OPENFOAM = (".foam", ".openfoam")
-ENSIGHT = (".case", ".encas")
-EXODUS = (".e", ".ex2", ".exo")
-CGNS = (".cgns",)
-COMSOL_TEXT = (".txt", ".csv", ".dat")
-COMPRESSED = (".gz", ".zip", ".bz2", ".xz", ".7z")
-SUFFIXES = (*VTK, *ENSIGHT, *EXODUS, *CGNS, *OPENFOAM, *COMSOL_TEXT)
+
+class Reader(Protocol):
+    """A module that reads files of one format."""
+
+    def states(self, path: Path) -> list[State]: ...
+
+    def read(self, path: Path, member: int | None) -> Contents: ...
+
+
+_READERS: dict[str, Reader] = {
+    **dict.fromkeys((".vtu", ".pvtu", ".vtk", ".vti", ".vtr", ".vts", ".pvd", ".vtm"), vtk_files),
+    **dict.fromkeys((".case", ".encas"), ensight),
+    **dict.fromkeys((".e", ".ex2", ".exo"), exodus),
+    ".cgns": cgns,
+    **dict.fromkeys((".foam", ".openfoam"), openfoam),
+    **dict.fromkeys((".txt", ".csv", ".dat"), comsol),
+}
+SUFFIXES = tuple(_READERS)
 """Suffixes of files that can hold a field; an OpenFOAM case may also be named by its folder."""
-
+COMPRESSED = (".gz", ".zip", ".bz2", ".xz", ".7z")
 
 # Solvers write their times with six digits or more.
 _SAME_TIME = 1e-5
@@ -56,16 +67,15 @@ class Member:
     index: int
 
 
-def kind_of(path: Path) -> str:
-    """Format of a field file: ``"vtk"``, ``"ensight"``, ``"exodus"``, ``"cgns"``,
-    ``"openfoam"`` or ``"comsol"``.
+def reader_of(path: Path) -> Reader:
+    """Reader of a field file.
 
     Raises InputError if the file does not exist, may not be read, is of another type, or is a
     folder that is not an OpenFOAM case.
     """
     if path.is_dir():
         if openfoam.is_case(path):
-            return "openfoam"
+            return openfoam
         raise InputError(
             f"The folder {path} is not an OpenFOAM case (it has neither system/controlDict nor "
             "constant/polyMesh); name the case's folder or the field's file."
@@ -74,18 +84,10 @@ def kind_of(path: Path) -> str:
         raise InputError(f"The field file {path} does not exist; check the path.")
     check_readable(path)
     suffix = path.suffix.lower()
-    if suffix in OPENFOAM or path.name == "controlDict":
-        return "openfoam"
-    if suffix in COMSOL_TEXT:
-        return "comsol"
-    if suffix in VTK:
-        return "vtk"
-    if suffix in ENSIGHT:
-        return "ensight"
-    if suffix in EXODUS:
-        return "exodus"
-    if suffix in CGNS:
-        return "cgns"
+    if path.name == "controlDict":
+        return openfoam
+    if suffix in _READERS:
+        return _READERS[suffix]
     if suffix in COMPRESSED:
         raise InputError(f"The field file {path} is compressed; unpack it first.")
     raise InputError(
@@ -96,67 +98,44 @@ def kind_of(path: Path) -> str:
 
 def read_state(path: Path, number: int | None, *, flow: bool = False) -> Contents:
     """Read one state of a field file; see `iriftrace.field.read.read_volume`."""
-    kind = kind_of(path)
+    reader = reader_of(path)
     with _file_errors(path):
-        if kind == "openfoam":
+        if reader is openfoam:
             return openfoam.read(path, number, flow=flow)
-        if kind == "ensight":
-            return ensight.read(path, number)
-        if kind == "exodus":
-            return exodus.read(path, number)
-        if kind == "cgns":
-            return cgns.read(path, number)
-        return vtk_files.read(path, number) if kind == "vtk" else comsol.read(path, number)
+        return reader.read(path, number)
 
 
 def members(path: str | Path) -> tuple[Member, ...]:
-    """States of a field file in their order, at least one.
+    """States of any file or folder that `iriftrace.field.read.read_field` reads, at least one.
 
-    Parameters
-    ----------
-    path : str or Path
-        Any file or folder that `iriftrace.field.read.read_field` reads.
-
-    Raises
-    ------
-    InputError
-        The file is missing, of another type, or damaged.
+    Raises InputError if the file is missing, of another type, or damaged.
     """
     path = Path(path)
-    kind = kind_of(path)
+    reader = reader_of(path)
     with _file_errors(path):
-        readers = {
-            "vtk": vtk_files,
-            "ensight": ensight,
-            "exodus": exodus,
-            "cgns": cgns,
-            "openfoam": openfoam,
-            "comsol": comsol,
-        }
-        states = readers[kind].states(path)
+        states = reader.states(path)
     return tuple(Member(path, label, time, index) for index, (label, time) in enumerate(states))
 
 
 def member_at(path: str | Path, when: str) -> Member:
-    """The state of a field file that a user names.
+    """The state that a user names: ``"latest"``, ``"first"``, a time such as ``"2.5"``, or a label.
 
-    Parameters
-    ----------
-    path : str or Path
-    when : str
-        ``"latest"``, ``"first"``, a time such as ``"2.5"``, or a label.
-
-    Raises
-    ------
-    InputError
-        The file has no such state; the message lists those it has.
+    Raises InputError if the file has no such state; the message lists those it has.
     """
     found = members(path)
     word = when.strip()
     if word in ("latest", "first"):
         return found[-1 if word == "latest" else 0]
     by_label = [m for m in found if _plain(m.label) == _plain(word)]
-    chosen = by_label or [m for m in found if m.time is not None and _same_time(m.time, word)]
+    try:
+        time = float(word)
+    except ValueError:
+        time = math.nan
+    chosen = by_label or [
+        m
+        for m in found
+        if m.time is not None and math.isclose(m.time, time, rel_tol=_SAME_TIME, abs_tol=1e-12)
+    ]
     if len(chosen) != 1:
         if not found[0].label:
             raise InputError(
@@ -172,18 +151,9 @@ def member_at(path: str | Path, when: str) -> Member:
 def chosen_members(paths: Sequence[str | Path], when: str | None = None) -> tuple[Member, ...]:
     """States of several files that form an ensemble, with unique labels.
 
-    Parameters
-    ----------
-    paths : sequence of str or Path
-        Files or cases, each once.
-    when : str, optional
-        Which states of each file: one state as in `member_at`, a span of times ``"FIRST:LAST"``, or
-        ``"all"``. By default all states, or the latest one of an OpenFOAM case.
-
-    Raises
-    ------
-    InputError
-        A file is given twice, cannot be read, or has no such state.
+    `when` is one state of each file as in `member_at`, a span of times ``"FIRST:LAST"``, or
+    ``"all"``; by default all states, or the latest one of an OpenFOAM case. Raises InputError if a
+    file is given twice, cannot be read, or has no such state.
     """
     files = [Path(path) for path in paths]
     places = [path.resolve() for path in files]
@@ -199,23 +169,13 @@ def chosen_members(paths: Sequence[str | Path], when: str | None = None) -> tupl
 
 
 def _chosen(path: Path, when: str | None) -> tuple[Member, ...]:
-    if when is None and kind_of(path) == "openfoam":
+    if when is None and reader_of(path) is openfoam:
         # A case that was run to its steady state keeps earlier times, too.
         when = "latest"
     if when is None or when.strip() == "all":
         return members(path)
     if ":" not in when:
         return (member_at(path, when),)
-    begin, end = _span(when)
-    listed = members(path)
-    found = tuple(m for m in listed if m.time is not None and begin <= m.time <= end)
-    if not found:
-        raise InputError(f"{path} has no time from {begin:g} to {end:g}; it has {_listed(listed)}.")
-    return found
-
-
-def _span(when: str) -> tuple[float, float]:
-    """First and last time of a span FIRST:LAST."""
     try:
         begin, end = (float(time) for time in when.split(":"))
     except ValueError:
@@ -224,7 +184,11 @@ def _span(when: str) -> tuple[float, float]:
         raise InputError(
             f'--time is "{when}", but a span FIRST:LAST goes from an earlier to a later time.'
         )
-    return begin, end
+    listed = members(path)
+    found = tuple(m for m in listed if m.time is not None and begin <= m.time <= end)
+    if not found:
+        raise InputError(f"{path} has no time from {begin:g} to {end:g}; it has {_listed(listed)}.")
+    return found
 
 
 def _listed(found: tuple[Member, ...]) -> str:
@@ -237,13 +201,6 @@ def _listed(found: tuple[Member, ...]) -> str:
 
 def _plain(label: str) -> str:
     return "".join(label.split()).lower()
-
-
-def _same_time(time: float, word: str) -> bool:
-    try:
-        return math.isclose(time, float(word), rel_tol=_SAME_TIME, abs_tol=1e-12)
-    except ValueError:
-        return False
 
 
 @contextmanager

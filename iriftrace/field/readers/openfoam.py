@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import gzip
 import math
 import re
-from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +15,7 @@ from iriftrace.core.files import sha256_of_list
 from iriftrace.field.arrays import quantity_of
 from iriftrace.field.flow import TEMPERATURE, VELOCITY, VELOCITY_OVER_TEMPERATURE, is_motion
 from iriftrace.field.readers.openfoam_mesh import Piece, joined, split_piece
-from iriftrace.field.readers.openfoam_walls import set_values_of_gradients
+from iriftrace.field.readers.openfoam_walls import set_values_of_gradients, unpacked
 from iriftrace.field.readers.states import Contents, State, state_number
 from iriftrace.field.readers.vtk_files import blocks_by_name
 from iriftrace.field.readers.vtk_process import read_case
@@ -58,15 +56,27 @@ def read(path: Path, member: int | None, *, flow: bool = False) -> Contents:
     number = state_number(case.states, member, path)
     time = case.times[number]
     pieces = [_piece(piece, time, flow) for piece in case.pieces]
+    # Cell arrays of scalars and, if asked for, of the vectors that describe the air's motion.
     names = [
-        name for name in _names(pieces[0], flow) if all(name in _names(p, flow) for p in pieces)
+        name
+        for name, values in pieces[0].grid.cell_data.items()
+        if values.dtype.kind == "f"
+        and (values.ndim == 1 or (flow and is_motion(name)))
+        and all(name in piece.grid.cell_data for piece in pieces)
     ]
     if not names:
         raise InputError(
             f"The case {path} has no scalar field in its time folder {time}; choose another time "
             "(--time)."
         )
-    _refuse_bare_patches(path, pieces, names)
+    for piece in pieces:
+        for patch, mesh in piece.patches.items():
+            missing = [name for name in names if mesh.n_cells and name not in mesh.cell_data]
+            if missing:
+                raise InputError(
+                    f"The case {path} has no values of {missing[0]} on the patch {patch}; is the "
+                    "file of this time complete?"
+                )
     files = (
         file
         for piece in case.pieces
@@ -81,18 +91,6 @@ def read(path: Path, member: int | None, *, flow: bool = False) -> Contents:
         length_unit="m",
         origin=f"OpenFOAM{_solver(case.folder)}, t = {time} s",
     )
-
-
-def _refuse_bare_patches(path: Path, pieces: Iterable[Piece], names: Iterable[str]) -> None:
-    """Refuse patches without the values that are needed at their points."""
-    for piece in pieces:
-        for patch, mesh in piece.patches.items():
-            missing = [name for name in names if mesh.n_cells and name not in mesh.cell_data]
-            if missing:
-                raise InputError(
-                    f"The case {path} has no values of {missing[0]} on the patch {patch}; is the "
-                    "file of this time complete?"
-                )
 
 
 def is_case(folder: Path) -> bool:
@@ -181,15 +179,6 @@ def _solver(folder: Path) -> str:
     return f" {found[1]}" if found else ""
 
 
-def _names(piece: Piece, flow: bool) -> list[str]:
-    """Cell arrays of scalars and, if `flow`, of the vectors that describe the air's motion."""
-    return [
-        name
-        for name, values in piece.grid.cell_data.items()
-        if values.dtype.kind == "f" and (values.ndim == 1 or (flow and is_motion(name)))
-    ]
-
-
 def _piece(folder: Path, time: str, flow: bool) -> Piece:
     """Cells and patches of one folder with a polyMesh."""
     data, named = read_case(folder, time)
@@ -240,9 +229,7 @@ def _piece(folder: Path, time: str, flow: bool) -> Piece:
 
 def _refuse_other_dimensions(file: Path) -> None:
     """Refuse a file named as a temperature that states another quantity's dimensions."""
-    packed = file.with_name(f"{file.name}.gz")
-    data = gzip.decompress(packed.read_bytes()) if packed.is_file() else file.read_bytes()
-    found = _DIMENSIONS.search(data)
+    found = _DIMENSIONS.search(unpacked(file))
     if found is None:
         return
     exponents = found[1].decode(errors="replace").split()
@@ -255,9 +242,7 @@ def _refuse_other_dimensions(file: Path) -> None:
 
 def _patch_kinds(folder: Path) -> dict[str, str]:
     """Types of the patches by name, from ``polyMesh/boundary``."""
-    file = folder / "constant/polyMesh/boundary"
-    packed = file.with_name("boundary.gz")
-    raw = gzip.decompress(packed.read_bytes()) if packed.is_file() else file.read_bytes()
+    raw = unpacked(folder / "constant/polyMesh/boundary")
     text = re.sub(r"//.*|/\*.*?\*/", "", raw.decode(errors="replace"))
     text = re.sub(r"FoamFile\s*\{.*?\}", "", text, flags=re.S)
     return {found["name"]: found["kind"] for found in _PATCH.finditer(text)}

@@ -13,9 +13,9 @@ import pyvista as pv
 from attrs import frozen
 from scipy.spatial import cKDTree
 
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.field.cell_means import linear_weights
-from iriftrace.field.gradient import cell_corners
+from iriftrace.field.gradient import cell_corners, corners_in
 from iriftrace.field.polyhedra import SplitPolyhedra, added, split_polyhedra
 
 _CELLS, _PATCHES, _WALLS = range(3)
@@ -133,26 +133,16 @@ class _Around:
 
 def _around(piece: Piece, number: IntArray) -> Iterator[_Around]:
     """Cells and faces of each patch around points, with the points' numbers in the joined grid."""
-    starts = np.asarray(piece.grid.cell_offsets, dtype=np.int64)
-    corner = np.asarray(piece.grid.cell_connectivity, dtype=np.int64)
-    cell = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
+    cell, corner = corners_in(piece.grid.GetCells())
     arm = piece.centres[cell] - piece.points[corner]
     yield _Around(_CELLS, number[corner], cell, arm, piece.grid.cell_data)
     tree = cKDTree(piece.points) if piece.patches else None
     for name, patch in piece.patches.items():
         if not patch.n_cells or tree is None:
             continue
-        face, corner = polygon_corners(patch)
-        points = np.asarray(patch.points, dtype=np.float64)
+        face, corner = corners_in(patch.GetPolys())
+        points = as_float64(patch.points)
         centres = added(face, points[corner], patch.n_cells) / np.bincount(face)[:, None]
         kind = _WALLS if name in piece.walls else _PATCHES
         arm = centres[face] - points[corner]
         yield _Around(kind, number[tree.query(points)[1]][corner], face, arm, patch.cell_data)
-
-
-def polygon_corners(patch: pv.PolyData) -> tuple[IntArray, IntArray]:
-    """Face and point number of every corner of a patch."""
-    polygons = patch.GetPolys()
-    starts = np.asarray(polygons.GetOffsetsArray(), dtype=np.int64)
-    corners = np.asarray(polygons.GetConnectivityArray(), dtype=np.int64)
-    return np.repeat(np.arange(len(starts) - 1), np.diff(starts)), corners

@@ -17,9 +17,10 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError, warn
-from iriftrace.field.readers.openfoam_mesh import Piece, polygon_corners
+from iriftrace.field.gradient import corners_in
+from iriftrace.field.readers.openfoam_mesh import Piece
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -53,7 +54,10 @@ def set_values_of_gradients(piece: Piece, folder: Path, names: frozenset[str]) -
     for name in sorted(names):
         stated = boundary_entries(folder / name)
         for patch, mesh in piece.patches.items():
-            entries = _of_patch(stated, patch)
+            patterns = [key for key in stated if key.startswith('"') and _fits(key, patch)]
+            entries = stated.get(patch, stated[patterns[-1]] if patterns else {})
+            if not isinstance(entries, dict):
+                continue
             # Macros are left to VTK.
             if "value" in entries or "type" not in entries or not mesh.n_cells:
                 continue
@@ -61,13 +65,20 @@ def set_values_of_gradients(piece: Piece, folder: Path, names: frozenset[str]) -
                 _set_value(piece, patch, name, entries, folder / name)
 
 
+def unpacked(file: Path) -> bytes:
+    """Content of a file, or of the compressed one in its place."""
+    packed = file.with_name(f"{file.name}.gz")
+    return gzip.decompress(packed.read_bytes()) if packed.is_file() else file.read_bytes()
+
+
 def boundary_entries(file: Path) -> Entries:
     """Entries of a field's file for its patches, by their names or, in quotes, patterns."""
-    packed = file.with_name(f"{file.name}.gz")
     try:
-        data = gzip.decompress(packed.read_bytes()) if packed.is_file() else file.read_bytes()
-        body = data.rpartition(b"boundaryField")[2]
-        entries = _dictionary(_tokens(body, _bytes_of_scalars(data)))
+        data = unpacked(file)
+        head, body = data.partition(b"}")[0], data.rpartition(b"boundaryField")[2]
+        binary = re.search(rb"format\s+binary", head)
+        width = (4 if b"scalar=32" in head else 8) if binary else 0
+        entries = _dictionary(_tokens(body, width))
     except (ValueError, IndexError, RecursionError, zlib.error) as error:
         raise InputError(
             f"The boundary values in {file} cannot be read ({error}); a solver that was stopped "
@@ -76,16 +87,11 @@ def boundary_entries(file: Path) -> Entries:
     return next((value for value in entries.values() if isinstance(value, dict)), {})
 
 
-def _bytes_of_scalars(data: bytes) -> int:
-    """Bytes per scalar in lists; 0 for text."""
-    head = data.partition(b"}")[0]
-    if not re.search(rb"format\s+binary", head):
-        return 0
-    return 4 if b"scalar=32" in head else 8
-
-
 def _tokens(data: bytes, width: int) -> Iterator[str | FloatArray]:
-    """Words, punctuation and lists of scalars, (n,), or vectors, (n, 3), of a dictionary."""
+    """Words, punctuation and lists of scalars, (n,), or vectors, (n, 3), of a dictionary.
+
+    `width` are the bytes per scalar in lists; 0 for text.
+    """
     place = 0
     while place < len(data) and (found := _TOKEN.match(data, place)):
         place = found.end()
@@ -135,13 +141,6 @@ def _dictionary(tokens: Iterator[str | FloatArray]) -> Entries:
     return entries
 
 
-def _of_patch(stated: Entries, patch: str) -> Entries:
-    """Entries of a patch: under its name, else under the last pattern that matches."""
-    patterns = [key for key in stated if key.startswith('"') and _fits(key, patch)]
-    found = stated.get(patch, stated[patterns[-1]] if patterns else {})
-    return found if isinstance(found, dict) else {}
-
-
 def _fits(pattern: str, patch: str) -> bool:
     """True for a pattern in quotes that a patch's name matches."""
     try:
@@ -157,25 +156,22 @@ def _set_value(piece: Piece, patch: str, name: str, entries: Entries, file: Path
     mixed = [_numbers(entries.get(key), mesh.n_cells, file) for key in _MIXED]
     value, slope, fraction = mixed if gradient is None else (0.0, gradient, 0.0)
     if value is None or slope is None or fraction is None:
-        _refuse_or_warn(patch in piece.walls, patch, name, str(entries["type"]), file)
+        what = f"{file} states neither a value nor a gradient of {name} on the "
+        if patch in piece.walls:
+            raise InputError(
+                f"{what}wall {patch} (type {entries['type']}), so the temperature there is not "
+                "known; choose a time that the solver has written (--time), or add a `value` there."
+            )
+        warn(
+            f"{what}patch {patch} (type {entries['type']}); the values of the cells next to it are "
+            "used.",
+            stacklevel=7,
+        )
         return
     owner = _owners(piece.grid, mesh)
     cell = np.asarray(piece.grid.cell_data[name], dtype=np.float64)[owner]
     distance = _distances(mesh, piece.centres[owner])
     mesh.cell_data[name] = fraction * value + (1.0 - fraction) * (cell + slope * distance)
-
-
-def _refuse_or_warn(wall: bool, patch: str, name: str, kind: str, file: Path) -> None:
-    what = f"{file} states neither a value nor a gradient of {name} on the "
-    if wall:
-        raise InputError(
-            f"{what}wall {patch} (type {kind}), so the temperature there is not known; choose a "
-            "time that the solver has written (--time), or add a `value` there."
-        )
-    warn(
-        f"{what}patch {patch} (type {kind}); the values of the cells next to it are used.",
-        stacklevel=8,
-    )
 
 
 def _numbers(
@@ -199,11 +195,9 @@ def _numbers(
 
 def _owners(grid: pv.UnstructuredGrid, patch: pv.PolyData) -> IntArray:
     """Number of the cell behind each face of a patch, (f,): the one that has all its corners."""
-    face, corner = polygon_corners(patch)
+    face, corner = corners_in(patch.GetPolys())
     near = cKDTree(np.asarray(grid.points)).query(np.asarray(patch.points))[1][corner]
-    starts = np.asarray(grid.cell_offsets, dtype=np.int64)
-    cell = np.repeat(np.arange(grid.n_cells), np.diff(starts))
-    of_cells = np.asarray(grid.cell_connectivity, dtype=np.int64)
+    cell, of_cells = corners_in(grid.GetCells())
     shape = (patch.n_cells, grid.n_points)
     faces = csr_array((np.ones(len(face), dtype=np.int32), (face, near)), shape=shape)
     cells = csr_array(
@@ -215,8 +209,8 @@ def _owners(grid: pv.UnstructuredGrid, patch: pv.PolyData) -> IntArray:
 
 def _distances(patch: pv.PolyData, centres: FloatArray) -> FloatArray:
     """Distance (f,) of the faces' planes from the (f, 3) centres of their cells."""
-    face, corner = polygon_corners(patch)
-    points = np.asarray(patch.points, dtype=np.float64)[corner]
+    face, corner = corners_in(patch.GetPolys())
+    points = as_float64(patch.points)[corner]
     first = np.flatnonzero(np.diff(face, prepend=-1))
     count = np.diff(np.append(first, len(face)))
     middle = np.add.reduceat(points, first) / count[:, None]
@@ -225,5 +219,4 @@ def _distances(patch: pv.PolyData, centres: FloatArray) -> FloatArray:
     arms = points - middle[face]
     area = np.add.reduceat(np.cross(arms, arms[following]), first)
     normal = area / np.linalg.norm(area, axis=1, keepdims=True)
-    distance: FloatArray = np.abs(np.einsum("ij,ij->i", normal, middle - centres))
-    return distance
+    return as_float64(np.abs(np.einsum("ij,ij->i", normal, middle - centres)))
