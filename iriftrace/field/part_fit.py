@@ -105,7 +105,7 @@ def body_in_air(field: IndexField, part: Part, blockers: Sequence[Part]) -> Part
     middle = 0.5 * (field.ambient_refractivity + field.hottest_refractivity)
     for body in (part, *blockers):
         if field.wall.n_points:
-            near = np.mean(body.surface.distance(field.wall.points) < NEAR_MM) > _LEAST_BARE
+            near = bool(np.mean(body.surface.distance(field.wall.points) < NEAR_MM) > _LEAST_BARE)
         else:
             hot = _box(np.asarray(field.grid.points)[field.refractivity < middle])
             near = not _apart(body.bounds, hot)

@@ -18,7 +18,6 @@ from iriftrace.cfd.check.wall import (
     wall_state,
 )
 from iriftrace.cfd.openfoam.wall import WallTemperatures, wall_temperature
-from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import plain
 from iriftrace.field.index_field import IndexField
@@ -58,9 +57,9 @@ def check_field(
     transition_mm : float, optional
         Width of the transition between these temperatures
         (`iriftrace.cfd.openfoam.wall.wall_temperature`).
+    diameter_mm : float, optional
         Diameter of the horizontal cylinder with which the heat flux is compared; by default that of
         the part if it is such a cylinder.
-        one.
     camera : (3,) array_like, mm, world, optional
         Position of a camera, to report which fraction of its view enters the data in hot air.
     steady : bool, optional
@@ -75,14 +74,21 @@ def check_field(
     """
     fit = fit_part_to_field(field, part)
     wall = wall_state(field, part)
-    set_k = _set_temperatures(
-        field, part, wall_temperature_k, dict(region_temperatures_k or {}), transition_mm
-    )
+    regions_k, set_k = dict(region_temperatures_k or {}), None
+    if wall_temperature_k is not None:
+        expected = WallTemperatures(wall_temperature_k, regions_k, transition_mm)
+        expected.check_regions(part)
+        set_k = wall_temperature(expected, part, field.wall.points)
+    elif regions_k:
+        raise InputError(
+            "regions have a temperature, but the rest of the wall has none; give "
+            "wall_temperature_k (--wall-temperature) too."
+        )
     if steady is None:
         steady = field.source.steady
     findings = [
         temperature_finding(wall, set_k),
-        _gap(fit.gap_median_mm, fit.gap_p95_mm),
+        _gap(fit),
         _covered(fit),
         layer_finding(wall),
         heat_finding(wall, part, field.source.wall_heat_w),
@@ -99,7 +105,8 @@ def check_field(
     )
 
 
-def _gap(median_mm: float, p95_mm: float) -> Finding:
+def _gap(fit: Fit) -> Finding:
+    median_mm, p95_mm = fit.gap_median_mm, fit.gap_p95_mm
     return Finding(
         "field's wall to part",
         f"{median_mm:.3g} mm",
@@ -107,26 +114,6 @@ def _gap(median_mm: float, p95_mm: float) -> Finding:
         f"median gap; 95th percentile {p95_mm:.3g} mm, at most {LARGEST_GAP_MM} mm",
         {"median_mm": median_mm, "p95_mm": p95_mm},
     )
-
-
-def _set_temperatures(
-    field: IndexField,
-    part: Part,
-    default_k: float | None,
-    regions_k: dict[str, float],
-    transition_mm: float,
-) -> FloatArray | None:
-    """Expected temperatures at the points of the field's wall, (n,), K; None if not given."""
-    if default_k is None:
-        if regions_k:
-            raise InputError(
-                "regions have a temperature, but the rest of the wall has none; give "
-                "wall_temperature_k (--wall-temperature) too."
-            )
-        return None
-    wall = WallTemperatures(default_k, regions_k, transition_mm)
-    wall.check_regions(part)
-    return wall_temperature(wall, part, np.asarray(field.wall.points, dtype=np.float64))
 
 
 def _covered(fit: Fit) -> Finding:

@@ -54,8 +54,8 @@ class FieldCheck:
     def save(self, path: str | Path) -> Path:
         """Write everything as JSON."""
         content = {"schema": SCHEMA, "verdict": self.verdict, **asdict(self)}
+        text = json.dumps(_plain(content), indent=2, allow_nan=False)
         with whole_file(path) as temporary:
-            text = json.dumps(_plain(content), indent=2, allow_nan=False)
             temporary.write_text(text + "\n", encoding="utf-8")
         return Path(path)
 

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from iriftrace.air.thermophysics import heat_content
 from iriftrace.cfd.check.finding import Finding, Verdict, outer_points
 from iriftrace.cfd.check.wall import WallState, conduction_potential
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import FloatArray, as_float64
 from iriftrace.core.units import parse_quantity
 from iriftrace.field.flow import NO_VELOCITIES, SI, AirFlow
 from iriftrace.field.gradient import point_gradient
@@ -121,9 +121,12 @@ def _through_zones(
     field: IndexField, carried: FloatArray, conducted: FloatArray, storage: FloatArray | None
 ) -> FloatArray:
     """Heat carried and conducted through the surfaces and stored within, (zones, 3), W."""
-    points = np.asarray(field.grid.points, dtype=np.float64)
+    points = as_float64(field.grid.points)
     corners = tetrahedra_of(field.grid).corners
-    place = _place(field)
+    ends = (field.wall.point_data["number"], outer_points(field))
+    from_wall, from_end = (cKDTree(points[at]).query(points)[0] for at in ends)
+    # Between the wall (0) and the end of the data (1).
+    place = from_wall / np.maximum(from_wall + from_end, np.finfo(float).tiny)
     rises = [np.clip((place - low) / (high - low), 0.0, 1.0) for low, high in ZONES]
     sums = np.zeros((len(ZONES), 3))
     for start in range(0, len(corners), _AT_ONCE):
@@ -145,15 +148,6 @@ def _through_zones(
     return sums * (1e-6, 1e-6, 1e-9)
 
 
-def _place(field: IndexField) -> FloatArray:
-    """Position of the points between the wall (0) and the end of the data (1), (n,)."""
-    points = np.asarray(field.grid.points, dtype=np.float64)
-    ends = (field.wall.point_data["number"], outer_points(field))
-    from_wall, from_end = (cKDTree(points[at]).query(points)[0] for at in ends)
-    place: FloatArray = from_wall / np.maximum(from_wall + from_end, np.finfo(float).tiny)
-    return place
-
-
 def balance_finding(field: IndexField, wall: WallState, covered: float, *, steady: bool) -> Finding:
     """Compare the heat that leaves with the air with the heat from the wall.
 
@@ -172,37 +166,27 @@ def balance_finding(field: IndexField, wall: WallState, covered: float, *, stead
     elif not from_wall > 0.0:
         reason = f"no heat comes from the wall, but {from_wall:.4g} W"
     else:
-        return _judged(balance, flow, wall, from_wall, counted=counted, steady=steady)
-    return Finding("heat balance", "n/a", "-", reason, numbers)
-
-
-def _judged(
-    balance: HeatBalance,
-    flow: AirFlow,
-    wall: WallState,
-    from_wall: float,
-    *,
-    counted: float | None,
-    steady: bool,
-) -> Finding:
+        reason = ""
+    if reason or balance is None or flow is None:
+        return Finding("heat balance", "n/a", "-", reason, numbers)
     off = balance.leaving_w / from_wall - 1.0
     measured = bool(np.isfinite(balance.stored_w))
     known = measured or steady
     limit = OPEN if known else WRONG
     verdict: Verdict = "good" if abs(off) <= CLOSED else "doubtful" if abs(off) <= limit else "bad"
     low, high = min(balance.through_zones_w), max(balance.through_zones_w)
-    stored = (
-        f"stored {balance.stored_w:.3g}"
-        if measured
-        else "stored nothing, as the field is steady"
-        if steady
-        else "stored unknown"
-    )
+    unmeasured = "stored nothing, as the field is steady" if steady else "stored unknown"
+    stored = f"stored {balance.stored_w:.3g}" if measured else unmeasured
+    if flow.flux_name or flow.velocity is None:
+        read = f"flux of {flow.flux_name} read as W/m2"
+    else:
+        fastest = float(np.linalg.norm(flow.velocity, axis=1).max())
+        read = f"velocities of {flow.name} read as {flow.unit}, up to {fastest:.3g} m/s"
     remark = (
         f"heat that leaves against heat from the wall ({balance.leaving_w:.4g} W leave: carried "
         f"{balance.carried_w:.4g}, conducted {balance.conducted_w:.3g}, {stored}; {low:.4g} to "
         f"{high:.4g} W through near and far surfaces); good up to {CLOSED:.0%} off, doubtful up to "
-        f"{limit:.0%}, bad beyond; {_read(flow)}"
+        f"{limit:.0%}, bad beyond; {read}"
     )
     if verdict == "bad":
         remark += _other_unit(balance, flow, from_wall)
@@ -214,8 +198,7 @@ def _judged(
         verdict,
         remark + ("" if balance.own_flux else _PRODUCT),
         {
-            "conducted_w": wall.heat_w,
-            "counted_w": counted,
+            **numbers,
             "off": off,
             "leaving_w": balance.leaving_w,
             "carried_w": balance.carried_w,
@@ -228,14 +211,6 @@ def _judged(
             "read_in": "W/m2" if flow.flux_name else flow.unit,
         },
     )
-
-
-def _read(flow: AirFlow) -> str:
-    """Array from which the carried heat was read, with its unit."""
-    if flow.flux_name or flow.velocity is None:
-        return f"flux of {flow.flux_name} read as W/m2"
-    fastest = float(np.linalg.norm(flow.velocity, axis=1).max())
-    return f"velocities of {flow.name} read as {flow.unit}, up to {fastest:.3g} m/s"
 
 
 def _other_unit(balance: HeatBalance, flow: AirFlow, from_wall: float) -> str:

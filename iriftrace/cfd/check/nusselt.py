@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline, interp1d
 from iriftrace.air import thermophysics as gas
 from iriftrace.cfd.check.finding import Finding, Verdict
 from iriftrace.cfd.check.wall import WallState
-from iriftrace.core.arrays import BoolArray, FloatArray
+from iriftrace.core.arrays import BoolArray, FloatArray, as_float64
 from iriftrace.core.errors import InputError
 from iriftrace.field.index_field import IndexField
 from iriftrace.part.part import Part
@@ -166,14 +166,11 @@ def nusselt_finding(
     wall_k = float(np.median(wall.temperature_k))
     ambient = field.air.temperature_k
     if diameter is None:
-        return Finding(
-            "Nusselt number",
-            "n/a",
-            "-",
+        why = (
             "the part is not a horizontal cylinder, for which a correlation exists; compare with "
-            "one of its size by --diameter",
-            {},
+            "one of its size by --diameter"
         )
+        return Finding("Nusselt number", "n/a", "-", why, {})
     try:
         rule = nusselt_horizontal_cylinder(diameter, wall_k, ambient, field.air.pressure_pa)
     except InputError as error:
@@ -249,8 +246,7 @@ def sector_ratios(rayleigh: float) -> FloatArray:
     """Fluxes at bottom, side and top over that at the bottom, (3,), of an isothermal cylinder."""
     angle = np.linspace(0.0, 180.0, 721)
     means = sector_means(angle, local_nusselt(angle, rayleigh), np.ones_like(angle))
-    ratios: FloatArray = means / means[0]
-    return ratios
+    return as_float64(means / means[0])
 
 
 def horizontal_cylinder_diameter(part: Part) -> float | None:

@@ -9,7 +9,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from iriftrace.air import thermophysics as gas
 from iriftrace.cfd.check.finding import Finding
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError
 from iriftrace.field.gradient import ROUNDS, cell_corners, consistent_gradient, point_gradient
 from iriftrace.field.index_field import IndexField
@@ -94,8 +94,7 @@ def wall_state(field: IndexField, part: Part) -> WallState:
     slope = _fitting_gradient(field.grid, number, potential, of_cells)[number]
 
     def conducted(gradient: FloatArray) -> FloatArray:
-        flux: FloatArray = -1e3 * np.einsum("ij,ij->i", gradient[faces].mean(axis=1), normals)
-        return flux
+        return as_float64(-1e3 * np.einsum("ij,ij->i", gradient[faces].mean(axis=1), normals))
 
     return WallState(
         temperature_k=temperature[number],
@@ -122,8 +121,7 @@ def _conduction_thickness(field: IndexField, at_wall: FloatArray, slope: FloatAr
             f"{field.air.temperature_k:.1f} K, so there is no hot air to be checked; is the "
             "ambient temperature right (--ambient)?"
         )
-    conductivity = np.asarray(gas.conductivity(at_wall), dtype=np.float64)
-    fall = np.linalg.norm(slope, axis=1) / conductivity
+    fall = np.linalg.norm(slope, axis=1) / gas.conductivity(at_wall)
     hot = excess > 0.05 * float(excess.max())
     layer = np.full(len(at_wall), np.nan)
     layer[hot] = excess[hot] / np.maximum(fall[hot], 1e-12)
@@ -160,9 +158,8 @@ def _fitting_gradient(
 def conduction_potential(temperature: FloatArray) -> FloatArray:
     """Integral of the conductivity over the temperature, W/m."""
     knots = np.linspace(float(temperature.min()), float(temperature.max()), _POTENTIAL_STEPS)
-    conductivity = np.asarray(gas.conductivity(knots), dtype=np.float64)
-    integral: FloatArray = cumulative_trapezoid(conductivity, knots, initial=0.0)
-    return np.interp(temperature, knots, integral)
+    integral = cumulative_trapezoid(gas.conductivity(knots), knots, initial=0.0)
+    return as_float64(np.interp(temperature, knots, integral))
 
 
 def _first_cells(grid: pv.UnstructuredGrid, wall: IntArray, normals: FloatArray) -> FloatArray:
@@ -194,13 +191,9 @@ def temperature_finding(wall: WallState, set_k: FloatArray | None) -> Finding:
     off = np.abs(wall.temperature_k - target)
     within = float(np.mean(off <= WALL_TOLERANCE_K))
     low, high = float(target.min()), float(target.max())
-    compared = (
-        "its own median"
-        if set_k is None
-        else f"the set {high:.2f} K"
-        if low == high
-        else f"the set {low:.2f} to {high:.2f} K of its regions"
-    )
+    one = f"the set {high:.2f} K" if low == high else ""
+    several = f"the set {low:.2f} to {high:.2f} K of its regions"
+    compared = "its own median" if set_k is None else one or several
     return Finding(
         "wall temperature",
         f"{middle:.2f} K",
@@ -297,22 +290,15 @@ def gradient_errors(field: IndexField, wall: WallState) -> FloatArray:
     span = field.ambient_refractivity - field.hottest_refractivity
     with np.errstate(invalid="ignore"):
         counted = inside & np.isfinite(change) & (np.abs(change) > 0.1 * span)
-    errors: FloatArray = np.abs(integral[counted] / change[counted] - 1.0)
-    return errors
+    return as_float64(np.abs(integral[counted] / change[counted] - 1.0))
 
 
 def gradient_finding(field: IndexField, wall: WallState) -> Finding:
     """Judge whether the gradient, integrated along lines, equals the change of the index."""
     errors = gradient_errors(field, wall)
     if len(errors) < 20:
-        return Finding(
-            "gradient",
-            "n/a",
-            "bad",
-            f"only {len(errors)} lines from the wall stay in the data; is there air around "
-            "the part?",
-            {"lines": len(errors)},
-        )
+        why = f"only {len(errors)} lines from the wall stay in the data; is there air around "
+        return Finding("gradient", "n/a", "bad", f"{why}the part?", {"lines": len(errors)})
     median, p95 = np.percentile(errors, (50, 95)).tolist()
     fine = median <= 0.02 and p95 <= 0.1
     return Finding(

@@ -10,9 +10,9 @@ from attrs import frozen
 
 from iriftrace.cfd.openfoam.domain import Domain
 from iriftrace.cfd.openfoam.draught import SIDES
-from iriftrace.cfd.openfoam.part_surface import mirrored_deviation
+from iriftrace.cfd.openfoam.part_surface import is_symmetric
 from iriftrace.cfd.openfoam.wall import HOTTEST
-from iriftrace.core.arrays import BoolArray, FloatArray
+from iriftrace.core.arrays import BoolArray, FloatArray, as_float64
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
 from iriftrace.core.plain import JsonObject
@@ -25,7 +25,6 @@ _COLDEST = 200.0  # K
 _INLET_SAMPLES = 40
 _MOST_BLOCKED = 0.5
 _SLICES = 9
-_SYMMETRIC = 5e-3
 _INWARD = 1e-3  # mm
 
 
@@ -147,18 +146,12 @@ def check_mirrored_bodies(bodies: Sequence[Body], centre: FloatArray, mirrors: s
     """Refuse bodies that are not symmetric about the part's centre plane, with an InputError."""
     for body in bodies:
         for name in mirrors:
-            if not is_mirrored(body, centre, name):
+            if not is_symmetric(body.surface, name, centre):
                 raise InputError(
                     f"the body {body.surface.path} is not symmetric about the part's centre plane "
                     f"{name} = {centre['xy'.index(name)]:g} mm, so the air is not; leave {name} "
                     "out of --symmetry."
                 )
-
-
-def is_mirrored(body: Body, centre: FloatArray, name: str) -> bool:
-    """True if a body is symmetric about the plane across x or y at a centre, mm."""
-    position = float(centre["xy".index(name)])
-    return mirrored_deviation(body.surface, name, position) <= _SYMMETRIC
 
 
 def _inlet_points(name: str, domain: Domain) -> FloatArray:
@@ -167,8 +160,6 @@ def _inlet_points(name: str, domain: Domain) -> FloatArray:
     low, high = np.array(domain.lower), np.array(domain.upper)
     steps = (np.arange(_INLET_SAMPLES) + 0.5) / _INLET_SAMPLES
     across, up = (grid.ravel() for grid in np.meshgrid(steps, steps))
-    points = np.empty((len(across), 3))
+    points = low + np.stack((across, across, up), axis=1) * (high - low)
     points[:, axis] = (high if sign > 0.0 else low)[axis] - sign * 1e-3
-    points[:, 1 - axis] = (low + across[:, None] * (high - low))[:, 1 - axis]
-    points[:, 2] = (low + up[:, None] * (high - low))[:, 2]
-    return points
+    return as_float64(points)

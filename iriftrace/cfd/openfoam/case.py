@@ -9,22 +9,15 @@ from typing import TypedDict, Unpack
 import numpy as np
 from attrs import asdict, field, frozen
 
-from iriftrace.cfd.openfoam.bodies import (
-    Body,
-    check_bodies,
-    check_inlets,
-    check_mirrored_bodies,
-    is_mirrored,
-)
-from iriftrace.cfd.openfoam.domain import (
-    Domain,
-    MeshSize,
-    air_lengths,
-    domain_around,
-    mesh_size,
-)
+from iriftrace.cfd.openfoam.bodies import Body, check_bodies, check_inlets, check_mirrored_bodies
+from iriftrace.cfd.openfoam.domain import Domain, MeshSize, air_lengths, domain_around, mesh_size
 from iriftrace.cfd.openfoam.draught import Draught, Lean, leans, rise_speed
-from iriftrace.cfd.openfoam.part_surface import check_mirrors, mirrored_points, symmetric_axes
+from iriftrace.cfd.openfoam.part_surface import (
+    check_mirrors,
+    is_symmetric,
+    mirrored_points,
+    symmetric_axes,
+)
 from iriftrace.cfd.openfoam.times import Times, natural_times
 from iriftrace.cfd.openfoam.wall import WallTemperatures, wall_temperature
 from iriftrace.core.errors import InputError
@@ -68,9 +61,16 @@ class Case:
                 f"{self.part.path} is not closed, so the air cannot be meshed around it; close the "
                 "holes of its surface first."
             )
-        _check_range(self.ambient_k, AMBIENT_RANGE, "an ambient temperature", "K")
-        _check_range(self.pressure_pa, PRESSURE_RANGE, "an air pressure", "Pa")
-        _check_range(self.margin, (0.25, 4.0), "a margin", "times the usual air around the part")
+        for value, (low, high), what, unit in (
+            (self.ambient_k, AMBIENT_RANGE, "an ambient temperature", "K"),
+            (self.pressure_pa, PRESSURE_RANGE, "an air pressure", "Pa"),
+            (self.margin, (0.25, 4.0), "a margin", "times the usual air around the part"),
+        ):
+            if not low <= value <= high:
+                raise InputError(
+                    f"{what} of {value:g} {unit} cannot be simulated here; give one from {low:g} "
+                    f"to {high:g}."
+                )
         if not 1 <= self.processes <= _MOST_PROCESSES:
             raise InputError(
                 f"the solver cannot run as {self.processes} processes; give a number from 1 to "
@@ -78,10 +78,18 @@ class Case:
             )
         self.wall.check(self.part, self.ambient_k)
         check_mirrors(self.part, self.mirrors)
-        if self.draught is not None:
-            _check_mirrored_draught(self.draught, self.mirrors)
-        if self.mirrors and self.wall.varies(self.part):
-            _check_mirrored_wall(self)
+        if self.draught is not None and (crossed := self.draught.crossed(self.mirrors)):
+            raise InputError(
+                f"the {self.draught.text} blows through the symmetry plane across {crossed[0]}, so "
+                f"half of the air is not enough; leave {crossed} out of --symmetry."
+            )
+        for name in self.mirrors if self.wall.varies(self.part) else "":
+            if not _has_mirrored_wall(self, name):
+                raise InputError(
+                    f"the wall's temperatures are not symmetric about {name} = "
+                    f"{self.part.centre['xy'.index(name)]:g} mm, so the field is not; leave "
+                    f"{name} out of --symmetry."
+                )
         domain = domain_around(
             self.part, self.size, self.mirrors, self.margin, self.floor, self._leaning
         )
@@ -243,24 +251,6 @@ def keep_record(case: Case, folder: Path) -> None:
         temporary.write_text(json.dumps(case.record(), indent=1) + "\n")
 
 
-def _check_range(value: float, limits: tuple[float, float], what: str, unit: str) -> None:
-    low, high = limits
-    if not low <= value <= high:
-        raise InputError(
-            f"{what} of {value:g} {unit} cannot be simulated here; give one from {low:g} to "
-            f"{high:g}."
-        )
-
-
-def _check_mirrored_draught(draught: Draught, mirrors: str) -> None:
-    """Refuse wind that is not symmetric about a plane of symmetry."""
-    if crossed := draught.crossed(mirrors):
-        raise InputError(
-            f"the {draught.text} blows through the symmetry plane across {crossed[0]}, so half of "
-            f"the air is not enough; leave {crossed} out of --symmetry."
-        )
-
-
 _PLACES = 2000
 """Points on the wall at which its temperatures are compared with those of its mirror image."""
 
@@ -271,7 +261,7 @@ def symmetric_case(case: Case) -> str:
         name
         for name in symmetric_axes(case.part)
         if _has_mirrored_wall(case, name)
-        and all(is_mirrored(body, case.part.centre, name) for body in case.bodies)
+        and all(is_symmetric(body.surface, name, case.part.centre) for body in case.bodies)
     )
 
 
@@ -281,15 +271,3 @@ def _has_mirrored_wall(case: Case, name: str) -> bool:
     here = wall_temperature(case.wall, part, places)
     other = mirrored_points(places, axis, part.centre[axis])
     return bool(np.mean(np.abs(wall_temperature(case.wall, part, other) - here) > 1.0) <= 0.01)
-
-
-def _check_mirrored_wall(case: Case) -> None:
-    """Refuse wall temperatures that are not symmetric about a plane of symmetry."""
-    part = case.part
-    for name in case.mirrors:
-        if not _has_mirrored_wall(case, name):
-            axis = "xy".index(name)
-            raise InputError(
-                f"the wall's temperatures are not symmetric about {name} = "
-                f"{part.centre[axis]:g} mm, so the field is not; leave {name} out of --symmetry."
-            )

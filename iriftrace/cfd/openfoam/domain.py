@@ -9,7 +9,7 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.cfd.openfoam.draught import Lean
-from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part
 
@@ -145,9 +145,7 @@ class Domain:
 
 def air_lengths(part: Part, margin: float = 1.0) -> FloatArray:
     """Width and depth of the air around a part, (2,) array, mm, before it is cut into cells."""
-    extents = np.ptp(part.bounds, axis=0)
-    lengths: FloatArray = extents[:2] + 2.0 * _SIDES * _scale(part, margin)
-    return lengths
+    return as_float64(np.ptp(part.bounds, axis=0)[:2] + 2.0 * _SIDES * _scale(part, margin))
 
 
 def _scale(part: Part, margin: float) -> float:
@@ -194,11 +192,7 @@ def domain_around(
         planes={name: float(centre["xy".index(name)]) for name in mirrors},
         boxes=(
             *_boxes(part, size, scale, float(upper[2])),
-            *(
-                box
-                for lean in leaning
-                for box in _leaning_boxes(part, size, scale, scale * sides, lean)
-            ),
+            *_leaning_boxes(part, size, scale, scale * sides, leaning),
         ),
         distances=((max(5.0, 4 * wall), WALL_LEVEL), (max(14.0, 10 * wall), WALL_LEVEL - 1)),
         probes=tuple(_triple(above + np.array((0.0, 0.0, z * scale))) for z in _PROBES),
@@ -229,22 +223,17 @@ def _background(
         )
     lower, upper = part.centre - down, part.centre + up
     if floor is not None:
-        _check_floor(floor, part, float(lower[2]))
+        bottom, lowest = float(part.bounds[0][2]), float(lower[2])
+        if not lowest < floor <= bottom + 1e-6:
+            raise InputError(
+                f"a floor at z = {floor:g} mm is none for this part: it must not be above the "
+                f"part's lowest point ({bottom:g} mm), nor below the air that is computed "
+                f"({lowest:g} mm); check its sign and unit."
+            )
         lower[2] = floor
         # Cells that are a little lower or higher, so that whole ones stand on the floor.
         cells[2] = max(round((upper[2] - floor) / cell), 1)
     return lower, upper, cells
-
-
-def _check_floor(floor: float, part: Part, lowest: float) -> None:
-    """The floor lies between the part and the lower end of the air."""
-    bottom = float(part.bounds[0][2])
-    if not lowest < floor <= bottom + 1e-6:
-        raise InputError(
-            f"a floor at z = {floor:g} mm is none for this part: it must not be above the part's "
-            f"lowest point ({bottom:g} mm), nor below the air that is computed ({lowest:g} mm); "
-            "check its sign and unit."
-        )
 
 
 def _boxes(part: Part, size: MeshSize, scale: float, top: float) -> tuple[Box, ...]:
@@ -273,19 +262,17 @@ def _kept_sides(leaning: Sequence[Lean]) -> FloatArray:
 
 
 def _leaning_boxes(
-    part: Part, size: MeshSize, scale: float, sides: FloatArray, lean: Lean
+    part: Part, size: MeshSize, scale: float, sides: FloatArray, leaning: Sequence[Lean]
 ) -> Iterator[Box]:
-    """Layers of boxes from a plume that rises to one that leans, in the air that is kept."""
+    """Layers of boxes from a plume that rises to each that leans, in the air that is kept."""
     low, high = (bound[:2] for bound in part.bounds)
     bottom, top = _plume_ends(part, scale)
-    downwind = np.array(lean.downwind)
     ends = np.linspace(bottom, top, max(int((top - bottom) / size.background), 1) + 1)
-    for below, above in itertools.pairwise(ends):
-        reach = downwind * lean.most * (above - bottom)
+    for lean, (below, above) in itertools.product(leaning, itertools.pairwise(ends)):
+        reach = np.array(lean.downwind) * lean.most * (above - bottom)
         lower = low + np.maximum(np.minimum(reach, 0.0), -sides[0])
         upper = high + np.minimum(np.maximum(reach, 0.0), sides[1])
-        corners = (*lower.tolist(), below), (*upper.tolist(), above)
-        yield Box(_triple(corners[0]), _triple(corners[1]), WALL_LEVEL - 1)
+        yield Box(_triple((*lower, below)), _triple((*upper, above)), WALL_LEVEL - 1)
 
 
 def _plume_ends(part: Part, scale: float) -> tuple[float, float]:

@@ -100,20 +100,10 @@ def run_family(
 ) -> Iterator[JsonObject]:
     """Solve and mirror the missing members of a family; yields their entries as they are made.
 
-    Parameters
-    ----------
-    members
-        From `iriftrace.cfd.openfoam.family.plan_family`.
-    cases
-        Case of each member, by name.
-    folder
-        Gets ``NAME.vtu`` of each member, `FAMILY`, and the OpenFOAM cases of the solved ones.
-    installation
-        OpenFOAM, which makes the meshes.
-    solve
-        Function that solves the unfinished ones.
-    say, expect
-        Callbacks: each step, and the expected cost before the first solver starts.
+    The `members` are those of `iriftrace.cfd.openfoam.family.plan_family`, `cases` are by their
+    names. The `folder` gets ``NAME.vtu`` of each member, `FAMILY`, and the OpenFOAM cases of those
+    that `solve` solved. Callbacks: `say` gets each step, `expect` the expected cost before the
+    first solver starts.
     """
     entries = _read(folder)
     tasks = _tasks(members, cases, folder)
@@ -122,11 +112,29 @@ def run_family(
             # Incomplete if the program was killed.
             shutil.rmtree(task.case_folder, ignore_errors=True)
         prepare(task.case, task.case_folder)
-    finished = [m.name for m in members if _is_finished(m, cases[m.name], folder, entries)]
+    # Those with a field that was solved to the same time as requested now.
+    finished = [
+        member.name
+        for member in members
+        if (folder / member.file).is_file()
+        and _entry(member, cases[member.name]).items() <= entries.get(member.name, {}).items()
+    ]
     waiting = [task for task in tasks if task.member.name not in finished]
     mirrored = [m for m in members if m.image_of and m.name not in finished]
-    cells = _make_meshes(tasks, waiting, installation, say)
-    expect(_cost(len(finished), mirrored, waiting, cells))
+    needed = {task.member.planes for task in waiting}
+    cells = {
+        task.member.planes: make_mesh(task.case, task.case_folder, installation, say)
+        for task in tasks
+        if task.like is None and task.member.planes in needed
+    }
+    seconds = sum(
+        expected_seconds(
+            task.case, cells[task.member.planes], last_time(pieces_of(task.case_folder))
+        )
+        for task in waiting
+    )
+    most = max(cells.values(), default=0)
+    expect(Cost(len(finished), len(mirrored), len(waiting), most, seconds))
     for entry in solve(waiting):
         yield _keep(entry, entries, folder)
     for member in mirrored:
@@ -163,33 +171,6 @@ def _tasks(members: Sequence[Member], cases: Mapping[str, Case], folder: Path) -
     return tasks
 
 
-def _make_meshes(
-    tasks: Sequence[Task],
-    waiting: Sequence[Task],
-    installation: Installation,
-    say: Callable[[str], None],
-) -> dict[str, int]:
-    """Meshes for which members wait; cells by the planes at which they are mirrored."""
-    needed = {task.member.planes for task in waiting}
-    return {
-        task.member.planes: make_mesh(task.case, task.case_folder, installation, say)
-        for task in tasks
-        if task.like is None and task.member.planes in needed
-    }
-
-
-def _cost(
-    finished: int, mirrored: Sequence[Member], waiting: Sequence[Task], cells: Mapping[str, int]
-) -> Cost:
-    seconds = [
-        expected_seconds(
-            task.case, cells[task.member.planes], last_time(pieces_of(task.case_folder))
-        )
-        for task in waiting
-    ]
-    return Cost(finished, len(mirrored), len(waiting), max(cells.values(), default=0), sum(seconds))
-
-
 def _entry(member: Member, case: Case) -> JsonObject:
     wind = case.draught
     return {
@@ -204,15 +185,6 @@ def _entry(member: Member, case: Case) -> JsonObject:
         "bodies": [body.record() for body in case.bodies],
         "floor_mm": case.floor,
     }
-
-
-def _is_finished(
-    member: Member, case: Case, folder: Path, entries: Mapping[str, JsonObject]
-) -> bool:
-    """True if its field exists and was solved to the same time as requested now."""
-    stored, current = entries.get(member.name, {}), _entry(member, case)
-    same = all(stored.get(name) == value for name, value in current.items())
-    return same and (folder / member.file).is_file()
 
 
 def _read(folder: Path) -> dict[str, JsonObject]:

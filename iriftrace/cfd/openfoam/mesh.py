@@ -44,8 +44,12 @@ def make_mesh(
     if done.is_file():
         return int(read_record(done)["cells"])
     shutil.rmtree(folder / "constant/polyMesh", ignore_errors=True)
+    cells = None
     if like is None:
-        cells = _new_mesh(folder, installation, say)
+        for what, program, arguments in _STEPS:
+            say(f"Mesh: {what}")
+            log = run_program(installation, folder, program, *arguments)
+            cells = cell_count(log.read_text(errors="replace"))
     else:
         cells = int(read_record(like / _DONE)["cells"])
         shutil.copytree(like / "constant/polyMesh", folder / "constant/polyMesh")
@@ -62,14 +66,6 @@ def make_mesh(
     with whole_file(done) as temporary:
         temporary.write_text(json.dumps({"cells": cells, "wall_faces": wall.n_cells}) + "\n")
     return cells
-
-
-def _new_mesh(folder: Path, installation: Installation, say: Callable[[str], None]) -> int:
-    """Run the mesher; returns the number of cells, 0 if its check does not state it."""
-    for what, program, arguments in _STEPS:
-        say(f"Mesh: {what}")
-        log = run_program(installation, folder, program, *arguments)
-    return cell_count(log.read_text(errors="replace")) or 0
 
 
 def wall_patch(folder: Path) -> pv.PolyData:

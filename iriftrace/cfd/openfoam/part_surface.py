@@ -27,7 +27,7 @@ def write_stl(part: Part, path: Path) -> None:
 
 def symmetric_axes(part: Part) -> str:
     """Axes (of "xy") along which the part is symmetric about its centre."""
-    return "".join(name for name in "xy" if _is_symmetric(part, name))
+    return "".join(name for name in "xy" if is_symmetric(part, name, part.centre))
 
 
 def check_mirrors(part: Part, mirrors: str) -> None:
@@ -35,29 +35,22 @@ def check_mirrors(part: Part, mirrors: str) -> None:
     if mirrors not in ("", "x", "y", "xy"):
         raise InputError(f'there is no symmetry "{mirrors}"; --symmetry is x, y, xy or none.')
     for name in mirrors:
-        if not _is_symmetric(part, name):
+        if not is_symmetric(part, name, part.centre):
             raise InputError(
                 f"{part.path} is not symmetric about {name} = {part.centre['xy'.index(name)]:g} "
                 f"mm, so half of the air is not enough; leave {name} out of --symmetry."
             )
 
 
-def _is_symmetric(part: Part, name: str) -> bool:
-    return mirrored_deviation(part, name, float(part.centre["xy".index(name)])) <= _TOLERANCE
-
-
-def mirrored_deviation(part: Part, name: str, position: float) -> float:
-    """Largest distance of mirrored points of a surface from it, in sizes of the part.
-
-    The mirror is the plane across the axis x or y at a position, mm.
-    """
+def is_symmetric(part: Part, name: str, centre: FloatArray) -> bool:
+    """True if a surface is symmetric about the plane across the axis x or y at a centre, mm."""
     axis = "xy".index(name)
     points = np.concatenate((part.surface.corners, part.face_centres))
     if len(points) > _SAMPLES:
         points = points[np.random.default_rng(0).choice(len(points), _SAMPLES, replace=False)]
     size = float(np.ptp(part.bounds, axis=0).max())
-    image = mirrored_points(points, axis, position)
-    return float(part.surface.distance(image).max()) / size
+    image = mirrored_points(points, axis, centre[axis])
+    return float(part.surface.distance(image).max()) / size <= _TOLERANCE
 
 
 def mirrored_points(points: FloatArray, axis: int, position: float) -> FloatArray:

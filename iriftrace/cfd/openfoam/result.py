@@ -59,7 +59,11 @@ def mean_arrays(
         arrays[ENTHALPY_FLUX] = carried_heat(
             density, velocity, momentum, case.ambient_k, case.pressure_pa
         )
-    arrays[HEAT_STORAGE] = (_content(case, grid) - _content(case, before)) / seconds
+    now, then = (
+        heat_content(state.point_data["T"], case.ambient_k, case.pressure_pa)
+        for state in (grid, before)
+    )
+    arrays[HEAT_STORAGE] = (now - then) / seconds
     return arrays
 
 
@@ -74,10 +78,6 @@ def state_arrays(case: Case, grid: pv.UnstructuredGrid) -> dict[str, FloatArray]
         slope = heat_content_slope(data["T"], case.ambient_k)
         arrays[HEAT_STORAGE] = slope * as_float64(data[DENSITY_RATE])
     return arrays
-
-
-def _content(case: Case, grid: pv.UnstructuredGrid) -> FloatArray:
-    return heat_content(grid.point_data["T"], case.ambient_k, case.pressure_pa)
 
 
 def write_mean(

@@ -28,6 +28,7 @@ from iriftrace.cfd.openfoam.run import (
 )
 from iriftrace.cfd.openfoam.solver_check import TRIAL_PASSED, try_solver
 from iriftrace.cfd.openfoam.wall import wall_temperature
+from iriftrace.core.arrays import as_float64
 from iriftrace.core.errors import SetupError
 from iriftrace.field.wall import inner_wall
 
@@ -77,25 +78,10 @@ def simulate(
     display: Display,
     like: Path | None = None,
 ) -> Simulation:
-    """Run a prepared case and write its field.
+    """Run a case that was `prepare`d in a folder and write its field to a .vtu.
 
-    Parameters
-    ----------
-    case, folder
-        See `prepare`.
-    file
-        The .vtu to write.
-    installation
-        OpenFOAM.
-    display
-        Progress callbacks.
-    like
-        Folder of a case whose mesh is reused.
-
-    Raises
-    ------
-    SetupError
-        The solver gives wrong results on this machine, or stopped.
+    `like` is the folder of a case whose mesh is reused. Raises SetupError if the solver gives wrong
+    results on this machine, or stopped.
     """
     check_solver(installation)
     begun = time.monotonic()
@@ -158,7 +144,7 @@ def _wall_error(case: Case, grid: pv.UnstructuredGrid) -> float:
     wall = inner_wall(grid)
     if not wall.n_points:
         return float("nan")
-    points = np.asarray(wall.points, dtype=np.float64)
+    points = as_float64(wall.points)
     # Without those of other bodies, whose temperatures mix with the part's where they touch.
     own = case.part.surface.distance(points) < 0.5 * case.size.wall
     for body in case.bodies:
@@ -167,5 +153,4 @@ def _wall_error(case: Case, grid: pv.UnstructuredGrid) -> float:
         return float("nan")
     points = points[own]
     requested = wall_temperature(case.wall, case.part, points)
-    found = np.asarray(wall.point_data["T"], dtype=np.float64)[own]
-    return float(np.abs(found - requested).max())
+    return float(np.abs(as_float64(wall["T"])[own] - requested).max())

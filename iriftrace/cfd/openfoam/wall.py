@@ -39,8 +39,12 @@ class WallTemperatures:
     def check(self, part: Part, ambient_k: float) -> None:
         """Refuse temperatures that are not possible and unknown regions, with an InputError."""
         self.check_regions(part)
-        if self.measured is not None:
-            _check_measured(self.measured, ambient_k)
+        lowest = np.inf if self.measured is None else float(self.measured.kelvins.min())
+        if self.measured is not None and lowest < ambient_k - _COOLER_THAN_AIR:
+            raise InputError(
+                f"the wall temperatures in {self.measured.path} go down to {lowest:g} K in air of "
+                f"{ambient_k:g} K; check their unit (--wall-temperature-unit degC) and --ambient."
+            )
         for kelvin in (self.default, *self.regions.values()):
             if not ambient_k < kelvin <= HOTTEST:
                 raise InputError(
@@ -87,15 +91,6 @@ class WallTemperatures:
 def measured_wall(measured: MeasuredWall) -> WallTemperatures:
     """Wall with the temperatures of a file."""
     return WallTemperatures(float(measured.kelvins.max()), measured=measured)
-
-
-def _check_measured(measured: MeasuredWall, ambient_k: float) -> None:
-    lowest = float(measured.kelvins.min())
-    if lowest < ambient_k - _COOLER_THAN_AIR:
-        raise InputError(
-            f"the wall temperatures in {measured.path} go down to {lowest:g} K in air of "
-            f"{ambient_k:g} K; check their unit (--wall-temperature-unit degC) and --ambient."
-        )
 
 
 def wall_temperature(wall: WallTemperatures, part: Part, points: ArrayLike) -> FloatArray:

@@ -179,8 +179,14 @@ def cut_at_wall(
     used = np.unique(np.concatenate([cell.ravel() for cell in cells.values()]))
     number = np.full(len(everywhere), -1)
     number[used] = np.arange(len(used))
-    cells = {kind: number[cell] for kind, cell in cells.items()}
-    return _assembled(everywhere[used], cells), on_wall[used]
+    whole = {}
+    for kind, cell in cells.items():
+        if len(cell):
+            # Right-handed, as in VTK.
+            e1, e2, e3 = (everywhere[cell[:, k]] - everywhere[cell[:, 0]] for k in _EDGES_OF[kind])
+            left = np.einsum("ij,ij->i", np.cross(e1, e2), e3) < 0.0
+            whole[kind] = number[np.where(left[:, None], cell[:, MIRRORED_CORNERS[kind]], cell)]
+    return pv.UnstructuredGrid(whole, everywhere[used]), on_wall[used]
 
 
 def _snap(points: FloatArray, corners: IntArray, side: IntArray, surface: Surface) -> None:
@@ -256,17 +262,6 @@ def _pieces(corners: IntArray, sign: IntArray, ends: IntArray, first: int) -> di
         WEDGE: np.concatenate(wedges),
         PYRAMID: pieces(case(2, 1), 0, 1, (1, 3), (0, 3), 2),
     }
-
-
-def _assembled(points: FloatArray, cells: dict[int, IntArray]) -> pv.UnstructuredGrid:
-    """Grid of right-handed cells."""
-    whole = {}
-    for kind, cell in cells.items():
-        edges = [points[cell[:, k]] - points[cell[:, 0]] for k in _EDGES_OF[kind]]
-        left = np.einsum("ij,ij->i", np.cross(edges[0], edges[1]), edges[2]) < 0.0
-        if len(cell):
-            whole[kind] = np.where(left[:, None], cell[:, MIRRORED_CORNERS[kind]], cell)
-    return pv.UnstructuredGrid(whole, points)
 
 
 @frozen
