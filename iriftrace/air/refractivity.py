@@ -32,33 +32,13 @@ def ciddor(
     relative_humidity: ArrayLike = 0.0,
     co2_ppm: float = 450.0,
 ) -> FloatArray:
-    """Refractivity of moist air after Ciddor.
+    """Refractivity n - 1 of moist air after Ciddor, of the shape to which the arguments broadcast.
 
     P. E. Ciddor, "Refractive index of air: new equations for the visible and near infrared",
-    Applied Optics 35 (1996) 1566, in the step order of NIST's engineering metrology toolbox.
-
-    Parameters
-    ----------
-    wavelength_nm : float
-        Vacuum wavelength, 300 to 1700 nm.
-    temperature_k : array_like
-        233.15 to 373.15 K (-40 to 100 degC).
-    pressure_pa : array_like
-        60 to 120 kPa.
-    relative_humidity : array_like
-        0 to 1, over ice below 0 degC.
-    co2_ppm : float
-        Carbon dioxide, 0 to 2000 ppm (micromol/mol).
-
-    Returns
-    -------
-    array
-        n - 1, of the shape to which the arguments broadcast.
-
-    Raises
-    ------
-    InputError
-        An argument is outside the range given above.
+    Applied Optics 35 (1996) 1566, in the step order of NIST's engineering metrology toolbox. Holds
+    for vacuum wavelengths of 300 to 1700 nm, 233.15 to 373.15 K (-40 to 100 degC), 60 to 120 kPa, a
+    relative humidity of 0 to 1, over ice below 0 degC, and 0 to 2000 ppm (micromol/mol) of carbon
+    dioxide; raises InputError for an argument outside these ranges.
     """
     _check_ranges(wavelength_nm, temperature_k, pressure_pa, relative_humidity, co2_ppm)
     temperature, pressure = np.asarray(temperature_k, float), np.asarray(pressure_pa, float)

@@ -122,7 +122,7 @@ def doctor() -> None:
     Example: ``iriftrace field doctor``
     """
     from iriftrace.cfd.openfoam.programs import REPAIR, find_openfoam
-    from iriftrace.cfd.openfoam.solver_check import TRIAL_PASSED, try_solver
+    from iriftrace.cfd.openfoam.solver_check import try_solver
 
     installation = find_openfoam()
     say_finding("ok", "OpenFOAM", installation.folder or "on the search path")
@@ -130,7 +130,7 @@ def doctor() -> None:
     said = verdict or "three steps on a mesh with inclined faces came out right"
     built = f", built in place of {installation.installed}" if installation.repaired else ""
     say_finding("error" if verdict else "ok", "solver", f"{installation.solver}{built}: {said}")
-    if verdict != TRIAL_PASSED:
+    if verdict:
         raise SetupError(
             f"the solver computes wrong, as that of Debian 12's package does; {REPAIR}."
         )

@@ -44,21 +44,11 @@ class ChildError(Exception):
 
 
 def read_in_child(function: str, size: int, *arguments: object) -> Any:
-    """Call a function in a child process.
+    """Call a function, ``"module:name"``, in a child process.
 
-    Parameters
-    ----------
-    function : str
-        ``"module:name"``, a reader. It returns JSON values, among which can be arrays of numbers.
-    size : int
-        Bytes that it reads; they set the limits of time and memory.
-    arguments
-        JSON values.
-
-    Raises
-    ------
-    ChildError
-        If the function raises an error, exceeds its limits or crashes.
+    The arguments are JSON values; it returns such values, among which can be arrays of numbers.
+    `size` are the bytes that it reads; they set the limits of time and memory. Raises ChildError if
+    the function raises an error, exceeds its limits or crashes.
     """
     seconds, memory = _SECONDS + size // _BYTES_A_SECOND, _MEMORY + _MEMORY_A_BYTE * size
     answer, status = _server.ask([function, arguments, memory, seconds])

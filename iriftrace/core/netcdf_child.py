@@ -21,7 +21,13 @@ def read_through(path: str, size: int) -> None:
     """Read all attributes and variables, part by part; returns nothing."""
     with h5py.File(path, "r") as file:
         dict(file.attrs)
-        variables = [found for found in file.values() if _is_variable(found)]
+        # Not groups and dimensions without values.
+        variables = [
+            found
+            for found in file.values()
+            if isinstance(found, h5py.Dataset)
+            and "This is a netCDF dimension" not in str(dict(found.attrs).get("NAME", ""))
+        ]
         stated = sum(prod(v.shape) * v.dtype.itemsize for v in variables)
         if stated > _SMALL + MOST_PACKED * size:
             raise ValueError(f"its {size:,} bytes would unpack to {stated:,}")
@@ -30,9 +36,3 @@ def read_through(path: str, size: int) -> None:
                 variable[...]
             for start in range(0, variable.shape[0] if variable.shape else 0, _ROWS):
                 variable[start : start + _ROWS]
-
-
-def _is_variable(found: h5py.HLObject) -> bool:
-    """True for a variable of netCDF, not a group or a dimension without values."""
-    name = str(dict(found.attrs).get("NAME", ""))
-    return isinstance(found, h5py.Dataset) and "This is a netCDF dimension" not in name

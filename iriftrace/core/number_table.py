@@ -30,8 +30,13 @@ def with_exponents(line: str) -> str:
 
 
 def header_columns(line: str) -> dict[str, str]:
-    """Names of the columns of a header, as in ``x [m]; T (degC)``, and their units, "" of none."""
+    """Names of the columns of a header, as in ``x [m]; T (degC)``, and their units, "" of none.
+
+    Names without units may stand between blanks.
+    """
     words = re.split(r"[,;\t]", line.lstrip("#%"))
+    if len(words) == 1:
+        words = line.lstrip("#%").split()
     found = [_COLUMN.fullmatch(word.strip('" ')) for word in words]
     return {match["name"]: match["unit"] or "" for match in found if match}
 

@@ -19,19 +19,10 @@ def rms(values: FloatArray) -> float:
 
 def spread(values: FloatArray, names: Sequence[str] = SPREAD) -> dict[str, float]:
     """Statistics of an (n,) array, n > 0, by name; ``p95`` is the 95th percentile."""
-    percent = {
-        name: 50.0 if name == "median" else float(name[1:]) for name in names if _sorts(name)
-    }
+    plain: dict[str, Callable[[FloatArray], float]] = {"mean": np.mean, "rms": rms}
+    plain |= {"min": np.min, "max": np.max}
+    percent = {n: 50.0 if n == "median" else float(n[1:]) for n in names if n not in plain}
+    # All percentiles at once, because each call sorts.
     ranked = np.percentile(values, list(percent.values())).tolist()
     found = dict(zip(percent, ranked, strict=True))
-    plain: dict[str, Callable[[FloatArray], float]] = {
-        "mean": np.mean,
-        "rms": rms,
-        "min": np.min,
-        "max": np.max,
-    }
-    return {name: found[name] if name in found else float(plain[name](values)) for name in names}
-
-
-def _sorts(name: str) -> bool:
-    return name == "median" or name[1:].isdecimal()
+    return {n: found[n] if n in found else float(plain[n](values)) for n in names}

@@ -38,23 +38,11 @@ _QUANTITY = re.compile(
 
 
 def parse_quantity(text: str | float, unit: str) -> float:
-    """Read a number with or without a unit.
+    """Read a number with or without a unit, as in ``"20 degC"``, ``"1 atm"`` or ``"14e-6/K"``.
 
-    Parameters
-    ----------
-    text : str or float
-        Such as ``"20 degC"``, ``"1 atm"``, ``"14e-6/K"``; a bare number is in `unit`.
-    unit : str
-        Unit of the result, in pint's names (``"kelvin"``, ``"pascal"``, ``"mm"``, ``"1/kelvin"``).
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    InputError
-        Not a number with a unit, another dimension, or not finite.
+    `unit` is that of the result and of a bare number, in pint's names (``"kelvin"``, ``"pascal"``,
+    ``"mm"``, ``"1/kelvin"``). Raises InputError for anything but a number with a unit, for another
+    dimension, and for a number that is not finite.
     """
     try:
         value = float(text)

@@ -49,10 +49,8 @@ def is_air_temperatures(path: Path) -> bool:
 
 
 def _columns(header: str) -> dict[str, str]:
-    """Names of the columns and their units, "" of none; of names between blanks, too."""
+    """Names of the columns and their units, "" of none."""
     found = header_columns(header.strip())
-    if len(found) == 1:
-        found = header_columns(",".join(header.lstrip("#% ").split()))
     return {_OTHER_NAMES.get(name, name): unit for name, unit in found.items()}
 
 

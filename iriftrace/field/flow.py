@@ -192,12 +192,16 @@ def velocity_arrays(
     `averaged` a time average (``UMean``) is preferred, because the temperature is an average too.
     If no velocity is found, the returned text says why.
     """
-    vectors, numbers = _names(grid, 2), _names(grid, 1)
-    by_name = {_plain(name): name for name in vectors}
+    shapes: dict[str, tuple[int, ...]] = {}
+    for data in (grid.point_data, grid.cell_data):
+        for name in data:
+            if data[name].dtype.kind in "fi":
+                shapes.setdefault(name, data[name].shape[1:])
+    by_name = {_plain(name): name for name, shape in shapes.items() if shape == (3,)}
     usual = [name for plain, name in by_name.items() if plain in _USUAL]
     means = [name for plain, name in by_name.items() if _MEAN.fullmatch(plain)]
     loose = [name for plain, name in by_name.items() if _LOOSE.fullmatch(plain)]
-    families = _families(numbers)
+    families = _families(name for name, shape in shapes.items() if shape == ())
     components = [tuple(f[axis] for axis in range(3)) for f in families.values() if len(f) == 3]
     for single in (means, usual) if averaged else (usual, means):
         if len(single) == 1:
@@ -211,7 +215,19 @@ def velocity_arrays(
             unit = _stated_unit(names[0], units) or SI
             return VelocityArrays(names, factors.pop() or 1.0, unit), ""
         refused = f"the unit of {', '.join(names)} is not a velocity"
-    return None, refused or _why_none(grid, families, units) or NO_VELOCITIES
+    if refused:
+        return None, refused
+    for family, found in families.items():
+        # A single v or w can be anything.
+        telling = len(found) == 2 or (len(found) == 1 and family != ("", "uvw", ""))
+        if telling and all(_factor(name, units) is not None for name in found.values()):
+            there = " and ".join(found[axis] for axis in sorted(found))
+            return None, f"it has only {there} of 3 components"
+    for name, shape in shapes.items():
+        if shape != (3,) and _is_velocity(name) and _factor(name, units) is not None:
+            width = shape[0] if shape else 1
+            return None, f"{name} has {width} component{'s' * (width > 1)}, 3 are needed"
+    return None, NO_VELOCITIES
 
 
 def is_motion(name: str) -> bool:
@@ -229,18 +245,6 @@ def is_mean(name: str) -> bool:
     return re.search(r"mean|averag", name, re.IGNORECASE) is not None
 
 
-def _names(grid: pv.UnstructuredGrid, dimension: int) -> list[str]:
-    """Arrays of numbers (1) or of vectors with three components (2), point data first."""
-    found = [
-        name
-        for data in (grid.point_data, grid.cell_data)
-        for name in data
-        if data[name].ndim == dimension and data[name].dtype.kind in "fi"
-        if dimension == 1 or data[name].shape[1] == 3
-    ]
-    return list(dict.fromkeys(found))
-
-
 def _families(names: Iterable[str]) -> dict[tuple[str, str, str], dict[int, str]]:
     """Components by axis for each plain name without its axis: text before, axes, text after."""
     families: dict[tuple[str, str, str], dict[int, str]] = {}
@@ -254,26 +258,6 @@ def _families(names: Iterable[str]) -> dict[tuple[str, str, str], dict[int, str]
         family = (found.string[:start], axes, found.string[end:])
         families.setdefault(family, {}).setdefault(axes.index(letter), name)
     return families
-
-
-def _why_none(
-    grid: pv.UnstructuredGrid,
-    families: Mapping[tuple[str, str, str], Mapping[int, str]],
-    units: Mapping[str, str] | None,
-) -> str:
-    """Why arrays with the names of velocities were not used; "" where no array has such a name."""
-    for family, names in families.items():
-        # A single v or w can be anything.
-        telling = len(names) == 2 or (len(names) == 1 and family != ("", "uvw", ""))
-        if telling and all(_factor(name, units) is not None for name in names.values()):
-            there = " and ".join(names[axis] for axis in sorted(names))
-            return f"it has only {there} of 3 components"
-    for data in (grid.point_data, grid.cell_data):
-        for name in data:
-            width = 1 if data[name].ndim == 1 else data[name].shape[1]
-            if width != 3 and _is_velocity(name) and _factor(name, units) is not None:
-                return f"{name} has {width} component{'s' * (width > 1)}, 3 are needed"
-    return ""
 
 
 def _factor(name: str, units: Mapping[str, str] | None) -> float | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +16,7 @@ from iriftrace.core.units import length_factor
 from iriftrace.field import arrays
 from iriftrace.field.flow import flow_in
 from iriftrace.field.index_field import IndexField
-from iriftrace.field.marked import Unmarked, chosen_cells, unmarked, without_gaps
+from iriftrace.field.marked import chosen_cells, unmarked, without_gaps
 from iriftrace.field.origin import facts_of, one_line, origin_of, wall_heat_of
 from iriftrace.field.readers.members import read_state
 from iriftrace.field.readers.scattered import cells_outside
@@ -144,7 +143,7 @@ def read_field(
 
 
 def read_volume(path: str | Path, *, member: int | None = None, flow: bool = False) -> Contents:
-    """Read the volume cells of a file, and the units it states.
+    """Read the volume cells of a file or the folder of an OpenFOAM case, and the units it states.
 
     Blocks (`.vtm`, `.pvd`) and pieces (`.pvtu`) are joined at points that coincide exactly, and so
     are the two sides of a seam inside a file (`iriftrace.field.volume`). Voxels become hexahedra;
@@ -152,28 +151,12 @@ def read_volume(path: str | Path, *, member: int | None = None, flow: bool = Fal
     their centroids); cells of higher order keep only their corners. Cells that are not volumes are
     removed, and then points that no cell uses.
 
-    Parameters
-    ----------
-    path : str or Path
-        A file of `iriftrace.field.readers.members.SUFFIXES`, or the folder of an OpenFOAM case.
-    member : int, optional
-        Number of the state in a file with several, as `iriftrace.field.readers.members` counts;
-        the last one if omitted, with a warning.
-    flow : bool, optional
-        Whether to read velocities at the points of an OpenFOAM case, which needs memory; other
-        files are always read completely.
-
-    Returns
-    -------
-    Contents
-        `data` are tetrahedra, hexahedra, wedges and pyramids with the file's point and cell data,
-        in the file's own length unit. `origin`, `wall_heat_w` and `facts` include what its field
-        data state.
-
-    Raises
-    ------
-    InputError
-        The file is missing, of another type, damaged, or has no volume cells.
+    `member` is the number of the state in a file with several, the last one by default, with a
+    warning. Velocities at the points of an OpenFOAM case need memory, so they are read only with
+    `flow`. The `data` of the result are tetrahedra, hexahedra, wedges and pyramids with the file's
+    point and cell data, in the file's own length unit; `origin`, `wall_heat_w` and `facts` include
+    what its field data state. Raises InputError if the file is missing, of another type, damaged,
+    or has no volume cells.
     """
     path = Path(path)
     contents = read_state(path, member, flow=flow)
@@ -206,7 +189,20 @@ def read_volume(path: str | Path, *, member: int | None = None, flow: bool = Fal
 def _joined(data: Data, path: Path) -> pv.UnstructuredGrid:
     """The volume cells of all blocks as one grid."""
     found = [unmarked(block) for block in blocks_of(data) if isinstance(block, pv.DataSet)]
-    _warn_of_marked(found, path)
+    left_out = sum(block.left_out for block in found)
+    if left_out:
+        count = left_out + sum(block.cells.n_cells for block in found)
+        names = ", ".join(sorted(set().union(*(block.names for block in found))))
+        if left_out == count:
+            raise InputError(
+                f"{path} marks all its {count} cells as hidden or without a value ({names}), so no "
+                "air is known; export the volume on which the solver has values."
+            )
+        warn(
+            f"{path} marks {left_out} of {count} cells as hidden, as copies or as without a value "
+            f"({names}); they are left out.",
+            stacklevel=5,
+        )
     blocks = [volume_cells(block.cells) for block in found]
     blocks = [block for block in blocks if block.n_cells]
     if not blocks:
@@ -220,25 +216,6 @@ def _joined(data: Data, path: Path) -> pv.UnstructuredGrid:
     elif path.suffix.lower() == ".pvtu":
         joined = joined.clean(tolerance=0.0)
     return joined
-
-
-def _warn_of_marked(found: Sequence[Unmarked], path: Path) -> None:
-    """Warn with the number of cells that are marked; raises InputError if all cells are."""
-    left_out = sum(block.left_out for block in found)
-    if not left_out:
-        return
-    count = left_out + sum(block.cells.n_cells for block in found)
-    names = ", ".join(sorted(set().union(*(block.names for block in found))))
-    if left_out == count:
-        raise InputError(
-            f"{path} marks all its {count} cells as hidden or without a value ({names}), so no "
-            "air is known; export the volume on which the solver has values."
-        )
-    warn(
-        f"{path} marks {left_out} of {count} cells as hidden, as copies or as without a value "
-        f"({names}); they are left out.",
-        stacklevel=5,
-    )
 
 
 def _length_unit(given: str | None, stated: str | None, path: str) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pyvista as pv
 
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.field.cell_means import PLACES
 from iriftrace.field.gradient import (
@@ -22,7 +22,7 @@ from iriftrace.field.gradient import (
     cell_corners,
 )
 from iriftrace.field.marked import chosen_cells, unmarked
-from iriftrace.field.polyhedra import SPLIT, SplitPolyhedra, split_polyhedra
+from iriftrace.field.polyhedra import SPLIT, split_polyhedra
 
 FLAT = 1e-4
 """Thickness of a cell over its length, below which its volume counts as zero."""
@@ -112,16 +112,12 @@ def _linear(grid: pv.UnstructuredGrid, types: IntArray) -> pv.UnstructuredGrid:
     for name in grid.cell_data:
         result.cell_data[name] = np.asarray(grid.cell_data[name])[order]
     if len(split.cells) and grid.cell_data.keys():
-        result.cell_data[PLACES] = _places(result, order, split)
+        # Centroids of the linear cells, or of the polyhedra of which they are pieces.
+        places = cell_centroids(result)
+        piece = np.isin(order, split.cells)
+        places[piece] = split.centroids[np.searchsorted(split.cells, order[piece])]
+        result.cell_data[PLACES] = places
     return result
-
-
-def _places(linear: pv.UnstructuredGrid, order: IntArray, split: SplitPolyhedra) -> FloatArray:
-    """Centroids, (m, 3), of linear cells, or of the polyhedra of which they are pieces."""
-    places = cell_centroids(linear)
-    piece = np.isin(order, split.cells)
-    places[piece] = split.centroids[np.searchsorted(split.cells, order[piece])]
-    return places
 
 
 def without_seams(grid: pv.UnstructuredGrid) -> pv.UnstructuredGrid:

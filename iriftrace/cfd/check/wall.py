@@ -64,11 +64,8 @@ def wall_state(field: IndexField, part: Part) -> WallState:
     error. Its length is corrected so that it fits the values along the cells' edges
     (`consistent_gradient`). The conductivity is that of `iriftrace.air.thermophysics`.
 
-    Raises
-    ------
-    InputError
-        The field has no inner boundary, its wall is not hotter than the room, or the part is not
-        closed.
+    Raises InputError if the field has no inner boundary, its wall is not hotter than the room, or
+    the part is not closed.
     """
     wall = field.wall
     if not wall.n_points:

@@ -140,13 +140,16 @@ def write_file(folder: Path, name: str, entries: dict[str, object]) -> None:
 def mesh_entries(case: Case) -> dict[str, object]:
     """Entries of the mesher's files; lengths in m except in ``blockMeshDict``."""
     domain = case.domain
+    types = dict.fromkeys(_planes(case), "symmetryPlane")
+    if case.floor is not None:
+        types["bottom"] = "wall"
     (x0, y0, z0), (x1, y1, z1) = domain.lower, domain.upper
     plan = ((x0, y0), (x1, y0), (x1, y1), (x0, y1))
     return {
         "corners": [(x, y, z) for z in (z0, z1) for x, y in plan],
         "cells": domain.cells,
         "patches": [
-            {"name": name, "type": _patch_type(case, name), "faces": faces}
+            {"name": name, "type": types.get(name, "patch"), "faces": faces}
             for name, faces in _FACES.items()
         ],
         "bodies": _body_patches(case),
@@ -204,12 +207,6 @@ def _planes(case: Case) -> tuple[str, ...]:
 def _body_patches(case: Case) -> list[str]:
     """Names of the bodies' walls that every mesher accepts: "body1" and so on."""
     return [f"body{number}" for number in range(1, len(case.bodies) + 1)]
-
-
-def _patch_type(case: Case, name: str) -> str:
-    if name in _planes(case):
-        return "symmetryPlane"
-    return "wall" if name == "bottom" and case.floor is not None else "patch"
 
 
 def _metres(point: tuple[float, float, float]) -> list[str]:

@@ -96,19 +96,9 @@ def leans(draughts: Iterable[Draught], rise: float) -> tuple[Lean, ...]:
 def draught_from(speed: float, source: Sequence[float]) -> Draught | None:
     """Draught of a speed, m/s, from a direction; None for still air, a speed of 0.
 
-    Parameters
-    ----------
-    speed
-        m/s.
-    source
-        Where the air comes from: one angle in the horizontal plane, degrees from +x to +y, or the
-        components x, y, z of a vector of any length.
-
-    Raises
-    ------
-    InputError
-        The speed is negative or too fast; the direction is not valid, or closer to gravity than
-        to the horizontal.
+    `source` is where the air comes from: one angle in the horizontal plane, degrees from +x to +y,
+    or the components x, y, z of a vector of any length. Raises InputError if the speed is negative
+    or too fast, the direction is not valid, or closer to gravity than to the horizontal.
     """
     check_speed(speed)
     if len(source) == 1:

@@ -11,8 +11,6 @@ from iriftrace.cfd.openfoam.draught import Draught, check_speed, draught_from
 from iriftrace.core.errors import InputError
 
 _MOST_MEMBERS = 1000
-# Every set of planes whose reflections turn one direction into another.
-_REFLECTIONS = ("x", "y", "xy")
 
 
 @frozen
@@ -64,18 +62,10 @@ def plan_family(
 ) -> tuple[Member, ...]:
     """Members of a family, in the order of their names.
 
-    Parameters
-    ----------
-    speeds
-        m/s; 0 is one member for all directions.
-    directions
-        Where the air comes from, degrees from +x to +y.
-    planes
-        Axes of "xy" at whose centre plane the field may be mirrored. A draught that blows through a
-        plane is solved without it.
-    symmetric
-        Axes of "xy" across which part and wall temperatures are symmetric: a draught that is the
-        mirror image of another one is not solved.
+    Speeds are in m/s; 0 is one member for all directions. Directions are where the air comes from,
+    degrees from +x to +y. `planes` are axes of "xy" at whose centre plane the field may be
+    mirrored; a draught that blows through a plane is solved without it. `symmetric` are axes across
+    which part and wall temperatures are symmetric: mirror images of other draughts are not solved.
     """
     check_family(speeds, directions)
     digits = max(len(f"{speed:.9f}".rstrip("0").partition(".")[2]) for speed in speeds)
@@ -107,17 +97,14 @@ def _originals(turns: Sequence[float], symmetric: str) -> dict[float, tuple[floa
             images = {"x": 180.0 - original, "y": -original, "xy": 180.0 + original}
             fitting = [
                 axes
-                for axes in _REFLECTIONS
-                if set(axes) <= set(symmetric) and _same(images[axes], turn)
+                for axes, image in images.items()
+                if set(axes) <= set(symmetric)
+                and abs((image - turn + 180.0) % 360.0 - 180.0) < 1e-6
             ]
             if fitting and original not in found:
                 found[turn] = original, fitting[0]
                 break
     return found
-
-
-def _same(one: float, other: float) -> bool:
-    return abs((one - other + 180.0) % 360.0 - 180.0) < 1e-6
 
 
 def _left(planes: str, turn: float) -> str:

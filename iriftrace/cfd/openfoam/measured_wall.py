@@ -93,21 +93,12 @@ class MeasuredWall:
 def read_measured_wall(
     path: Path, length_unit: str | None = None, temperature_unit: str | None = None
 ) -> MeasuredWall:
-    """Read temperatures of a wall.
+    """Read temperatures of a wall; units are by default those stated in the file, else mm and K.
 
-    Parameters
-    ----------
-    path
-        A table (.csv, .txt) of x, y, z and T with or without a header that may state units, as in
-        ``x [m]`` and ``T (degC)``; or a file of VTK (.vtp, .vtk, .vtu) with a temperature: its
-        triangles, its volume's surface, or its points where it has no faces.
-    length_unit, temperature_unit
-        Units; by default those stated in the file, else mm and K.
-
-    Raises
-    ------
-    InputError
-        The file is missing, damaged, or has no temperatures; a unit contradicts it.
+    From a table (.csv, .txt) of x, y, z and T with or without a header that may state units, as in
+    ``x [m]`` and ``T (degC)``; or from a file of VTK (.vtp, .vtk, .vtu) with a temperature: its
+    triangles, its volume's surface, or its points where it has no faces. Raises InputError if the
+    file is missing, damaged, or has no temperatures, or if a unit contradicts it.
     """
     check_readable(path)
     suffix = path.suffix.lower()

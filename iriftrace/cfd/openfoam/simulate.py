@@ -26,7 +26,7 @@ from iriftrace.cfd.openfoam.run import (
     pieces_of,
     solve,
 )
-from iriftrace.cfd.openfoam.solver_check import TRIAL_PASSED, try_solver
+from iriftrace.cfd.openfoam.solver_check import try_solver
 from iriftrace.cfd.openfoam.wall import wall_temperature
 from iriftrace.core.arrays import as_float64
 from iriftrace.core.errors import SetupError
@@ -131,8 +131,7 @@ def _clock(folder: Path) -> Iterator[Callable[[], float]]:
 
 def check_solver(installation: Installation) -> None:
     """Refuse a solver that computes wrong results, with a SetupError."""
-    verdict = try_solver(installation)
-    if verdict != TRIAL_PASSED:
+    if verdict := try_solver(installation):
         raise SetupError(
             f"{installation.solver} computes wrong ({verdict}), as Debian 12's miscompiled package "
             f"does; {REPAIR}."

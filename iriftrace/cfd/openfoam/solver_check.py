@@ -35,8 +35,6 @@ from iriftrace.cfd.openfoam.programs import (
 )
 from iriftrace.core.files import sha256_of, whole_file
 
-TRIAL_PASSED = ""
-
 # Air that expands at the wall moves at 0.2 m/s in that time, a Courant number of 0.006; wrong
 # velocities give hundreds.
 _END, _STEP = 3e-4, 6e-5
@@ -52,13 +50,13 @@ _PATCHES = (
 
 
 def try_solver(installation: Installation) -> str:
-    """Run the solver for three steps unless it has passed before: verdict as in `judge`."""
+    """Run the solver for three steps unless it has passed before: what is wrong, or ""."""
     # Exists if this very program has passed.
     cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     digest = sha256_of(Path(installation.solver))
     passed = Path(cache) / "iriftrace" / "openfoam" / f"{digest}.passed"
     if passed.is_file():
-        return TRIAL_PASSED
+        return ""
     with tempfile.TemporaryDirectory(prefix="iriftrace-trial-") as name:
         folder = Path(name)
         write_trial(folder)
@@ -67,7 +65,7 @@ def try_solver(installation: Installation) -> str:
             verdict = judge(tail(run_program(installation, folder, SOLVER)))
         except OpenFoamError:
             verdict = "it stopped in the first time steps on a mesh with inclined faces"
-    if verdict == TRIAL_PASSED:
+    if not verdict:
         # In a read-only folder the next call tests again.
         with suppress(OSError):
             passed.parent.mkdir(parents=True, exist_ok=True)
@@ -77,7 +75,7 @@ def try_solver(installation: Installation) -> str:
 
 
 def judge(log: str) -> str:
-    """Verdict on the solver's log: `TRIAL_PASSED`, or what is wrong."""
+    """What is wrong according to the solver's log; "" if nothing is."""
     steps = read_steps(log)
     if steps.last is None or steps.last < 0.99 * _END or not len(steps.courant):
         return "it did not finish three time steps on a mesh with inclined faces"
@@ -86,7 +84,7 @@ def judge(log: str) -> str:
             "on a mesh with inclined faces still air moved at a Courant number of "
             f"{steps.courant.max():.3g} instead of about 0.01"
         )
-    return TRIAL_PASSED
+    return ""
 
 
 def write_trial(folder: Path) -> None:

@@ -290,17 +290,9 @@ class SyntheticAir:
         )
 
     def at(self, points: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Temperature and its gradient.
+        """Temperature (n,), K, and its gradient (n, 3), K/mm, world, at points (n, 3), mm, world.
 
-        Parameters
-        ----------
-        points : (n, 3) array_like, mm, world
-            Outside the part or on it.
-
-        Returns
-        -------
-        temperature : (n,) array, K
-        gradient : (n, 3) array, K/mm, world
+        The points lie outside the part or on it.
         """
         places = np.asarray(points, dtype=np.float64).reshape(-1, 3)
         distance, away = self.surface.distance_gradient(places)

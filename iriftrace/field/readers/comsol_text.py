@@ -172,7 +172,9 @@ def text_file(path: Path) -> TextFile:
         text = raw.decode("latin-1")
     sections: list[Section] = []
     comments: list[str] = []
-    for line in map(_unquoted, filter(None, map(str.strip, text.splitlines()))):
+    for line in filter(None, map(str.strip, text.splitlines())):
+        # The comment mark may stand in the quotation marks of the first word.
+        line = re.sub(r'^"\s*([%#]+)\s*', r'\1 "', line)
         if line.startswith(("%", "#")) or (not sections and not is_numbers(line)):
             comments.append(line)
         elif comments or not sections:
@@ -208,11 +210,6 @@ def text_file(path: Path) -> TextFile:
     return file
 
 
-def _unquoted(line: str) -> str:
-    """A line whose comment mark is moved out of the quotation marks of its first word."""
-    return re.sub(r'^"\s*([%#]+)\s*', r'\1 "', line)
-
-
 def _text_of(comment: str) -> str:
     """A comment without its mark."""
     return comment.lstrip("%#").strip()
@@ -244,7 +241,12 @@ def spreadsheet_columns(file: TextFile) -> list[Column]:
             "it is not clear which is which; export it again with one delimiter and a point as "
             "decimal sign."
         )
-    columns = [_axis_or(column_of(name)) for name in names]
+    columns = []
+    for column in map(column_of, names):
+        if match := _COORDINATE.fullmatch(column.name):
+            axis = match["axis"] or AXES[int(match["number"])]
+            column = evolve(column, name=axis.lower(), unit=column.unit or match["unit"])
+        columns.append(column)
     found = [column.name.lower() for column in columns]
     if any(found.count(axis) != 1 for axis in AXES):
         raise InputError(
@@ -256,34 +258,19 @@ def spreadsheet_columns(file: TextFile) -> list[Column]:
 
 def _names(line: str, count: int, separator: str | None) -> list[str]:
     """Names of `count` columns in a line."""
-    return _padded_names(line, count) if separator is None else _separated_names(line, separator)
-
-
-def _axis_or(column: Column) -> Column:
-    """Rename the column of a coordinate to x, y or z; keep other names."""
-    match = _COORDINATE.fullmatch(column.name)
-    if match is None:
-        return column
-    axis = match["axis"] or AXES[int(match["number"])]
-    return evolve(column, name=axis.lower(), unit=column.unit or match["unit"])
-
-
-def _padded_names(line: str, count: int) -> list[str]:
-    """Names that are padded with blanks to the width of their columns."""
-    names = [name for name in _PADDED.split(line) if name]
-    if len(names) == count:
-        return names
-    if len(line.split()) == count and not re.search(r"[(\[@]", line):
-        return line.split()
-    # A name longer than its column is followed by a single blank.
-    words = line.split(None, 3)
-    return words[:3] + (_NAMED.findall(words[3]) if len(words) > 3 else [])
-
-
-def _separated_names(line: str, separator: str) -> list[str]:
-    """Names between separators; commas between several parameters of one state do not separate."""
-    names: list[str] = []
+    if separator is None:
+        # Names are padded with blanks to the width of their columns.
+        names = [name for name in _PADDED.split(line) if name]
+        if len(names) == count:
+            return names
+        if len(line.split()) == count and not re.search(r"[(\[@]", line):
+            return line.split()
+        # A name longer than its column is followed by a single blank.
+        words = line.split(None, 3)
+        return words[:3] + (_NAMED.findall(words[3]) if len(words) > 3 else [])
+    names = []
     for piece in next(csv.reader([line], delimiter=separator, skipinitialspace=True)):
+        # Commas between several parameters of one state do not separate.
         if names and "@" in names[-1] and _ASSIGNMENT.fullmatch(piece):
             names[-1] += f", {piece.strip()}"
         else:

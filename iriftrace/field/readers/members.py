@@ -46,25 +46,13 @@ _SAME_TIME = 1e-5
 
 @frozen
 class Member:
-    """One state of a field file.
+    """One state of a field file."""
 
-    Attributes
-    ----------
-    path : Path
-        The file, or the folder of a case.
-    label : str
-        What identifies it, such as ``"t = 2.5"`` or ``"t=2, P=100"``; "" if the file has one state
-        without a name.
-    time : float or None
-        In the file's unit, usually s; None if the file does not state it.
-    index : int
-        Its number in the file, from 0; ``member`` of `iriftrace.field.read.read_field`.
-    """
-
-    path: Path
+    path: Path  # the file, or the folder of a case
+    # Such as "t = 2.5" or "t=2, P=100"; "" if the file has one state without a name.
     label: str
-    time: float | None
-    index: int
+    time: float | None  # in the file's unit, usually s; None if the file does not state it
+    index: int  # number in the file, from 0; ``member`` of `iriftrace.field.read.read_field`
 
 
 def reader_of(path: Path) -> Reader:
