@@ -72,15 +72,12 @@ def test_block_is_the_domain_in_millimetres(case: Case, written: Path) -> None:
     assert re.search(r"top \{ type patch;", text)
 
 
-def test_surface_is_the_part_in_metres(case: Case, written: Path) -> None:
+def test_everything_for_the_mesher_is_in_metres(case: Case, written: Path) -> None:
+    """The surface is the part, the boxes hold it, and the point in the air is the domain's."""
     surface = pv.read(written / "constant/triSurface/part.stl")
     assert surface.n_cells == len(case.part.faces)
     bounds = np.array(surface.bounds).reshape(3, 2).T
     assert bounds * 1000.0 == pytest.approx(case.part.bounds, abs=1e-4)
-
-
-def test_everything_for_the_mesher_is_in_metres(case: Case, written: Path) -> None:
-    """Its boxes hold the part, and its point in the air lies in the domain but in no box's part."""
     text = (written / "system/snappyHexMeshDict").read_text()
     inside = numbers(re.search(r"locationInMesh \(([^)]*)\)", text)[1])
     assert np.array(inside) * 1000.0 == pytest.approx(case.domain.point_in_air)
@@ -100,12 +97,9 @@ def test_air_and_wall_have_the_temperatures_asked_for(case: Case, tmp_path: Path
     assert "p0 uniform 95000.0" in (tmp_path / "0/p_rgh").read_text()
 
 
-def test_gauge_level_is_the_outlet(case: Case, written: Path) -> None:
+def test_gravity_points_down_from_the_outlet(case: Case, written: Path) -> None:
     level = float(entry(written / "constant/hRef", "dimensions .*; value"))
     assert level * 1000.0 == pytest.approx(case.domain.upper[2])
-
-
-def test_gravity_points_down(written: Path) -> None:
     assert numbers((written / "constant/g").read_text().split("value")[1]) == [0.0, 0.0, -9.81]
 
 

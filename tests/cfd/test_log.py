@@ -32,19 +32,14 @@ def test_steps_of_a_log() -> None:
     assert steps.last == 0.0003
 
 
-def test_log_that_has_just_begun() -> None:
+def test_logs_that_have_just_begun_or_hold_no_numbers(tmp_path: Path) -> None:
     steps = log.read_steps("Create time\n\nCreate mesh for time = 0\n")
     assert steps.last is None
     assert len(steps.courant) == 0
-
-
-def test_numbers_that_are_none_are_not_taken_for_small_ones() -> None:
     steps = log.read_steps("Courant Number mean: -nan max: -nan\nTime = 0.1\n")
     assert np.isnan(steps.courant).all()
-
-
-def test_tail_of_a_file_that_is_not_there(tmp_path: Path) -> None:
     assert log.tail(tmp_path / "log.solver") == ""
+    assert len(log.read_heat(tmp_path)) == len(log.read_plume(tmp_path)) == 0
 
 
 @pytest.mark.parametrize(
@@ -83,11 +78,6 @@ def test_plume_without_the_row_that_is_being_written(tmp_path: Path) -> None:
     text = "# Probe 0 (0.001 0.001 0.03)\n#  Time\n  0.1  300.5  293.2\n  0.2  310  293.3\n  0."
     write(tmp_path / "plume/0/T", text)
     assert log.read_plume(tmp_path).tolist() == [[0.1, 300.5, 293.2], [0.2, 310.0, 293.3]]
-
-
-def test_no_tables_yet(tmp_path: Path) -> None:
-    assert log.read_heat(tmp_path).shape[0] == 0
-    assert log.read_plume(tmp_path).shape[0] == 0
 
 
 def write(path: Path, text: str) -> None:

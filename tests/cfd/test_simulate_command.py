@@ -48,6 +48,7 @@ def test_case_is_written_without_openfoam(folder: Path, capsys: pytest.CaptureFi
     assert re.search(r"wall plane \+z \(z [\d.]+ mm\): 723.15 K \(450 degC\)", said)
     assert re.search(r"wall plane -x \(x -[\d.]+ mm\): 1373.15 K", said)
     assert "normal (B)" in said
+    assert "--symmetry xy computes 1/4" in said
     assert (folder / "case/system/controlDict").is_file()
     assert main(["field", "simulate", *words, "--transition=5mm", "--write-only"]) == 0
     assert "already exists" in capsys.readouterr().out
@@ -62,11 +63,6 @@ def test_the_expected_time_is_said_in_words(capsys: pytest.CaptureFixture[str]) 
         f"{time} (right to a factor of two)."
         for time in ("a minute or two", "some 3 minutes", "25 hours")
     ]
-
-
-def test_symmetric_part_is_pointed_out(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["field", "simulate", "part.stl", "-o", "case", WALL, "--write-only"]) == 0
-    assert "--symmetry xy computes 1/4" in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize(
@@ -107,12 +103,13 @@ def test_wrong_input_is_one_sentence(
     assert message in fails(capsys, "part.stl", "-o", "case", *wall, *options, *write_only)
 
 
-def test_open_part_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "is not closed" in fails(capsys, "open.stl", "-o", "case", WALL, "--write-only")
-
-
-def test_part_that_is_not_there(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "no part file" in fails(capsys, "none.stl", "-o", "case", WALL, "--write-only")
+@pytest.mark.parametrize(
+    ("part", "message"), [("open.stl", "is not closed"), ("none.stl", "no part file")]
+)
+def test_open_and_missing_parts_are_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str], part: str, message: str
+) -> None:
+    assert message in fails(capsys, part, "-o", "case", WALL, "--write-only")
 
 
 def test_doctor_says_how_to_get_openfoam(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -39,6 +39,18 @@ def assert_the_box(field: IndexField) -> None:
     assert_allclose(field.temperature_k, expected, rtol=1e-12)
 
 
+def written(path: Path, layout: str, columns: dict[str, np.ndarray]) -> Path:
+    match layout:
+        case "spreadsheet":
+            return comsol.spreadsheet(path, POINTS, columns)
+        case "comma":
+            return comsol.spreadsheet(path, POINTS, columns, separator=",")
+        case "sectionwise":
+            return comsol.sectionwise(path, POINTS, TETRAHEDRA, columns)
+        case _:
+            return comsol.grid(path, [np.unique(axis) for axis in POINTS.T], columns)
+
+
 UNITS = {"K": KELVIN, "degC": KELVIN - 273.15, "degF": KELVIN * 1.8 - 459.67, "°C": KELVIN - 273.15}
 
 
@@ -48,15 +60,7 @@ def test_the_header_tells_the_unit_of_the_temperature(
     tmp_path: Path, layout: str, unit: str
 ) -> None:
     columns = {f"T ({unit})": UNITS[unit]}
-    path = tmp_path / "field.txt"
-    match layout:
-        case "spreadsheet":
-            comsol.spreadsheet(path, POINTS, columns)
-        case "sectionwise":
-            comsol.sectionwise(path, POINTS, TETRAHEDRA, columns)
-        case _:
-            comsol.grid(path, [np.unique(axis) for axis in POINTS.T], columns)
-    field = read_field(path)
+    field = read_field(written(tmp_path / "field.txt", layout, columns))
     assert_the_box(field)
     assert field.source.array == "T"
     assert field.source.origin == "COMSOL 6.2.0.415, model part.mph"
@@ -178,14 +182,7 @@ def test_times_and_parameters_are_members(tmp_path: Path, layout: str, state: st
     for k, value in enumerate((0.5, 1.0, 10.0)):
         columns[f"T (K) @ {state.format(value)}"] = KELVIN + k
         columns[f"spf.U (m/s) @ {state.format(value)}"] = KELVIN * 0.0
-    path = tmp_path / "f.txt"
-    match layout:
-        case "spreadsheet":
-            comsol.spreadsheet(path, POINTS, columns)
-        case "comma":
-            comsol.spreadsheet(path, POINTS, columns, separator=",")
-        case _:
-            comsol.sectionwise(path, POINTS, TETRAHEDRA, columns)
+    path = written(tmp_path / "f.txt", layout, columns)
     found = members(path)
     assert [m.label for m in found] == [state.format(v) for v in (0.5, 1.0, 10.0)]
     assert [m.time for m in found] == ([0.5, 1.0, 10.0] if "t" in state else [None] * 3)
@@ -328,14 +325,7 @@ def test_a_table_with_fewer_rows_than_its_header_counts_is_refused(
 def test_a_file_with_fewer_results_than_its_header_counts_is_refused(
     tmp_path: Path, layout: str
 ) -> None:
-    path, columns = tmp_path / "f.txt", {"T (K)": KELVIN}
-    match layout:
-        case "spreadsheet":
-            comsol.spreadsheet(path, POINTS, columns)
-        case "sectionwise":
-            comsol.sectionwise(path, POINTS, TETRAHEDRA, columns)
-        case _:
-            comsol.grid(path, [np.unique(axis) for axis in POINTS.T], columns)
+    path = written(tmp_path / "f.txt", layout, {"T (K)": KELVIN})
     text = path.read_text()
     path.write_text(re.sub("(Expressions: +)1", r"\g<1>3", text))
     with pytest.raises(InputError, match="counts 3 expressions, but the file has 1"):

@@ -27,44 +27,40 @@ def outside_block(x, y, z, half=3.0):
     return np.maximum(np.maximum(abs(x), abs(y)), abs(z)) > half
 
 
-def test_a_cavity_is_the_wall():
-    wall = inner_wall(air(outside_block))
-    assert wall.area == pytest.approx(6 * 6.0**2)
-    assert_allclose(np.abs(wall.points).max(axis=1), 3.0)
-
-
-def test_a_stepped_outer_boundary_is_none():
+BLOCK = 6 * 6.0**2
+WALLS = {
+    "cavity": (outside_block, BLOCK),
     # Cropped cell by cell: all over the outside there are steps.
-    def keep(x, y, z):
-        return outside_block(x, y, z) & (x**2 + y**2 + z**2 < 7.5**2)
+    "stepped outside": (
+        lambda x, y, z: outside_block(x, y, z) & (x**2 + y**2 + z**2 < 7.5**2),
+        BLOCK,
+    ),
+    "two parts": (
+        lambda x, y, z: outside_block(x - 5, y, z, 2.0) & outside_block(x + 5, y, z, 1.0),
+        6 * (4.0**2 + 2.0**2),
+    ),
+    "symmetry planes are no walls": (
+        lambda x, y, z: outside_block(x, y, z) & (x > 0) & (y > 0),
+        2 * 3.0**2 + 2 * 3.0 * 6.0,
+    ),
+}
 
-    assert inner_wall(air(keep)).area == pytest.approx(6 * 6.0**2)
 
-
-def test_two_parts_have_two_walls():
-    def keep(x, y, z):
-        return outside_block(x - 5, y, z, 2.0) & outside_block(x + 5, y, z, 1.0)
-
-    assert inner_wall(air(keep)).area == pytest.approx(6 * (4.0**2 + 2.0**2))
-
-
-def test_on_a_quarter_domain_the_symmetry_planes_are_no_walls():
-    def keep(x, y, z):
-        return outside_block(x, y, z) & (x > 0) & (y > 0)
-
-    assert inner_wall(air(keep)).area == pytest.approx(2 * 3.0**2 + 2 * 3.0 * 6.0)
+@pytest.mark.parametrize(("keep", "area"), WALLS.values(), ids=WALLS)
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_the_wall_is_what_a_cavity_has(keep, area, mirrored):
+    """Mirroring turns the cells, and with them the order of the corners of their faces."""
+    grid = air(keep)
+    grid.points *= (-1.0 if mirrored else 1.0, 1.0, 1.0)
+    wall = inner_wall(grid)
+    assert wall.area == pytest.approx(area)
+    if keep is outside_block:
+        assert_allclose(np.abs(wall.points).max(axis=1), 3.0)
 
 
 def test_air_without_a_part_has_no_wall():
     wall = inner_wall(air(lambda x, y, z: x < 99))
     assert (wall.n_cells, wall.n_points) == (0, 0)
-
-
-def test_mirrored_cells_have_the_same_wall():
-    # Mirroring turns the cells, and with them the order of the corners of their faces.
-    grid = air(outside_block)
-    grid.points *= (-1.0, 1.0, 1.0)
-    assert inner_wall(grid).area == pytest.approx(6 * 6.0**2)
 
 
 def test_the_wall_of_the_bundled_field_is_the_cylinder():

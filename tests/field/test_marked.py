@@ -81,13 +81,6 @@ def test_copies_of_points_have_values(tmp_path: Path) -> None:
     assert_right(read_field(saved(grid, tmp_path / "f.vtu")), 1000.0)
 
 
-def test_a_file_that_marks_everything_is_refused(tmp_path: Path) -> None:
-    grid = box()
-    grid.point_data["vtkValidPointMask"] = np.zeros(grid.n_points, dtype=np.int8)
-    with pytest.raises(InputError, match="marks all its 64 cells as hidden or without a value"):
-        read_field(saved(grid, tmp_path / "f.vti"))
-
-
 @pytest.mark.parametrize("suffix", ["vti", "vtu"])
 def test_points_without_a_number(tmp_path: Path, suffix: str) -> None:
     grid = solid() if suffix == "vtu" else box()
@@ -109,16 +102,26 @@ def test_cells_without_a_number(tmp_path: Path) -> None:
     assert_allclose(field.temperature_k, AMBIENT)
 
 
-def test_an_array_without_any_number_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "value", "points", "words"),
+    [
+        (
+            "vtkValidPointMask",
+            0,
+            slice(None),
+            "marks all its 64 cells as hidden or without a value",
+        ),
+        ("T", np.nan, slice(None), "at 125 of 125 points, which leaves no cell"),
+        ("T", 1e30, CORNER, r"goes up to .* hotter than any air.*as NaN"),
+        ("T", 9999.0, CORNER, r"goes up to .* hotter than any air.*as NaN"),
+    ],
+)
+def test_files_without_any_value_or_with_a_number_for_none_are_refused(
+    tmp_path: Path, name: str, value: float, points: int | slice, words: str
+) -> None:
     grid = solid()
-    grid.point_data["T"] = np.full(grid.n_points, np.nan)
-    with pytest.raises(InputError, match="at 125 of 125 points, which leaves no cell"):
-        read_field(saved(grid, tmp_path / "f.vtu"))
-
-
-@pytest.mark.parametrize("value", [1e30, 9999.0])
-def test_numbers_that_stand_for_no_value_are_refused(tmp_path: Path, value: float) -> None:
-    grid = solid()
-    grid.point_data["T"][CORNER] = value
-    with pytest.raises(InputError, match=r"goes up to .* hotter than any air.*as NaN"):
+    values = np.array(grid.point_data["T"])
+    values[points] = value
+    grid.point_data[name] = values
+    with pytest.raises(InputError, match=words):
         read_field(saved(grid, tmp_path / "f.vtu"))

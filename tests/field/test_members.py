@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.read import read_field
 from iriftrace.field.readers.members import member_at, members
 from validation.inputs.field_grids import AMBIENT, solid
@@ -42,6 +42,8 @@ def test_a_series_lists_its_times_and_reads_each(series: Path) -> None:
         field = read_field(series, member=member.index)
         assert field.temperature_k.max() == pytest.approx(AMBIENT + 0.5 + 0.5 * member.index)
         assert field.source.origin == member.label
+    with pytest.warns(IriftraceWarning, match="3 states; the last one, t = 10, is used"):
+        assert read_field(series).temperature_k.max() == pytest.approx(AMBIENT + 1.5)
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from iriftrace.field.read import read_field, read_volume
 from iriftrace.field.readers.members import member_at, members
 from validation.field_files.openfoam import Form, write_case
 from validation.field_files.openfoam_mesh import Patch
-from validation.inputs.hot_block import HALF, OUTER, WALL, air
+from validation.inputs.hot_block import HALF, OUTER, WALL, air_in_metres, patches
 
 COOL = Air(temperature_k=321.5)
 """Ambient of the linear field, so that nothing is said about its coolest air."""
@@ -30,25 +30,13 @@ SINGLE = 1e-7
 """VTK reads values in single precision."""
 
 
-def grid_in_metres(half: bool = False) -> pv.UnstructuredGrid:
-    grid = air(6)
-    if half:
-        centres = np.asarray(grid.cell_centers().points)
-        grid = grid.extract_cells(np.flatnonzero(centres[:, 0] > 0.0))
-    grid.points = np.asarray(grid.points, dtype=np.float64) / 1e3
-    return grid
-
-
 def linear(grid: pv.UnstructuredGrid) -> np.ndarray:
     return 440.0 + 8e3 * np.asarray(grid.cell_centers().points)[:, 0]
 
 
-def on_block(centres: np.ndarray) -> np.ndarray:
-    return (np.abs(centres) < 1.001 * HALF / 1e3).all(axis=1)
-
-
-BLOCK = Patch("block", "wall", on_block, WALL)
-OUTSIDE = Patch("outside", "patch", lambda c: np.ones(len(c), dtype=bool), None)
+def on_wall(points: np.ndarray) -> np.ndarray:
+    """Mask of the points, mm, on the block."""
+    return (np.abs(points) < 1.001 * HALF).all(axis=1)
 
 
 def quarters(grid: pv.UnstructuredGrid) -> np.ndarray:
@@ -59,18 +47,18 @@ def quarters(grid: pv.UnstructuredGrid) -> np.ndarray:
 @pytest.fixture
 def case(tmp_path: Path) -> Path:
     """Hot block in air whose temperature rises along x, at two times after the initial one."""
-    grid = grid_in_metres()
+    grid = air_in_metres()
     fields = {
         time: {"T": linear(grid) + offset, "p": np.full(grid.n_cells, 1e5)}
         for time, offset in (("0", 0.0), ("1", 1.0), ("2.5", 2.5))
     }
-    return write_case(tmp_path / "case", grid, fields, [BLOCK, OUTSIDE])
+    return write_case(tmp_path / "case", grid, fields, patches())
 
 
 def assert_linear(field: IndexField, offset: float) -> None:
     """Wall temperature on the wall, the linear field elsewhere within the domain."""
     points = np.asarray(field.grid.points)
-    wall = (np.abs(points) < 1.001 * HALF).all(axis=1)
+    wall = on_wall(points)
     assert wall.sum() == 26
     assert_allclose(field.temperature_k[wall], WALL, rtol=SINGLE)
     inner = ~wall & (np.abs(points) < 0.99 * OUTER).all(axis=1)
@@ -122,12 +110,12 @@ def test_the_checksum_is_that_of_the_files_read(case: Path) -> None:
 
 @pytest.mark.parametrize("form", ["ascii", "gz", "binary"])
 def test_a_decomposed_case_is_the_same_field(tmp_path: Path, case: Path, form: Form) -> None:
-    grid = grid_in_metres()
+    grid = air_in_metres()
     apart = write_case(
         tmp_path / "apart",
         grid,
         {"1": {"T": linear(grid) + 1.0}},
-        [BLOCK, OUTSIDE],
+        patches(),
         processors=quarters(grid),
         form=form,
     )
@@ -143,11 +131,10 @@ def test_a_decomposed_case_is_the_same_field(tmp_path: Path, case: Path, form: F
 
 
 def test_processors_that_went_on_after_reconstruction_are_reported(tmp_path: Path) -> None:
-    grid = grid_in_metres()
-    patches = [BLOCK, OUTSIDE]
-    folder = write_case(tmp_path, grid, {"1": {"T": linear(grid) + 1.0}}, patches)
+    grid = air_in_metres()
+    folder = write_case(tmp_path, grid, {"1": {"T": linear(grid) + 1.0}}, patches())
     later = {"2": {"T": linear(grid) + 2.0}}
-    write_case(folder, grid, later, patches, processors=quarters(grid))
+    write_case(folder, grid, later, patches(), processors=quarters(grid))
     with pytest.warns(IriftraceWarning, match=r"up to t = 1.*processors continue to t = 2"):
         assert_linear(read_field(folder, air=COOL), 1.0)
     shutil.rmtree(folder / "1")
@@ -156,10 +143,10 @@ def test_processors_that_went_on_after_reconstruction_are_reported(tmp_path: Pat
 
 def test_polyhedra_keep_their_volume_and_value(tmp_path: Path) -> None:
     """Pairs of neighbouring cells as polyhedra with ten faces."""
-    grid = grid_in_metres()
+    grid = air_in_metres()
     pairs = np.arange(grid.n_cells) // 2
     values = np.bincount(pairs, linear(grid)) / 2
-    folder = write_case(tmp_path, grid, {"1": {"T": values}}, [BLOCK, OUTSIDE], groups=pairs)
+    folder = write_case(tmp_path, grid, {"1": {"T": values}}, patches(), groups=pairs)
     field = read_field(folder, air=Air(temperature_k=values.min()))
     assert set(field.grid.celltypes) == {pv.CellType.PYRAMID}
     assert field.grid.volume == pytest.approx((2 * OUTER) ** 3 - (2 * HALF) ** 3)
@@ -175,7 +162,7 @@ def test_linear_fields_stay_linear_where_cells_double_in_size(tmp_path: Path) ->
     grid = grid.cast_to_unstructured_grid()
     slope = np.array((8e3, -5e3, 3e3))
     values = 440.0 + np.asarray(grid.cell_centers().points) @ slope
-    folder = write_case(tmp_path, grid, {"1": {"T": values}}, [OUTSIDE])
+    folder = write_case(tmp_path, grid, {"1": {"T": values}}, patches()[1:])
     field = read_field(folder, air=Air(temperature_k=values.min()))
     points = np.asarray(field.grid.points)
     inner = ((points > -7.9) & (points < 6.9)).all(axis=1)
@@ -245,15 +232,15 @@ def write_prisms(folder: Path, layers: np.ndarray, kelvin: np.ndarray) -> None:
 
 def test_a_wall_keeps_its_temperature_where_it_meets_other_patches(tmp_path: Path) -> None:
     """Half the block behind a symmetry plane: its edge is on the wall and on the plane."""
-    grid = grid_in_metres(half=True)
+    grid = air_in_metres()
+    grid = grid.extract_cells(np.flatnonzero(np.asarray(grid.cell_centers().points)[:, 0] > 0.0))
     mirror = Patch("mirror", "symmetryPlane", lambda c: np.abs(c[:, 0]) < 1e-9, None)
-    cold = Patch("outside", "patch", lambda c: np.ones(len(c), dtype=bool), 293.15)
-    folder = write_case(
-        tmp_path, grid, {"1": {"T": np.full(grid.n_cells, 400.0)}}, [BLOCK, mirror, cold]
-    )
+    block, cold = patches(outside=293.15)
+    fields = {"1": {"T": np.full(grid.n_cells, 400.0)}}
+    folder = write_case(tmp_path, grid, fields, [block, mirror, cold])
     field = read_field(folder)
     points = np.asarray(field.grid.points)
-    wall = (np.abs(points) < 1.001 * HALF).all(axis=1)
+    wall = on_wall(points)
     assert_allclose(field.temperature_k[wall], WALL, rtol=SINGLE)
     outside = (np.abs(points) > 0.99 * OUTER).any(axis=1)
     assert_allclose(field.temperature_k[outside], 293.15, rtol=1e-7)
@@ -262,8 +249,8 @@ def test_a_wall_keeps_its_temperature_where_it_meets_other_patches(tmp_path: Pat
 
 def test_velocities_are_read_at_the_points_too(tmp_path: Path) -> None:
     """Still at the wall, linear in the air; the flux of heat is made of the values in the cells."""
-    grid = grid_in_metres()
-    folder = write_case(tmp_path / "case", grid, {"1": {"T": linear(grid)}}, [BLOCK, OUTSIDE])
+    grid = air_in_metres()
+    folder = write_case(tmp_path / "case", grid, {"1": {"T": linear(grid)}}, patches())
     centres = np.asarray(grid.cell_centers().points, dtype=np.float64)
     velocity = np.stack((10.0 * centres[:, 2], np.full(len(centres), 0.25), centres[:, 0]), axis=1)
     rows = "\n".join(f"({x:.17g} {y:.17g} {z:.17g})" for x, y, z in velocity)
@@ -278,7 +265,7 @@ def test_velocities_are_read_at_the_points_too(tmp_path: Path) -> None:
     field = read_field(folder, air=COOL, flow=True)
     assert field.source.array == "T"
     points = np.asarray(field.grid.points)
-    wall = (np.abs(points) < 1.001 * HALF).all(axis=1)
+    wall = on_wall(points)
     inner = ~wall & (np.abs(points) < 0.99 * OUTER).all(axis=1)
     assert field.flow.velocity[wall] == pytest.approx(0.0)
     x, _, z = points[inner].T / 1e3
@@ -330,14 +317,15 @@ def wrong_gz(case: Path) -> None:
     (case / "2.5/T.gz").write_bytes(gzip.compress(b"FoamFile")[:-6])
 
 
-def with_variable(case: Path) -> None:
-    text = (case / "2.5/T").read_text()
-    (case / "2.5/T").write_text(re.sub(r"(value\s+)(non)?uniform[^;]*", r"\1uniform $hot", text))
+def edit(pattern: str, new: str) -> Callable[[Path], None]:
+    def change(case: Path) -> None:
+        (case / "2.5/T").write_text(re.sub(pattern, new, (case / "2.5/T").read_text()))
+
+    return change
 
 
-def squared(case: Path) -> None:
-    text = (case / "2.5/T").read_text()
-    (case / "2.5/T").write_text(text.replace("[0 0 0 1 0 0 0]", "[0 2 -2 0 0 0 0]"))
+VARIABLE = edit(r"(value\s+)(non)?uniform[^;]*", r"\1uniform $hot")
+ENTHALPY = edit(r"\[0 0 0 1 0 0 0\]", "[0 2 -2 0 0 0 0]")
 
 
 def twice(case: Path) -> None:
@@ -345,8 +333,8 @@ def twice(case: Path) -> None:
 
 
 DAMAGE = {
-    "a variable": (with_variable, r"2\.5/T cannot be read; it has variables or directives"),
-    "an enthalpy": (squared, r"states the dimensions \[0 2 -2 0 0 0 0\], which are not those"),
+    "a variable": (VARIABLE, r"2\.5/T cannot be read; it has variables or directives"),
+    "an enthalpy": (ENTHALPY, r"states the dimensions \[0 2 -2 0 0 0 0\], which are not those"),
     "packed and plain": (twice, r"both T and T\.gz"),
     "no mesh": (remove("constant/polyMesh"), "has no mesh"),
     "regions": (regions, "the regions air; convert the air with `foamToVTK -region air`"),

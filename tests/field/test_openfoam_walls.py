@@ -14,34 +14,22 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.read import read_volume
 from iriftrace.field.readers.openfoam_walls import boundary_entries
 from validation.field_files.openfoam import Form, write_case
-from validation.field_files.openfoam_mesh import Patch
-from validation.inputs.hot_block import HALF, air
+from validation.inputs.hot_block import HALF, air_in_metres, patches
 
 CELL, WALL = 440.0, 740.0
 GRADIENT = (WALL - CELL) / 0.003
 """K/m; the centres of the cells lie 3 mm from the 24 faces of the wall."""
 
 
-def on_block(centres: np.ndarray) -> np.ndarray:
-    return (np.abs(centres) < 1.001 * HALF / 1e3).all(axis=1)
-
-
-PATCHES = [
-    Patch("block", "wall", on_block, 1.0),
-    Patch("outside", "patch", lambda c: np.ones(len(c), dtype=bool), 293.0),
-]
-
-
 def case_with(
     folder: Path, block: str, name: str = "block", form: Form = "ascii", parts: bool = False
 ) -> Path:
     """Air of one temperature around the hot block, whose wall states the given entries."""
-    grid = air(6)
-    grid.points = np.asarray(grid.points, dtype=np.float64) / 1e3
+    grid = air_in_metres()
     processors = (np.asarray(grid.cell_centers().points)[:, 0] > 0).astype(int) if parts else None
     fields = {"1": {"T": np.full(grid.n_cells, CELL)}}
     written = "ascii" if form == "gz" else form
-    write_case(folder, grid, fields, PATCHES, form=written, processors=processors)
+    write_case(folder, grid, fields, patches(1.0, 293.0), form=written, processors=processors)
     for file in folder.rglob("1/T"):
         raw = file.read_bytes().decode("latin-1")
         raw = re.sub(r"block\s*\{[^}]*\}", lambda _: f"{name}\n{{\n{block}\n}}", raw)

@@ -11,8 +11,7 @@ import pytest
 from iriftrace.cli import main
 from validation.field_files import comsol
 from validation.field_files.openfoam import write_case
-from validation.field_files.openfoam_mesh import Patch
-from validation.inputs.hot_block import AMBIENT, HALF, WALL, air, block
+from validation.inputs.hot_block import AMBIENT, air, block, patches
 
 
 @pytest.fixture
@@ -26,11 +25,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     block().export(tmp_path / "part.stl")
     cells = np.asarray(grid.point_data_to_cell_data().cell_data["T"], dtype=np.float64)
     grid.points = points / 1e3
-    patches = [
-        Patch("block", "wall", lambda c: (np.abs(c) < 1.001 * HALF / 1e3).all(axis=1), WALL),
-        Patch("outside", "patch", lambda c: np.ones(len(c), dtype=bool), AMBIENT),
-    ]
-    write_case(tmp_path / "case", grid, {t: {"T": cells} for t in ("1", "2")}, patches)
+    fields = {time: {"T": cells} for time in ("1", "2")}
+    write_case(tmp_path / "case", grid, fields, patches(outside=AMBIENT))
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

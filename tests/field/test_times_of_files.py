@@ -1,4 +1,4 @@
-"""Files of several states, in the formats that VTK alone reads: CGNS and Exodus."""
+"""CGNS and Exodus, which VTK alone reads: the field is that of VTK's own format, with its times."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+import pyvista as pv
+from numpy.testing import assert_allclose
 
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.read import read_field
@@ -15,6 +17,33 @@ from validation.field_files import cgns, exodus
 from validation.inputs import hot_block
 
 FORMATS = pytest.mark.parametrize(("kind", "name"), [(cgns, "air.cgns"), (exodus, "air.e")])
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "array", "cells"),
+    [
+        (cgns, "air.cgns", "Temperature", "hexahedra"),
+        (cgns, "air.cgns", "Temperature", "tetrahedra"),
+        (exodus, "air.e", "T", "hexahedra"),
+        (exodus, "air.ex2", "T", "tetrahedra"),
+        (exodus, "air.EXO", "T", "hexahedra"),
+    ],
+)
+def test_the_field_is_that_of_vtk(
+    tmp_path: Path, kind: Any, name: str, array: str, cells: str
+) -> None:
+    grid = hot_block.air(6)
+    if cells == "tetrahedra":
+        grid = pv.UnstructuredGrid(grid.triangulate())
+    path = kind.write(tmp_path / name, grid)
+    grid.save(tmp_path / "air.vtu")
+    found, expected = read_field(path), read_field(tmp_path / "air.vtu")
+    assert len(members(path)) == 1
+    assert (found.source.array, found.source.length_unit) == (array, "mm")
+    assert found.grid.volume == pytest.approx(expected.grid.volume)
+    nearest = [expected.grid.find_closest_point(point) for point in np.asarray(found.grid.points)]
+    assert_allclose(found.grid.points, np.asarray(expected.grid.points)[nearest], atol=1e-6)
+    assert_allclose(found.temperature_k, expected.temperature_k[nearest], rtol=1e-6)
 
 
 @FORMATS
@@ -38,3 +67,24 @@ def test_damaged_files_are_refused(tmp_path: Path, kind: Any, name: str) -> None
         path.write_bytes(damaged)
         with pytest.raises(InputError, match=r"cannot be read|no volume cells"):
             read_field(path)
+
+
+@pytest.mark.filterwarnings("ignore:'Temperature' in .* is given in the cells")
+def test_cgns_has_values_at_cells_and_units(tmp_path: Path) -> None:
+    grid = hot_block.air(6)
+    expected = read_field(cgns.write(tmp_path / "points.cgns", grid))
+    grid.points = np.asarray(grid.points, dtype=np.float64) * 1e-3
+    cells = grid.point_data_to_cell_data()
+    units = ("Meter", "Kelvin")
+    path = cgns.write(tmp_path / "air.cgns", cells, location="CellCenter", units=units)
+    found = read_field(path)
+    assert found.source.length_unit == "m"
+    assert_allclose(found.grid.points, expected.grid.points, atol=1e-4)
+    assert hot_block.AMBIENT < found.temperature_k.mean() < hot_block.WALL
+    with pytest.raises(InputError, match="length_unit"):
+        read_field(path, length_unit="mm")
+    feet, celsius = (("Foot", "Kelvin"), "in Foot"), (("Meter", "Celsius"), "in K")
+    for wrong, said in (feet, celsius):
+        other = cgns.write(tmp_path / "other.cgns", grid, units=wrong)
+        with pytest.raises(InputError, match=said):
+            read_field(other)

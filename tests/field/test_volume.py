@@ -57,20 +57,6 @@ def test_all_file_types_give_the_same_field(tmp_path, name):
     assert field.grid.volume == pytest.approx(1000.0)
 
 
-def test_of_a_time_series_the_last_step_is_read(tmp_path):
-    for step in (1, 2):
-        grid = solid()
-        grid.point_data["T"] = np.full(grid.n_points, AMBIENT + step)
-        grid.save(tmp_path / f"{step}.vtu")
-    path = tmp_path / "run.pvd"
-    entries = "".join(f'<DataSet timestep="{s}" part="0" file="{s}.vtu"/>' for s in (1, 2))
-    path.write_text(
-        f'<VTKFile type="Collection" version="0.1"><Collection>{entries}</Collection></VTKFile>'
-    )
-    with pytest.warns(IriftraceWarning, match="2 states; the last one, t = 2, is used"):
-        assert read_field(path).temperature_k[0] == pytest.approx(AMBIENT + 2)
-
-
 def test_blocks_are_joined_where_they_touch(tmp_path):
     # Else each seam would be a boundary: cracked shells, and a wall where there is none.
     left, right = solid(), solid().translate((10.0, 0.0, 0.0))

@@ -9,6 +9,8 @@ import pyvista as pv
 import trimesh
 from attrs import frozen
 
+from validation.field_files.openfoam_mesh import Patch
+
 AMBIENT = 293.15
 WALL = 1293.15
 HALF = 6.0
@@ -40,6 +42,21 @@ def air(cells: int = 18) -> pv.UnstructuredGrid:
     bare.copy_structure(around)
     bare.point_data["T"] = AMBIENT + (WALL - AMBIENT) * np.maximum(1.0 - distance / 9.0, 0.0)
     return bare
+
+
+def air_in_metres(cells: int = 6) -> pv.UnstructuredGrid:
+    """The same air as OpenFOAM has it."""
+    grid = air(cells)
+    grid.points = np.asarray(grid.points, dtype=np.float64) / 1e3
+    return grid
+
+
+def patches(block: float | None = WALL, outside: float | None = None) -> list[Patch]:
+    """Boundary of this air in an OpenFOAM case: wall and outside with their temperatures."""
+    return [
+        Patch("block", "wall", lambda c: (np.abs(c) < 1.001e-3 * HALF).all(axis=1), block),
+        Patch("outside", "patch", lambda c: np.ones(len(c), dtype=bool), outside),
+    ]
 
 
 def block() -> trimesh.Trimesh:
