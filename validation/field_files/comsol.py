@@ -19,20 +19,18 @@ def header(
     nodes: int,
     expressions: int,
     elements: int | None = None,
-    description: str = "Temperature",
     length_unit: str | None = "mm",
-    dimension: int = 3,
 ) -> list[str]:
     """The lines above the data, as COMSOL 6 writes them."""
     entries = {
         "Model": "part.mph",
         "Version": "COMSOL 6.2.0.415",
         "Date": "Mar 25 2026, 09:23",
-        "Dimension": dimension,
+        "Dimension": 3,
         "Nodes": nodes,
         "Elements": elements,
         "Expressions": expressions,
-        "Description": description,
+        "Description": "Temperature",
         "Length unit": length_unit,
     }
     return [f"% {key + ':':<20}{value}" for key, value in entries.items() if value is not None]
@@ -77,13 +75,8 @@ def sectionwise(
 ) -> Path:
     """Write points, elements (numbered from 1) and one section for every result."""
     between = separator if separator != " " else " " * 8
-    lines = header(
-        nodes=len(points),
-        expressions=len(columns),
-        elements=len(tetrahedra),
-        length_unit=length_unit,
-    )
-    lines.append("% Coordinates")
+    counts = {"nodes": len(points), "elements": len(tetrahedra), "expressions": len(columns)}
+    lines = [*header(**counts, length_unit=length_unit), "% Coordinates"]
     lines += [between.join(_number(v, decimal) for v in row) for row in points]
     lines.append(f"% Elements ({word})")
     lines += [between.join(str(n + 1) for n in row) for row in tetrahedra.tolist()]
@@ -94,24 +87,15 @@ def sectionwise(
     return path
 
 
-def grid(
-    path: Path,
-    axes: Sequence[FloatArray],
-    columns: Mapping[str, FloatArray],
-    *,
-    length_unit: str | None = "mm",
-) -> Path:
-    """Write a regular grid; results (nz, ny, nx)."""
+def grid(path: Path, axes: Sequence[FloatArray], columns: Mapping[str, FloatArray]) -> Path:
+    """Write a regular grid, mm; results (nz, ny, nx)."""
     count = int(np.prod([len(axis) for axis in axes]))
-    lines = header(nodes=count, expressions=len(columns), length_unit=length_unit)
-    lines.append("% Grid")
+    lines = [*header(nodes=count, expressions=len(columns)), "% Grid"]
     lines += ["".join(_number(v, ".").ljust(_WIDTH) for v in axis) for axis in axes]
     for name, values in columns.items():
+        rows = values.reshape(-1, len(axes[0]))
         lines += ["% Data", f"% {name}"]
-        lines += [
-            "".join(_number(v, ".").ljust(_WIDTH) for v in row)
-            for row in values.reshape(-1, len(axes[0]))
-        ]
+        lines += ["".join(_number(v, ".").ljust(_WIDTH) for v in row) for row in rows]
     path.write_text("\n".join(lines) + "\n")
     return path
 

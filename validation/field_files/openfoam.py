@@ -36,28 +36,12 @@ def write_case(
     processors: IntArray | None = None,
     form: Form = "ascii",
 ) -> Path:
-    """Write a case, of which OpenFOAM's own checkMesh says "Mesh OK".
+    """Write a case, of which OpenFOAM's own checkMesh says "Mesh OK"; returns its folder.
 
-    Parameters
-    ----------
-    folder : Path
-    grid : pyvista.UnstructuredGrid
-        Linear cells, m.
-    fields : mapping
-        Of times, as their folders are called, to scalar fields by name: cell values (c,).
-    patches : sequence of Patch
-    groups : (cells,) array, optional
-        Cells of the grid with one number become one polyhedron; the fields are of these.
-    processors : (c,) array, optional
-        Number of the processor that has each cell, for a decomposed case.
-    form : str
-        ``"ascii"``, ``"gz"`` (the same, compressed, as ``writeCompression on`` does), or
-        ``"binary"``.
-
-    Returns
-    -------
-    Path
-        The folder.
+    The grid has linear cells, m. `fields` has scalar fields by name, cell values (c,), for each
+    time as its folder is called. Cells of the grid with one number (cells,) of `groups` become one
+    polyhedron; the fields are of these. `processors` (c,) has each cell's for a decomposed case.
+    The `form` ``"gz"`` is compressed text, as ``writeCompression on`` leaves it.
     """
     mesh = face_mesh(grid, patches, groups)
     _write(folder / "system/controlDict", "dictionary", "controlDict", CONTROL, "ascii")

@@ -28,46 +28,24 @@ _FACES = {
 
 @frozen
 class Patch:
-    """A part of the boundary.
-
-    Attributes
-    ----------
-    name : str
-    kind : str
-        Its type in ``polyMesh/boundary``, such as ``"wall"``.
-    where : callable
-        From face centres (m, 3) to the mask (m,) of those that belong to it; the first patch that
-        wants a face gets it.
-    value : float or None
-        Fixed value of the field; None for ``zeroGradient``.
-    """
+    """A part of the boundary."""
 
     name: str
-    kind: str
+    kind: str  # its type in ``polyMesh/boundary``, such as "wall"
+    # From face centres (m, 3) to the mask (m,) of its own; the first that wants a face gets it.
     where: Callable[[FloatArray], NDArray[np.bool_]]
-    value: float | None
+    value: float | None  # fixed value of the field; None for ``zeroGradient``
 
 
 @frozen(eq=False)
 class FaceMesh:
-    """Faces with -1 instead of a fourth corner, in OpenFOAM's order: internal ones first.
+    """Faces with -1 instead of a fourth corner, in OpenFOAM's order: internal ones first."""
 
-    Attributes
-    ----------
-    points : (n, 3) array
-    faces : (f, 4) array
-    owner : (f,) array
-    neighbour : (i,) array
-        Of the internal faces.
-    sizes : (patches,) array
-        Boundary faces of each patch.
-    """
-
-    points: FloatArray
-    faces: IntArray
-    owner: IntArray
-    neighbour: IntArray
-    sizes: tuple[int, ...]
+    points: FloatArray  # (n, 3)
+    faces: IntArray  # (f, 4)
+    owner: IntArray  # (f,)
+    neighbour: IntArray  # (i,), of the internal faces
+    sizes: tuple[int, ...]  # boundary faces of each patch
 
 
 def face_mesh(grid: Any, patches: Sequence[Patch], groups: IntArray | None = None) -> FaceMesh:

@@ -11,7 +11,7 @@ import pyvista as pv
 from attrs import asdict, frozen
 
 from iriftrace.core.arrays import FloatArray, IntArray
-from iriftrace.core.files import whole_file
+from iriftrace.core.files import write_whole
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.field.index_field import IndexField
@@ -55,8 +55,7 @@ class FieldCheck:
         """Write everything as JSON."""
         content = {"schema": SCHEMA, "verdict": self.verdict, **asdict(self)}
         text = json.dumps(_plain(content), indent=2, allow_nan=False)
-        with whole_file(path) as temporary:
-            temporary.write_text(text + "\n", encoding="utf-8")
+        write_whole(path, text + "\n")
         return Path(path)
 
 

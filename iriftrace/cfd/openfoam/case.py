@@ -21,7 +21,6 @@ from iriftrace.cfd.openfoam.part_surface import (
 from iriftrace.cfd.openfoam.times import Times, natural_times
 from iriftrace.cfd.openfoam.wall import WallTemperatures, wall_temperature
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import whole_file
 from iriftrace.core.plain import JsonObject
 from iriftrace.part.part import Part, refuse_unlikely_size
 
@@ -243,12 +242,6 @@ def recorded_wall(folder: Path, part: Part) -> WallTemperatures | None:
     except (InputError, KeyError, TypeError, ValueError, AttributeError):
         return None  # a damaged file, or another program's file of this name
     return wall if same else None
-
-
-def keep_record(case: Case, folder: Path) -> None:
-    """Write the record of the case."""
-    with whole_file(folder / RECORD) as temporary:
-        temporary.write_text(json.dumps(case.record(), indent=1) + "\n")
 
 
 _PLACES = 2000

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from numpy.typing import NDArray
 
 from iriftrace.air import thermophysics as gas
@@ -42,6 +41,12 @@ DENSITY_RATE = "ddtRho"
 """Rate of change of a state's density, kg/(m3 s)."""
 COURANT = 2
 """Largest Courant number of a step."""
+_TEMPLATES = Environment(
+    loader=PackageLoader("iriftrace.cfd.openfoam"),
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
 _METRES = 1e-3
 # The sides of the box and their corners in ``blockMeshDict``.
 _FACES = {
@@ -131,10 +136,8 @@ def write_decomposition(folder: Path, processes: int) -> None:
 
 def write_file(folder: Path, name: str, entries: dict[str, object]) -> None:
     """Fill one of the templates into the case."""
-    source = resources.files("iriftrace.cfd.openfoam").joinpath("templates", f"{name}.jinja")
-    environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    template = environment.from_string(source.read_text(encoding="utf-8"))
-    (folder / name).write_text(template.render(entries) + "\n", encoding="utf-8")
+    text = _TEMPLATES.get_template(f"{name}.jinja").render(entries)
+    (folder / name).write_text(text + "\n", encoding="utf-8")
 
 
 def mesh_entries(case: Case) -> dict[str, object]:

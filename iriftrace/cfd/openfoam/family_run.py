@@ -22,7 +22,7 @@ from iriftrace.cfd.openfoam.programs import Installation, find_openfoam
 from iriftrace.cfd.openfoam.run import expected_seconds, last_time, pieces_of
 from iriftrace.cfd.openfoam.simulate import Display, check_solver, prepare, simulate
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import whole_file
+from iriftrace.core.files import whole_file, write_whole
 from iriftrace.core.plain import JsonObject
 from iriftrace.field.origin import facts_of, origin_of, state_origin
 from iriftrace.field.source import FieldFacts
@@ -205,6 +205,5 @@ def _keep(entry: JsonObject, entries: dict[str, JsonObject], folder: Path) -> Js
     """Record that a member is finished; returns its entry."""
     entries[entry["name"]] = entry
     ordered = {"members": [entries[name] for name in sorted(entries)]}
-    with whole_file(folder / FAMILY) as temporary:
-        temporary.write_text(json.dumps(ordered, indent=1) + "\n")
+    write_whole(folder / FAMILY, json.dumps(ordered, indent=1) + "\n")
     return entry

@@ -15,7 +15,7 @@ from iriftrace.cfd.openfoam.case import Case, read_record
 from iriftrace.cfd.openfoam.case_files import nonuniform, uniform, write_start
 from iriftrace.cfd.openfoam.programs import Installation, OpenFoamError, cell_count, run_program
 from iriftrace.cfd.openfoam.wall import wall_temperature
-from iriftrace.core.files import whole_file
+from iriftrace.core.files import write_whole
 from iriftrace.field.readers.vtk_files import blocks_by_name
 
 _DONE = "mesh.json"
@@ -63,8 +63,7 @@ def make_mesh(
     kelvins = wall_temperature(case.wall, case.part, centres)
     same = not case.wall.varies(case.part)
     write_start(case, folder, uniform(float(kelvins[0])) if same else nonuniform(kelvins))
-    with whole_file(done) as temporary:
-        temporary.write_text(json.dumps({"cells": cells, "wall_faces": wall.n_cells}) + "\n")
+    write_whole(done, json.dumps({"cells": cells, "wall_faces": wall.n_cells}) + "\n")
     return cells
 
 

@@ -19,7 +19,7 @@ from iriftrace.cfd.openfoam.run import Steadiness
 from iriftrace.cfd.openfoam.wall import wall_temperature
 from iriftrace.core.arrays import Float32Array, FloatArray, as_float64
 from iriftrace.core.errors import SetupError
-from iriftrace.core.files import whole_file
+from iriftrace.core.files import whole_file, write_whole
 from iriftrace.field.flow import (
     ENTHALPY_FLUX,
     HEAT_STORAGE,
@@ -133,12 +133,12 @@ def write_snapshots(case: Case, folder: Path, file: Path, count: int) -> list[Pa
         _write(case, whole, target, f"snapshot at t = {moment:.4g} s", FieldFacts(time="snapshot"))
         files.append(target)
         entries.append(f'    <DataSet timestep="{moment:.9g}" part="0" file="{target.name}"/>')
-    with whole_file(file) as temporary:
-        temporary.write_text(
-            '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
-            + "\n".join(entries)
-            + "\n  </Collection>\n</VTKFile>\n"
-        )
+    write_whole(
+        file,
+        '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
+        + "\n".join(entries)
+        + "\n  </Collection>\n</VTKFile>\n",
+    )
     return files
 
 

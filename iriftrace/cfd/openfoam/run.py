@@ -32,7 +32,7 @@ from iriftrace.cfd.openfoam.programs import (
     tail,
 )
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import whole_file
+from iriftrace.core.files import write_whole
 from iriftrace.field.readers.openfoam import processor_folders, time_folders
 
 STEADY_HEAT, STEADY_PLUME = 0.02, 0.01
@@ -222,10 +222,8 @@ def _averaging_since(folder: Path, pieces: list[Path], started: float, case: Cas
             shutil.rmtree(entry / "uniform/functionObjects", ignore_errors=True)
             for name in AVERAGED:
                 (entry / f"{name}Mean").unlink(missing_ok=True)
-    with whole_file(file) as temporary:
-        temporary.write_text(
-            json.dumps({**requested, "snapshots": case.times.snapshots, "since": started})
-        )
+    kept = {**requested, "snapshots": case.times.snapshots, "since": started}
+    write_whole(file, json.dumps(kept))
     return started
 
 

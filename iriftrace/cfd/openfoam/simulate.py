@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -12,7 +13,7 @@ import pyvista as pv
 from attrs import frozen
 
 from iriftrace.cfd.openfoam.bodies import write_bodies
-from iriftrace.cfd.openfoam.case import Case, is_stored, keep_record
+from iriftrace.cfd.openfoam.case import RECORD, Case, is_stored
 from iriftrace.cfd.openfoam.case_files import write_case
 from iriftrace.cfd.openfoam.mesh import make_mesh
 from iriftrace.cfd.openfoam.programs import REPAIR, Installation
@@ -30,6 +31,7 @@ from iriftrace.cfd.openfoam.solver_check import try_solver
 from iriftrace.cfd.openfoam.wall import wall_temperature
 from iriftrace.core.arrays import as_float64
 from iriftrace.core.errors import SetupError
+from iriftrace.core.files import write_whole
 from iriftrace.field.wall import inner_wall
 
 
@@ -66,7 +68,7 @@ def prepare(case: Case, folder: Path) -> bool:
     folder.mkdir(parents=True, exist_ok=True)
     write_case(case, folder)
     # Written last, so that an incomplete folder does not count as a case.
-    keep_record(case, folder)
+    write_whole(folder / RECORD, json.dumps(case.record(), indent=1) + "\n")
     return False
 
 

@@ -33,7 +33,7 @@ from iriftrace.cfd.openfoam.programs import (
     run_program,
     tail,
 )
-from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.core.files import sha256_of, write_whole
 
 # Air that expands at the wall moves at 0.2 m/s in that time, a Courant number of 0.006; wrong
 # velocities give hundreds.
@@ -69,8 +69,7 @@ def try_solver(installation: Installation) -> str:
         # In a read-only folder the next call tests again.
         with suppress(OSError):
             passed.parent.mkdir(parents=True, exist_ok=True)
-            with whole_file(passed) as temporary:
-                temporary.write_text(f"{installation.solver}\n")
+            write_whole(passed, f"{installation.solver}\n")
     return verdict
 
 
@@ -88,7 +87,6 @@ def judge(log: str) -> str:
 
 
 def write_trial(folder: Path) -> None:
-    """Write the tiny case."""
     for name in ("0", "constant", "system"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     entries = {

@@ -79,7 +79,12 @@ def graded_tetrahedra(
         added = 0.5 * (points[new[:, 0]] + points[new[:, 1]])
         points = np.concatenate((points, added))
         sizes = np.concatenate((sizes, size_at(added)))
-        first, second = _halves(corners[chosen], tag[chosen], middle)
+        # Both children of tetrahedra x0..x3 with tag d, cut between x0 and xd (Maubach's rule).
+        whole, first, second = corners[chosen], corners[chosen], corners[chosen]
+        for d in (1, 2, 3):
+            some = tag[chosen] == d
+            first[some, d] = second[some, d] = middle[some]
+            second[some, :d] = whole[some, 1 : d + 1]
         younger = np.where(tag[chosen] > 1, tag[chosen] - 1, 3)
         corners = np.concatenate((corners[~chosen], first, second))
         tag = np.concatenate((tag[~chosen], younger, younger))
@@ -122,17 +127,6 @@ class _Middles:
 
 def _key(a: IntArray, b: IntArray) -> IntArray:
     return np.minimum(a, b) * _MOST_POINTS + np.maximum(a, b)
-
-
-def _halves(corners: IntArray, tag: IntArray, middle: IntArray) -> tuple[IntArray, IntArray]:
-    """Both children of tetrahedra x0..x3 with tag d, cut between x0 and xd (Maubach's rule)."""
-    first, second = corners.copy(), corners.copy()
-    for d in (1, 2, 3):
-        some = tag == d
-        first[some, d] = middle[some]
-        second[some, :d] = corners[some, 1 : d + 1]
-        second[some, d] = middle[some]
-    return first, second
 
 
 def _size(points: FloatArray, corners: IntArray) -> FloatArray:

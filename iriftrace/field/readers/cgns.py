@@ -8,7 +8,7 @@ from pathlib import Path
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
 from iriftrace.field.readers.states import Contents, State, state_number, states_at
-from iriftrace.field.readers.vtk_process import read_cgns
+from iriftrace.field.readers.vtk_process import read_times
 
 _UNITS = re.compile(
     rb"(?:Kilogram|Gram|Slug|PoundMass|Null|UserDefined) +"
@@ -24,7 +24,7 @@ _LENGTHS = {b"Meter": "m", b"Centimeter": "cm", b"Millimeter": "mm", b"Inch": "i
 
 def states(path: Path) -> list[State]:
     """Label and time of every state in a file, at least one."""
-    return states_at(read_cgns(path, None)[1])
+    return states_at(read_times(path, "read_cgns", None)[1])
 
 
 def read(path: Path, member: int | None) -> Contents:
@@ -32,7 +32,7 @@ def read(path: Path, member: int | None) -> Contents:
     found = states(path)
     number = state_number(found, member, path)
     moment = found[number][1]
-    data, _ = read_cgns(path, "" if moment is None else repr(moment))
+    data, _ = read_times(path, "read_cgns", "" if moment is None else repr(moment))
     stated = {match.groups() for match in _UNITS.finditer(path.read_bytes())}
     lengths = {length for length, _ in stated} - {b"Null", b"UserDefined"}
     if len(lengths) > 1 or not lengths <= set(_LENGTHS):

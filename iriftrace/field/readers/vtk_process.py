@@ -72,20 +72,12 @@ def read_ensight(path: Path, time: str) -> Data:
     return _read(path, size, "read_ensight", time)[0]
 
 
-def read_exodus(path: Path, step: int | None) -> tuple[Data, list[str]]:
-    """Blocks of one step of an Exodus file and all times; None for the times alone.
+def read_times(path: Path, reader: str, which: str | int | None) -> tuple[Data, list[str]]:
+    """Blocks of one state by a reader of `vtk_child`, and all times; None for these alone.
 
     Raises InputError if it is damaged.
     """
-    return _read(path, path.stat().st_size, "read_exodus", step)
-
-
-def read_cgns(path: Path, time: str | None) -> tuple[Data, list[str]]:
-    """Zones of one time of a CGNS file ("" for the only one) and all times; None for these alone.
-
-    Raises InputError if it is damaged.
-    """
-    return _read(path, path.stat().st_size, "read_cgns", time)
+    return _read(path, path.stat().st_size, reader, which)
 
 
 def read_case(folder: Path, time: str) -> tuple[Data, list[str]]:
