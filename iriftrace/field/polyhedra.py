@@ -8,7 +8,6 @@ and slivers with the cell's centre, in which the gradient is meaningless and ray
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -81,14 +80,18 @@ def split_polyhedra(grid: pv.UnstructuredGrid, *, at_corner_means: bool = False)
     known = np.concatenate((points, face_centres))
     centroids = _centroids(known, surface, surface_owners, len(polyhedra))
     centres = corner_means(grid, points, polyhedra) if at_corner_means else centroids
-    apex = len(known) + np.arange(len(polyhedra))
-    turned = _inward(known, centres, surface, surface_owners)
+    mixed, inward = _orientations(known, centres, surface, surface_owners)
     owners = {TETRAHEDRON: triangle_owners, PYRAMID: quad_owners}
-    pieces = {
-        kind: _joined_with(apex, base, owners[kind], turned)
-        for kind, base in ((TETRAHEDRON, triangles), (PYRAMID, quads))
-        if len(base)
-    }
+    pieces = {}
+    for kind, base in ((TETRAHEDRON, triangles), (PYRAMID, quads)):
+        if len(base):
+            owner, (first, second, third) = owners[kind], (known[base[:, k]] for k in range(3))
+            normal = np.cross(second - first, third - first)
+            seen = np.einsum("ij,ij->i", normal, first - centres[owner]) < 0.0
+            kept = np.where(mixed[owner], seen, inward[owner])
+            # Right-handed as in VTK: the base winds counter-clockwise as seen from the apex.
+            base = np.where(kept[:, None], base, base[:, ::-1])
+            pieces[kind] = np.column_stack((base, len(known) + owner))
     return SplitPolyhedra(polyhedra, face_centres, face_corners, centres, centroids, pieces, owners)
 
 
@@ -190,11 +193,10 @@ def _centroids(points: FloatArray, triangles: IntArray, owner: IntArray, count: 
     return inside + added(owner, moment, count) / total
 
 
-_Rule = Callable[[IntArray, IntArray], BoolArray]
-
-
-def _inward(points: FloatArray, centres: FloatArray, triangles: IntArray, owner: IntArray) -> _Rule:
-    """Rule for which faces, (k, corners) of polyhedra (k,), wind clockwise as seen from outside.
+def _orientations(
+    points: FloatArray, centres: FloatArray, triangles: IntArray, owner: IntArray
+) -> tuple[BoolArray, BoolArray]:
+    """Polyhedra (p,) with faces of both orientations, and with faces clockwise from outside.
 
     The volume of the whole polyhedron decides: a face that the centre sees from its wrong side
     belongs to an inverted piece, which has to stay inverted.
@@ -203,24 +205,9 @@ def _inward(points: FloatArray, centres: FloatArray, triangles: IntArray, owner:
     corners = points[triangles]
     areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     volumes = np.einsum("ij,ij->i", areas, corners[:, 0] - centres[owner])
-    inward = np.bincount(owner, volumes, minlength=count) < 0.0
     size = np.bincount(owner, np.linalg.norm(areas, axis=1), minlength=count)
     mixed = np.linalg.norm(added(owner, areas, count), axis=1) > CLOSED * size
-
-    def rule(faces: IntArray, of: IntArray) -> BoolArray:
-        base = points[faces]
-        normal = np.cross(base[:, 1] - base[:, 0], base[:, 2] - base[:, 0])
-        seen = np.einsum("ij,ij->i", normal, base[:, 0] - centres[of]) < 0.0
-        return np.where(mixed[of], seen, inward[of])
-
-    return rule
-
-
-def _joined_with(apex: IntArray, base: IntArray, owner: IntArray, inward: _Rule) -> IntArray:
-    """Cells from bases (k, corners) to their apices, right-handed as in VTK."""
-    outward = np.where(inward(base, owner)[:, None], base[:, ::-1], base)
-    # The base winds counter-clockwise as seen from the apex.
-    return np.column_stack((outward[:, ::-1], apex[owner]))
+    return mixed, np.bincount(owner, volumes, minlength=count) < 0.0
 
 
 def added(numbers: IntArray, values: FloatArray, count: int) -> FloatArray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 
@@ -102,17 +101,46 @@ def read_measured_wall(
     """
     check_readable(path)
     suffix = path.suffix.lower()
+    faces, unit, stated = None, None, None
     if suffix in _TABLES:
-        return _table(path, length_unit, temperature_unit)
-    if suffix in _SURFACES:
-        return _surface(path, length_unit, temperature_unit)
-    raise InputError(
-        f"wall temperatures cannot be read from {path}; give a table of x, y, z, T "
-        f"({', '.join(_TABLES)}) or a file of VTK ({', '.join(_SURFACES)})."
+        data, unit, stated = _table(path)
+    elif suffix in _SURFACES:
+        read = read_file(path)
+        if not hasattr(read, "points") or not read.n_points:
+            raise InputError(f"{path} has no points with temperatures; give a surface or points.")
+        data = read.extract_surface(algorithm="geometry").triangulate()
+        faces = np.asarray(data.regular_faces, dtype=np.int64) if data.n_cells else None
+        if faces is None or not len(faces):
+            data, faces = read, None
+    else:
+        raise InputError(
+            f"wall temperatures cannot be read from {path}; give a table of x, y, z, T "
+            f"({', '.join(_TABLES)}) or a file of VTK ({', '.join(_SURFACES)})."
+        )
+    if length_unit and unit and length_factor(length_unit) != length_factor(unit):
+        raise InputError(
+            f"{path} states coordinates in {unit}, but --wall-length-unit is {length_unit}; leave "
+            "the option out, or correct the file."
+        )
+    points = as_float64(data.points) * length_factor(length_unit or unit or "mm")
+    choice = choose_array(data, None, "temperature", str(path))
+    if choice.name not in data.point_data:
+        data = data.cell_data_to_point_data()
+    values = finite_values(data.point_data, choice.name, str(path))
+    if not np.isfinite(points).all():
+        raise InputError(f"{path} has coordinates that are not finite numbers; export them again.")
+    units = stated if stated and choice.name in stated else None
+    return MeasuredWall(
+        path=str(path),
+        sha256=sha256_of(path),
+        points=points,
+        kelvins=to_kelvin(values, choice, units, temperature_unit, str(path)),
+        faces=faces,
     )
 
 
-def _table(path: Path, length_unit: str | None, temperature_unit: str | None) -> MeasuredWall:
+def _table(path: Path) -> tuple[pv.PolyData, str | None, dict[str, str]]:
+    """Points with the columns of a table, the unit of their coordinates, and those of columns."""
     lines = [line for line in path.read_text(errors="replace").splitlines() if line.strip()]
     columns = dict.fromkeys(("x", "y", "z", "T"), "")
     if lines and not is_numbers(lines[0].lstrip("#%")):
@@ -130,7 +158,7 @@ def _table(path: Path, length_unit: str | None, temperature_unit: str | None) ->
             f"{path} has the columns {', '.join(names)} and {values.shape[1]} numbers in a row; "
             "give x, y, z and T, with a header that names them if there are more."
         )
-    units = {stated[names[i]] for i in places if stated.get(names[i])}
+    units = {stated[names[i]] for i in places if names[i] in stated}
     if len(units) > 1:
         raise InputError(
             f"{path} states several units of its coordinates ({', '.join(sorted(units))}); "
@@ -140,51 +168,4 @@ def _table(path: Path, length_unit: str | None, temperature_unit: str | None) ->
     for number, name in enumerate(names):
         if number not in places:
             data.point_data[name] = values[:, number]
-    factor = _length_factor(length_unit, units.pop() if units else None, path)
-    return _measured(path, data, None, factor, stated or None, temperature_unit)
-
-
-def _surface(path: Path, length_unit: str | None, temperature_unit: str | None) -> MeasuredWall:
-    data = read_file(path)
-    if not hasattr(data, "points") or not data.n_points:
-        raise InputError(f"{path} has no points with temperatures; give a surface or points.")
-    shell = data.extract_surface(algorithm="geometry").triangulate()
-    faces = np.asarray(shell.regular_faces, dtype=np.int64) if shell.n_cells else None
-    if faces is None or not len(faces):
-        shell, faces = data, None
-    factor = _length_factor(length_unit, None, path)
-    return _measured(path, shell, faces, factor, None, temperature_unit)
-
-
-def _length_factor(given: str | None, stated: str | None, path: Path) -> float:
-    if given and stated and length_factor(given) != length_factor(stated):
-        raise InputError(
-            f"{path} states coordinates in {stated}, but --wall-length-unit is {given}; leave the "
-            "option out, or correct the file."
-        )
-    return length_factor(given or stated or "mm")
-
-
-def _measured(
-    path: Path,
-    data: pv.DataSet,
-    faces: IntArray | None,
-    factor: float,
-    units: Mapping[str, str] | None,
-    temperature_unit: str | None,
-) -> MeasuredWall:
-    choice = choose_array(data, None, "temperature", str(path))
-    if choice.name not in data.point_data:
-        data = data.cell_data_to_point_data()
-    values = finite_values(data.point_data, choice.name, str(path))
-    points = as_float64(data.points) * factor
-    if not np.isfinite(points).all():
-        raise InputError(f"{path} has coordinates that are not finite numbers; export them again.")
-    stated = None if units is None or not units.get(choice.name) else units
-    return MeasuredWall(
-        path=str(path),
-        sha256=sha256_of(path),
-        points=points,
-        kelvins=to_kelvin(values, choice, stated, temperature_unit, str(path)),
-        faces=faces,
-    )
+    return data, units.pop() if units else None, stated
