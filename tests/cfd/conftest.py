@@ -6,6 +6,10 @@ import numpy as np
 import pytest
 import trimesh
 
+from iriftrace.cfd.openfoam.case import Case
+from iriftrace.cfd.openfoam.domain import mesh_size
+from iriftrace.cfd.openfoam.times import Times
+from iriftrace.cfd.openfoam.wall import WallTemperatures
 from iriftrace.part.part import Part
 from iriftrace.part.regions import Regions
 from validation.inputs.parts import part_from
@@ -18,6 +22,13 @@ def cylinder() -> Part:
     mesh.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, (0, 1, 0)))
     mesh.apply_translation((5.0, -3.0, 2.0))
     return part_from(mesh)
+
+
+@pytest.fixture(scope="session")
+def case(cylinder: Part) -> Case:
+    """A quarter of the cylinder's air."""
+    size = mesh_size("coarse", np.ptp(cylinder.bounds, axis=0))
+    return Case(cylinder, WallTemperatures(1373.15), size, Times(2.0, 0.5), mirrors="xy")
 
 
 @pytest.fixture(scope="session")

@@ -34,13 +34,6 @@ NUMBER = r"[-+]?\d+\.?\d*(?:e[-+]?\d+)?"
 
 
 @pytest.fixture
-def case(cylinder: Part) -> Case:
-    """A quarter of the cylinder's air."""
-    size = mesh_size("coarse", np.ptp(cylinder.bounds, axis=0))
-    return Case(cylinder, WallTemperatures(WALL), size, Times(2.0, 0.5), mirrors="xy")
-
-
-@pytest.fixture
 def written(case: Case, tmp_path: Path) -> Path:
     write_case(case, tmp_path)
     return tmp_path

@@ -19,7 +19,7 @@ from iriftrace.cfd.openfoam.run import expected_seconds, judge_steadiness, last_
 from iriftrace.cfd.openfoam.times import Times
 from iriftrace.cfd.openfoam.wall import WallTemperatures
 from iriftrace.core.errors import InputError
-from iriftrace.part.part import Part, part_of_mesh, read_part
+from iriftrace.part.part import part_of_mesh, read_part
 from iriftrace.scenes import folder_of
 
 FILES = (
@@ -36,12 +36,6 @@ echo "$start $end $kind" >> runs
 mkdir -p "$end/uniform/functionObjects"
 for f in {files}; do echo '// **** //' > "$end/$f"; done
 """
-
-
-@pytest.fixture
-def case(cylinder: Part) -> Case:
-    size = mesh_size("coarse", np.ptp(cylinder.bounds, axis=0))
-    return Case(cylinder, WallTemperatures(1373.15), size, Times(2.0, 0.5), mirrors="xy")
 
 
 def test_the_expected_time_is_that_of_three_runs_to_a_factor_of_two(case: Case) -> None:

@@ -22,7 +22,7 @@ from iriftrace.field.read import read_field, read_volume
 from iriftrace.field.readers.members import member_at, members
 from validation.field_files.openfoam import Form, write_case
 from validation.field_files.openfoam_mesh import Patch
-from validation.inputs.hot_block import HALF, OUTER, WALL, air_in_metres, patches
+from validation.inputs.hot_block import HALF, OUTER, WALL, air_in_metres, half, patches
 
 COOL = Air(temperature_k=321.5)
 """Ambient of the linear field, so that nothing is said about its coolest air."""
@@ -232,8 +232,7 @@ def write_prisms(folder: Path, layers: np.ndarray, kelvin: np.ndarray) -> None:
 
 def test_a_wall_keeps_its_temperature_where_it_meets_other_patches(tmp_path: Path) -> None:
     """Half the block behind a symmetry plane: its edge is on the wall and on the plane."""
-    grid = air_in_metres()
-    grid = grid.extract_cells(np.flatnonzero(np.asarray(grid.cell_centers().points)[:, 0] > 0.0))
+    grid = half(air_in_metres())
     mirror = Patch("mirror", "symmetryPlane", lambda c: np.abs(c[:, 0]) < 1e-9, None)
     block, cold = patches(outside=293.15)
     fields = {"1": {"T": np.full(grid.n_cells, 400.0)}}

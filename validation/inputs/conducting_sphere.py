@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import trimesh
+from attrs import asdict
 
 from iriftrace.air import thermophysics as gas
 from iriftrace.air.refractivity import Air
@@ -36,6 +37,6 @@ def conducting_sphere(cell: float) -> tuple[IndexField, Part]:
 
 
 def finding(check: FieldCheck, name: str) -> dict[str, object]:
-    """Verdict and numbers of one of a check's findings."""
-    (found,) = (f for f in check.findings if f.name == name)
-    return {"verdict": found.verdict, **found.numbers}
+    """Value, verdict, remark and numbers of one of a check's findings."""
+    (found,) = (asdict(f) for f in check.findings if f.name == name)
+    return found | found["numbers"]

@@ -44,6 +44,11 @@ def air(cells: int = 18) -> pv.UnstructuredGrid:
     return bare
 
 
+def half(grid: pv.UnstructuredGrid) -> pv.UnstructuredGrid:
+    """The air on one side of x = 0, as if the other were not mirrored yet."""
+    return grid.extract_cells(np.flatnonzero(np.asarray(grid.cell_centers().points)[:, 0] > 0.0))
+
+
 def air_in_metres(cells: int = 6) -> pv.UnstructuredGrid:
     """The same air as OpenFOAM has it."""
     grid = air(cells)

@@ -101,12 +101,13 @@ def read_measured_wall(
     """
     check_readable(path)
     suffix = path.suffix.lower()
+    data: pv.DataSet
     faces, unit, stated = None, None, None
     if suffix in _TABLES:
         data, unit, stated = _table(path)
     elif suffix in _SURFACES:
         read = read_file(path)
-        if not hasattr(read, "points") or not read.n_points:
+        if not isinstance(read, pv.DataSet) or not read.n_points:
             raise InputError(f"{path} has no points with temperatures; give a surface or points.")
         data = read.extract_surface(algorithm="geometry").triangulate()
         faces = np.asarray(data.regular_faces, dtype=np.int64) if data.n_cells else None
