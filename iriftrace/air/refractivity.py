@@ -235,13 +235,7 @@ def _positive(value: ArrayLike, name: str, unit: str) -> FloatArray:
 
 
 def dispersion(air: Air | None, wavelength_nm: float) -> float:
-    """By how much n - 1 of an air is larger at another wavelength.
-
-    Raises
-    ------
-    InputError
-        If nothing is known of the air, or the wavelength is outside its model's range.
-    """
+    """By how much n - 1 of an air is larger at another wavelength; InputError if not known."""
     if air is None:
         raise InputError(
             f"The scene does not state its air, so n - 1 at {wavelength_nm:g} nm is not known; "

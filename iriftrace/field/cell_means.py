@@ -26,8 +26,7 @@ _NEAREST = 1e-6
 def point_means(grid: pv.UnstructuredGrid, values: FloatArray) -> FloatArray:
     """Cell values (m,) or (m, k) averaged onto the n points with the weights of `linear_weights`.
 
-    The cells are of the types in `iriftrace.field.gradient.CORNERS`. Their values are located at
-    their centroids, or at `PLACES` where the grid has them.
+    They are located at the cells' centroids, or at `PLACES` where the grid has them.
     """
     if PLACES in grid.cell_data:
         places = as_float64(grid.cell_data[PLACES])

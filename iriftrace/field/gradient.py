@@ -151,10 +151,9 @@ def _point_columns(grid: LinearCells) -> FloatArray:
 def _gradient_sums(
     points: FloatArray, columns: FloatArray, corners: IntArray, kind: int
 ) -> FloatArray:
-    """Sums at the corners of c cells over their tetrahedra, (3 k + 1, corners, c), all times 6.
+    """Sums of |V| grad (x, y, z) for k columns and |V| over tetrahedra at the corners of c cells.
 
-    x, y and z of |V| grad for each of k columns, which needs no division, so flat cells do no harm;
-    and |V|.
+    All times 6, (3 k + 1, corners, c); they need no division, so flat cells do no harm.
     """
     at = points[:, corners.T]
     value = columns[:, corners.T]
@@ -180,10 +179,7 @@ def _gradient_sums(
 def _cofactors(
     at: FloatArray, tet: tuple[int, int, int, int]
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Cross products of a tetrahedron's edges, (3, c) each, and six times its volume, (c,).
-
-    With edges e1, e2, e3 from the first corner: e2 x e3, e3 x e1, e1 x e2 and e1 . (e2 x e3).
-    """
+    """e2 x e3, e3 x e1, e1 x e2, (3, c), of edges from a corner, and six times the volume, (c,)."""
     e1, e2, e3 = (at[:, corner] - at[:, tet[0]] for corner in tet[1:])
     first = _cross(e2, e3)
     volume: FloatArray = np.einsum("ij,ij->j", e1, first)

@@ -58,10 +58,7 @@ def unmarked(block: pv.DataSet) -> Unmarked:
 
 
 def without_gaps(grid: pv.UnstructuredGrid, name: str, path: str) -> pv.UnstructuredGrid:
-    """The grid without cells at which an array is NaN, with a warning that states their number.
-
-    Returns the grid itself if there are none. Raises InputError if no cell is left.
-    """
+    """The grid without cells where an array is NaN, with a warning; InputError if none is left."""
     at_points = name in grid.point_data
     missing = np.isnan(as_float64(grid.point_data[name] if at_points else grid.cell_data[name]))
     if not missing.any():

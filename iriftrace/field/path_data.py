@@ -69,10 +69,7 @@ class FieldCells:
         )
 
     def without_ambient_air(self) -> FieldCells:
-        """Without the cells in which the air is ambient at every corner, where rays are straight.
-
-        In flow solutions that extend far beyond the part most of the volume consists of these.
-        """
+        """Without the cells of ambient air alone, where rays are straight: most of a large flow."""
         contrast = np.abs(self.refractivity - self.ambient)
         offsets = self.cell_offsets
         highest = np.maximum.reduceat(contrast[self.cell_connectivity], offsets[:-1])
@@ -137,10 +134,7 @@ def save_field_file(field: IndexField, path: str | Path) -> Path:
 
 
 def load_field_file(path: str | Path) -> FieldCells:
-    """Read a field file that `save_field_file` wrote.
-
-    Raises InputError if the file is missing, damaged or has another schema.
-    """
+    """Read what `save_field_file` wrote; InputError if missing, damaged or of another schema."""
     if not Path(path).is_file():
         raise InputError(
             f"There is no field file {path}, which the cells engine needs; "

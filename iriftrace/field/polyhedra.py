@@ -34,10 +34,7 @@ faces do not all have the same orientation; below it is rounding of single preci
 
 @frozen(eq=False)
 class SplitPolyhedra:
-    """Pieces of a grid's polyhedra, and the points that were added to the grid's own n points.
-
-    The f face centres follow the grid's points, the p cell centres follow these.
-    """
+    """Pieces of a grid's polyhedra; f face and p cell centres follow the grid's own n points."""
 
     cells: IntArray  # (p,) numbers of the polyhedra in the grid
     face_centres: FloatArray  # (f, 3), the means of the faces' corners

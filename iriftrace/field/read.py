@@ -148,15 +148,12 @@ def read_volume(path: str | Path, *, member: int | None = None, flow: bool = Fal
     Blocks (`.vtm`, `.pvd`) and pieces (`.pvtu`) are joined at points that coincide exactly, and so
     are the two sides of a seam inside a file (`iriftrace.field.volume`). Voxels become hexahedra;
     polyhedra and prisms with more than three sides are split into tetrahedra (OpenFOAM's around
-    their centroids); cells of higher order keep only their corners. Cells that are not volumes are
-    removed, and then points that no cell uses.
+    their centroids); cells of higher order keep only their corners. Other cells are removed, and
+    then points that no cell uses. The data have the file's own length unit and its field data.
 
     `member` is the number of the state in a file with several, the last one by default, with a
-    warning. Velocities at the points of an OpenFOAM case need memory, so they are read only with
-    `flow`. The `data` of the result are tetrahedra, hexahedra, wedges and pyramids with the file's
-    point and cell data, in the file's own length unit; `origin`, `wall_heat_w` and `facts` include
-    what its field data state. Raises InputError if the file is missing, of another type, damaged,
-    or has no volume cells.
+    warning; only with `flow` are velocities of an OpenFOAM case read, which need memory. Raises
+    InputError if the file is missing, of another type, damaged, or has no volume cells.
     """
     path = Path(path)
     contents = read_state(path, member, flow=flow)

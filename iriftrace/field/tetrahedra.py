@@ -76,10 +76,7 @@ def tetrahedra_of(grid: LinearCells) -> Tetrahedra:
     Every quadrilateral is cut at its lowest point number, which is the same from both sides. Every
     cell is then the cone from its own lowest point to the triangles that do not touch it
     (Dompierre et al. 1999, "How to subdivide pyramids, prisms and hexahedra into tetrahedra").
-
-    The grid has ``points``, ``celltypes``, ``cell_offsets`` and ``cell_connectivity`` as in a
-    pyvista.UnstructuredGrid. Raises InputError if there are too many cells, or three of them have
-    a common face.
+    Raises InputError if there are too many cells, or three of them have a common face.
     """
     points = as_float64(grid.points)
     of_kinds = []

@@ -42,10 +42,7 @@ _SCALARS = "iriftrace_scalars"
 
 
 def linear_volume(grid: pv.UnstructuredGrid) -> pv.UnstructuredGrid:
-    """Tetrahedra, hexahedra, wedges and pyramids of any grid, without points that no cell uses.
-
-    The result has the grid's point and cell data.
-    """
+    """Linear cells of any grid with its data, without points that no cell uses."""
     grid = volume_cells(grid)
     types = np.asarray(grid.celltypes)
     if (types == _CONVEX_SET).any():
@@ -128,10 +125,7 @@ def without_seams(grid: pv.UnstructuredGrid) -> pv.UnstructuredGrid:
     one side only. Vectors need not agree, because a mirror reverses them. Where another value
     differs, it jumps, as between both sides of a thin wall, and the points stay separate. A wall
     without thickness that is equally hot on both sides cannot be distinguished from a seam; model
-    it with a thickness.
-
-    Returns the grid itself if nothing coincides; otherwise joined points have the data of the first
-    one.
+    it with a thickness. Joined points have the data of the first one.
     """
     compared = pv.UnstructuredGrid()
     compared.shallow_copy(grid)

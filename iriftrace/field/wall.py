@@ -15,16 +15,13 @@ _SMALLEST_SHARE = 1e-3
 
 
 def inner_wall(grid: pv.UnstructuredGrid) -> pv.PolyData:
-    """Boundary faces of a grid that face a cavity in the data, where the part is.
+    """Triangles, mm, with a grid's point data, that face a cavity in it, which the part fills.
 
     The outer boundary may be stepped, as in data that were cropped cell by cell. Connected patches
     of boundary faces are classified by the volume they enclose: an outer boundary encloses the
     data, a wall encloses a region without data. If the part touches the outer boundary (a symmetry
     plane, a floor), faces in the sides of the data's bounding box are removed first, which
-    separates the two.
-
-    The grid is in mm. The wall has triangles and the grid's point data; it is empty when the data
-    have no inner boundary.
+    separates the two. The wall is empty when the data have no inner boundary.
     """
     surface = grid.extract_surface(algorithm="geometry").triangulate()
     faces = np.asarray(surface.regular_faces, dtype=np.int64)

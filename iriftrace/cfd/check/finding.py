@@ -132,10 +132,9 @@ def hottest_at_sides(field: IndexField) -> dict[str, float]:
 
 
 def share_through_open_sides(field: IndexField, part: Part, origin: FloatArray) -> float:
-    """Fraction of the lines from a camera to the faces it may see that enter the data in hot air.
+    """Fraction of lines from a camera, (3,), mm, to faces it may see that enter the data in hot air.
 
-    The camera is at `origin`, (3,) array, mm, world. Air inside the outermost of 13 shells is hot;
-    rays that enter there are counted as ``open_boundary``.
+    Air inside the outermost of 13 shells is hot; rays that enter there are ``open_boundary``.
     """
     sight = origin - part.face_centres
     towards = np.flatnonzero(np.einsum("ij,ij->i", sight, part.face_normals) > 0.0)

@@ -87,13 +87,8 @@ def heat_balance(field: IndexField) -> HeatBalance | None:
     all surfaces phi = const (the coarea formula); on tetrahedra with linear phi and q it is exact.
     Phi is linear in d_wall / (d_wall + d_end), the distances from the wall and from the end of
     the data, so its surfaces are closed and fit data of any outline. The field's own flux
-    (`iriftrace.field.flow.ENTHALPY_FLUX`) is averaged if it has one.
-
-    Measured with `iriftrace field simulate`: the paper's cylinder closes to +0.6 % at the coarse
-    and 0.0 % at the normal resolution (quarter), +1.4 % with cells twice the coarse ones (whole);
-    a gear with an unsteady plume to -0.1 %; a short cylinder's starting plume, of whose heat the
-    air stores an eighth, to +4 % with cells twice the coarse ones. With the product of temperature
-    and velocity at the points the coarse cylinder would close to -6 %.
+    (`iriftrace.field.flow.ENTHALPY_FLUX`) is averaged if it has one; with the product of
+    temperature and velocity at the points a coarse cylinder closes to -6 % instead of +0.6 %.
     """
     flow = field.flow
     if flow is None or flow.velocity is None:
@@ -214,10 +209,7 @@ def balance_finding(field: IndexField, wall: WallState, covered: float, *, stead
 
 
 def _other_unit(balance: HeatBalance, flow: AirFlow, from_wall: float) -> str:
-    """A question if velocities in another unit would carry about the heat from the wall.
-
-    "About" is within a factor of 10, because other errors may add to this one.
-    """
+    """A question if velocities in another unit would carry the wall's heat to a factor of 10."""
     expected = from_wall - balance.conducted_w
     if flow.flux_name or not (expected > 0.0 and balance.carried_w > 0.0):
         return ""

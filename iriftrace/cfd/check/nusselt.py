@@ -131,8 +131,7 @@ def nusselt_horizontal_cylinder(
 def local_nusselt(angle_deg: ArrayLike, rayleigh: float) -> FloatArray:
     """Local Nusselt number of an isothermal horizontal cylinder at angles from its bottom, degrees.
 
-    Interpolated in `LOCAL`, between its Rayleigh numbers linearly in the logarithms; raises
-    InputError beyond them.
+    Interpolated in `LOCAL`, linearly in the logarithms; raises InputError beyond it.
     """
     known = np.log(list(LOCAL))
     if not known[0] <= np.log(rayleigh) <= known[-1]:

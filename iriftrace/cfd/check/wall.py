@@ -107,7 +107,7 @@ def wall_state(field: IndexField, part: Part) -> WallState:
 
 
 def _conduction_thickness(field: IndexField, at_wall: FloatArray, slope: FloatArray) -> FloatArray:
-    """Excess over the room (n,) divided by its slope, mm; NaN where the wall is hardly hotter.
+    """Excess over the room (n,) over its slope, mm; NaN where the wall is hardly hotter.
 
     `slope` (n, 3) is the gradient of `conduction_potential`, W/m per mm.
     """
@@ -223,10 +223,7 @@ def layer_finding(wall: WallState) -> Finding:
 
 
 def heat_finding(wall: WallState, part: Part, counted_w: float | None) -> Finding:
-    """Heat from the wall, by the solver if the field states it; regions of the largest flux.
-
-    The distribution over the wall always follows from the gradient there.
-    """
+    """Heat from the wall, by the solver if the field states it, spread as the gradient there is."""
     heat_w = wall.heat_w if counted_w is None else counted_w
     flux = wall.flux * (heat_w / wall.heat_w if wall.heat_w > 0.0 else 1.0)
     region = part.region_of_face[wall.nearest_face]

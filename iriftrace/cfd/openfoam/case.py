@@ -187,10 +187,7 @@ def natural_case(
 
 
 def is_stored(case: Case, folder: Path) -> bool:
-    """True if an earlier call has written this case, possibly with other times, into the folder.
-
-    Raises InputError if the folder holds another case, or other files, which are not overwritten.
-    """
+    """True if the folder holds this case, possibly with other times; InputError if other files."""
     file = folder / RECORD
     if file.is_file():
         stored, current = read_record(file), json.loads(json.dumps(case.record()))

@@ -72,10 +72,7 @@ def gas_entries() -> dict[str, object]:
 
 
 def write_case(case: Case, folder: Path) -> None:
-    """Write all files for the mesher and the solver, except the wall's own temperatures.
-
-    If there are several, these belong to faces of the mesh; see `write_start`.
-    """
+    """Write all files for mesher and solver, except temperatures of single faces of the wall."""
     for name in ("0", "constant/triSurface", "system"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     surfaces = folder / "constant/triSurface"

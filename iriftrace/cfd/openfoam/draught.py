@@ -80,10 +80,7 @@ def rise_speed(height_mm: float, hottest_k: float, ambient_k: float) -> float:
 
 
 def leans(draughts: Iterable[Draught], rise: float) -> tuple[Lean, ...]:
-    """Lean of a plume that rises at about `rise`, m/s, in draughts; each direction once.
-
-    Their horizontal speed carries the plume along while it rises, at `SLOWEST_RISE` times that.
-    """
+    """Leans of plumes that rise at `SLOWEST_RISE` times `rise`, m/s; each direction once."""
     found: dict[tuple[float, float], float] = {}
     for draught in draughts:
         across = np.array(draught.velocity[:2])

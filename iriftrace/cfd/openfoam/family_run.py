@@ -100,10 +100,9 @@ def run_family(
 ) -> Iterator[JsonObject]:
     """Solve and mirror the missing members of a family; yields their entries as they are made.
 
-    The `members` are those of `iriftrace.cfd.openfoam.family.plan_family`, `cases` are by their
-    names. The `folder` gets ``NAME.vtu`` of each member, `FAMILY`, and the OpenFOAM cases of those
-    that `solve` solved. Callbacks: `say` gets each step, `expect` the expected cost before the
-    first solver starts.
+    `cases` are by the members' names. The `folder` gets ``NAME.vtu`` of each member, `FAMILY`, and
+    the OpenFOAM cases of those that `solve` solved. Callbacks: `say` gets each step, `expect` the
+    expected cost before the first solver starts.
     """
     entries = _read(folder)
     tasks = _tasks(members, cases, folder)

@@ -36,10 +36,7 @@ class MeasuredWall:
     faces: IntArray | None = None  # (m, 3) corners of triangles; None for points alone
 
     def at(self, places: FloatArray) -> FloatArray:
-        """Temperatures, (k,) array, K, at points (k, 3), mm.
-
-        That of the nearest point; with triangles, interpolated in the nearest one.
-        """
+        """Temperatures (k,), K, at points (k, 3), mm: those of the nearest point or triangle."""
         if self.faces is None:
             nearest: FloatArray = self.kelvins[self._tree.query(places)[1]]
             return nearest
@@ -60,10 +57,7 @@ class MeasuredWall:
         return {"file": self.path, "sha256": self.sha256}
 
     def far_faces(self, part: Part, cell_mm: float) -> str:
-        """Warning about faces of the part that are far from any point; "" if there are none.
-
-        Raises InputError if all of them are: the points then belong to something else.
-        """
+        """Warning about faces of the part far from any point, or ""; InputError if all are."""
         if self.faces is None:
             distance = self._tree.query(part.face_centres)[0]
             spacing = float(np.median(self._tree.query(self.points, k=2)[0][:, 1]))

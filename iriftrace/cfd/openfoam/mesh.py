@@ -37,8 +37,7 @@ def make_mesh(
 ) -> int:
     """Make the mesh and the fields at time 0 on it unless it exists; returns its number of cells.
 
-    `say` is a callback for the steps; `like` is the folder of a case whose mesh is copied. Raises
-    OpenFoamError if the mesher failed, or lost the part.
+    `like` is the folder of a case whose mesh is copied. Refuses a mesh that lost the part.
     """
     done = folder / _DONE
     if done.is_file():

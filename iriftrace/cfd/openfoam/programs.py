@@ -65,10 +65,9 @@ class Installation:
 
 
 def find_openfoam() -> Installation:
-    """Find OpenFOAM on the search path, or where the packages of openfoam.com install it.
+    """Find OpenFOAM on the search path, or where its packages install it; SetupError if incomplete.
 
-    A repaired solver in the user's data folder is preferred to the installed one. Raises SetupError
-    if OpenFOAM or one of its programs is missing.
+    A repaired solver in the user's data folder is preferred to the installed one.
     """
     environment = _environment()
     missing = [name for name in (*TOOLS, SOLVER) if _which(name, environment) is None]
@@ -90,10 +89,7 @@ def find_openfoam() -> Installation:
 
 
 def repaired_solver(installed: str) -> Path:
-    """Path of a solver in the user's data that was built to replace an installed one.
-
-    The folder's name depends on the installed program's content, so an upgrade replaces it.
-    """
+    """Path of a solver in the user's data that replaces an installed one of this very content."""
     data = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
     return Path(data) / "iriftrace" / "openfoam" / sha256_of(Path(installed))[:16] / SOLVER
 

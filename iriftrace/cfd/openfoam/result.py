@@ -39,15 +39,11 @@ _MM = 1000.0
 def mean_arrays(
     case: Case, grid: pv.UnstructuredGrid, before: pv.UnstructuredGrid, seconds: float
 ) -> dict[str, FloatArray]:
-    """Velocity and heat of a time average.
+    """Velocity and heat of a time average, as far as the solver wrote them.
 
-    The stored heat is exact: the difference between end and beginning of the averaging. The flux is
-    that of `iriftrace.field.flow.carried_heat`.
-
-    `grid` is the last state at its points, with ``rhoMean``, ``UMean`` and ``rhoUMean``; `before`
-    is that of `seconds` earlier, at the beginning of the averaging. The result has ``U`` (n, 3)
-    m/s, `ENTHALPY_FLUX` and `HEAT_STORAGE`, except those that the solver did not write, because it
-    has no such average or ran before they were requested.
+    `U` (n, 3) m/s, `ENTHALPY_FLUX` by `iriftrace.field.flow.carried_heat`, and `HEAT_STORAGE`, an
+    exact difference between the last state at its points, `grid` with ``rhoMean``, ``UMean`` and
+    ``rhoUMean``, and that of `seconds` earlier, `before`, when averaging began.
     """
     data = grid.point_data
     if "UMean" not in data:
@@ -86,10 +82,8 @@ def write_mean(
     """Write the field whose temperature has the time average of the density.
 
     The refractive index follows the density, so this temperature, and not the mean one, is what a
-    long exposure sees. Density and steadiness are those of the last `averaged` seconds.
-
-    Returns the content of the .vtu: mm, world, point data ``T`` in K and those of `mean_arrays`,
-    field data `WALL_HEAT`.
+    long exposure sees. Returns the content of the .vtu: mm, world, point data ``T`` in K and those
+    of `mean_arrays`, field data `WALL_HEAT`.
     """
     grid, moment = _read(folder, -1)
     if "rhoMean" not in grid.point_data:
@@ -116,10 +110,7 @@ def write_mean(
 
 
 def write_snapshots(case: Case, folder: Path, file: Path, count: int) -> list[Path]:
-    """Write the last states one by one, and a .pvd, `file`, that lists them with their times.
-
-    Returns the states' files, ``NAME_01.vtu`` and so on next to it.
-    """
+    """Write the last states, ``NAME_01.vtu`` and so on, and a .pvd that lists their times."""
     entries, files = [], []
     heat = read_heat(folder)
     for number in range(1, count + 1):
@@ -185,10 +176,7 @@ def _whole(
 
 
 def _shortened(values: Float32Array) -> Float32Array:
-    """Numbers with the last twelve of 24 binary digits rounded away, 1e-4 of them.
-
-    That is accurate enough for a heat balance and halves the compressed size.
-    """
+    """Numbers rounded to 12 of 24 binary digits, 1e-4, which halves the compressed size."""
     bits = np.ascontiguousarray(values).view(np.uint32)
     return ((bits + 0x800) & 0xFFFFF000).view(np.float32)
 

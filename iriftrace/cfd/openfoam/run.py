@@ -45,11 +45,9 @@ _AVERAGED = "averaging.json"
 
 @frozen
 class Steadiness:
-    """Heat flow and plume over some time.
+    """Mean heat flow from the whole part, its range over the mean, and that of the plume.
 
-    Heat is the mean flow from the whole part to the air, its variation the range as a fraction of
-    the mean. The plume's swing is the range of the temperature at the point where it varies most.
-    The flow is steady if both are small.
+    The plume's swing is at the point where it varies most. The flow is steady if both are small.
     """
 
     heat_w: float
@@ -120,8 +118,7 @@ def solve(
 ) -> float:
     """Run until the flow has settled, then average the density to the end; returns the seconds.
 
-    Raises OpenFoamError if the solver stopped; InputError if the case was started with another
-    number of processes, or is already past the beginning of the requested average.
+    Raises OpenFoamError if the solver stopped; InputError if an earlier run does not fit.
     """
     times = case.times
     pieces = _prepared(case, folder, installation)

@@ -59,10 +59,7 @@ class Display:
 
 
 def prepare(case: Case, folder: Path) -> bool:
-    """Write the case, or check that the folder holds the same one; True if it was there.
-
-    Raises InputError if the folder holds something else.
-    """
+    """Write the case unless the folder holds it; True if so, InputError if it holds another one."""
     if is_stored(case, folder):
         return True
     folder.mkdir(parents=True, exist_ok=True)

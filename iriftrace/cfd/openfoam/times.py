@@ -70,8 +70,7 @@ def natural_times(
     Buoyant air crosses a length L in about sqrt(L / (g dT/T)), so larger and cooler parts need
     longer; the paper's cylinder at 1100 degC needs 2 s. A draught also needs time to bend the
     plume: its `crossing` of the air, s, or the same time again if that is shorter, because
-    convection has then renewed the air. Raises InputError if the air is not cooler than the wall,
-    or as for `Times`.
+    convection has then renewed the air. Raises InputError if the air is not cooler than the wall.
     """
     if not 0.0 < ambient_k < hottest_k:
         raise InputError(

@@ -154,10 +154,7 @@ def _cubes(middle: FloatArray, count: IntArray, edge: float) -> tuple[FloatArray
 def cut_at_wall(
     points: FloatArray, corners: IntArray, surface: Surface
 ) -> tuple[pv.UnstructuredGrid, BoolArray]:
-    """Cut a closed surface out of tetrahedra and keep what is outside.
-
-    Returns tetrahedra, wedges and pyramids, mm, and which of their points lie on the surface.
-    """
+    """Cells, mm, of tetrahedra outside a closed surface; which of their points lie on it."""
     points = points.copy()
     side = np.where(surface.inside(points), -1, 1)
     _snap(points, corners, side, surface)

@@ -106,10 +106,7 @@ class Plume:
         return self._width(np.asarray(heights_mm, dtype=np.float64) / self.half_height_mm)[0]
 
     def bounds(self, height_mm: float) -> FloatArray:
-        """(2, 2) array, mm: lowest and highest x and y, at a height above the part's middle.
-
-        There the profile across and the ends along have fallen to e^-9.
-        """
+        """Lowest and highest x and y of the plume, (2, 2), mm, at a height above the middle, mm."""
         width = _REACH * float(self.half_width(np.array(height_mm)))
         along, across = np.abs(self.along), np.abs(self.along[::-1])
         reach = (self.half_length_mm + width) * along + width * across
@@ -290,10 +287,7 @@ class SyntheticAir:
         )
 
     def at(self, points: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Temperature (n,), K, and its gradient (n, 3), K/mm, world, at points (n, 3), mm, world.
-
-        The points lie outside the part or on it.
-        """
+        """Temperature (n,), K, and gradient (n, 3), K/mm, at points (n, 3), mm, outside the part."""
         places = np.asarray(points, dtype=np.float64).reshape(-1, 3)
         distance, away = self.surface.distance_gradient(places)
         left = np.maximum(1.0 - distance / self.boundary_layer_mm, 0.0)

@@ -81,10 +81,7 @@ def read(path: Path, member: int | None) -> Contents:
 
 
 def _length_unit(file: TextFile) -> str | None:
-    """Unit of the coordinates in the header and in the names of a spreadsheet's coordinates.
-
-    Raises InputError if these contradict each other.
-    """
+    """Unit of the coordinates in the header and in their names; InputError if these differ."""
     units = [file.length_unit] if file.length_unit else []
     if file.layout == "spreadsheet":
         units += [c.unit for c in spreadsheet_columns(file) if c.name.lower() in AXES and c.unit]

@@ -141,10 +141,7 @@ class TextFile:
             ) from None
 
     def check_count(self, key: str, *found: int) -> None:
-        """Refuse a file whose number of nodes, elements or expressions differs from its header.
-
-        `key` is ``"nodes"``, ``"elements"`` or ``"expressions"``; `found` are the accepted counts.
-        """
+        """Refuse another number of nodes, elements or expressions than the header states."""
         stated = self.count(key)
         if stated is not None and stated not in found:
             raise InputError(
@@ -153,10 +150,7 @@ class TextFile:
             )
 
     def check_expressions(self, columns: Sequence[Column]) -> None:
-        """Refuse a file whose number of results differs from the number of expressions stated.
-
-        A file with several states may count an expression once, or once for each state.
-        """
+        """The same for results; an expression counts once, or once for each of several states."""
         if columns:
             self.check_count("expressions", len(columns), len({column.name for column in columns}))
 
@@ -216,10 +210,7 @@ def _text_of(comment: str) -> str:
 
 
 def spreadsheet_columns(file: TextFile) -> list[Column]:
-    """All columns of a spreadsheet, coordinates included, in the order of the file.
-
-    Raises InputError if no line names them, the number of names is wrong, or x, y or z is missing.
-    """
+    """All columns of a spreadsheet, coordinates included; InputError if these are not all named."""
     first = file.sections[0]
     if not first.titles:
         raise InputError(

@@ -56,11 +56,7 @@ class Member:
 
 
 def reader_of(path: Path) -> Reader:
-    """Reader of a field file.
-
-    Raises InputError if the file does not exist, may not be read, is of another type, or is a
-    folder that is not an OpenFOAM case.
-    """
+    """Reader of a field file or of a case's folder; InputError if there is none for it."""
     if path.is_dir():
         if openfoam.is_case(path):
             return openfoam
@@ -94,10 +90,7 @@ def read_state(path: Path, number: int | None, *, flow: bool = False) -> Content
 
 
 def members(path: str | Path) -> tuple[Member, ...]:
-    """States of any file or folder that `iriftrace.field.read.read_field` reads, at least one.
-
-    Raises InputError if the file is missing, of another type, or damaged.
-    """
+    """States, at least one, of a file or folder that `read_field` reads; InputError otherwise."""
     path = Path(path)
     reader = reader_of(path)
     with _file_errors(path):

@@ -48,10 +48,7 @@ def states(path: Path) -> list[State]:
 
 
 def read(path: Path, member: int | None, *, flow: bool = False) -> Contents:
-    """Temperatures, other scalars and, if `flow`, velocities at a case's points, in m and SI units.
-
-    Raises InputError if the case has no mesh, no time, several regions, or damaged files.
-    """
+    """Scalars and, if `flow`, velocities at a case's points, in m and SI units."""
     case = _case(path)
     number = state_number(case.states, member, path)
     time = case.times[number]

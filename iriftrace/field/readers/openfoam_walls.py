@@ -46,10 +46,9 @@ _TOKEN = re.compile(
 
 
 def set_values_of_gradients(piece: Piece, folder: Path, names: frozenset[str]) -> None:
-    """Compute the values of patches for which the files of fields state a gradient.
+    """Compute the values of patches for which the files of some fields, by name, state a gradient.
 
-    `folder` is that of the time, `names` are the fields to look at. Raises InputError for a wall
-    with neither value nor gradient; warns for other patches.
+    `folder` is the time's. Refuses a wall with neither value nor gradient; warns of other patches.
     """
     for name in sorted(names):
         stated = boundary_entries(folder / name)

@@ -33,10 +33,7 @@ _ON_WALL = 0.01
 
 
 def merged(points: FloatArray, values: FloatArray, path: Path) -> tuple[FloatArray, FloatArray]:
-    """Merge points that occur several times, with the mean of their values.
-
-    Raises InputError if values at one point differ by more than 1 % of their range.
-    """
+    """Merge repeated points, with means of their values, which may differ by 1 % of the range."""
     unique, number = np.unique(points, axis=0, return_inverse=True)
     if len(unique) == len(points):
         return points, values
@@ -62,10 +59,7 @@ def merged(points: FloatArray, values: FloatArray, path: Path) -> tuple[FloatArr
 
 
 def tetrahedra_between(points: FloatArray, path: Path) -> IntArray:
-    """Delaunay tetrahedra of points, (k, 4), without those that bridge notches of their outline.
-
-    Raises InputError if the points lie in a plane, or there are fewer than four.
-    """
+    """Delaunay tetrahedra of points, (k, 4), without those that bridge notches of their outline."""
     try:
         # Scaled, because Qhull's tolerances are absolute and meant for coordinates near one.
         extent = max(float(np.ptp(points, axis=0).max()), np.finfo(float).tiny)

@@ -73,18 +73,12 @@ def read_ensight(path: Path, time: str) -> Data:
 
 
 def read_times(path: Path, reader: str, which: str | int | None) -> tuple[Data, list[str]]:
-    """Blocks of one state by a reader of `vtk_child`, and all times; None for these alone.
-
-    Raises InputError if it is damaged.
-    """
+    """Blocks of one state by a reader of `vtk_child`, and all times; None for these alone."""
     return _read(path, path.stat().st_size, reader, which)
 
 
 def read_case(folder: Path, time: str) -> tuple[Data, list[str]]:
-    """Blocks of one time of an OpenFOAM case, and the names of the fields that VTK found in it.
-
-    Raises InputError if its mesh is damaged.
-    """
+    """Blocks of one time of an OpenFOAM case, and the names of the fields that VTK found in it."""
     parts = (folder / "constant/polyMesh", folder / time)
     size = sum(file.stat().st_size for part in parts for file in part.rglob("*"))
     return _read(folder, size, "read_case", time)
