@@ -132,7 +132,7 @@ def hottest_at_sides(field: IndexField) -> dict[str, float]:
 
 
 def share_through_open_sides(field: IndexField, part: Part, origin: FloatArray) -> float:
-    """Fraction of lines from a camera, (3,), mm, to faces it may see that enter the data in hot air.
+    """Share of lines from a camera, (3,), mm, to faces it may see that enter the data in hot air.
 
     Air inside the outermost of 13 shells is hot; rays that enter there are ``open_boundary``.
     """
