@@ -26,6 +26,9 @@ from iriftrace.part.part import Part
 NONE = Installation("", "", "", {})
 CELLS = 1000
 
+Family = tuple[tuple[Member, ...], dict[str, Case]]
+"""Members, and the case of each by name."""
+
 
 def names(members: Sequence[Member]) -> list[str]:
     return [member.name for member in members]
@@ -93,7 +96,7 @@ def test_symmetry_needs_the_wall_temperatures_too(cylinder: Part) -> None:
 
 
 @pytest.fixture
-def family(cylinder: Part) -> tuple[tuple[Member, ...], dict[str, Case]]:
+def family(cylinder: Part) -> Family:
     """Still air and two speeds from two opposite sides."""
     members = plan_family((0.0, 0.1, 0.2), (90.0, 270.0), "x", "xy")
     wall = WallTemperatures(1373.15)
@@ -152,9 +155,7 @@ def meshed(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     return made
 
 
-def run(
-    family: tuple[tuple[Member, ...], dict[str, Case]], folder: Path, solver: Solver
-) -> tuple[list[str], Cost]:
+def run(family: Family, folder: Path, solver: Solver) -> tuple[list[str], Cost]:
     costs: list[Cost] = []
     folder.mkdir(exist_ok=True)
     entries = run_family(*family, folder, NONE, solver, say=lambda text: None, expect=costs.append)
@@ -162,7 +163,7 @@ def run(
 
 
 def test_family_is_solved_mirrored_and_listed(
-    family: tuple[tuple[Member, ...], dict[str, Case]], meshed: list[Path], tmp_path: Path
+    family: Family, meshed: list[Path], tmp_path: Path
 ) -> None:
     """Of five members three are solved, on one mesh, and the cost is that of three."""
     solver = Solver()
@@ -180,9 +181,7 @@ def test_family_is_solved_mirrored_and_listed(
     assert listed[2]["image_of"] == "at_0.10_from_090"
 
 
-def test_interrupted_family_goes_on(
-    family: tuple[tuple[Member, ...], dict[str, Case]], meshed: list[Path], tmp_path: Path
-) -> None:
+def test_interrupted_family_goes_on(family: Family, meshed: list[Path], tmp_path: Path) -> None:
     """Finished members are kept, a field that its solver left unlisted is not one of them."""
     with pytest.raises(KeyboardInterrupt):
         run(family, tmp_path, Solver(dies_after=1))
@@ -199,9 +198,7 @@ def test_interrupted_family_goes_on(
     assert len(run((family[0], later), tmp_path, third)[0]) == 5, "a later end is not finished"
 
 
-def test_mirror_image_is_the_mirrored_field(
-    family: tuple[tuple[Member, ...], dict[str, Case]], tmp_path: Path
-) -> None:
+def test_mirror_image_is_the_mirrored_field(family: Family, tmp_path: Path) -> None:
     """Points, velocity and cells across y = -3 mm, the part's centre; the origin says so."""
     members, cases = family
     image = next(m for m in members if m.image_of)
@@ -219,9 +216,7 @@ def test_mirror_image_is_the_mirrored_field(
     assert grid.points.dtype == np.float32
 
 
-def test_folder_of_something_else_is_not_touched(
-    family: tuple[tuple[Member, ...], dict[str, Case]], tmp_path: Path
-) -> None:
+def test_folder_of_something_else_is_not_touched(family: Family, tmp_path: Path) -> None:
     (tmp_path / "at_0.00.vtu").write_text("somebody's")
     with pytest.raises(InputError, match="not a family of draughts"):
         run(family, tmp_path, Solver())

@@ -39,6 +39,8 @@ from validation.inputs.solved_fields import DATA
 
 CYLINDER_A = DATA / "cylinder_A.vtu"
 
+Checked = tuple[IndexField, FieldCheck]
+
 
 @pytest.fixture(scope="module")
 def cylinder() -> Part:
@@ -46,7 +48,7 @@ def cylinder() -> Part:
 
 
 @pytest.fixture(scope="module")
-def simulated(cylinder: Part) -> tuple[IndexField, FieldCheck]:
+def simulated(cylinder: Part) -> Checked:
     """A coarse simulation of natural convection around a horizontal cylinder."""
     field = read_field(CYLINDER_A)
     return field, check_field(field, cylinder, wall_temperature_k=WALL, camera=(0, 0, 400.0))
@@ -72,9 +74,7 @@ def test_heat_of_a_sphere_is_that_of_conduction() -> None:
     assert np.nanmedian(wall.layer_mm) == pytest.approx((WALL - ROOM) / fall, rel=0.05)
 
 
-def test_simulation_agrees_with_the_rule_and_itself(
-    simulated: tuple[IndexField, FieldCheck],
-) -> None:
+def test_simulation_agrees_with_the_rule_and_itself(simulated: Checked) -> None:
     """Numbers of a coarse mesh; on two finer ones of the same case Nu is 6.63 and 6.60, and from
     the mean of the wall's cells 6.27 and 6.35: the truth lies between.
     """
@@ -101,9 +101,7 @@ def test_simulation_agrees_with_the_rule_and_itself(
     assert finding(check, "boundary layer")["layer_mm"] == pytest.approx(4.5, abs=0.2)
 
 
-def test_heat_that_the_solver_counted_is_preferred(
-    simulated: tuple[IndexField, FieldCheck], cylinder: Part
-) -> None:
+def test_heat_that_the_solver_counted_is_preferred(simulated: Checked, cylinder: Part) -> None:
     """The gradient says how it is spread, the file's own number how much it is."""
     field, check = simulated
     by_gradient = finding(check, "heat from the wall")["heat_w"]
@@ -118,9 +116,7 @@ def test_heat_that_the_solver_counted_is_preferred(
     assert heat["heat_by_gradient_w"] == by_gradient
 
 
-def test_a_cylinder_that_lies_upside_down_is_found_out(
-    simulated: tuple[IndexField, FieldCheck], cylinder: Part
-) -> None:
+def test_a_cylinder_that_lies_upside_down_is_found_out(simulated: Checked, cylinder: Part) -> None:
     """Its mean Nusselt number is right, and its plume sinks: bottom and top change places."""
     field, check = simulated
     down = field.grid.copy()
@@ -132,9 +128,7 @@ def test_a_cylinder_that_lies_upside_down_is_found_out(
     assert turned["verdict"] == "bad"
 
 
-def test_open_ends_are_found_and_seen_from_above(
-    simulated: tuple[IndexField, FieldCheck], cylinder: Part
-) -> None:
+def test_open_ends_are_found_and_seen_from_above(simulated: Checked, cylinder: Part) -> None:
     """The plume leaves at the top, in front of a camera that looks down."""
     field, check = simulated
     edge = finding(check, "edge of the data")
@@ -148,18 +142,14 @@ def test_open_ends_are_found_and_seen_from_above(
     assert share_through_open_sides(field, cylinder, np.array((0.0, 400.0, -50.0))) == 0.0
 
 
-def test_the_edge_is_open_where_the_outermost_shell_is(
-    simulated: tuple[IndexField, FieldCheck],
-) -> None:
+def test_the_edge_is_open_where_the_outermost_shell_is(simulated: Checked) -> None:
     """Rays count as ``open_boundary`` where they enter behind the first of the usual shells."""
     field, check = simulated
     outermost = contour_shells(field).temperature_k[0]
     assert finding(check, "edge of the data")["limit_k"] == pytest.approx(outermost, abs=1e-6)
 
 
-def test_spoilt_fields_are_found_out(
-    simulated: tuple[IndexField, FieldCheck], cylinder: Part
-) -> None:
+def test_spoilt_fields_are_found_out(simulated: Checked, cylinder: Part) -> None:
     """Another wall temperature in another room, and a gradient that lies."""
     field, _ = simulated
     cool = Air().refractivity(ROOM + 0.5 * (field.temperature_k - ROOM))

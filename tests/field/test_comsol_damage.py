@@ -84,15 +84,6 @@ SPREADSHEET = {
 }
 
 
-@pytest.mark.parametrize(("edit", "words"), SPREADSHEET.values(), ids=SPREADSHEET.keys())
-def test_spreadsheets(tmp_path: Path, edit: Edit, words: str) -> None:
-    path = comsol.spreadsheet(tmp_path / "f.txt", POINTS, {"T (K)": KELVIN})
-    path.write_text(edit(path.read_text()))
-    with pytest.raises(InputError, match=f"(?s){words}") as caught:
-        read_field(path)
-    assert "f.txt" in str(caught.value) or "length unit" in str(caught.value)
-
-
 SECTIONWISE = {
     "no unit": (swap("(T (K))", "(T)"), "does not say in which unit 'T' is"),
     "nothing in the title": (swap(" (T (K))", ""), "in which unit 'Temperature' is"),
@@ -133,16 +124,31 @@ SECTIONWISE = {
         swap("Nodes:              125", "Nodes:              124"),
         "counts 124 nodes",
     ),
-    "a plane": (lambda t: re.sub(r"^(\S+\s+\S+)\s+\S+$", r"\1", t, flags=re.M), "2 columns|plane"),
+    "a plane": (
+        lambda t: re.sub(r"^([-+.\dE]+ +[-+.\dE]+) +[-+.\dE]+$", r"\1", t, flags=re.M),
+        "have 2 columns instead of x, y and z",
+    ),
 }
 
 
-@pytest.mark.parametrize(("edit", "words"), SECTIONWISE.values(), ids=SECTIONWISE.keys())
-def test_sectionwise_files(tmp_path: Path, edit: Edit, words: str) -> None:
-    path = comsol.sectionwise(tmp_path / "f.txt", POINTS, TETRAHEDRA, {"T (K)": KELVIN})
+DAMAGED = [
+    pytest.param(layout, *case, id=f"{layout}: {name}")
+    for layout, cases in (("spreadsheet", SPREADSHEET), ("sectionwise", SECTIONWISE))
+    for name, case in cases.items()
+]
+
+
+@pytest.mark.parametrize(("layout", "edit", "words"), DAMAGED)
+def test_damaged_files(tmp_path: Path, layout: str, edit: Edit, words: str) -> None:
+    path, columns = tmp_path / "f.txt", {"T (K)": KELVIN}
+    if layout == "spreadsheet":
+        comsol.spreadsheet(path, POINTS, columns)
+    else:
+        comsol.sectionwise(path, POINTS, TETRAHEDRA, columns)
     path.write_text(edit(path.read_text()))
-    with pytest.raises(InputError, match=f"(?s){words}"):
+    with pytest.raises(InputError, match=f"(?s){words}") as caught:
         read_field(path)
+    assert "f.txt" in str(caught.value) or "length unit" in str(caught.value)
 
 
 def test_commas_both_as_separator_and_decimal_sign(tmp_path: Path) -> None:
@@ -181,16 +187,17 @@ def test_a_compressed_file(tmp_path: Path) -> None:
         read_field(tmp_path / "f.txt.gz")
 
 
-def test_different_values_at_one_point(tmp_path: Path) -> None:
+def test_points_that_are_no_field(tmp_path: Path) -> None:
+    """Several different values at one point, and points in a plane."""
     grid = air(6)
     points = np.asarray(grid.points, dtype=np.float64)
     kelvin = np.asarray(grid.point_data["T"], dtype=np.float64)
-    path = tmp_path / "f.txt"
-    comsol.spreadsheet(
-        path, np.vstack([points, points[:3]]), {"T (K)": np.append(kelvin, kelvin[:3] + 99.0)}
-    )
-    with pytest.raises(InputError, match="several different values at one point"):
-        read_field(path)
+    twice = np.vstack([points, points[:3]]), np.append(kelvin, kelvin[:3] + 99.0)
+    flat = np.random.default_rng(0).uniform(size=(50, 3)) * (1.0, 1.0, 0.0), np.full(50, AMBIENT)
+    for (places, values), words in ((twice, "several different values"), (flat, "fill no volume")):
+        path = comsol.spreadsheet(tmp_path / "f.txt", places, {"T (K)": values})
+        with pytest.raises(InputError, match=words):
+            read_field(path)
 
 
 def test_scattered_points_need_a_closed_part(tmp_path: Path) -> None:
@@ -211,11 +218,3 @@ def test_scattered_points_need_a_closed_part(tmp_path: Path) -> None:
     block().apply_scale(10.0).export(tmp_path / "large.stl")
     with pytest.raises(InputError, match=r"All points.*lie in the part"):
         read_field(path, part=read_part(tmp_path / "large.stl"))
-
-
-def test_points_in_a_plane(tmp_path: Path) -> None:
-    flat = np.random.default_rng(0).uniform(size=(50, 3))
-    flat[:, 2] = 0.0
-    path = comsol.spreadsheet(tmp_path / "f.txt", flat, {"T (K)": np.full(50, AMBIENT)})
-    with pytest.raises(InputError, match="fill no volume"):
-        read_field(path)

@@ -135,9 +135,7 @@ def _sectionwise(file: TextFile) -> _Table:
             f"{corners.max():g}, but it has points 1 to {len(points)}; the file is damaged, so "
             "export it again."
         )
-    columns = section_columns(file)
-    file.check_expressions(columns)
-    return _Table(points, columns, _results(file, len(points)), cells - 1)
+    return _with_results(file, points, cells - 1)
 
 
 def _grid(file: TextFile) -> _Table:
@@ -152,10 +150,7 @@ def _grid(file: TextFile) -> _Table:
     z, y, x = np.meshgrid(*axes[::-1], indexing="ij")
     points = np.stack((x.ravel(), y.ravel(), z.ravel()), axis=1)
     file.check_count("nodes", len(points))
-    columns = section_columns(file)
-    file.check_expressions(columns)
-    cells = _boxes(len(axes[0]), len(axes[1]), len(axes[2]))
-    return _Table(points, columns, _results(file, len(points)), cells)
+    return _with_results(file, points, _boxes(len(axes[0]), len(axes[1]), len(axes[2])))
 
 
 def _boxes(nx: int, ny: int, nz: int) -> IntArray:
@@ -167,16 +162,18 @@ def _boxes(nx: int, ny: int, nz: int) -> IntArray:
     return cells
 
 
-def _results(file: TextFile, count: int) -> FloatArray:
-    """Sections of data as columns, (count, sections)."""
+def _with_results(file: TextFile, points: FloatArray, cells: IntArray) -> _Table:
+    """Points and cells with each section of data as a column."""
+    columns = section_columns(file)
+    file.check_expressions(columns)
     values = [file.numbers(section.rows, "data").ravel() for section in file.of_kind("data")]
     for data in values:
-        if len(data) != count:
+        if len(data) != len(points):
             raise InputError(
-                f"A section of data in {file.path} has {len(data)} values for {count} points: it "
-                "was cut short or edited; export it again."
+                f"A section of data in {file.path} has {len(data)} values for {len(points)} "
+                "points: it was cut short or edited; export it again."
             )
-    return np.stack(values, axis=1)
+    return _Table(points, columns, np.stack(values, axis=1), cells)
 
 
 def _of_state(table: _Table, state: str, path: Path) -> tuple[dict[str, Column], _Table]:
