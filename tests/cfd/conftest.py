@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
 import pytest
 import trimesh
@@ -10,6 +13,7 @@ from iriftrace.cfd.openfoam.case import Case
 from iriftrace.cfd.openfoam.domain import mesh_size
 from iriftrace.cfd.openfoam.times import Times
 from iriftrace.cfd.openfoam.wall import WallTemperatures
+from iriftrace.cli import main
 from iriftrace.part.part import Part
 from iriftrace.part.regions import Regions
 from validation.inputs.parts import part_from
@@ -39,3 +43,22 @@ def halves() -> Part:
         mesh = mesh.subdivide()
     right = mesh.triangles_center[:, 0] > 0.0
     return part_from(mesh, Regions(right.astype(np.int64), ("steel", "nickel")))
+
+
+@pytest.fixture
+def fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., str]:
+    """Run a wrong command in a folder of its own; its message, once it has written nothing."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words: str) -> str:
+        before = sorted(Path().rglob("*"))
+        capsys.readouterr()
+        assert main(list(words)) == 2
+        said = " ".join(capsys.readouterr().err.split())
+        assert said.startswith(("error: ", "warning: "))
+        assert sorted(Path().rglob("*")) == before, "something was written"
+        return said
+
+    return run

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -27,17 +28,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     open_box.update_faces([True] * 11 + [False])
     open_box.export(tmp_path / "open.stl")
     return tmp_path
-
-
-def fails(capsys: pytest.CaptureFixture[str], *words: str) -> str:
-    """Run the program; its message, once it has written nothing."""
-    before = sorted(Path().rglob("*"))
-    capsys.readouterr()
-    assert main(["field", "simulate", *words]) == 2
-    said = capsys.readouterr().err
-    assert "Traceback" not in said
-    assert sorted(Path().rglob("*")) == before, "something was written"
-    return " ".join(said.split())
 
 
 def test_case_is_written_without_openfoam(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -93,23 +83,22 @@ def test_the_expected_time_is_said_in_words(capsys: pytest.CaptureFixture[str]) 
     ],
 )
 def test_wrong_input_is_one_sentence(
-    folder: Path,
-    capsys: pytest.CaptureFixture[str],
-    options: tuple[str, ...],
-    message: str,
+    folder: Path, fails: Callable[..., str], options: tuple[str, ...], message: str
 ) -> None:
     wall = () if any(o.startswith("--wall-temp") for o in options) else (WALL,)
     write_only = ("--write-only",) if options else ()
-    assert message in fails(capsys, "part.stl", "-o", "case", *wall, *options, *write_only)
+    assert message in fails(
+        "field", "simulate", "part.stl", "-o", "case", *wall, *options, *write_only
+    )
 
 
 @pytest.mark.parametrize(
     ("part", "message"), [("open.stl", "is not closed"), ("none.stl", "no part file")]
 )
 def test_open_and_missing_parts_are_refused(
-    folder: Path, capsys: pytest.CaptureFixture[str], part: str, message: str
+    folder: Path, fails: Callable[..., str], part: str, message: str
 ) -> None:
-    assert message in fails(capsys, part, "-o", "case", WALL, "--write-only")
+    assert message in fails("field", "simulate", part, "-o", "case", WALL, "--write-only")
 
 
 def test_doctor_says_how_to_get_openfoam(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -120,7 +120,7 @@ def read_exodus(path: str, step: int | None) -> Answer:
     if not reader.GetNumberOfNodes():
         raise ValueError("VTK finds no nodes of Exodus in it")
     if step is None:
-        return _described(model.vtkMultiBlockDataSet()), names
+        return None, names
     for kind in (reader.NODAL, reader.ELEM_BLOCK):
         reader.SetAllArrayStatus(kind, 1)
     reader.SetTimeStep(step)
@@ -137,7 +137,7 @@ def read_cgns(path: str, time: str | None) -> Answer:
     if not reader.GetNumberOfBaseArrays():
         raise ValueError("VTK finds no base of CGNS in it")
     if time is None:
-        return _described(model.vtkMultiBlockDataSet()), names
+        return None, names
     reader.EnableAllBases()
     reader.EnableAllPointArrays()
     reader.EnableAllCellArrays()
