@@ -38,8 +38,3 @@ class Bending(StrEnum):
     def at_shells_alone(self) -> bool:
         """Whether rays run straight between shells."""
         return self in (Bending.SHELLS, Bending.SHELLS_WITHOUT_DERIVATIVES)
-
-
-def may_use_cells(engine: str) -> bool:
-    """True if a scene traced with this engine may need the field file next to it."""
-    return engine != "shells"
