@@ -56,8 +56,11 @@ def test_table_without_header_and_with_more_columns(cylinder: Part, tmp_path: Pa
     file = tmp_path / "t.csv"
     np.savetxt(file, np.column_stack((cylinder.face_centres, ramp(cylinder.face_centres))))
     assert read_measured_wall(file).kelvins == pytest.approx(ramp(cylinder.face_centres))
-    file.write_text("id;x;y;z;T;emissivity\n1;0;0;0;900;0.8\n2;1;0;0;910;0.8\n")
+    rows = "1;0;0;0;900;0.8\n2;1;0;0;910;0.8\n"
+    file.write_text("id;x;y;z;T;emissivity\n" + rows, "utf-8-sig")
     assert read_measured_wall(file).kelvins.tolist() == [900.0, 910.0]
+    file.write_text("0,0,0,900\n1,0,0,910\n", "utf-8-sig")
+    assert read_measured_wall(file).points.tolist() == [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
 
 
 def test_points_give_the_nearest_and_triangles_what_lies_between(cylinder: Part) -> None:

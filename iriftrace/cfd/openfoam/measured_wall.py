@@ -136,7 +136,7 @@ def read_measured_wall(
 
 def _table(path: Path) -> tuple[pv.PolyData, str | None, dict[str, str]]:
     """Points with the columns of a table, the unit of their coordinates, and those of columns."""
-    lines = [line for line in path.read_text(errors="replace").splitlines() if line.strip()]
+    lines = [line for line in path.read_text("utf-8-sig", "replace").splitlines() if line.strip()]
     columns = dict.fromkeys(("x", "y", "z", "T"), "")
     if lines and not is_numbers(lines[0].lstrip("#%")):
         columns = header_columns(lines[0])
