@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from attrs import frozen
 
-from iriftrace.camera.pose import PoseText, pose_text
+from iriftrace.camera.pose import pose_text
 from iriftrace.core.files import sha256_of
 from iriftrace.figures.page import Rows, name_of, value_text, write_page
 from iriftrace.figures.report_setting import engines_text, rests_on, setting_rows
@@ -21,7 +20,6 @@ from iriftrace.image.resolution import FRONTAL
 from iriftrace.planning.cover import NO_LIMITS, ViewLimits, plan_views
 from iriftrace.planning.stability import stability
 from iriftrace.planning.texts import (
-    RankingTable,
     alternative_text,
     front_table,
     in_words,
@@ -73,51 +71,21 @@ _SUMMARY_ROWS = 5
 _MOST_REASONS = 200
 
 
-@frozen(eq=False)
-class ReportContent:
-    """The report's text; rows are of name and value.
-
-    Rows of the varied weights: metric; rank of the best pose and winner with the smaller weight;
-    the same with the larger. Rows of the rays: outcome, number, fraction of the
-    hits.
-    """
-
-    title: str
-    question: str
-    answer: str
-    rests_on: tuple[str, ...]
-    unclear: str | None
-    setting: Rows
-    assumptions: Rows
-    ranking: RankingTable
-    front: RankingTable
-    best: PoseText
-    best_pose: int
-    stability: str | None
-    varied_weights: Rows
-    rays: Rows
-    limits: tuple[str, ...]
-    unranked: Rows
-    views: RankingTable | None
-    views_title: str
-    views_text: str
-
-
 def report_content(
     dataset: xr.Dataset,
     summary: SweepSummary,
     top: int,
     views: int | None = None,
     limits: ViewLimits = NO_LIMITS,
-) -> ReportContent:
-    """Collect the contents about a sweep, with `top` rows of the ranking and a set of `views`."""
+) -> dict[str, object]:
+    """Texts and tables of the page, with `top` rows of the ranking and a set of `views`."""
     plan = summary.plan
     chosen = None if views is None else plan_views(dataset, views, limits, plan.criteria)
     ranking = ranking_table(summary, top)
     part = name_of(attribute(dataset, "part"))
     device = "camera" if summary.devices is None else "sensor"
     best = plan.best
-    return ReportContent(
+    return dict(
         title=f"Where to put the {device}: {part}",
         question=_question(summary, device, part),
         answer=_answer(summary),
