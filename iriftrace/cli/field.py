@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from cyclopts import App, Parameter
 
-from iriftrace.cli.console import command_line, out, say, working
+from iriftrace.cli.console import command_line, print_table, say, working
 from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions
 from iriftrace.cli.hot_temperature import nearest_wall
 from iriftrace.cli.options import (
@@ -132,17 +132,12 @@ def check(
 
 
 def _print(result: FieldCheck, field: Path) -> None:
-    from rich.table import Table
-
-    table = Table(title=f"{field.name}: {result.verdict}")
-    for heading in ("checked", "found", "verdict", "compared with"):
-        table.add_column(heading)
-    for finding in result.findings:
-        colour = _COLOURS[finding.verdict]
-        table.add_row(
-            finding.name, finding.value, f"[{colour}]{finding.verdict}[/]", finding.remark
-        )
-    out.print(table)
+    headings = ("checked", "found", "verdict", "compared with")
+    rows = [
+        (one.name, one.value, f"[{_COLOURS[one.verdict]}]{one.verdict}[/]", one.remark)
+        for one in result.findings
+    ]
+    print_table(f"{field.name}: {result.verdict}", headings, rows, texts=headings)
     if result.field["origin"]:
         say(f"Field: {result.field['origin']}.")
 

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
-from rich.table import Table
 
-from iriftrace.cli.console import command_line, out, say, working
+from iriftrace.cli.console import command_line, print_table, say, working
 from iriftrace.cli.options import check_input, check_output, refuse_given
 from iriftrace.cli.trace_options import TraceOptions
 from iriftrace.core.errors import warn
@@ -113,21 +112,18 @@ _WHAT = {"px": "dots", "K": "temperatures"}
 
 def _print_fit(found: MemberFit) -> None:
     """Weights by member, and the residual of the fit."""
-    table = Table(title="Members that reproduce what was measured")
-    for heading in ("member", "field", "weight", "u", "alone"):
-        table.add_column(heading, justify="left" if heading == "field" else "right")
     serving = {member.number for member in found.serving}
-    rows = zip(found.members, found.covariance.diagonal() ** 0.5, found.single, strict=True)
-    for member, deviation, alone in rows:
-        if member.number in serving:
-            table.add_row(
-                str(member.number),
-                member.label,
-                f"{member.weight:.3f}",
-                f"{deviation:.3f}",
-                f"{alone:.3g} {found.unit}",
-            )
-    out.print(table)
+    members = zip(found.members, found.covariance.diagonal() ** 0.5, found.single, strict=True)
+    print_table(
+        "Members that reproduce what was measured",
+        ("member", "field", "weight", "u", "alone"),
+        [
+            (one.number, one.label, f"{one.weight:.3f}", f"{u:.3f}", f"{alone:.3g} {found.unit}")
+            for one, u, alone in members
+            if one.number in serving
+        ],
+        texts=["field"],
+    )
     counts = {"hidden": "hidden", "beside": "next to the board", "lost": "lost"}
     left_out = [f"{found.dots[key]:,} {text}" for key, text in counts.items() if key in found.dots]
     left_out.append(f"{found.dots['outliers']:,} outliers")

@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
-from rich.table import Table
 
 from iriftrace.cli.camera_options import CameraOptions, Scale
-from iriftrace.cli.console import command_line, out, say, show_warning, working
+from iriftrace.cli.console import command_line, out, print_table, say, show_warning, working
 from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions, ShellOptions
 from iriftrace.cli.hot_temperature import nearest_wall
 from iriftrace.cli.options import (
@@ -297,19 +296,23 @@ def _ensemble(
     first = next(fields)
     camera = devices(first.field, first.shells)
     built = build_ensemble(chain((first,), fields), part, camera, output, **settings)
-    table = Table(title=f"Ensemble of {len(built.members)} fields")
-    for heading in ("member", "field", "shells", "triangles", "hottest degC", "outermost degC"):
-        table.add_column(heading, justify="left" if heading == "field" else "right")
-    for member, report, hottest in zip(built.members, built.reports, hottest_k, strict=True):
-        table.add_row(
-            str(member.number),
-            member.label,
-            str(len(report)),
-            f"{sum(shell.triangles for shell in report):,}",
-            f"{hottest - ZERO_CELSIUS_K:.0f}",
-            f"{report[0].temperature_k - ZERO_CELSIUS_K:.0f}",
-        )
-    out.print(table)
+    cut_members = zip(built.members, built.reports, hottest_k, strict=True)
+    print_table(
+        f"Ensemble of {len(built.members)} fields",
+        ("member", "field", "shells", "triangles", "hottest degC", "outermost degC"),
+        [
+            (
+                member.number,
+                member.label,
+                len(report),
+                f"{sum(shell.triangles for shell in report):,}",
+                f"{hottest - ZERO_CELSIUS_K:.0f}",
+                f"{report[0].temperature_k - ZERO_CELSIUS_K:.0f}",
+            )
+            for member, report, hottest in cut_members
+        ],
+        texts=["field"],
+    )
     for origin in dict.fromkeys(member.source.origin for member in built.members):
         if origin:
             say(f"Field: {origin}.")

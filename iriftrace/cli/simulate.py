@@ -9,13 +9,12 @@ from attrs import evolve
 from cyclopts import Parameter
 
 from iriftrace.cli.console import out, say, say_finding
-from iriftrace.cli.draught_options import DraughtOptions
 from iriftrace.cli.field import scene_command
 from iriftrace.cli.field_options import AirOptions, PartOptions
 from iriftrace.cli.hot_temperature import FIELD
 from iriftrace.cli.options import Whole, celsius, check_folder, check_input, check_output
 from iriftrace.cli.simulate_family import family_cases, family_scene, simulate_family
-from iriftrace.cli.simulation_options import SimulationOptions
+from iriftrace.cli.simulation_options import DraughtOptions, SimulationOptions
 from iriftrace.cli.simulation_progress import simulation_progress
 from iriftrace.core.errors import SetupError, warn
 from iriftrace.core.units import ZERO_CELSIUS_K

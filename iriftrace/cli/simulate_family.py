@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from iriftrace.cli.console import notes, out, say
-from iriftrace.cli.draught_options import DraughtOptions
 from iriftrace.cli.field import scene_command
 from iriftrace.cli.field_options import PartOptions
 from iriftrace.cli.simulation_progress import duration, simulation_progress
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
     from iriftrace.cfd.openfoam.family import Member
     from iriftrace.cfd.openfoam.family_run import Cost, Solve, Task
     from iriftrace.cfd.openfoam.programs import Installation
-    from iriftrace.cli.simulation_options import SimulationOptions
+    from iriftrace.cli.simulation_options import DraughtOptions, SimulationOptions
     from iriftrace.part.part import Part
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from rich.progress import BarColumn, Progress, TimeElapsedColumn
 
-from iriftrace.cli.console import notes, noticed, say
+from iriftrace.cli.console import notes, say, stating_kept
 
 if TYPE_CHECKING:
     from iriftrace.cfd.openfoam.run import State
@@ -24,24 +24,17 @@ def simulation_progress() -> Iterator[Display]:
     bar_column = BarColumn(bar_width=20)
     columns = "{task.description}", bar_column, "{task.fields[flow]}", TimeElapsedColumn()
     # Finished bars would remain on a terminal that only logs.
-    with Progress(*columns, console=notes, transient=True) as bar:
+    with Progress(*columns, console=notes, transient=True) as bar, stating_kept() as keep:
         task = bar.add_task("Case", total=None, flow="")
-        kept = ""
 
         def watch(state: State) -> None:
-            nonlocal kept
-            kept = (
+            keep(
                 f"the flow is at {state.time:.3g} of {state.end:g} s; give the same command again "
                 "to continue"
             )
             bar.update(task, total=state.end, completed=state.time, flow=flow_text(state))
 
-        try:
-            yield Display(lambda text: bar.update(task, description=text), _say_expected, watch)
-        except BaseException as error:
-            if kept and (noticed() or isinstance(error, KeyboardInterrupt)):
-                raise KeyboardInterrupt(kept) from error
-            raise
+        yield Display(lambda text: bar.update(task, description=text), _say_expected, watch)
 
 
 def _say_expected(cells: int, seconds: float) -> None:

@@ -14,6 +14,7 @@ from iriftrace.core.plain import JsonObject
 from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.figures.style import finish_axes, new_figure
 from iriftrace.part.part import Part
+from iriftrace.sweep.measures import Limits
 from iriftrace.triangulation.correction import Correction, CorrectionStatus
 from iriftrace.triangulation.scan import Scan, ScanStatus
 
@@ -42,9 +43,8 @@ def scan_figure(scan: Scan) -> Figure:
     left.set_ylim(rows.max() + 2, rows.min() - 2)
     body.colorbar(shown, ax=left, orientation="horizontal", label="error along the normal (µm)")
     _, _, left_over = scan.best_fit()
-    bins = np.linspace(-1.5 * limit, 1.5 * limit, 61)
     errors = {"as measured": error, "after best fit": UM_PER_MM * left_over}
-    _draw_histogram(right, errors, bins, "error along the normal (µm)")
+    _draw_histogram(right, errors, (-1.5 * limit, 1.5 * limit), "error along the normal (µm)")
     right.axvline(0.0, color="0.5", linewidth=0.8)
     return figure
 
@@ -70,8 +70,8 @@ def correction_figure(found: Correction, part: Part, camera: Camera) -> Figure:
         name: UM_PER_MM * (np.einsum("ij,ij->i", points[good], normal) - part.face_offsets[face])
         for name, points in (("as measured", found.measured), ("corrected", found.points))
     }
-    ends = np.percentile(np.concatenate(list(deviations.values())), (1, 99))
-    _draw_histogram(right, deviations, np.linspace(*ends, 61), "deviation from the part (µm)")
+    low, high = np.percentile(np.concatenate(list(deviations.values())), (1, 99))
+    _draw_histogram(right, deviations, (low, high), "deviation from the part (µm)")
     return figure
 
 
@@ -86,10 +86,11 @@ def _panels(
     return figure, body, (left, right)
 
 
-def _draw_histogram(axes: Axes, um: Mapping[str, FloatArray], bins: FloatArray, label: str) -> None:
-    """Count values, um, by name; those beyond the bins count in the outermost ones."""
+def _draw_histogram(axes: Axes, um: Mapping[str, FloatArray], ends: Limits, label: str) -> None:
+    """Count values, um, by name; those beyond the ends count in the last bins."""
+    bins = np.linspace(*ends, 61).tolist()
     for name, values in um.items():
-        axes.hist(values.clip(bins[0], bins[-1]), bins, histtype="step", label=name)
+        axes.hist(values.clip(*ends), bins, histtype="step", label=name)
     axes.set(xlabel=label, ylabel="points")
     axes.legend(fontsize="small")
     finish_axes(axes)

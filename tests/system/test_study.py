@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from iriftrace.cli import main, study_tables
+from iriftrace.cli import console, main
 from iriftrace.cli.study import study
 from iriftrace.studies.study import read_study
 from validation.inputs import hot_block
@@ -119,11 +119,12 @@ def test_times_are_printed_as_ratios(
 @pytest.mark.parametrize("width", [40, 80])
 def test_numbers_of_a_table_are_never_cut(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Many digits, long names of modes and fields, and a narrow terminal: words may wrap."""
-    console = Console(width=width, file=io.StringIO())
-    monkeypatch.setattr(study_tables, "out", console)
+    narrow = Console(width=width, file=io.StringIO())
+    monkeypatch.setattr(console, "out", narrow)
     row = ("plume_refined_twice", "paper's but inside hits refracted", *["12345.678"] * 7)
-    study_tables.print_table("Differences", ("field", "mode"), list("abcdefg"), [row, row])
-    said = console.file.getvalue()
+    texts = ("field", "mode")
+    console.print_table("Differences", (*texts, *"abcdefg"), [row, row], texts)
+    said = narrow.file.getvalue()
     assert said.split().count("12345.678") == 14
     assert "refracted" in said
     assert "…" not in said
