@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from iriftrace.cli.console import drawn, say, working
-from iriftrace.cli.options import Fraction, celsius, check_input, check_kept, check_numbers
+from iriftrace.cli.options import Flag, Fraction, celsius, check_input, check_kept, check_numbers
 from iriftrace.cli.trace_options import TraceOptions
 from iriftrace.cli.triangulation_options import (
     Features,
@@ -39,9 +39,9 @@ def correct(
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("corrected.vtp"),
     length_unit: str | None = None,
-    columns: Annotated[str | None, Parameter(negative=())] = None,
+    columns: str | None = None,
     cloud_to_part: Path | None = None,
-    in_cloud_frame: Annotated[bool, Parameter(negative=())] = False,
+    in_cloud_frame: Flag = False,
     system: System = None,
     phase: Phase = None,
     feature: Features = None,

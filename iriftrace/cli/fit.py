@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from iriftrace.cli.console import command_line, print_table, say, working
-from iriftrace.cli.options import check_input, check_output, refuse_given
+from iriftrace.cli.options import Flag, check_input, check_output, refuse_given
 from iriftrace.cli.trace_options import TraceOptions
 from iriftrace.core.errors import warn
 
@@ -24,7 +24,7 @@ def fit(
     output: Annotated[Path, Parameter(name=["-o", "--output"])],
     scene: Path | None = None,
     noise: float | None = None,
-    camera_motion: Annotated[bool, Parameter(negative=())] = False,
+    camera_motion: Flag = False,
     trace: TraceOptions = TraceOptions(),
 ) -> None:
     """Find the measured air: weights of an ensemble's members from shifts or temperatures.

@@ -11,7 +11,6 @@ from iriftrace.cli.options import quantity, region_temperatures
 from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
-    from iriftrace.field.index_field import IndexField
     from iriftrace.part.part import Part
     from iriftrace.part.uneven_growth import Temperatures
 
@@ -74,8 +73,3 @@ class HotTemperatures:
             return field_wall(part)
         wall = WallTemperatures(self.default, values_by_region(part, self.regions))
         return lambda points: wall_temperature(wall, part, points)
-
-
-def nearest_wall(read: Callable[[Part], IndexField]) -> Callable[[Part], Temperatures]:
-    """Temperatures of the wall of a field that is read for a part."""
-    return lambda part: read(part).wall_temperature_k

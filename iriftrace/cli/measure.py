@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from iriftrace.cli.console import drawn, say, working
-from iriftrace.cli.options import check_input, check_kept, check_numbers
+from iriftrace.cli.options import Flag, check_input, check_kept, check_numbers
 from iriftrace.cli.trace_options import TraceOptions
 from iriftrace.cli.triangulation_options import Features, Gate, Phase, System, check_cloud_output
 from iriftrace.cli.triangulation_text import (
@@ -32,7 +32,7 @@ def measure(
     phase: Phase = None,
     feature: Features = None,
     gate: Gate = 3.5,
-    acceptance: Annotated[bool, Parameter(negative=())] = False,
+    acceptance: Flag = False,
     trace: TraceOptions = TraceOptions(),
     figures: bool = True,
 ) -> None:

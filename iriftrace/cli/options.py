@@ -61,7 +61,6 @@ def word_parameter(
     return Parameter(
         converter=convert,
         metavar=metavar,
-        negative=(),
         n_tokens=1,
         accepts_keys=False,
         show_default=default,
@@ -136,6 +135,8 @@ def _length_with_unit(text: str, option: str) -> float:
     raise InputError(f'{option} is "{text}" without a unit; write it with one, like "20 um".')
 
 
+Flag = Annotated[bool, Parameter(negative=())]
+"""A switch without a ``--no-`` form."""
 Whole = Annotated[int, word_parameter("INT", _whole)]
 
 # Quantities as floats, mm, nm, Pa, s, degree, m/s, 1/K and K; users may write any other unit.
@@ -177,9 +178,7 @@ Vector = Annotated[tuple[float, float, float], _finite("X,Y,Z", 3)]
 
 Statuses = Annotated[
     list[Whole] | None,
-    Parameter(
-        negative=(), help="Further status codes whose rays the metrics use, such as 5; repeatable."
-    ),
+    Parameter(help="Further status codes whose rays the metrics use, such as 5; repeatable."),
 ]
 
 

@@ -13,6 +13,7 @@ from cyclopts import Group, Parameter
 from iriftrace.cli.console import say
 from iriftrace.cli.options import (
     Angle,
+    Flag,
     Interval,
     LengthWithUnit,
     LightOf,
@@ -87,10 +88,10 @@ def plan(
     top: Whole = 10,
     wavelength: LightOf = None,
     several: ViewOptions = ViewOptions(),
-    refine: Annotated[bool, Parameter(group=REFINE, negative=())] = False,
+    refine: Annotated[Flag, Parameter(group=REFINE)] = False,
     evaluations: Annotated[Whole | None, Parameter(group=REFINE)] = None,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], group=REFINE)] = None,
-    pairs: Annotated[bool, Parameter(group=PAIRS, negative=())] = False,
+    pairs: Annotated[Flag, Parameter(group=PAIRS)] = False,
     confirm: Annotated[bool | None, Parameter(group=PAIRS)] = None,
     system: Annotated[Literal["fringe", "stereo", "laser"] | None, Parameter(group=PAIRS)] = None,
     angle: Annotated[Interval | None, Parameter(group=PAIRS)] = None,

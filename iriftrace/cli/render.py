@@ -12,6 +12,7 @@ from cyclopts import Parameter
 
 from iriftrace.cli.console import command_line, say, show_warning, working
 from iriftrace.cli.options import (
+    Flag,
     LightOf,
     Statuses,
     check_folder,
@@ -40,7 +41,7 @@ def render(
     surface: Path | None = None,
     rgb: Literal["displacement", "shift", "refracted"] | None = None,
     include: Statuses = None,
-    check_shells: Annotated[bool, Parameter(negative=())] = False,
+    check_shells: Flag = False,
 ) -> None:
     """Trace a scene: AOV EXR, metrics JSON and displacement picture.
 
@@ -91,7 +92,7 @@ def metrics(
     part: Path | None = None,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
     include: Statuses = None,
-    nearest: Annotated[bool, Parameter(negative=())] = False,
+    nearest: Flag = False,
     wavelength: LightOf = None,
 ) -> None:
     """Reduce an AOV EXR to metrics again.

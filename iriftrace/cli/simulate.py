@@ -12,7 +12,7 @@ from iriftrace.cli.console import out, say, say_finding
 from iriftrace.cli.field import scene_command
 from iriftrace.cli.field_options import AirOptions, PartOptions
 from iriftrace.cli.hot_temperature import FIELD
-from iriftrace.cli.options import Whole, celsius, check_folder, check_input, check_output
+from iriftrace.cli.options import Flag, Whole, celsius, check_folder, check_input, check_output
 from iriftrace.cli.simulate_family import family_cases, family_scene, simulate_family
 from iriftrace.cli.simulation_options import DraughtOptions, SimulationOptions
 from iriftrace.cli.simulation_progress import simulation_progress
@@ -34,7 +34,7 @@ def simulate(
     part_options: PartOptions = PartOptions(),
     field: Path | None = None,
     processes: Whole = 1,
-    write_only: Annotated[bool, Parameter(negative=())] = False,
+    write_only: Flag = False,
 ) -> None:
     """Simulate the hot air around a part with OpenFOAM and write the field.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
 from attrs import evolve, frozen
 from cyclopts import Group, Parameter
@@ -89,15 +89,15 @@ class SimulationOptions:
     wall_temperature_from: Path | None = None
     wall_length_unit: str | None = None
     wall_temperature_unit: Literal["K", "degC"] | None = None
-    region_temperature: Annotated[list[str] | None, Parameter(negative=())] = None
+    region_temperature: list[str] | None = None
     transition: Length = 0.0
     ambient: Temperature = 20.0 + ZERO_CELSIUS_K
     pressure: Pressure = 101325.0
     resolution: Literal["coarse", "normal", "fine", "extra-fine"] = "normal"
     background_cell: Length | None = None
     symmetry: Literal["none", "x", "y", "xy"] = "none"
-    body: Annotated[list[Path] | None, Parameter(negative=())] = None
-    body_temperature: Annotated[list[str] | None, Parameter(negative=())] = None
+    body: list[Path] | None = None
+    body_temperature: list[str] | None = None
     floor: Length | None = None
     margin: float = 1.0
     end_time: Duration | None = None

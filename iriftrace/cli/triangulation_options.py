@@ -26,7 +26,6 @@ Features = Annotated[
     list[str] | None,
     Parameter(
         name="--feature",
-        negative=(),
         help='Feature to fit: "cylinder:lateral", or "cylinder" for all regions that are one; '
         "repeatable. By default all regions that are planes, cylinders, cones or spheres.",
     ),
