@@ -10,7 +10,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -23,8 +22,6 @@ from iriftrace.studies.study import read_study
 from validation.inputs import hot_block
 from validation.inputs.hot_block import HotBlock
 from validation.inputs.journals import pieces_done
-
-Failing = Callable[..., str]
 
 CAMERA = [word for word in hot_block.CAMERA if not word.startswith(("--resolution", "--scale"))]
 SMALL = [*CAMERA, "--resolution=60,50", "--scale=1"]
@@ -191,40 +188,3 @@ def test_a_killed_study_goes_on(
     assert not journal.exists()
     for name, values in read_study(again).items():
         np.testing.assert_array_equal(read_study(out)[name], values)
-
-
-LINES = {
-    "no part": ("layers {field}", "PART"),
-    "field that is gone": ("layers gone.vtu {part}", "gone.vtu"),
-    "output of another kind": ("layers {field} {part} -o a.csv", r"\.nc"),
-    "layers of words": ("layers {field} {part} --layers many", "many"),
-    "layers that fall": ("layers {field} {part} --layers 20:1", "20:1"),
-    "no layer": ("layers {field} {part} --layers 0", "0 shells"),
-    "the same layers twice": ("layers {field} {part} --layers 2,2", "each once"),
-    "another reference": ("layers {field} {part} --reference best", "best"),
-    "other normals": ("layers {field} {part} --normals smooth", "smooth"),
-    "negative inner shells": ("layers {field} {part} --drop-inner=-1", "-1"),
-    "inner shells of too many fields": ("layers {field} {part} --drop-inner 3,3", "2 numbers"),
-    "smoothing without the finest": ("smoothing {field} {part}", "FINEST"),
-    "negative iterations": ("smoothing {field} {part} {field} --iterations=-3", "-3"),
-    "all shells left out": (
-        "smoothing {field} {part} {field} --layers 3 --drop-inner 3",
-        "leaves none",
-    ),
-    "the same mesh twice": ("mesh {field} {part} {field}", "given twice"),
-    "one mesh": ("mesh {field} {part}", "at least two fields"),
-    "split of another field": ("mesh {field} {part} finer.vtu --split gone.vtu", "gone.vtu"),
-    "scales of words": ("rays {field} {part} --scales big", "big"),
-    "the same scale twice": ("rays {field} {part} --scales 1,1", "each different"),
-    "too few triangles": ("polygons {field} {part} --smallest 5", "at least 400"),
-    "iso-surfaces": ("layers {field} {part} --isosurfaces", "volume field"),
-    "another variant": ("layers {field} {part} --variant scalar_rgb", "scalar_rgb"),
-}
-
-
-@pytest.mark.parametrize("case", LINES)
-def test_wrong_input_is_refused(hot: HotBlock, fails: Failing, case: str) -> None:
-    line, words = LINES[case]
-    arguments = shlex.split(line.format(field=hot.field, part=hot.part))
-    message = fails("study", *arguments, *SMALL)
-    assert re.search(words, message), message

@@ -96,21 +96,6 @@ def test_a_damaged_field_file_is_not_to_be_trusted(
     assert "pickle" not in said
 
 
-def test_field_and_part_in_the_wrong_order(hot: HotBlock, fails: Failing) -> None:
-    asked = "block.stl is not a field that can be read here; field and part may be exchanged."
-    said = fails("scene", hot.part, hot.field, "-o", "out/scene.xml")
-    assert said.endswith(asked)
-    assert fails("study", "layers", hot.part, hot.field, "-o", "layers.nc").endswith(asked)
-    # Of two fields it is the part that is wrong, and not their order.
-    assert "order" not in fails("scene", hot.field, hot.field, "-o", "out/scene.xml")
-
-
-def test_ambient_air_that_is_too_hot(hot: HotBlock, fails: Failing) -> None:
-    said = fails("shells", hot.field, "-o", "shells", "--ambient", "300 degC")
-    assert said.endswith("and of the air far from the part, which is not heated.")
-    assert "refractivity" not in said
-
-
 @pytest.mark.parametrize("name", ["part.ply", "shells/shell_01.ply"])
 def test_corners_that_a_scenes_mesh_lacks(
     hot: HotBlock, tmp_path: Path, fails: Failing, name: str
