@@ -7,7 +7,7 @@ from hashlib import sha256
 from pathlib import Path
 
 import pytest
-from failing import Failing
+from failing import Failing, Run
 
 from iriftrace.cli import main
 from iriftrace.figures import pose, space, style, sweep_space
@@ -72,3 +72,22 @@ def fails(
         return message
 
     return run
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """Run the program in a fresh folder; returns its output, and only `warns` is a warning."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "80")
+
+    def program(*arguments: str | Path, warns: str = "") -> str:
+        capsys.readouterr()
+        code = main([str(word) for word in arguments])
+        said = capsys.readouterr()
+        assert code == 0, said.err
+        warnings = [line for line in said.err.splitlines() if line.startswith("warning:")]
+        assert len(warnings) == bool(warns), said.err
+        assert re.search(warns, "".join(warnings))
+        return said.out
+
+    return program

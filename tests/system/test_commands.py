@@ -10,7 +10,6 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ import numpy as np
 import OpenEXR
 import pytest
 import pyvista as pv
+from failing import Run
 
 import iriftrace
 from iriftrace.cli import main
@@ -33,30 +33,6 @@ COMMANDS = (
     *("sweep", "plan", "plot", "report"),
 )
 AIR = iriftrace.Air()
-
-Run = Callable[..., str]
-
-
-@pytest.fixture
-def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    """Run the program in a fresh folder; returns what it printed, and wants no complaints."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "80")
-
-    def program(*arguments: str | Path, warns: str | None = None) -> str:
-        capsys.readouterr()
-        code = main([str(word) for word in arguments])
-        said = capsys.readouterr()
-        assert code == 0, said.err
-        if warns is None:
-            assert said.err == ""
-        else:
-            (line,) = said.err.splitlines()
-            assert line.startswith("warning: ")
-            assert re.search(warns, line)
-        return said.out
-
-    return program
 
 
 def table_of(folder: str | Path) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Sweeps from the command line: schedulers, lists of poses, poses that fail, products of options."""
+"""Sweeps from the command line: schedulers, lists of poses, failed poses, products of options."""
 
 from __future__ import annotations
 
