@@ -287,12 +287,11 @@ def _pixel_edges(marked: BoolArray, axis: int) -> FloatArray:
 def _statistics(values: FloatArray) -> str:
     if len(values) < FEWEST_RAYS:
         return f"fewer than {FEWEST_RAYS} good rays, so no numbers"
-    median, p95 = np.percentile(values, (50.0, 95.0))
-    return f"median {_length(median)} µm, 95th percentile {_length(p95)} µm"
-
-
-def _length(value: float) -> str:
-    return f"{value:.1f}" if value >= 1.0 or value == 0.0 else f"{value:.2g}"
+    median, p95 = (
+        f"{value:.1f}" if value >= 1.0 or value == 0.0 else f"{value:.2g}"
+        for value in np.percentile(values, (50.0, 95.0))
+    )
+    return f"median {median} µm, 95th percentile {p95} µm"
 
 
 def _provenance(header: JsonObject) -> str:
