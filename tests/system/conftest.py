@@ -7,7 +7,7 @@ from hashlib import sha256
 from pathlib import Path
 
 import pytest
-from failing import Failing, Run
+from failing import NINE_POSES, Failing, Run
 
 from iriftrace.cli import main
 from iriftrace.figures import pose, space, style, sweep_space
@@ -25,6 +25,14 @@ def hot(tmp_path_factory: pytest.TempPathFactory) -> HotBlock:
     assert main([*arguments, *hot_block.CAMERA]) == 0
     assert main(["render", str(scene)]) == 0
     return HotBlock(folder, field, part, scene, scene.with_suffix(".exr"))
+
+
+@pytest.fixture(scope="session")
+def sweep(hot: HotBlock, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small sweep of the hot block that keeps its images."""
+    file = tmp_path_factory.mktemp("sweep") / "sweep.nc"
+    assert main(["sweep", str(hot.scene), "-o", str(file), *NINE_POSES, "--exr"]) == 0
+    return file
 
 
 @pytest.fixture(autouse=True)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from failing import Failing, Run
+from failing import NINE_POSES, Failing, Run
 
 import iriftrace
 from iriftrace.camera.pose import look_at
@@ -24,15 +24,6 @@ from iriftrace.sweep.store import read_sweep
 from iriftrace.sweep.sweep import run_sweep
 from validation.inputs.hot_block import HotBlock
 from validation.oracles.html_page import read_page
-
-ANGLES = ["--azimuth", "0:90:3", "--elevation", "-60:60:3"]
-
-
-@pytest.fixture(scope="module")
-def sweep(hot: HotBlock, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    file = tmp_path_factory.mktemp("sweep") / "sweep.nc"
-    assert main(["sweep", str(hot.scene), "-o", str(file), *ANGLES]) == 0
-    return file
 
 
 def matrix_after(text: str, name: str) -> np.ndarray:
@@ -97,7 +88,7 @@ def test_poses_that_cannot_be_saved_are_refused(
 
 def test_a_complete_sweep_says_so(hot: HotBlock, sweep: Path, run: Run) -> None:
     before = sweep.read_bytes()
-    text = run("sweep", hot.scene, "-o", sweep, *ANGLES)
+    text = run("sweep", hot.scene, "-o", sweep, *NINE_POSES, "--exr")
     assert text.startswith(f"{sweep} was complete already; nothing was traced.")
     assert sweep.read_bytes() == before
 

@@ -25,15 +25,6 @@ IN_SPACE |= {f"faces_{key}" for key in ("displacement", "times_seen", "incidence
 VIEWS = {"view_best", "view_smallest_displacement", "view_largest_displacement"}
 
 
-@pytest.fixture(scope="module")
-def sweep(hot: HotBlock, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A small sweep that keeps its images."""
-    file = tmp_path_factory.mktemp("sweep") / "sweep.nc"
-    angles = ["--azimuth", "0:90:3", "--elevation", "0:60:3"]
-    assert main(["sweep", str(hot.scene), "-o", str(file), *angles, "--exr"]) == 0
-    return file
-
-
 def names(folder: Path, suffix: str) -> set[str]:
     return {path.stem for path in folder.iterdir() if path.suffix == suffix}
 

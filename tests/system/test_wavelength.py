@@ -27,6 +27,15 @@ RATIO = (
 """Of n - 1, by Ciddor's equation: about 2 %."""
 
 
+@pytest.fixture(scope="module")
+def blue(hot: HotBlock, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A scene that was made for light of 450 nm."""
+    xml = tmp_path_factory.mktemp("blue") / "scene" / "scene.xml"
+    words = ["scene", str(hot.field), str(hot.part), "-o", str(xml), "--layers=4"]
+    assert main([*words, *hot_block.CAMERA, "--wavelength=450 nm"]) == 0
+    return xml
+
+
 def rendered(scene: Path, output: Path, *options: str) -> AovImage:
     assert main(["render", str(scene), "-o", str(output), "--no-figures", *options]) == 0
     return read_exr(output)
@@ -68,13 +77,10 @@ def test_displacement_goes_with_n_less_one(
 
 
 def test_scene_made_for_a_wavelength_equals_the_scene_turned_to_it(
-    hot: HotBlock, tmp_path: Path
+    hot: HotBlock, blue: Path, tmp_path: Path
 ) -> None:
     """Shells lie at the same temperatures, with the same steps of n - 1."""
-    made = tmp_path / "made" / "scene.xml"
-    words = ["scene", str(hot.field), str(hot.part), "-o", str(made), "--layers=4"]
-    assert main([*words, *hot_block.CAMERA, "--wavelength=450 nm"]) == 0
-    one = rendered(made, tmp_path / "made.exr")
+    one = rendered(blue, tmp_path / "made.exr")
     other = rendered(hot.scene, tmp_path / "turned.exr", "--wavelength=0.45 um")
     assert one.header["wavelength_nm"] == BLUE
     assert other.header["wavelength_nm"] == pytest.approx(BLUE, rel=1e-15)
@@ -152,11 +158,8 @@ def test_table_of_a_turned_scene_is_consistent(hot: HotBlock) -> None:
 
 
 def test_scenes_for_different_light_are_not_ranked_together(
-    hot: HotBlock, tmp_path: Path, fails: Failing
+    hot: HotBlock, blue: Path, tmp_path: Path, fails: Failing
 ) -> None:
-    blue = tmp_path / "blue" / "scene.xml"
-    words = ["scene", str(hot.field), str(hot.part), "-o", str(blue), "--layers=4"]
-    assert main([*words, *hot_block.CAMERA, "--wavelength=450 nm"]) == 0
     orbit = ("--azimuth=0:0:1", "--elevation=30:30:1")
     message = fails("sweep", hot.scene, blue, "-o", "both.nc", *orbit)
     assert "light of 633 and 450 nm" in message
