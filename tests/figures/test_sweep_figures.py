@@ -27,11 +27,11 @@ from iriftrace.figures.style import scale_of, write_figure
 from iriftrace.figures.sweep import sweep_charts
 from iriftrace.figures.sweep_charts import (
     histogram_figure,
+    map_figure,
     normalised_figure,
     pareto_figure,
     rays_figure,
 )
-from iriftrace.figures.sweep_maps import map_figure
 from iriftrace.figures.sweep_space import (
     best_at_each_place,
     sweep_face_figure,
