@@ -185,6 +185,9 @@ def test_shells_with_a_part(run: Run, hot: HotBlock, tmp_path: Path) -> None:
 
 
 def test_levels_of_shells(run: Run, hot: HotBlock) -> None:
+    # A false step at the edge of the data is worth a warning, and the work continues.
+    room = r"coolest air .* \(--ambient '293\.\d K'\)"
+    run("shells", hot.field, "-o", "one", "--layers=1", "--ambient=30 degC", warns=room)
     run("shells", hot.field, "-o", "own", "--levels=1e-4,2.5e-4,2e-4")
     own = table_of("own")
     np.testing.assert_allclose(column(own, "refractivity"), (2.5e-4, 2e-4, 1e-4))
@@ -241,18 +244,6 @@ def test_units_and_axes_of_field_and_part(run: Run, hot: HotBlock, tmp_path: Pat
         np.testing.assert_allclose(other, usual, rtol=2e-3)
 
 
-def test_a_part_that_grows_with_its_temperature(run: Run, hot: HotBlock, tmp_path: Path) -> None:
-    """Drawn cold, 1 % smaller than the cavity; 1e-5/K over 1000 K make up for it."""
-    part = hot_block.block()
-    part.apply_scale(1 / 1.01)
-    part.export(tmp_path / "cold.stl")
-    printed = run(
-        *("shells", hot.field, "-o", "hot", "--layers=1", "--part=cold.stl"),
-        *("--expansion=10e-6/K", "--hot-temperature=1293.15 K"),
-    )
-    assert "gap median 0.000 mm" in " ".join(printed.split())
-
-
 def test_other_quantities_smoothing_and_subdivision(
     run: Run, hot: HotBlock, tmp_path: Path
 ) -> None:
@@ -265,14 +256,6 @@ def test_other_quantities_smoothing_and_subdivision(
     np.testing.assert_allclose(column(index, "area_mm2"), column(plain, "area_mm2"), rtol=1e-4)
     run("shells", hot.field, "-o", "fine", "--layers=2", "--subdivide=1", "--smooth=2")
     assert (column(table_of("fine"), "triangles") == 4 * column(plain, "triangles")).all()
-
-
-def test_another_room_is_said(run: Run, hot: HotBlock) -> None:
-    """A false step at the edge of the data is worth a warning, and the work goes on."""
-    run(
-        *("shells", hot.field, "-o", "shells", "--layers=1", "--ambient=30 degC"),
-        warns=r"coolest air .* \(--ambient '293\.\d K'\)",
-    )
 
 
 def test_a_field_without_a_cavity(run: Run, hot: HotBlock, tmp_path: Path) -> None:
@@ -446,6 +429,11 @@ def test_definitions_change_the_scene(run: Run, hot: HotBlock) -> None:
     assert metrics["assumptions"]["normals"] == "facet"
     assert metrics["assumptions"]["included_rays"] == ["good", "index_mismatch"]
     assert "good, index_mismatch" in printed
+    printed = run("render", hot.scene, "-o", "tiny.exr", "-D", "scale=0.1", "--no-figures")
+    assert re.search(r"displacement +│ fewer than 100 good rays, so no numbers", printed)
+    metrics = metrics_of("tiny.json")
+    assert 0 < metrics["rays"]["good"] < 100
+    assert metrics["displacement_mm"]["median"] is None
 
 
 def edited(hot: HotBlock, folder: Path, pattern: str, new: str) -> Path:
@@ -456,23 +444,6 @@ def edited(hot: HotBlock, folder: Path, pattern: str, new: str) -> Path:
     assert count == 1
     xml.write_text(text)
     return xml
-
-
-def test_a_view_with_too_few_rays_says_so(run: Run, hot: HotBlock) -> None:
-    printed = run("render", hot.scene, "-o", "tiny.exr", "-D", "scale=0.1", "--no-figures")
-    assert re.search(r"displacement +│ fewer than 100 good rays, so no numbers", printed)
-    metrics = metrics_of("tiny.json")
-    assert 0 < metrics["rays"]["good"] < 100
-    assert metrics["displacement_mm"]["median"] is None
-
-
-def test_a_moved_camera(run: Run, hot: HotBlock, tmp_path: Path) -> None:
-    scene = edited(hot, tmp_path / "s", r'lookat origin="[^"]*"', 'lookat origin="-70, -45, 60"')
-    run("render", scene, "--no-figures")
-    metrics = metrics_of(scene.with_suffix(".json"))
-    assert metrics["pose"]["origin_mm"] == [-70.0, -45.0, 60.0]
-    assert metrics["regions"]["plane +x"]["coverage"] is None
-    assert metrics["regions"]["plane -x"]["coverage"] > 0.9
 
 
 def test_a_dropped_shell(run: Run, hot: HotBlock, tmp_path: Path) -> None:
