@@ -72,20 +72,6 @@ def test_ranked_poses_are_saved_for_other_programs(sweep: Path, tmp_path: Path, 
     np.testing.assert_allclose(back.matrices[0], own, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--convention=ros"], "--convention is given without --save-poses"),
-        (["--save-poses=poses.xlsx"], "ending"),
-        (["--save-poses=gone/poses.csv"], "does not exist"),
-    ],
-)
-def test_poses_that_cannot_be_saved_are_refused(
-    words: list[str], said: str, sweep: Path, fails: Failing
-) -> None:
-    assert said in fails("plan", sweep, *words)
-
-
 def test_a_complete_sweep_says_so(hot: HotBlock, sweep: Path, run: Run) -> None:
     before = sweep.read_bytes()
     text = run("sweep", hot.scene, "-o", sweep, *NINE_POSES, "--exr")
@@ -197,63 +183,6 @@ def test_the_report_holds_what_plan_prints(sweep: Path, tmp_path: Path, run: Run
     assert list(tmp_path.iterdir()) == [file]
 
 
-# Wrong input -------------------------------------------------------------------------------------
-
-
-RANKING = [
-    (("--region=hat",), "no region 'hat'"),
-    (("--min-coverage=30",), "from 0 to 1, such as 0.3"),
-    (("--statistic=mode",), "mode"),
-    (("--top=0",), "0 rows"),
-]
-
-
-@pytest.mark.parametrize("command", ["plan", "report"])
-@pytest.mark.parametrize(("options", "words"), RANKING)
-def test_rankings_that_make_no_sense(
-    sweep: Path, fails: Failing, command: str, options: tuple[str, ...], words: str
-) -> None:
-    output = ["-o", "report.html"] if command == "report" else []
-    assert words in fails(command, sweep, *output, *options)
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (("--views=0",), "number of views is 0"),
-        (("--views=2", "--max-displacement=1e-9 um"), "No pose sees a face of part within"),
-        (("--views=2", "--max-displacement=20"), 'is "20" without a unit'),
-        (("--views=2", "--max-incidence=100"), "0 to 90"),
-        (("--max-incidence=60",), "--max-incidence is given without --views"),
-        (("--evaluations=60",), "--evaluations is given without --refine"),
-        (("-o", "refined.json"), "--output is given without --refine"),
-        (("--refine", "--evaluations=3"), "3 evaluations are too few"),
-        (("--refine", "-o", "refined.txt"), "must end in .json"),
-    ],
-)
-def test_plans_that_make_no_sense(
-    sweep: Path, fails: Failing, options: tuple[str, ...], words: str
-) -> None:
-    assert words in fails("plan", sweep, *options)
-
-
-@pytest.mark.parametrize("command", ["plan", "report", "plot"])
-def test_files_that_hold_no_sweep(sweep: Path, fails: Failing, command: str) -> None:
-    Path("text.nc").write_text("no netCDF")
-    Path("folder.nc").mkdir()
-    xr.Dataset({"t": ("x", [1.0])}).to_netcdf("other.nc", engine="h5netcdf")
-    with xr.open_dataset(sweep, engine="h5netcdf") as data:
-        data[["matrix"]].isel(pose=[]).to_netcdf("empty.nc", engine="h5netcdf")
-    for name, words in {
-        "gone.nc": "no sweep gone.nc",
-        "text.nc": "no netCDF",
-        "folder.nc": "folder",
-        "other.nc": "not a sweep",
-        "empty.nc": "no pose",
-    }.items():
-        assert words in fails(command, name)
-
-
 def test_an_older_sweep_has_no_faces_and_a_lost_scene_no_refinement(
     sweep: Path,
     hot: HotBlock,
@@ -276,12 +205,6 @@ def test_an_older_sweep_has_no_faces_and_a_lost_scene_no_refinement(
     assert "has changed since the sweep" in fails("plan", moved, "--refine")
     (copy / "scene.xml").unlink()
     assert "is gone" in fails("plan", moved, "--refine")
-
-
-def test_reports_that_cannot_be_written(sweep: Path, tmp_path: Path, fails: Failing) -> None:
-    assert "must end in .html" in fails("report", sweep, "-o", "r.pdf")
-    assert "is a folder" in fails("report", sweep, "-o", tmp_path)
-    assert "does not exist" in fails("report", sweep, "-o", Path("no") / "report.html")
 
 
 def test_a_sweep_keeps_what_it_warned_of_and_plans_show_it(

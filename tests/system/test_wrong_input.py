@@ -182,6 +182,51 @@ WRONG = {
         ("--surface a.stl", r"a\.stl.*\.vtp or"),
         ("--workers 0", "0 workers"),
     ],
+    "plan": [
+        ("gone.nc", "no sweep gone.nc"),
+        ("words.nc", "no netCDF"),
+        ("here", "folder"),
+        ("other.nc", "not a sweep"),
+        ("empty.nc", "no pose"),
+    ],
+    "plan {sweep}": [
+        ("--region=hat", "no region 'hat'"),
+        ("--min-coverage=30", "from 0 to 1, such as 0.3"),
+        ("--statistic=mode", "mode"),
+        ("--top=0", "0 rows"),
+        ("--convention=ros", "--convention is given without --save-poses"),
+        ("--save-poses=poses.xlsx", "ending"),
+        ("--save-poses=gone/poses.csv", "does not exist"),
+        ("--views=0", "number of views is 0"),
+        ("--views=2 --max-displacement='1e-9 um'", "No pose sees a face of part within"),
+        ("--views=2 --max-displacement=20", 'is "20" without a unit'),
+        ("--views=2 --max-incidence=100", "0 to 90"),
+        ("--max-incidence=60", "--max-incidence is given without --views"),
+        ("--evaluations=60", "--evaluations is given without --refine"),
+        ("-o refined.json", "--output is given without --refine"),
+        ("--refine --evaluations=3", "3 evaluations are too few"),
+        ("--refine -o refined.txt", "must end in .json"),
+    ],
+    "report {sweep}": [
+        ("-o r.pdf", "must end in .html"),
+        ("-o here", "is a folder"),
+        ("-o gone/report.html", "does not exist"),
+        ("--region=hat", "no region 'hat'"),
+        ("--top=0", "0 rows"),
+    ],
+    "report": [
+        ("other.nc", "not a sweep"),
+        ("empty.nc", "no pose"),
+        ("gone.nc", "no sweep gone.nc"),
+    ],
+    "plot": [
+        ("gone.exr -o figures", "gone.exr"),
+        ("words.exr -o figures", "not an OpenEXR"),
+        ("words.csv -o figures", "neither .nc nor .exr"),
+        ("other.nc", "not a sweep"),
+        ("empty.nc", "no pose"),
+        ("{sweep} -o gone/figures", "does not exist"),
+    ],
     "study layers": [
         ("{field}", "PART"),
         ("gone.vtu {part}", "gone.vtu"),
@@ -212,33 +257,41 @@ LINES = [
 ]
 
 
-@pytest.fixture
-def user_files(hot: HotBlock, tmp_path: Path) -> dict[str, Path]:
-    """Files in the user's folder that no output may replace; returns the hot block's."""
-    (tmp_path / "here").mkdir()
+@pytest.fixture(scope="module")
+def names(hot: HotBlock, sweep: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Files by the names that the lines have for them, and a folder that no line may change."""
+    user = tmp_path_factory.mktemp("user")
+    (user / "here").mkdir()
     for name, text in {
         "file": "",
         "scene.xml": "",
         "words.csv": "these are words\n",
         "words.nc": "not ours\n",
+        "words.exr": "no EXR",
         "j.nc.partial": "{}\n",
         "far.csv": "u,v,du,dv\n" + "9000,1,0,0\n" * 5,
         "near.csv": "u,v,du,dv\n" + "1,1,0,0\n" * 5,
         "inside.csv": "x,y,z,target_x,target_y,target_z\n" + "0.006,0,0.004,0,0,0\n" * 2,
     }.items():
-        (tmp_path / name).write_text(text)
-    (tmp_path / "bytes.xml").write_bytes(bytes(range(256)))
-    np.save(tmp_path / "small.npy", np.zeros((3, 2, 2)))
-    xr.Dataset({"a": ("x", [1.0])}).to_netcdf(tmp_path / "other.nc", engine="h5netcdf")
-    trimesh.creation.icosphere().export(tmp_path / "ball.stl")
+        (user / name).write_text(text)
+    (user / "bytes.xml").write_bytes(bytes(range(256)))
+    np.save(user / "small.npy", np.zeros((3, 2, 2)))
+    xr.Dataset({"a": ("x", [1.0])}).to_netcdf(user / "other.nc", engine="h5netcdf")
+    with xr.open_dataset(sweep, engine="h5netcdf") as data:
+        data[["matrix"]].isel(pose=[]).to_netcdf(user / "empty.nc", engine="h5netcdf")
+    trimesh.creation.icosphere().export(user / "ball.stl")
     files = {name: getattr(hot, name) for name in ("field", "part", "scene", "image")}
-    return {**files, "shells": hot.scene.parent / "shells" / "shells.vtm"}
+    shells = hot.scene.parent / "shells" / "shells.vtm"
+    return {**files, "sweep": sweep, "shells": shells, "user": user}
 
 
 @pytest.mark.parametrize(("line", "words"), LINES)
-def test_lines(fails: Failing, user_files: dict[str, Path], line: str, words: str) -> None:
+def test_lines(
+    fails: Failing, names: dict[str, Path], tmp_path: Path, line: str, words: str
+) -> None:
     """Found before the work begins, and no output replaces an input."""
-    assert re.search(words, fails(*shlex.split(line.format(**user_files))))
+    shutil.copytree(names["user"], tmp_path, dirs_exist_ok=True)
+    assert re.search(words, fails(*shlex.split(line.format(**names))))
 
 
 @pytest.mark.parametrize("command", ["shells", "scene", "render", "metrics", "demo"])
