@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from hashlib import sha256
 from pathlib import Path
 
@@ -33,6 +34,13 @@ def sweep(hot: HotBlock, tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("sweep") / "sweep.nc"
     assert main(["sweep", str(hot.scene), "-o", str(file), *NINE_POSES, "--exr"]) == 0
     return file
+
+
+@pytest.fixture
+def scene(hot: HotBlock, tmp_path: Path) -> Path:
+    """A copy of the scene folder that a test may spoil; returns its XML."""
+    shutil.copytree(hot.scene.parent, tmp_path / "scene")
+    return tmp_path / "scene" / "scene.xml"
 
 
 @pytest.fixture(autouse=True)

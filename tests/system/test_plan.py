@@ -108,11 +108,9 @@ def test_a_pose_is_named_with_its_lens(
 
 @pytest.mark.usefixtures("without_charts")
 def test_other_shells_are_not_taken_for_those_of_the_sweep(
-    hot: HotBlock, tmp_path: Path, fails: Failing, capsys: pytest.CaptureFixture[str]
+    scene: Path, tmp_path: Path, fails: Failing, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The scene's file is the same, but one of those that it names has changed."""
-    scene = tmp_path / "scene" / "scene.xml"
-    shutil.copytree(hot.scene.parent, scene.parent)
     file = tmp_path / "a.nc"
     assert main(["sweep", str(scene), "-o", str(file), "--azimuth=0:90:2", "--elevation=30"]) == 0
     shells = sorted((scene.parent / "shells").glob("*.ply"))
@@ -185,7 +183,7 @@ def test_the_report_holds_what_plan_prints(sweep: Path, tmp_path: Path, run: Run
 
 def test_an_older_sweep_has_no_faces_and_a_lost_scene_no_refinement(
     sweep: Path,
-    hot: HotBlock,
+    scene: Path,
     tmp_path: Path,
     run: Run,
     fails: Failing,
@@ -196,14 +194,11 @@ def test_an_older_sweep_has_no_faces_and_a_lost_scene_no_refinement(
     assert "which faces each pose sees" in fails("plan", tmp_path / "old.nc", "--views=2")
     run("plan", tmp_path / "old.nc")
 
-    copy = tmp_path / "scene"
-    shutil.copytree(hot.scene.parent, copy)
     moved = tmp_path / "moved.nc"
-    assert main(["sweep", str(copy / "scene.xml"), "-o", str(moved), "--azimuth=0:90:2"]) == 0
-    text = (copy / "scene.xml").read_text()
-    (copy / "scene.xml").write_text(text + "<!-- edited -->")
+    assert main(["sweep", str(scene), "-o", str(moved), "--azimuth=0:90:2"]) == 0
+    scene.write_text(scene.read_text() + "<!-- edited -->")
     assert "has changed since the sweep" in fails("plan", moved, "--refine")
-    (copy / "scene.xml").unlink()
+    scene.unlink()
     assert "is gone" in fails("plan", moved, "--refine")
 
 

@@ -116,36 +116,28 @@ def test_sweep_says_and_uses_the_wavelength(hot: HotBlock, tmp_path: Path) -> No
     np.testing.assert_allclose(found[BLUE] / found[INFRARED], RATIO, rtol=1e-3)
 
 
-def test_wavelengths_that_cannot_be_had(hot: HotBlock, tmp_path: Path, fails: Failing) -> None:
+def test_wavelengths_that_cannot_be_had(hot: HotBlock, scene: Path, fails: Failing) -> None:
     assert "-5" in fails("render", hot.scene, "-o", "out.exr", "--wavelength=-5 nm")
     assert "10000 nm" in fails("render", hot.scene, "-o", "out.exr", "--wavelength=10 um")
     assert "--wavelength" in fails("render", hot.scene, "-o", "out.exr", "--wavelength=blue")
-    bare = tmp_path / "bare"
-    shutil.copytree(hot.scene.parent, bare)
-    (bare / "shells" / "shells.json").unlink()
-    message = fails("render", bare / "scene.xml", "-o", "out.exr", "--wavelength=450nm")
+    (scene.parent / "shells" / "shells.json").unlink()
+    message = fails("render", scene, "-o", "out.exr", "--wavelength=450nm")
     assert re.search("does not state its air", message)
-    text = (bare / "scene.xml").read_text()
-    own = text.replace('name="scale" value="1.0"', 'name="wavelength" value="1.0"')
-    (bare / "scene.xml").write_text(own.replace("$scale", "$wavelength"))
-    message = fails("render", bare / "scene.xml", "-o", "out.exr", "-D", "wavelength=450")
+    own = scene.read_text().replace('name="scale" value="1.0"', 'name="wavelength" value="1.0"')
+    scene.write_text(own.replace("$scale", "$wavelength"))
+    message = fails("render", scene, "-o", "out.exr", "-D", "wavelength=450")
     assert 'parameter "wavelength" of its own' in message
 
 
-def test_shells_of_mitsubas_dielectric_keep_their_wavelength(
-    hot: HotBlock, tmp_path: Path, fails: Failing
-) -> None:
-    folder = tmp_path / "stock"
-    shutil.copytree(hot.scene.parent, folder)
-    xml = folder / "scene.xml"
+def test_shells_of_mitsubas_dielectric_keep_their_wavelength(scene: Path, fails: Failing) -> None:
     text = re.sub(
         r'<bsdf type="iso_shell">.*?</bsdf>',
         '<bsdf type="dielectric"><float name="int_ior" value="1.0001"/></bsdf>',
-        xml.read_text(),
+        scene.read_text(),
         flags=re.DOTALL,
     )
-    xml.write_text(text)
-    message = fails("render", xml, "-o", "out.exr", "--wavelength=450nm")
+    scene.write_text(text)
+    message = fails("render", scene, "-o", "out.exr", "--wavelength=450nm")
     assert "use iso_shell" in message
 
 
@@ -193,11 +185,7 @@ def test_results_are_asked_for_the_light_they_are_of(
     assert "positive length" in fails("metrics", image, "--wavelength=0 nm")
 
 
-def test_results_that_do_not_state_their_light(
-    hot: HotBlock, tmp_path: Path, fails: Failing
-) -> None:
-    folder = tmp_path / "bare"
-    shutil.copytree(hot.scene.parent, folder)
-    (folder / "shells" / "shells.json").unlink()
-    assert main(["render", str(folder / "scene.xml"), "-o", "bare.exr", "--no-figures"]) == 0
+def test_results_that_do_not_state_their_light(scene: Path, fails: Failing) -> None:
+    (scene.parent / "shells" / "shells.json").unlink()
+    assert main(["render", str(scene), "-o", "bare.exr", "--no-figures"]) == 0
     assert "does not state its wavelength" in fails("metrics", "bare.exr", "--wavelength=633nm")

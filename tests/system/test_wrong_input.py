@@ -357,13 +357,6 @@ SCENES = [
 ]
 
 
-@pytest.fixture
-def scene(hot: HotBlock, tmp_path: Path) -> Path:
-    """A copy of the scene folder that a test may spoil; returns its XML."""
-    shutil.copytree(hot.scene.parent, tmp_path / "scene")
-    return tmp_path / "scene" / "scene.xml"
-
-
 @pytest.mark.parametrize(("old", "new", "words"), SCENES)
 def test_scenes(fails: Failing, scene: Path, old: str, new: str, words: str) -> None:
     text, count = re.subn(old, new, scene.read_text())
