@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from attrs import asdict, frozen
 from cyclopts import Group, Parameter
 
-from iriftrace.cli.hot_temperature import HotTemperatures
 from iriftrace.cli.options import (
     Expansion,
+    HotTemperatures,
     Length,
     Numbers,
     Pressure,

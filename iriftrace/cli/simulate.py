@@ -16,8 +16,15 @@ from rich.progress import BarColumn, Progress, TimeElapsedColumn
 from iriftrace.cli.console import notes, out, say, say_finding, stating_kept
 from iriftrace.cli.field import scene_command
 from iriftrace.cli.field_options import AirOptions, PartOptions
-from iriftrace.cli.hot_temperature import FIELD
-from iriftrace.cli.options import Flag, Whole, celsius, check_folder, check_input, check_output
+from iriftrace.cli.options import (
+    FIELD,
+    Flag,
+    Whole,
+    celsius,
+    check_folder,
+    check_input,
+    check_output,
+)
 from iriftrace.cli.simulation_options import DraughtOptions, SimulationOptions
 from iriftrace.core.errors import InputError, SetupError, warn
 from iriftrace.core.plain import JsonObject
