@@ -96,29 +96,6 @@ def test_a_camera_without_a_pose_stands_nowhere_beside_the_second_device(
     assert load_scene(words[4]).camera.focus_mm[1] > 400.0
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        (["--system=stereo"], "--system is of a second device, and there is none"),
-        (["--second-pixel-size=5 um"], "--second-pixel-size is of a second device"),
-        (["--second=60,-45,70"], "Both devices stand at one place"),
-        (["--second=7,0,0"], "The second device at [7.0, 0.0, 0.0] mm stands in the hot air"),
-        (["--second=1,0,0"], "The second device at [1.0, 0.0, 0.0] mm stands in the part"),
-        (["--second=75,-20,70", "--trim=5 mm"], "Trimmed shells serve one camera only"),
-        (["--second=75,-20,70", "--second-pixel-size=5 um"], "belongs to --second-calibration"),
-        (["--second-calibration=none.yaml"], "--second-pixel-size"),
-    ],
-)
-def test_wrong_second_devices_end_in_one_sentence(
-    words: list[str], options: list[str], said: str, capsys: Printed
-) -> None:
-    assert main([*words, *options]) == 2
-    error = capsys.readouterr().err
-    assert "Traceback" not in error
-    assert said in " ".join(error.split())
-    assert not Path(words[4]).exists()
-
-
 @pytest.mark.usefixtures("variant")
 def test_devices_out_of_focus_are_told_so(words: list[str], capsys: Printed) -> None:
     """They see the same side, so that pointing them there would not help."""
