@@ -178,14 +178,8 @@ class CameraOptions:
 
     def _calibrated(self, calibration: Calibration) -> Camera:
         """Intrinsics and the pose, if there is one, of a calibration."""
-        if self.pixel_size is None:
-            raise InputError(
-                f"{self.calibration} has lengths in pixels only; give the width of a pixel too, "
-                'such as --pixel-size "2.74 um" (no ray depends on it, only the focal length and '
-                "the sensor's size that results state)."
-            )
         return calibration.camera(
-            pixel_size_mm=self.pixel_size,
+            pixel_size_mm=needed_pixel_size(self.pixel_size, self.calibration),
             focus_mm=self.focus or FOCUS_MM,
             matrix=calibration.matrix,
         )
@@ -204,6 +198,17 @@ class CameraOptions:
             return camera.at(look_at(self.origin, target, self.up))
         camera = camera.at(default_viewpoint(part, field, stack, camera, self.target, self.up))
         return camera if self.focus is not None else with_all_in_focus(camera, camera, part)
+
+
+def needed_pixel_size(size: float | None, source: object, option: str = "--pixel-size") -> float:
+    """Width of a pixel, mm, which a calibration does not state; InputError if it is not given."""
+    if size is None:
+        raise InputError(
+            f"{source} has lengths in pixels only; give the width of a pixel too, such as "
+            f'{option} "3.45 um" (no ray depends on it, only the focal length and the sensor\'s '
+            "size that results state)."
+        )
+    return size
 
 
 def refuse_unseen_part(camera: Camera, part: Part, source: str, remedy: str) -> None:

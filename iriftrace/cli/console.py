@@ -12,13 +12,15 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from subprocess import list2cmdline
 from types import FrameType
 from typing import TYPE_CHECKING, Any, Literal
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -28,6 +30,7 @@ from rich.progress import (
     Task,
     TimeRemainingColumn,
 )
+from rich.table import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -62,6 +65,32 @@ def say_finding(state: Literal["ok", "warn", "error"], name: str, text: str) -> 
 def show_warning(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
     notes.print("[bold yellow]warning:[/] ", end="")
     notes.print(str(message), markup=False, soft_wrap=True)
+
+
+def print_table(
+    title: str | None,
+    headings: Sequence[str],
+    rows: Iterable[Sequence[object]],
+    texts: Collection[str] = (),
+) -> None:
+    """Print a table in the terminal's width, or wider if words and numbers would be cut.
+
+    Columns with one of the headings `texts` are flush left and folded, the others flush right.
+    """
+    # Rules between the columns would cost width.
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 0, 0, 1))
+    for heading in headings:
+        if heading in texts:
+            table.add_column(heading, overflow="fold")
+        else:
+            table.add_column(heading, justify="right")
+    for row in rows:
+        table.add_row(*map(str, row))
+    # A measurement ends at the console's width, unless the options have a larger one.
+    least = out.measure(table, options=out.options.update(width=1000)).minimum
+    if least > out.width:
+        table.width = least
+    out.print(table, crop=False, soft_wrap=True)
 
 
 @contextmanager
@@ -120,24 +149,29 @@ def pose_progress(output: Path, what: str = "Poses") -> Iterator[Callable[[int, 
     from iriftrace.sweep.journal import journal_of
 
     columns = (what, BarColumn(), MofNCompleteColumn(), Rate(), TimeRemainingColumn())
-    kept = ""
-    with late_bar(*columns, transient=False) as show:
+    with late_bar(*columns, transient=False) as show, stating_kept() as keep:
 
         def report(done: int, total: int) -> None:
-            nonlocal kept
             if done:
-                kept = (
+                keep(
                     f"{done} of {total} {what.lower()} are kept in {journal_of(output)}, "
                     "give the same command again to continue"
                 )
             show(done, total)
 
-        try:
-            yield report
-        except BaseException as error:
-            if kept and (noticed() or isinstance(error, KeyboardInterrupt)):
-                raise KeyboardInterrupt(kept) from error
-            raise
+        yield report
+
+
+@contextmanager
+def stating_kept() -> Iterator[Callable[[str], None]]:
+    """Take a sentence on what is kept; Ctrl-C inside the block ends with the last one."""
+    kept = deque[str](maxlen=1)
+    try:
+        yield kept.append
+    except BaseException as error:
+        if kept and (noticed() or isinstance(error, KeyboardInterrupt)):
+            raise KeyboardInterrupt(kept[0]) from error
+        raise
 
 
 @contextmanager

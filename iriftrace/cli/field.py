@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from cyclopts import App, Parameter
 
-from iriftrace.cli.console import command_line, out, say, working
+from iriftrace.cli.console import command_line, print_table, say, working
 from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions
-from iriftrace.cli.hot_temperature import nearest_wall
 from iriftrace.cli.options import (
     Length,
     Temperature,
@@ -50,7 +49,7 @@ def check(
     *,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
     wall_temperature: Temperature | None = None,
-    region_temperature: Annotated[list[str] | None, Parameter(negative=())] = None,
+    region_temperature: list[str] | None = None,
     transition: Length | None = None,
     diameter: Length | None = None,
     origin: Vector | None = None,
@@ -99,7 +98,7 @@ def check(
         raise InputError("Iso-surfaces have no air between them to check; give the volume.")
     if diameter is not None and not diameter > 0.0:
         raise InputError(f"--diameter is {diameter:g} mm, but a cylinder's diameter is positive.")
-    measured = part_options.read(part, nearest_wall(partial(field_options.read, field, air.air())))
+    measured = part_options.read(part, partial(field_options.read_wall, field, air.air()))
     with working("Reading the field"):
         volume = field_options.read(field, air.air(), measured, flow=True)
     with working("Checking the field"):
@@ -132,17 +131,12 @@ def check(
 
 
 def _print(result: FieldCheck, field: Path) -> None:
-    from rich.table import Table
-
-    table = Table(title=f"{field.name}: {result.verdict}")
-    for heading in ("checked", "found", "verdict", "compared with"):
-        table.add_column(heading)
-    for finding in result.findings:
-        colour = _COLOURS[finding.verdict]
-        table.add_row(
-            finding.name, finding.value, f"[{colour}]{finding.verdict}[/]", finding.remark
-        )
-    out.print(table)
+    headings = ("checked", "found", "verdict", "compared with")
+    rows = [
+        (one.name, one.value, f"[{_COLOURS[one.verdict]}]{one.verdict}[/]", one.remark)
+        for one in result.findings
+    ]
+    print_table(f"{field.name}: {result.verdict}", headings, rows, texts=headings)
     if result.field["origin"]:
         say(f"Field: {result.field['origin']}.")
 
@@ -152,7 +146,7 @@ def synthetic(
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])],
     wall_temperature: Temperature = 1100.0 + ZERO_CELSIUS_K,
-    region_temperature: Annotated[list[str] | None, Parameter(negative=())] = None,
+    region_temperature: list[str] | None = None,
     transition: Length | None = None,
     ambient: Temperature = 20.0 + ZERO_CELSIUS_K,
     boundary_layer: Length | None = None,

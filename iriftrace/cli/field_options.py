@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from attrs import asdict, frozen
 from cyclopts import Group, Parameter
 
-from iriftrace.cli.hot_temperature import HotTemperatures
 from iriftrace.cli.options import (
     Expansion,
+    HotTemperatures,
     Length,
     Numbers,
     Pressure,
@@ -105,7 +105,7 @@ class PartOptions:
     part_transform: str | None = None
     expansion: Expansion | None = None
     reference_temperature: Temperature = 20.0 + ZERO_CELSIUS_K
-    hot_temperature: Annotated[list[str] | None, Parameter(negative=())] = None
+    hot_temperature: list[str] | None = None
     region_angle: float = 30.0
 
     def read(self, path: Path, field_wall: Callable[[Part], Temperatures] | None = None) -> Part:
@@ -230,6 +230,12 @@ class FieldOptions:
             part=part,
             flow=flow,
         )
+
+    def read_wall(
+        self, path: Path, air: Air, part: Part, member: int | None = None
+    ) -> Temperatures:
+        """Temperatures of the wall of the field."""
+        return self.read(path, air, part, member).wall_temperature_k
 
     def transform(self) -> NDArray[np.float64] | None:
         """Field to world, (4, 4) array."""

@@ -7,13 +7,19 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
+from attrs import field, frozen
 from cyclopts import Parameter, Token
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import check_readable
 from iriftrace.core.units import ZERO_CELSIUS_K
+
+if TYPE_CHECKING:
+    from iriftrace.part.part import Part
+    from iriftrace.part.uneven_growth import Temperatures
+
 
 T = TypeVar("T")
 
@@ -61,7 +67,6 @@ def word_parameter(
     return Parameter(
         converter=convert,
         metavar=metavar,
-        negative=(),
         n_tokens=1,
         accepts_keys=False,
         show_default=default,
@@ -136,6 +141,8 @@ def _length_with_unit(text: str, option: str) -> float:
     raise InputError(f'{option} is "{text}" without a unit; write it with one, like "20 um".')
 
 
+Flag = Annotated[bool, Parameter(negative=())]
+"""A switch without a ``--no-`` form."""
 Whole = Annotated[int, word_parameter("INT", _whole)]
 
 # Quantities as floats, mm, nm, Pa, s, degree, m/s, 1/K and K; users may write any other unit.
@@ -177,9 +184,7 @@ Vector = Annotated[tuple[float, float, float], _finite("X,Y,Z", 3)]
 
 Statuses = Annotated[
     list[Whole] | None,
-    Parameter(
-        negative=(), help="Further status codes whose rays the metrics use, such as 5; repeatable."
-    ),
+    Parameter(help="Further status codes whose rays the metrics use, such as 5; repeatable."),
 ]
 
 
@@ -319,3 +324,62 @@ def region_temperatures(
             raise InputError(f'{option} names "{name}" twice; give it once.')
         found[name] = quantity(value, "kelvin", option)
     return found
+
+
+FIELD = "field"
+"""The word of --hot-temperature for the temperatures of the field's wall."""
+
+
+@frozen
+class HotTemperatures:
+    """Temperature of the part and of regions, K; or, if `of_field`, those of a field's wall."""
+
+    default: float | None = None
+    regions: dict[str, float] = field(factory=dict)
+    of_field: bool = False
+
+    @classmethod
+    def of_words(cls, words: Sequence[str] | None) -> HotTemperatures:
+        """Read the user's words: a temperature, NAME=TEMPERATURE, or "field"."""
+        option, given = "--hot-temperature", list(words or ())
+        if FIELD in given:
+            if len(given) > 1:
+                raise InputError(
+                    f'{option} is "field" and also a temperature; give the one or the other.'
+                )
+            return cls(of_field=True)
+        alone = [word for word in given if "=" not in word]
+        regions = region_temperatures([word for word in given if "=" in word], option)
+        if len(alone) > 1 or (regions and not alone):
+            raise InputError(
+                f"{option} gives {len(alone)} temperatures for the whole part; give one, and "
+                "NAME=TEMPERATURE for regions with another one."
+            )
+        return cls(quantity(alone[0], "kelvin", option) if alone else None, regions)
+
+    @property
+    def single(self) -> float | None:
+        """The one temperature of the whole part, K; None if there are several or none."""
+        return None if self.regions else self.default
+
+    @property
+    def uneven(self) -> bool:
+        """True if the part may not have the same temperature everywhere."""
+        return self.of_field or bool(self.regions)
+
+    def at_walls(
+        self, part: Part, field_wall: Callable[[Part], Temperatures] | None
+    ) -> Temperatures:
+        """Temperatures of the walls nearest to points; for a field those of `field_wall`."""
+        from iriftrace.cfd.openfoam.wall import WallTemperatures, wall_temperature
+        from iriftrace.part.region_choice import values_by_region
+
+        if self.of_field or self.default is None:
+            if field_wall is None:
+                raise InputError(
+                    '--hot-temperature is "field", but this command reads the part without a '
+                    "field; give a temperature, and NAME=TEMPERATURE for regions with another one."
+                )
+            return field_wall(part)
+        wall = WallTemperatures(self.default, values_by_region(part, self.regions))
+        return lambda points: wall_temperature(wall, part, points)

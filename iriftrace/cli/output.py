@@ -9,7 +9,7 @@ import numpy as np
 from attrs import asdict
 from rich.table import Table
 
-from iriftrace.cli.console import out, say
+from iriftrace.cli.console import out, print_table, say
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.image.aov_image import Status
@@ -29,16 +29,14 @@ TOO_FEW = "fewer than 100 good rays, so no numbers"
 
 def print_shells(stack: ShellStack, reports: Sequence[ShellReport], fit: Fit | None) -> None:
     """One row per shell: index, temperature, size, openings, gaps and cuts; and the part's fit."""
-    table = Table(title=f"{len(stack.shells)} shells, {stack.triangles:,} triangles")
-    for heading in ("shell", "(n - 1) 1e6", "degC", "triangles", "gap next", "gap part", "cut"):
-        table.add_column(heading, justify="right")
-    table.add_column("open edges", justify="right")
+    headings = ("shell", "(n - 1) 1e6", "degC", "triangles", "gap next", "gap part", "cut")
+    rows = []
     open_at: dict[str, list[str]] = {}
     for report in reports:
         for place, _ in report.open_at:
             open_at.setdefault(place, []).append(str(report.layer))
-        table.add_row(
-            str(report.layer),
+        row = (
+            report.layer,
             f"{report.refractivity * 1e6:.2f}",
             f"{report.temperature_k - ZERO_CELSIUS_K:.0f}",
             f"{report.triangles:,}",
@@ -47,7 +45,12 @@ def print_shells(stack: ShellStack, reports: Sequence[ShellReport], fit: Fit | N
             "" if report.part_cut_share is None else f"{report.part_cut_share:.2%}",
             "closed" if report.closed else f"{sum(edges for _, edges in report.open_at):,}",
         )
-    out.print(table)
+        rows.append(row)
+    print_table(
+        f"{len(stack.shells)} shells, {stack.triangles:,} triangles",
+        (*headings, "open edges"),
+        rows,
+    )
     air, source = stack.air, stack.source
     out.print(
         f"Ambient air n - 1 = {air.ambient_refractivity:.4e} at "

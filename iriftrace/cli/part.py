@@ -1,6 +1,6 @@
-"""The commands ``iriftrace part ...``: parametric parts as meshes.
+"""The commands ``iriftrace part ...``: parametric parts as meshes, and a printed board of dots.
 
-Options, defaults and help are those of the functions in `iriftrace.part.shapes`.
+Options, defaults and help of parts are those of the functions in `iriftrace.part.shapes`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from cyclopts import App, Parameter
 
 from iriftrace.cli.console import command_line, say, working
 from iriftrace.cli.field_options import PartOptions
-from iriftrace.cli.options import Length, Whole, check_input, check_output
+from iriftrace.cli.options import Length, Whole, check_input, check_output, quantity, word_parameter
+from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
     from iriftrace.part.part import Part
@@ -75,9 +76,8 @@ SHAPES = {
 """Function, summary and example by the command's name."""
 
 # By name, and made by `__getattr__`, so that a shape is imported when its command is called.
-for _name in (*SHAPES, "decimate", "subdivide"):
+for _name in (*SHAPES, "decimate", "subdivide", "board"):
     part.command(f"iriftrace.cli.part:{_name}", name=_name)
-part.command("iriftrace.cli.board:board", name="board")
 
 
 def decimate(
@@ -203,3 +203,68 @@ def save_made(made: Part, path: Path) -> None:
     regions = ", ".join(f"{name} ({area:.5g} mm^2)" for name, area in areas)
     lost = path.suffix.lower() != ".ply"
     say(f"Regions: {regions}{'; an STL has no room for them, a .ply keeps them' if lost else ''}.")
+
+
+def _read_size(text: str, option: str) -> tuple[float, float]:
+    pieces = re.split(r"\s*[x,]\s*", text.strip())
+    if len(pieces) != 2:
+        raise InputError(f'{option} is "{text}"; give width and height in mm, such as 300x200.')
+    return quantity(pieces[0], "mm", option), quantity(pieces[1], "mm", option)
+
+
+BoardSize = Annotated[
+    tuple[float, float],
+    word_parameter("WIDTHxHEIGHT", _read_size, lambda size: f"{size[0]:g}x{size[1]:g}"),
+]
+
+
+def board(
+    *,
+    output: Annotated[Path, Parameter(name=["-o", "--output"])],
+    size: BoardSize = (300.0, 200.0),
+    pitch: Length = 3.0,
+    dot: Length | None = None,
+    thickness: Length = 5.0,
+) -> None:
+    """Make a board of dots: its mesh, a page to print (.pdf) and the dots' centres (.csv).
+
+    The board's frame has its origin at the middle dot, x to the right, y up and z towards the
+    viewer. Three larger dots, at the origin, two to the right of it and one above it, mark right
+    and up.
+
+    Example: ``iriftrace part board --size 300x200 --pitch 3 -o board.stl``
+
+    Parameters
+    ----------
+    output
+        The board's mesh, a .ply, which keeps the named regions, or a .stl; page and table are
+        written next to it.
+    size
+        Width and height, mm.
+    pitch
+        Distance between the centres of neighbouring dots.
+    dot
+        Diameter of the dots; by default half the pitch.
+    thickness
+        Thickness of the board, behind the dots.
+    """
+    from iriftrace.figures.board import write_board
+    from iriftrace.part.shapes.board import Board
+
+    check_name(output)
+    page, table = output.with_suffix(".pdf"), output.with_suffix(".csv")
+    check_output(page, "board.pdf")
+    check_output(table, "board.csv")
+    given = {} if dot is None else {"dot_mm": dot}
+    made = Board(size, pitch, thickness_mm=thickness, **given)
+    save_made(made.part, output)
+    with working("Drawing the page"):
+        across, up = write_board(page, made)
+    made.save_centres(table)
+    say(
+        f"{page}: {len(made.centres):,} dots; print it at 100 % (no fit to the page) and measure "
+        f"the scale bars, {across:g} mm across and {up:g} mm up."
+    )
+    say(f"{table}: the dots' centres, mm, in the board's frame.")
+    scene = command_line("scene", "FIELD", output, "--blocker", "PART", "-o", "board/scene.xml")
+    say(f"A scene of it behind a hot part:  {scene}")

@@ -13,6 +13,7 @@ from cyclopts import Group, Parameter
 from iriftrace.cli.console import say
 from iriftrace.cli.options import (
     Angle,
+    Flag,
     Interval,
     LengthWithUnit,
     LightOf,
@@ -21,8 +22,14 @@ from iriftrace.cli.options import (
     check_output,
     refuse_given,
 )
-from iriftrace.cli.plan_pairs import print_pairs, print_refined_pair, search_progress
-from iriftrace.cli.plan_tables import print_pose, print_table, setting_text
+from iriftrace.cli.plan_text import (
+    print_pairs,
+    print_plan,
+    print_refined,
+    print_refined_pair,
+    print_views,
+    search_progress,
+)
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
 from iriftrace.planning.criteria import STANDARD, Criteria
@@ -31,10 +38,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from iriftrace.core.arrays import IntArray
-    from iriftrace.planning.cover import ViewLimits, ViewSet
-    from iriftrace.planning.refine import Refinement
-    from iriftrace.planning.summary import SweepSummary
-    from iriftrace.planning.texts import RankingTable
+    from iriftrace.planning.cover import ViewLimits
 
 
 Ranking = Annotated[Criteria, Parameter(name="*", group=Group("Ranking", sort_key=1))]
@@ -84,10 +88,10 @@ def plan(
     top: Whole = 10,
     wavelength: LightOf = None,
     several: ViewOptions = ViewOptions(),
-    refine: Annotated[bool, Parameter(group=REFINE, negative=())] = False,
+    refine: Annotated[Flag, Parameter(group=REFINE)] = False,
     evaluations: Annotated[Whole | None, Parameter(group=REFINE)] = None,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], group=REFINE)] = None,
-    pairs: Annotated[bool, Parameter(group=PAIRS, negative=())] = False,
+    pairs: Annotated[Flag, Parameter(group=PAIRS)] = False,
     confirm: Annotated[bool | None, Parameter(group=PAIRS)] = None,
     system: Annotated[Literal["fringe", "stereo", "laser"] | None, Parameter(group=PAIRS)] = None,
     angle: Annotated[Interval | None, Parameter(group=PAIRS)] = None,
@@ -202,86 +206,3 @@ def _save(path: Path, dataset: xr.Dataset, ranked: IntArray, convention: str) ->
 def _refuse_without(needed: str, there: bool, options: Mapping[str, object]) -> None:
     if not there:
         refuse_given(options, f"is given without {needed}, so it changes nothing; add it.")
-
-
-def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
-    """Print the ranking, its stability, and the best pose."""
-    from iriftrace.planning.texts import (
-        alternative_text,
-        front_text,
-        least_error_text,
-        other_statistics_text,
-        ranked_by,
-        robust_text,
-        stability_text,
-        warned_text,
-    )
-
-    plan = summary.plan
-    print_table(
-        f"Best poses for region {plan.criteria.region} by {ranked_by(summary)}",
-        ranking.short_headings,
-        ranking.rows,
-    )
-    if ranking.note:
-        say(ranking.note)
-    if summary.devices:
-        say(summary.devices)
-    if plan.unranked:
-        pose, reason = next(iter(plan.unranked.items()))
-        count = len(plan.unranked)
-        noun = "pose" if count == 1 else "poses, the first of them"
-        say(f"Unranked: {count} {noun} {pose}: {reason}")
-    for text in (
-        warned_text,
-        least_error_text,
-        robust_text,
-        stability_text,
-        other_statistics_text,
-        alternative_text,
-        front_text,
-    ):
-        said = text(summary)
-        if said:
-            say(said)
-    _print_swept("Best pose", summary, plan.best)
-
-
-def _print_swept(kind: str, summary: SweepSummary, pose: int) -> None:
-    name = f"{kind} {pose}{setting_text(summary, pose)}"
-    print_pose(name, summary.matrices[pose], summary.distance[pose])
-
-
-def print_views(summary: SweepSummary, views: ViewSet, limits: ViewLimits) -> None:
-    """Poses that together see the most, the addition of each, and how good the choice is."""
-    from iriftrace.planning.texts import views_table, views_text, views_title
-
-    say(f"{views_title(summary, limits)}:")
-    found = views_table(summary, views)
-    print_table(None, found.short_headings, found.rows)
-    say(views_text(summary, views))
-    for pose in views.poses.tolist():
-        _print_swept("Pose", summary, pose)
-
-
-def print_refined(summary: SweepSummary, refined: Refinement) -> None:
-    """Gain of a search around the best pose."""
-    end = "ended by itself" if refined.converged else "ended with the evaluations"
-    if refined.gain > 0:
-        found = (
-            f"found the score {refined.score:.4f} instead of {refined.start_score:.4f}, a gain of "
-            f"{refined.gain:.4f}: turned by {refined.turn_deg:.2f} degrees, rolled by "
-            f"{refined.roll_deg:.1f} degrees, distance {refined.distance_mm:.2f} instead of "
-            f"{summary.distance[refined.start]:.2f} mm."
-        )
-    else:
-        found = f"found nothing better than its score {refined.start_score:.4f}."
-    say(f"The search around pose {refined.start} ({refined.evaluations} poses, {end}) {found}")
-    rows = []
-    for metric in summary.metrics:
-        factor = {"µm": 1e3, "%": 100.0, "mm": 1.0}[metric.unit]
-        values = (refined.start_metrics[metric.key], refined.metrics[metric.key])
-        rows.append((metric.label, *(f"{factor * value:.4g}" for value in values)))
-    print_table("Metrics", ("", "swept pose", "refined pose"), rows)
-    name = f"Refined pose{setting_text(summary, refined.start)}"
-    print_pose(name, refined.matrix, refined.distance_mm)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 
-from cyclopts import App, CycloptsError, MissingArgumentError
+from cyclopts import App, CycloptsError, MissingArgumentError, Parameter
 from cyclopts.exceptions import UnusedCliTokensError
 
 from iriftrace.cli.console import notes, raise_if_noticed, say, say_finding, show_warning
@@ -19,6 +19,8 @@ app = App(
     help="Traces camera rays through the hot air around a part: how far does each point move?",
     version=lambda: version("iriftrace"),
     help_format="rst",
+    # No --empty-member, --empty-body ...
+    default_parameter=Parameter(negative_iterable=()),
     suppress_keyboard_interrupt=False,
 )
 
@@ -134,10 +136,8 @@ for _module, _names in {
     "sweep": ("sweep",),
     "plan": ("plan",),
     "plot": ("plot", "view", "report"),
-    "measure": ("measure",),
-    "correct": ("correct",),
-    "compare": ("compare",),
-    "fit": ("fit",),
+    "measure": ("measure", "correct"),
+    "compare": ("compare", "fit"),
     "study": ("study",),
     "field": ("field",),
     "part": ("part",),

@@ -12,6 +12,7 @@ from cyclopts import Parameter
 
 from iriftrace.cli.console import command_line, say, show_warning, working
 from iriftrace.cli.options import (
+    Flag,
     LightOf,
     Statuses,
     check_folder,
@@ -40,7 +41,7 @@ def render(
     surface: Path | None = None,
     rgb: Literal["displacement", "shift", "refracted"] | None = None,
     include: Statuses = None,
-    check_shells: Annotated[bool, Parameter(negative=())] = False,
+    check_shells: Flag = False,
 ) -> None:
     """Trace a scene: AOV EXR, metrics JSON and displacement picture.
 
@@ -78,7 +79,9 @@ def render(
     check_numbers(exr, "iriftrace.pose")
     check_output(surface, "out.vtp", ".ply")
     used = statuses(include)
-    rendering, loaded, files = _render(scene, exr, trace, used, figures, check_shells, rgb, surface)
+    loaded = trace.load(scene)
+    check_kept(surface, loaded.part.path)
+    rendering, files = _render(loaded, exr, used, figures, check_shells, rgb)
     if surface is not None:
         write_surface(surface, rendering.image, loaded.part)
         files.append(surface)
@@ -91,7 +94,7 @@ def metrics(
     part: Path | None = None,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
     include: Statuses = None,
-    nearest: Annotated[bool, Parameter(negative=())] = False,
+    nearest: Flag = False,
     wavelength: LightOf = None,
 ) -> None:
     """Reduce an AOV EXR to metrics again.
@@ -159,7 +162,8 @@ def demo(
     exr = output / f"{scene}.exr"
     folder = output / ("scene" if scene == DEMO else scene)
     with scene_copied(scene, folder) as (xml, shells):
-        rendering, loaded, files = _render(xml, exr, trace, (0,), True)
+        loaded = trace.load(xml)
+        rendering, files = _render(loaded, exr)
     files += _scene_picture(loaded, shells, output / f"{scene}_scene.png")
     _print_rendering(rendering, loaded, files)
     if loaded.second is not None:
@@ -170,20 +174,16 @@ def demo(
 
 
 def _render(
-    scene: Path,
+    loaded: LoadedScene,
     exr: Path,
-    trace: TraceOptions,
-    include: tuple[int, ...],
-    figures: bool,
+    include: tuple[int, ...] = (0,),
+    figures: bool = True,
     check_field: bool = False,
     rgb: str | None = None,
-    surface: Path | None = None,
-) -> tuple[Rendering, LoadedScene, list[Path]]:
+) -> tuple[Rendering, list[Path]]:
     """Render a scene and write all its files except that of the surface."""
     from iriftrace.trace.render import render_scene
 
-    loaded = trace.load(scene)
-    check_kept(surface, loaded.part.path)
     with working("Tracing"):
         rendering = render_scene(loaded, include=include, check_field=check_field)
     pictures = []
@@ -198,7 +198,7 @@ def _render(
                 write_figure(figure, pictures[-1])
             rendering.metrics.add_time("figures", time.perf_counter() - started)
     with working("Writing"):
-        return rendering, loaded, [*rendering.save(exr, rgb=rgb), *pictures]
+        return rendering, [*rendering.save(exr, rgb=rgb), *pictures]
 
 
 def _print_rendering(rendering: Rendering, loaded: LoadedScene, files: list[Path]) -> None:

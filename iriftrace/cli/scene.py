@@ -9,12 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
-from rich.table import Table
 
 from iriftrace.cli.camera_options import CameraOptions, Scale
-from iriftrace.cli.console import command_line, out, say, show_warning, working
+from iriftrace.cli.console import command_line, out, print_table, say, show_warning, working
 from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions, ShellOptions
-from iriftrace.cli.hot_temperature import nearest_wall
 from iriftrace.cli.options import (
     Length,
     check_field,
@@ -32,6 +30,7 @@ if TYPE_CHECKING:
     from iriftrace.field.index_field import IndexField
     from iriftrace.field.readers.members import Member
     from iriftrace.part.part import Part
+    from iriftrace.part.uneven_growth import Temperatures
     from iriftrace.scene.build import SceneSettings
     from iriftrace.scene.write_ensemble import MemberAir
     from iriftrace.shells.stack import ShellStack
@@ -71,7 +70,7 @@ def shells(
     check_field(field)
     check_input(part)
     check_folder(output)
-    wall = nearest_wall(partial(field_options.read, field, air.air()))
+    wall = partial(field_options.read_wall, field, air.air())
     measured = None if part is None else part_options.read(part, wall)
     stack, volume = _stack(field, measured, air, field_options, shell_options)
     fit = None
@@ -93,8 +92,8 @@ def scene(
     part: Path,
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])],
-    member: Annotated[list[Path] | None, Parameter(negative=())] = None,
-    blocker: Annotated[list[Path] | None, Parameter(negative=())] = None,
+    member: list[Path] | None = None,
+    blocker: list[Path] | None = None,
     blocker_length_unit: str | None = None,
     normals: Literal["gradient", "facet"] = "gradient",
     inside_hit: Literal["refract", "drop"] = "refract",
@@ -156,8 +155,16 @@ def scene(
     check_output(output, "scene.xml", make=True)
     refuse_edited(output)
     states = () if field_options.isosurfaces else chosen_members(fields, field_options.time)
-    wall = nearest_wall(lambda cold: _first_field(states, field_options, air, cold))
-    measured = part_options.read(part, wall)
+
+    def first_wall(cold: Part) -> Temperatures:
+        """Temperatures of the wall of the first state, by which the part expands."""
+        if not states:
+            raise InputError(
+                '--hot-temperature is "field", but iso-surfaces have no wall; give a temperature.'
+            )
+        return field_options.read_wall(states[0].path, air.air(), cold, states[0].index)
+
+    measured = part_options.read(part, first_wall)
     blockers = [read_part(file, length_unit=blocker_length_unit) for file in blocker or []]
     if field_options.isosurfaces and member:
         raise InputError(
@@ -184,7 +191,11 @@ def scene(
         return camera
 
     if len(states) > len(fields) and field_options.time is None:
-        _warn_of_all(states)
+        warn(
+            f"All {len(states)} states are averaged as an ensemble, {states[0].label} to "
+            f"{states[-1].label}; choose one with --time latest, or all with --time all.",
+            stacklevel=1,
+        )
     if len(states) > 1:
 
         def cut(one: Member) -> tuple[ShellStack, IndexField]:
@@ -201,25 +212,6 @@ def scene(
         built = build_scene(volume, measured, camera, output, shells=stack, **settings)
     print_shells(built.shells, built.report, built.fit)
     _print_scene(output, camera, measured, settings)
-
-
-def _warn_of_all(states: Sequence[Member]) -> None:
-    warn(
-        f"All {len(states)} states are averaged as an ensemble, {states[0].label} to "
-        f"{states[-1].label}; choose one with --time latest, or all with --time all.",
-        stacklevel=1,
-    )
-
-
-def _first_field(
-    states: Sequence[Member], field_options: FieldOptions, air: AirOptions, cold: Part
-) -> IndexField:
-    """The field of the first state, whose wall determines the expansion of the part."""
-    if not states:
-        raise InputError(
-            '--hot-temperature is "field", but iso-surfaces have no wall; give a temperature.'
-        )
-    return field_options.read(states[0].path, air.air(), cold, states[0].index)
 
 
 def _bodies_of(field: Path, volume: IndexField | None, given: Sequence[Path]) -> list[Part]:
@@ -297,19 +289,23 @@ def _ensemble(
     first = next(fields)
     camera = devices(first.field, first.shells)
     built = build_ensemble(chain((first,), fields), part, camera, output, **settings)
-    table = Table(title=f"Ensemble of {len(built.members)} fields")
-    for heading in ("member", "field", "shells", "triangles", "hottest degC", "outermost degC"):
-        table.add_column(heading, justify="left" if heading == "field" else "right")
-    for member, report, hottest in zip(built.members, built.reports, hottest_k, strict=True):
-        table.add_row(
-            str(member.number),
-            member.label,
-            str(len(report)),
-            f"{sum(shell.triangles for shell in report):,}",
-            f"{hottest - ZERO_CELSIUS_K:.0f}",
-            f"{report[0].temperature_k - ZERO_CELSIUS_K:.0f}",
-        )
-    out.print(table)
+    cut_members = zip(built.members, built.reports, hottest_k, strict=True)
+    print_table(
+        f"Ensemble of {len(built.members)} fields",
+        ("member", "field", "shells", "triangles", "hottest degC", "outermost degC"),
+        [
+            (
+                member.number,
+                member.label,
+                len(report),
+                f"{sum(shell.triangles for shell in report):,}",
+                f"{hottest - ZERO_CELSIUS_K:.0f}",
+                f"{report[0].temperature_k - ZERO_CELSIUS_K:.0f}",
+            )
+            for member, report, hottest in cut_members
+        ],
+        texts=["field"],
+    )
     for origin in dict.fromkeys(member.source.origin for member in built.members):
         if origin:
             say(f"Field: {origin}.")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
 from attrs import frozen
 from cyclopts import Group, Parameter
@@ -12,6 +12,7 @@ from cyclopts import Group, Parameter
 from iriftrace.cli.camera_options import (
     FOCUS_MM,
     CameraOptions,
+    needed_pixel_size,
     refuse_unseen_part,
     with_all_in_focus,
 )
@@ -88,11 +89,9 @@ class SecondOptions:
 
     def _calibrated(self, first: CameraOptions) -> CameraOptions:
         """Options of the second device, if its calibration is given."""
-        if self.second_pixel_size is None:
-            raise InputError(
-                f"{self.second_calibration} has lengths in pixels only; give the width of a "
-                'pixel too, such as --second-pixel-size "5.4 um".'
-            )
+        size = needed_pixel_size(
+            self.second_pixel_size, self.second_calibration, "--second-pixel-size"
+        )
         stands = first.origin is not None or first.target is not None or first.has_pose()
         if first.calibration is not None and not stands:
             raise InputError(
@@ -101,7 +100,7 @@ class SecondOptions:
             )
         options = CameraOptions(
             calibration=self.second_calibration,
-            pixel_size=self.second_pixel_size,
+            pixel_size=size,
             calibration_length_unit=first.calibration_length_unit,
             focus=first.focus,
             origin=self.second,
@@ -132,7 +131,7 @@ class StereoOptions:
         origin and target place camera 1.
     """
 
-    stereo_calibration: Annotated[list[Path] | None, Parameter(negative=())] = None
+    stereo_calibration: list[Path] | None = None
     cloud_to_part: Path | None = None
 
     def read(self, first: CameraOptions, second: SecondOptions) -> StereoCalibration | None:
@@ -159,12 +158,7 @@ class StereoOptions:
                 "is given, but --cloud-to-part places the cameras; leave one of them out.",
             )
         first.refuse_intrinsics("--stereo-calibration")
-        if first.pixel_size is None:
-            raise InputError(
-                f"{self._called()} has lengths in pixels only; give the width of a pixel too, "
-                'such as --pixel-size "3.45 um" (no ray depends on it, only the focal length and '
-                "the sensor's size that results state)."
-            )
+        needed_pixel_size(first.pixel_size, self._called())
         check_input(self.cloud_to_part)
         self._motion()  # refuses a wrong one before the field is read
         return read_stereo_calibration(
@@ -181,7 +175,7 @@ class StereoOptions:
         stack: ShellStack,
     ) -> tuple[Camera, Camera]:
         """Camera 1 and camera 2 of the calibration that was read, at their full resolution."""
-        size = first.pixel_size or 0.0
+        size = needed_pixel_size(first.pixel_size, self._called())
         sizes = (size, second.second_pixel_size or size)
         focus = first.focus or FOCUS_MM
         matrix = self._motion()

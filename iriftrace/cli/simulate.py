@@ -1,29 +1,45 @@
-"""The commands ``iriftrace field simulate`` and ``iriftrace field doctor``."""
+"""The commands ``iriftrace field simulate``, for one field or a family, and ``field doctor``."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from datetime import timedelta
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from attrs import evolve
 from cyclopts import Parameter
+from rich.progress import BarColumn, Progress, TimeElapsedColumn
 
-from iriftrace.cli.console import out, say, say_finding
-from iriftrace.cli.draught_options import DraughtOptions
+from iriftrace.cli.console import notes, out, say, say_finding, stating_kept
 from iriftrace.cli.field import scene_command
 from iriftrace.cli.field_options import AirOptions, PartOptions
-from iriftrace.cli.hot_temperature import FIELD
-from iriftrace.cli.options import Whole, celsius, check_folder, check_input, check_output
-from iriftrace.cli.simulate_family import family_cases, family_scene, simulate_family
-from iriftrace.cli.simulation_options import SimulationOptions
-from iriftrace.cli.simulation_progress import simulation_progress
-from iriftrace.core.errors import SetupError, warn
+from iriftrace.cli.options import (
+    FIELD,
+    Flag,
+    Whole,
+    celsius,
+    check_folder,
+    check_input,
+    check_output,
+)
+from iriftrace.cli.simulation_options import DraughtOptions, SimulationOptions
+from iriftrace.core.errors import InputError, SetupError, warn
+from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K
 
 if TYPE_CHECKING:
     from iriftrace.cfd.openfoam.case import Case
-    from iriftrace.cfd.openfoam.simulate import Simulation
+    from iriftrace.cfd.openfoam.draught import Draught
+    from iriftrace.cfd.openfoam.family import Member
+    from iriftrace.cfd.openfoam.family_run import Cost, Solve, Task
+    from iriftrace.cfd.openfoam.programs import Installation
+    from iriftrace.cfd.openfoam.run import State
+    from iriftrace.cfd.openfoam.simulate import Display, Simulation
     from iriftrace.cfd.openfoam.wall import WallTemperatures
+    from iriftrace.part.part import Part
 
 
 def simulate(
@@ -35,7 +51,7 @@ def simulate(
     part_options: PartOptions = PartOptions(),
     field: Path | None = None,
     processes: Whole = 1,
-    write_only: Annotated[bool, Parameter(negative=())] = False,
+    write_only: Flag = False,
 ) -> None:
     """Simulate the hot air around a part with OpenFOAM and write the field.
 
@@ -200,3 +216,160 @@ def _print_simulation(
     pressure = () if usual else ("--pressure", f"{simulation.pressure:.10g} Pa")
     command = scene_command(result.field, part, simulation.ambient, part_options, *pressure)
     say(f"Field written; now run:  {command}")
+
+
+def family_cases(
+    part: Part,
+    simulation: SimulationOptions,
+    family: tuple[Sequence[float], Sequence[float]],
+    processes: int,
+) -> tuple[tuple[Member, ...], dict[str, Case]]:
+    """Members of a family of speeds, m/s, and directions, degrees, and the case of each by name."""
+    from iriftrace.cfd.openfoam.case import symmetric_case
+    from iriftrace.cfd.openfoam.family import plan_family
+
+    if simulation.snapshots:
+        raise InputError(
+            "--snapshots keeps states of one simulation, but --draughts makes a family; leave one "
+            "of them out."
+        )
+    # Refuses planes that the part does not have before leaving out those through which air blows.
+    still = simulation.case(part, processes, None)
+    members = plan_family(*family, simulation.mirrors, symmetric_case(still))
+    sharing: dict[str, list[Draught]] = {}
+    for member in members:
+        if member.draught is not None and not member.image_of:
+            sharing.setdefault(member.planes, []).append(member.draught)
+    cases = {
+        member.name: simulation.case(
+            part, processes, member.draught, member.planes, sharing.get(member.planes, ())
+        )
+        for member in members
+    }
+    return members, cases
+
+
+def simulate_family(
+    members: Sequence[Member],
+    cases: dict[str, Case],
+    folder: Path,
+    installation: Installation,
+    wind: DraughtOptions,
+) -> None:
+    """Solve the missing members of a family, here or on workers, and print the progress."""
+    from iriftrace.cfd.openfoam.family_run import run_family, solve_elsewhere
+    from iriftrace.sweep.workers import run_tasks, scheduler_client
+
+    folder.mkdir(parents=True, exist_ok=True)
+    with ExitStack() as stack:
+        solve: Solve = partial(_solve_here, installation)
+        if wind.address is not None:
+            client = stack.enter_context(scheduler_client(wind.address, wind.workers))
+            solve = partial(run_tasks, client, solve_elsewhere)
+        status = stack.enter_context(notes.status("Mesh"))
+
+        def expect(cost: Cost) -> None:
+            # The next step has its own display.
+            status.stop()
+            _say_cost(cost)
+
+        running = run_family(
+            members, cases, folder, installation, solve, say=status.update, expect=expect
+        )
+        for entry in running:
+            out.print(_finished(entry))
+
+
+def family_scene(
+    members: Sequence[Member],
+    folder: Path,
+    part: Path,
+    simulation: SimulationOptions,
+    part_options: PartOptions,
+) -> str:
+    """Command that makes a scene of all members."""
+    files = [folder / member.file for member in members]
+    more = [word for file in files[1:] for word in ("--member", str(file))]
+    return scene_command(files[0], part, simulation.ambient, part_options, *more)
+
+
+def _solve_here(installation: Installation, tasks: Sequence[Task]) -> Iterator[JsonObject]:
+    from attrs import evolve
+
+    from iriftrace.cfd.openfoam.family_run import solve_member
+
+    for task in tasks:
+        with simulation_progress() as display:
+            # Cost and mesh are those of the family, printed before.
+            quiet = evolve(display, expect=lambda cells, seconds: None)
+            entry = solve_member(task, installation, quiet)
+        yield entry
+
+
+def _say_cost(cost: Cost) -> None:
+    """Print the cost of the family before the first solver starts."""
+    total = cost.finished + cost.mirrored + cost.solved
+    words = [f"{cost.solved} to solve"]
+    words += [f"{cost.mirrored} mirror images"] if cost.mirrored else []
+    words += [f"{cost.finished} already finished"] if cost.finished else []
+    say(f"{total} members: {', '.join(words)}")
+    if cost.solved:
+        say(
+            f"{cost.cells:,} cells; all solvers, one after another, take "
+            f"{duration(cost.seconds)} (right to a factor of two)."
+        )
+
+
+def _finished(entry: JsonObject) -> str:
+    if entry["image_of"]:
+        return f"{entry['name']}: mirror image of {entry['image_of']}"
+    state = "" if entry["heat_w"] is None else f", {entry['heat_w']:.1f} W"
+    steady = {True: ", steady", False: ", NOT STEADY", None: ""}[entry["steady"]]
+    return f"{entry['name']}: {entry['seconds']:.0f} s{state}{steady}"
+
+
+@contextmanager
+def simulation_progress() -> Iterator[Display]:
+    """Show the current step and, while the solver runs, the state of the flow."""
+    from iriftrace.cfd.openfoam.simulate import Display
+
+    bar_column = BarColumn(bar_width=20)
+    columns = "{task.description}", bar_column, "{task.fields[flow]}", TimeElapsedColumn()
+    # Finished bars would remain on a terminal that only logs.
+    with Progress(*columns, console=notes, transient=True) as bar, stating_kept() as keep:
+        task = bar.add_task("Case", total=None, flow="")
+
+        def watch(state: State) -> None:
+            keep(
+                f"the flow is at {state.time:.3g} of {state.end:g} s; give the same command again "
+                "to continue"
+            )
+            bar.update(task, total=state.end, completed=state.time, flow=flow_text(state))
+
+        yield Display(lambda text: bar.update(task, description=text), _say_expected, watch)
+
+
+def _say_expected(cells: int, seconds: float) -> None:
+    """Print the size of the mesh and the expected time of the solver."""
+    if seconds > 0.0:
+        say(f"{cells:,} cells; the solver takes {duration(seconds)} (right to a factor of two).")
+
+
+def duration(seconds: float) -> str:
+    """Time of the clock in words."""
+    minutes = round(seconds / 60.0)
+    if minutes > 90:
+        return f"{seconds / 3600.0:.2g} hours"
+    return f"some {minutes} minutes" if minutes > 1 else "a minute or two"
+
+
+def flow_text(state: State) -> str:
+    """The state of the flow in a few words."""
+    words = [f"{state.time:.3f} of {state.end:g} s"]
+    flow = state.steadiness
+    if flow is not None:
+        varies = f"heat varies {flow.heat_variation:.1%}, plume {flow.plume_swing_k:.0f} K"
+        words += [f"{flow.heat_w:.1f} W", "steady" if flow.steady else varies]
+    if state.left is not None:
+        words.append(f"{timedelta(seconds=round(state.left))} left")
+    return ", ".join(words)

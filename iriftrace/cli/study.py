@@ -14,6 +14,7 @@ from iriftrace.cli.camera_options import CameraOptions, Scale
 from iriftrace.cli.console import drawn, pose_progress, say, working
 from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions, Rule
 from iriftrace.cli.options import (
+    Flag,
     Numbers,
     Whole,
     check_field,
@@ -37,7 +38,7 @@ Output = Annotated[
     Path,
     Parameter(name=["-o", "--output"], help="The netCDF file; the figure is written next to it."),
 ]
-References = Annotated[list[str] | None, Parameter(name="--reference", negative=())]
+References = Annotated[list[str] | None, Parameter(name="--reference")]
 Layers = Annotated[Whole, Parameter(help="Number of shells.")]
 
 MODE = Group("Second mode, compared with ours (gradient, rim, refract, 0)", sort_key=0)
@@ -67,7 +68,7 @@ class ModeOptions:
     index_rule: Rule = "outer"
     inside_hit: Literal["refract", "drop"] = "drop"
     drop_inner: str = "0"
-    explain: Annotated[bool, Parameter(negative=())] = False
+    explain: Flag = False
 
     def modes(self) -> list[Mode]:
         """Ours, the second one, and those between them if requested."""
@@ -267,7 +268,7 @@ def mesh(
     *finer: Path,
     output: Output = Path("mesh.nc"),
     layers: Layers = 13,
-    split: Annotated[list[Path] | None, Parameter(negative=())] = None,
+    split: list[Path] | None = None,
     reference: References = None,
     options: StudyOptions = StudyOptions(),
     scale: Scale = 0.25,

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import product
 from typing import TYPE_CHECKING
 
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
-
-from iriftrace.cli.console import out
+from iriftrace.cli.console import out, print_table
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -22,7 +18,7 @@ def print_comparison(dataset: xr.Dataset) -> None:
     """Print a table for each reference: differences of the hits in micrometres."""
     from iriftrace.studies.study import reference_words
 
-    (axis,) = set(dataset["rmse"].dims) - {"mode", "reference"}
+    (axis,) = map(str, set(dataset["rmse"].dims) - {"mode", "reference"})
     for reference in dataset["reference"].values:
         rows = []
         for place, mode in product(dataset[axis].values, dataset["mode"].values):
@@ -37,9 +33,9 @@ def print_comparison(dataset: xr.Dataset) -> None:
             rows.append((place, mode, median, fraction, *others, unmatched, int(case["rays_lost"])))
         print_table(
             f"Difference from {reference_words(str(reference))} / um",
-            (str(axis), "mode"),
-            ("median", "ratio", "p95", "trimmed", "rmse", "un-\nmatched", "lost"),
+            (axis, "mode", "median", "ratio", "p95", "trimmed", "rmse", "un-\nmatched", "lost"),
             rows,
+            texts=(axis, "mode"),
         )
     out.print(
         "ratio: median over the median displacement; trimmed: rmse without the 1 % of rays that "
@@ -67,7 +63,7 @@ def print_timing(dataset: xr.Dataset) -> None:
                 )
             )
         headings = (across.replace("_", " "), "growth", "search", *STAGES)
-        print_table(f"{mode}: times over that of the refracted trace", (), headings, rows)
+        print_table(f"{mode}: times over that of the refracted trace", headings, rows)
     out.print(
         "growth: refracted trace over that of the first case, if one run measured both; search: "
         "the intersection search of the refracted trace, the rest of it is refraction."
@@ -77,23 +73,3 @@ def print_timing(dataset: xr.Dataset) -> None:
             "A search above 1 is noise: the search is timed in a separate run, so that other "
             "programs on the machine can make it the longer one."
         )
-
-
-def print_table(
-    title: str, texts: Sequence[str], numbers: Sequence[str], rows: Sequence[Sequence[object]]
-) -> None:
-    """Print a table in the terminal's width, or wider if words and numbers would be cut."""
-    # Rules between the columns would cost width.
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=0, show_edge=False)
-    for heading in texts:
-        table.add_column(heading, overflow="fold")
-    for heading in numbers:
-        table.add_column(heading, justify="right")
-    for row in rows:
-        table.add_row(*map(str, row))
-    # A measurement ends at the console's width, unless the options have a larger one.
-    least = out.measure(table, options=out.options.update(width=1000)).minimum
-    if least > out.width:
-        table.width = least
-    out.print(table, crop=False, soft_wrap=True)
-    out.print()

@@ -37,7 +37,7 @@ class TraceOptions:
         if that is shells, but they are too few for a view, the field if it is available.
     """
 
-    define: Annotated[list[str] | None, Parameter(name=["-D", "--define"], negative=())] = None
+    define: Annotated[list[str] | None, Parameter(name=["-D", "--define"])] = None
     wavelength: Wavelength | None = None
     variant: str | None = None
     engine: Literal["auto", "shells", "cells"] = "auto"

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from rich.table import Table
-
-from iriftrace.cli.console import out, say
+from iriftrace.cli.console import print_table, say
 from iriftrace.cli.options import celsius
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K
@@ -135,21 +133,15 @@ def say_relations(rows: list[JsonObject], true: str, synthetic: bool = False) ->
 def print_regions(rows: list[RegionRow], title: str) -> None:
     """A row for each region with points, those with most of them first."""
     seen = sorted((row for row in rows if row["points"]), key=lambda row: -row["points"])
-    table = Table(title=title, title_justify="left")
-    table.add_column("region")
-    for heading in ("points", "measured", "median (um)", "rms (um)", "95 % below (um)"):
-        table.add_column(heading, justify="right")
+    cells = []
     for row in seen[:MOST_LINES]:
         values, largest = row["along_normal_mm"], row["size_p95_mm"]
         assert values is not None
         assert largest is not None
-        table.add_row(
-            row["region"],
-            f"{row['points']:,}",
-            f"{row['measured']:.0%}",
-            *(f"{1e3 * value:.3g}" for value in (values["median"], values["rms"], largest)),
-        )
-    out.print(table)
+        um = (f"{1e3 * value:.3g}" for value in (values["median"], values["rms"], largest))
+        cells.append((row["region"], f"{row['points']:,}", f"{row['measured']:.0%}", *um))
+    headings = ("region", "points", "measured", "median (um)", "rms (um)", "95 % below (um)")
+    print_table(title, headings, cells, texts=["region"])
     say(
         "Measured: area of the triangles with a point, as a fraction of the region's"
         + (

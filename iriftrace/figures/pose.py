@@ -115,42 +115,22 @@ def displacement_figure(
     return _draw(image, include, COMPONENTS[component], view)
 
 
-def scatter_figure(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> Figure:
-    """Draw the standard deviation of the displacement over the members of an ensemble.
-
-    Parameters
-    ----------
-    image, include
-        As for `displacement_figure`; the image is that of an ensemble.
-
-    Raises
-    ------
-    InputError
-        The image is that of a single field; or as for `displacement_figure`.
-    """
-    if not image.is_ensemble:
-        raise InputError(
-            "the image is that of a single field, which has no scatter; render the scene of an "
-            "ensemble."
-        )
-    return _draw(image, include, SCATTER)
-
-
 def pose_figures(
     image: AovImage,
     name: str,
     include: Collection[int] = (Status.GOOD,),
     component: Component = "norm",
 ) -> dict[str, Figure]:
-    """All figures of a pose, named after it: the displacement and, for an ensemble, the scatter.
+    """All figures of a pose, named after it.
 
-    A signed component of the displacement is drawn alone, with its name after the pose's.
+    The displacement and, for an ensemble, its standard deviation over the members. A signed
+    component is drawn alone, with its name after the pose's.
     """
     if component != "norm":
         return {f"{name}_{component}": displacement_figure(image, include, component=component)}
     figures = {name: displacement_figure(image, include)}
     if image.is_ensemble:
-        figures[f"{name}_scatter"] = scatter_figure(image, include)
+        figures[f"{name}_scatter"] = _draw(image, include, SCATTER)
     return figures
 
 
@@ -307,17 +287,16 @@ def _pixel_edges(marked: BoolArray, axis: int) -> FloatArray:
 def _statistics(values: FloatArray) -> str:
     if len(values) < FEWEST_RAYS:
         return f"fewer than {FEWEST_RAYS} good rays, so no numbers"
-    median, p95 = np.percentile(values, (50.0, 95.0))
-    return f"median {_length(median)} µm, 95th percentile {_length(p95)} µm"
-
-
-def _length(value: float) -> str:
-    return f"{value:.1f}" if value >= 1.0 or value == 0.0 else f"{value:.2g}"
+    median, p95 = (
+        f"{value:.1f}" if value >= 1.0 or value == 0.0 else f"{value:.2g}"
+        for value in np.percentile(values, (50.0, 95.0))
+    )
+    return f"median {median} µm, 95th percentile {p95} µm"
 
 
 def _provenance(header: JsonObject) -> str:
-    field, wavelength = header.get("field"), header.get("wavelength_nm")
-    ensemble = header.get("ensemble")
+    stated = ("field", "wavelength_nm", "ensemble", "normals", "engine", "bending")
+    field, wavelength, ensemble, normals, engine, bending = map(header.get, stated)
     parts = [
         synthetic_mark(stated_source(field)),
         f"{ensemble['count']} fields"
@@ -326,19 +305,9 @@ def _provenance(header: JsonObject) -> str:
         if field and field.get("path")
         else None,
         f"{wavelength:g} nm" if wavelength is not None else None,
-        _normals(header.get("normals"), header.get("engine")),
-        "bent at the shells" if _bent_at_shells(header.get("bending")) else None,
-        f"engine: {header['engine']}" if header.get("engine") else None,
+        # The gradient of cells has no normals.
+        normals if engine == "cells" or not normals else f"{normals} normals",
+        "bent at the shells" if bending and Bending(bending).at_shells_alone else None,
+        f"engine: {engine}" if engine else None,
     ]
     return "  ·  ".join(part for part in parts if part)
-
-
-def _normals(stated: str | None, engine: str | None) -> str | None:
-    """Normals of shells, or the gradient of cells, which have no normals."""
-    if not stated:
-        return None
-    return stated if engine == "cells" else f"{stated} normals"
-
-
-def _bent_at_shells(stated: str | None) -> bool:
-    return stated is not None and Bending(stated).at_shells_alone

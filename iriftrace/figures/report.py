@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import base64
+import json
+from collections.abc import Iterable
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from attrs import frozen
 
-from iriftrace.camera.pose import PoseText, pose_text
+from iriftrace.camera.pose import pose_text
 from iriftrace.core.files import sha256_of
-from iriftrace.figures.page import Rows, name_of, value_text, write_page
-from iriftrace.figures.report_setting import engines_text, rests_on, setting_rows
+from iriftrace.core.plain import JsonObject
+from iriftrace.field.source import stated_source, synthetic_mark
+from iriftrace.figures.page import Rows, file_text, name_of, value_text, write_page
 from iriftrace.figures.style import figure_bytes
 from iriftrace.figures.sweep import sweep_charts, sweep_pictures
 from iriftrace.image.aov_image import Status
@@ -21,19 +23,21 @@ from iriftrace.image.resolution import FRONTAL
 from iriftrace.planning.cover import NO_LIMITS, ViewLimits, plan_views
 from iriftrace.planning.stability import stability
 from iriftrace.planning.texts import (
-    RankingTable,
     alternative_text,
     front_table,
     in_words,
+    least_error_text,
+    other_statistics_text,
     ranking_table,
     stability_text,
     views_table,
     views_text,
     views_title,
+    warned_text,
 )
 from iriftrace.sweep.diagnostics import setting_of
 from iriftrace.sweep.faces import has_faces
-from iriftrace.sweep.store import attribute
+from iriftrace.sweep.store import attribute, scene_of, traced_through_cells
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -73,64 +77,37 @@ _SUMMARY_ROWS = 5
 _MOST_REASONS = 200
 
 
-@frozen(eq=False)
-class ReportContent:
-    """The report's text; rows are of name and value.
-
-    Rows of the varied weights: metric; rank of the best pose and winner with the smaller weight;
-    the same with the larger. Rows of the rays: outcome, number, fraction of the
-    hits.
-    """
-
-    title: str
-    question: str
-    answer: str
-    rests_on: tuple[str, ...]
-    unclear: str | None
-    setting: Rows
-    assumptions: Rows
-    ranking: RankingTable
-    front: RankingTable
-    best: PoseText
-    best_pose: int
-    stability: str | None
-    varied_weights: Rows
-    rays: Rows
-    limits: tuple[str, ...]
-    unranked: Rows
-    views: RankingTable | None
-    views_title: str
-    views_text: str
-
-
 def report_content(
     dataset: xr.Dataset,
     summary: SweepSummary,
     top: int,
     views: int | None = None,
     limits: ViewLimits = NO_LIMITS,
-) -> ReportContent:
-    """Collect the contents about a sweep, with `top` rows of the ranking and a set of `views`."""
+) -> dict[str, object]:
+    """Texts and tables of the page, with `top` rows of the ranking and a set of `views`."""
     plan = summary.plan
     chosen = None if views is None else plan_views(dataset, views, limits, plan.criteria)
     ranking = ranking_table(summary, top)
     part = name_of(attribute(dataset, "part"))
     device = "camera" if summary.devices is None else "sensor"
-    best = plan.best
-    return ReportContent(
+    best, varied = plan.best, stability(plan)
+    return dict(
         title=f"Where to put the {device}: {part}",
         question=_question(summary, device, part),
         answer=_answer(summary),
-        rests_on=rests_on(dataset, summary),
+        rests_on=_rests_on(dataset, summary),
         unclear=alternative_text(summary),
-        setting=setting_rows(dataset, summary),
+        setting=_setting_rows(dataset, summary),
         assumptions=_assumptions(dataset),
         ranking=ranking,
         front=front_table(summary),
         best=pose_text(summary.matrices[best], summary.distance[best]),
         best_pose=best,
         stability=stability_text(summary),
-        varied_weights=_varied_weights(summary),
+        varied_weights=[
+            (name, *map(str, chain.from_iterable(zip(ranks, varied.winners[name], strict=True))))
+            for name, ranks in varied.ranks.items()
+        ],
         rays=_rays(dataset),
         limits=_limits(dataset, summary),
         unranked=tuple(
@@ -179,18 +156,9 @@ def _answer(summary: SweepSummary) -> str:
 def _assumptions(dataset: xr.Dataset) -> Rows:
     """Assumptions that hold for all poses, and engines of the poses."""
     rows = {key: value_text(value) for key, value in attribute(dataset, "assumptions").items()}
-    if other := engines_text(dataset):
+    if other := _engines_text(dataset):
         rows["engine"] = "; ".join(filter(None, (rows.get("engine"), other)))
     return tuple((key.replace("_", " "), text) for key, text in rows.items())
-
-
-def _varied_weights(summary: SweepSummary) -> Rows:
-    varied = stability(summary.plan)
-    rows = []
-    for name, ranks in varied.ranks.items():
-        pairs = zip(ranks, varied.winners[name], strict=True)
-        rows.append((name, *map(str, chain.from_iterable(pairs))))
-    return tuple(rows)
 
 
 def _rays(dataset: xr.Dataset) -> Rows:
@@ -238,6 +206,120 @@ def _limits(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
         "(iriftrace plan --refine)."
     )
     return tuple(sentences)
+
+
+def _engines_text(dataset: xr.Dataset) -> str:
+    """Number of poses that were traced through the field, because shells are too few."""
+    through = traced_through_cells(dataset)
+    if through.all() or not through.any():
+        return ""
+    return (
+        f"{through.sum()} of {len(through)} poses were traced through the field data, as the "
+        "shells are too few."
+    )
+
+
+def _rests_on(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
+    """Facts that limit the reliability of the answer, a sentence each."""
+    fields = _fields(dataset)
+    origins = _distinct(one.get("origin") or "not stated" for one in fields)
+    marks = (synthetic_mark(stated_source(one)) for one in fields)
+    mark = next(filter(None, marks), "Field")
+    assumed = attribute(dataset, "assumptions")
+    time = assumed.get("field_time", "not stated")
+    sentences = (
+        f"{mark}: {'; '.join(origins)}. Time of the field: {time}.",
+        assumed.get("field_fit", ""),
+        _engines_text(dataset),
+        summary.devices,
+        warned_text(summary),
+        least_error_text(summary),
+        other_statistics_text(summary),
+    )
+    return tuple(filter(None, sentences))
+
+
+def _setting_rows(dataset: xr.Dataset, summary: SweepSummary) -> Rows:
+    scene, sha256 = scene_of(dataset)
+    variables = attribute(dataset, "scene").get("variables") or {}
+    focal = np.unique(dataset["focal_length"].values) if "focal_length" in dataset else [0.0]
+    criteria = summary.plan.criteria
+    least = f" and a coverage of {criteria.min_coverage:g}" if criteria.min_coverage else ""
+    return (
+        ("Part", file_text(attribute(dataset, "part"))),
+        ("Field", _field(dataset)),
+        ("Scene", file_text({"path": scene, "sha256": sha256}) if scene else "not stated"),
+        ("Scene parameters", ", ".join(f"{k} = {v}" for k, v in variables.items()) or "as written"),
+        ("Camera", _camera(attribute(dataset, "camera"), varied=len(focal) > 1)),
+        ("Poses", _orbit(summary)),
+        *((f"Varied: {one.name}", ", ".join(_distinct(one.values))) for one in summary.varied),
+        ("Region ranked", "whole part" if criteria.region == "part" else criteria.region),
+        (
+            "Normalisation",
+            f"minimum to {criteria.percentile:g}th percentile; beyond it: {criteria.outside}; at "
+            f"least {criteria.min_hits} good rays{least}",
+        ),
+        (
+            "Traced with",
+            f"iriftrace {dataset.attrs.get('version', 'of unknown version')}, Mitsuba variant "
+            f"{dataset.attrs.get('variant', 'not stated')}",
+        ),
+    )
+
+
+def _fields(dataset: xr.Dataset) -> list[JsonObject]:
+    """Fields of all scenes; that of the sweep's own attribute if they do not state it."""
+    try:
+        scenes = json.loads(dataset.attrs.get("scenes", "[]"))
+    except ValueError:
+        scenes = []
+    several: list[JsonObject] = []
+    for scene in scenes:
+        if isinstance(scene, dict):
+            members = [member.get("source") or {} for member in scene.get("members") or []]
+            several += members or [scene.get("field") or {}]
+    return several if len(several) > 1 else [attribute(dataset, "field")]
+
+
+def _field(dataset: xr.Dataset) -> str:
+    texts = [
+        file_text(one) + (f", {one['quantity']}" if one.get("quantity") else "")
+        for one in _fields(dataset)
+    ]
+    wavelength = dataset.attrs.get("wavelength_nm")
+    light = f"; light of {float(wavelength):g} nm" if isinstance(wavelength, int | float) else ""
+    return "; ".join(_distinct(texts)) + light
+
+
+def _distinct(values: Iterable[str]) -> list[str]:
+    return list(dict.fromkeys(values))
+
+
+def _camera(camera: JsonObject, *, varied: bool) -> str:
+    if not camera:
+        return "not stated"
+    focal = camera.get("focal_length_mm")
+    lens = "" if focal is None or varied else f"focal length {focal:g} mm, "
+    near, far = camera["focus_mm"]
+    depth = f"{near:g} mm to {'infinity' if far is None else f'{far:g} mm'}"
+    distorted = ", lens distortion" if camera.get("distortion") else ""
+    (width, height), (columns, rows) = camera["sensor_mm"], camera["resolution"]
+    return (
+        f"{camera['projection']}, {lens}sensor {width:g} \N{MULTIPLICATION SIGN} {height:g} mm, "
+        f"{columns} \N{MULTIPLICATION SIGN} {rows} pixels, in focus from {depth}{distorted}"
+    )
+
+
+def _orbit(summary: SweepSummary) -> str:
+    ranges = [
+        f"{name} {values.min():.4g} to {values.max():.4g}{unit}"
+        for name, values, unit in (
+            ("azimuth", summary.azimuth, "°"),
+            ("elevation", summary.elevation, "°"),
+            ("distance to the target", summary.distance, " mm"),
+        )
+    ]
+    return f"{len(summary.distance)}, {', '.join(ranges)}; angles {summary.angles_of}"
 
 
 def write_report(

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
+from iriftrace.core.plain import JsonObject
 from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.figures.style import finish_axes, new_figure
 from iriftrace.part.part import Part
+from iriftrace.sweep.measures import Limits
 from iriftrace.triangulation.correction import Correction, CorrectionStatus
 from iriftrace.triangulation.scan import Scan, ScanStatus
 
@@ -23,15 +28,10 @@ def scan_figure(scan: Scan) -> Figure:
     that were not measured are grey.
     """
     error = UM_PER_MM * scan.error_normal
-    mark = synthetic_mark(stated_source(scan.provenance["field"]))
-    marked = f" ({mark})" if mark else ""
-    figure, body = new_figure(
-        8.0,
-        4.4,
-        f"What hot air adds to a {scan.system} measurement{marked}",
-        f"{_spread(error)}; grey: on the part, not measured",
+    title = f"What hot air adds to a {scan.system} measurement"
+    figure, body, (left, right) = _panels(
+        title, scan.provenance, f"{_spread(error)}; grey: on the part, not measured"
     )
-    left, right = body.subplots(1, 2, width_ratios=(3, 2))
     limit = float(np.percentile(np.abs(error), 99))
     picture = np.full(scan.status.shape, np.nan)
     picture[scan.status == ScanStatus.MEASURED] = error
@@ -41,17 +41,11 @@ def scan_figure(scan: Scan) -> Figure:
     rows, columns = np.nonzero(np.isfinite(picture) | lost)
     left.set_xlim(columns.min() - 2, columns.max() + 2)
     left.set_ylim(rows.max() + 2, rows.min() - 2)
-    left.set_axis_off()
     body.colorbar(shown, ax=left, orientation="horizontal", label="error along the normal (µm)")
     _, _, left_over = scan.best_fit()
-    bins = np.linspace(-1.5 * limit, 1.5 * limit, 61)
-    for values, name in ((error, "as measured"), (UM_PER_MM * left_over, "after best fit")):
-        right.hist(values.clip(bins[0], bins[-1]), bins, histtype="step", label=name)
+    errors = {"as measured": error, "after best fit": UM_PER_MM * left_over}
+    _draw_histogram(right, errors, (-1.5 * limit, 1.5 * limit), "error along the normal (µm)")
     right.axvline(0.0, color="0.5", linewidth=0.8)
-    right.set_xlabel("error along the normal (µm)")
-    right.set_ylabel("points")
-    right.legend(fontsize="small")
-    finish_axes(right)
     return figure
 
 
@@ -64,34 +58,42 @@ def correction_figure(found: Correction, part: Part, camera: Camera) -> Figure:
     good = found.status == CorrectionStatus.CORRECTED
     normal, face = found.normal[good], found.face[good]
     along = UM_PER_MM * np.einsum("ij,ij->i", found.error[good], normal)
-    mark = synthetic_mark(stated_source(found.provenance["field"]))
-    figure, body = new_figure(
-        8.0,
-        4.4,
-        "What hot air added to the measured points" + (f" ({mark})" if mark else ""),
-        _spread(along),
-    )
-    left, right = body.subplots(1, 2, width_ratios=(3, 2))
+    title = "What hot air added to the measured points"
+    figure, body, (left, right) = _panels(title, found.provenance, _spread(along))
     limit = max(float(np.percentile(np.abs(along), 99)), 1e-6)
     u, v = camera.project(found.measured[good]).T
     shown = left.hexbin(u, v, along, gridsize=120, cmap="RdBu_r", vmin=-limit, vmax=limit)
     left.set_aspect("equal")
     left.invert_yaxis()
-    left.set_axis_off()
     body.colorbar(shown, ax=left, orientation="horizontal", label="correction along normal (µm)")
     deviations = {
         name: UM_PER_MM * (np.einsum("ij,ij->i", points[good], normal) - part.face_offsets[face])
         for name, points in (("as measured", found.measured), ("corrected", found.points))
     }
-    lowest, highest = np.percentile(np.concatenate(list(deviations.values())), (1, 99))
-    bins = np.linspace(lowest, highest, 61)
-    for name, values in deviations.items():
-        right.hist(values.clip(lowest, highest), bins, histtype="step", label=name)
-    right.set_xlabel("deviation from the part (µm)")
-    right.set_ylabel("points")
-    right.legend(fontsize="small")
-    finish_axes(right)
+    low, high = np.percentile(np.concatenate(list(deviations.values())), (1, 99))
+    _draw_histogram(right, deviations, (low, high), "deviation from the part (µm)")
     return figure
+
+
+def _panels(
+    title: str, provenance: JsonObject, subtitle: str
+) -> tuple[Figure, SubFigure, tuple[Axes, Axes]]:
+    """A figure with room for a picture and a histogram; marked if the field is synthetic."""
+    mark = synthetic_mark(stated_source(provenance["field"]))
+    figure, body = new_figure(8.0, 4.4, title + (f" ({mark})" if mark else ""), subtitle)
+    left, right = body.subplots(1, 2, width_ratios=(3, 2))
+    left.set_axis_off()
+    return figure, body, (left, right)
+
+
+def _draw_histogram(axes: Axes, um: Mapping[str, FloatArray], ends: Limits, label: str) -> None:
+    """Count values, um, by name; those beyond the ends count in the last bins."""
+    bins = np.linspace(*ends, 61).tolist()
+    for name, values in um.items():
+        axes.hist(values.clip(*ends), bins, histtype="step", label=name)
+    axes.set(xlabel=label, ylabel="points")
+    axes.legend(fontsize="small")
+    finish_axes(axes)
 
 
 def _spread(along: FloatArray) -> str:

@@ -6,37 +6,15 @@ import base64
 import json
 from pathlib import Path
 
-from attrs import frozen
-
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.field.source import stated_source, synthetic_mark
-from iriftrace.figures.page import Rows, file_text, name_of, value_text, write_page
+from iriftrace.figures.page import file_text, name_of, value_text, write_page
 
 SCHEMAS = {"iriftrace.scan/1": "cold", "iriftrace.correction/1": "corrected"}
 """Results with such a report, and the names of their features' clouds without air."""
-
-
-@frozen
-class ScanReport:
-    """Texts and tables of the page; rows are cells by their headings, or name and value."""
-
-    title: str
-    answer: tuple[str, ...]
-    doubtful: tuple[str, ...]
-    caption: str
-    feature_headings: tuple[str, ...]
-    features: Rows
-    feature_note: str
-    relation_headings: tuple[str, ...]
-    relations: Rows
-    regions: Rows
-    region_note: str
-    points: Rows
-    setting: Rows
-    assumptions: Rows
 
 
 def read_numbers(path: Path) -> tuple[Path, JsonObject]:
@@ -60,8 +38,8 @@ def read_numbers(path: Path) -> tuple[Path, JsonObject]:
     return file, values
 
 
-def scan_report(values: JsonObject) -> ScanReport:
-    """Collect the contents about a scan or correction from its JSON values."""
+def scan_report(values: JsonObject) -> dict[str, object]:
+    """Texts and tables of the page from the JSON values of a scan or correction."""
     true = SCHEMAS[values["schema"]]
     simulated = true == "cold"
     assumed, counts = values["assumptions"], values["points"]
@@ -71,7 +49,7 @@ def scan_report(values: JsonObject) -> ScanReport:
         () if cold is None else (f"at {_celsius(cold['temperature_k'])} (mm)", "U of that (µm)")
     )
     held = () if cold is None else ("at (°C)",)
-    return ScanReport(
+    return dict(
         title=f"{what}: {name_of(values['part'])}",
         answer=tuple(_answer(values, simulated)),
         doubtful=tuple(_doubtful(values, simulated)),

@@ -100,11 +100,7 @@ def scene_figure(
     for body in bodies[1:]:
         name = second_name.capitalize()
         _name(axes, view.pixels(body.points), name, "above", SECOND_COLOUR)
-    _add_temperature_bar(figure, temperature_norm(shells))
-    return figure
-
-
-def _add_temperature_bar(figure: Figure, norm: FuncNorm) -> None:
+    norm = temperature_norm(shells)
     bar = figure.colorbar(
         ScalarMappable(norm, COLOUR_MAP),
         cax=figure.add_axes((0.885, 0.22, 0.022, 0.56)),
@@ -112,6 +108,7 @@ def _add_temperature_bar(figure: Figure, norm: FuncNorm) -> None:
     )
     bar.set_ticks(temperature_ticks(norm))
     bar.set_ticks([], minor=True)
+    return figure
 
 
 def celsius_of(shells: ShellStack) -> FloatArray:
@@ -208,30 +205,20 @@ def add_shells(
     # The part must remain visible through all of them.
     opacity = float(1.0 - _TRANSMITTANCE ** (1.0 / len(drawn)))
     for number in drawn:
-        _add_shell(plotter, shells.shells[number], colours[number, :3], opacity, centre, side)
-
-
-def _add_shell(
-    plotter: pv.Plotter,
-    shell: Shell,
-    colour: FloatArray,
-    opacity: float,
-    centre: FloatArray,
-    side: FloatArray,
-) -> None:
-    surface = polydata(shell.vertices, shell.faces)
-    if shell.normals is not None:
-        surface.point_data.active_normals = shell.normals.astype(np.float64)
-    surface = thinned(surface)
-    rest = surface.clip(normal=side, origin=centre)
-    if rest.n_cells:
+        shell, colour = shells.shells[number], colours[number, :3]
+        surface = polydata(shell.vertices, shell.faces)
         smooth = shell.normals is not None
-        plotter.add_mesh(
-            rest, color=colour, opacity=opacity, smooth_shading=smooth, ambient=0.4, diffuse=0.6
-        )
-    cut = surface.slice(normal=side, origin=centre)
-    if cut.n_cells:
-        plotter.add_mesh(cut, color=colour, line_width=2.5, lighting=False)
+        if shell.normals is not None:
+            surface.point_data.active_normals = shell.normals.astype(np.float64)
+        surface = thinned(surface)
+        rest = surface.clip(normal=side, origin=centre)
+        if rest.n_cells:
+            plotter.add_mesh(
+                rest, color=colour, opacity=opacity, smooth_shading=smooth, ambient=0.4, diffuse=0.6
+            )
+        cut = surface.slice(normal=side, origin=centre)
+        if cut.n_cells:
+            plotter.add_mesh(cut, color=colour, line_width=2.5, lighting=False)
 
 
 def _names(

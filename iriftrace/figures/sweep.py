@@ -12,11 +12,11 @@ from iriftrace.figures.pose import displacement_figure
 from iriftrace.figures.style import number
 from iriftrace.figures.sweep_charts import (
     histogram_figure,
+    map_figure,
     normalised_figure,
     pareto_figure,
     rays_figure,
 )
-from iriftrace.figures.sweep_maps import map_figure
 from iriftrace.planning.summary import SweepSummary, extreme_images, extreme_poses
 from iriftrace.sweep.faces import face_maps_of
 

@@ -103,7 +103,14 @@ def sweep_scene_figure(
             plotter.add_mesh(rings, color=_UNKNOWN_COLOUR, lighting=False)
         if shell:
             # Last, because it is blended with what lies behind it.
-            _add_front(plotter, thinned(polydata(*shell)))
+            plotter.add_mesh(
+                thinned(polydata(*shell)),
+                color=_SHELL_COLOUR,
+                opacity=_SHELL_OPACITY,
+                culling="back",
+                smooth_shading=True,
+                ambient=0.5,
+            )
 
     hidden = "" if shown.all() else "  ·  the best at each place"
     entries = [*marks(summary, ~quantity.known, BEST_RING), *_surroundings_entries(surroundings)]
@@ -210,19 +217,15 @@ def best_at_each_place(summary: SweepSummary) -> BoolArray:
 
 def _mark_radii(places: FloatArray, view: View) -> FloatArray:
     """(n,) array, mm: radii of marks at (n, 3) places, larger the nearer they are to the viewer."""
-    radius = _mark_px(view.pixels(np.unique(places, axis=0))) / view.px_per_mm
+    positions, px = view.pixels(np.unique(places, axis=0)), _MARK_PX[1]
+    if len(positions) > 1:
+        # Most marks do not touch.
+        distance, _ = KDTree(positions).query(positions, k=2)
+        px = float(np.clip(_MARK_SHARE * np.median(distance[:, 1]), *_MARK_PX))
     depth = places @ view.towards
     near = (depth - depth.min()) / max(float(np.ptp(depth)), 1e-9)
-    radii: FloatArray = radius * (_FAR_SIZE + (1.0 - _FAR_SIZE) * near)
+    radii: FloatArray = px / view.px_per_mm * (_FAR_SIZE + (1.0 - _FAR_SIZE) * near)
     return radii
-
-
-def _mark_px(positions: FloatArray) -> float:
-    """Radius at which most marks do not touch, px."""
-    if len(positions) < 2:
-        return _MARK_PX[1]
-    distance, _ = KDTree(positions).query(positions, k=2)
-    return float(np.clip(_MARK_SHARE * np.median(distance[:, 1]), *_MARK_PX))
 
 
 def _marks(shape: pv.PolyData, places: FloatArray, radii: FloatArray) -> pv.PolyData:
@@ -233,17 +236,6 @@ def _marks(shape: pv.PolyData, places: FloatArray, radii: FloatArray) -> pv.Poly
     points["radius"] = radii
     copies: pv.PolyData = points.glyph(geom=shape, orient=False, scale="radius", factor=1.0)
     return copies
-
-
-def _add_front(plotter: pv.Plotter, hot_air: pv.PolyData) -> None:
-    plotter.add_mesh(
-        hot_air,
-        color=_SHELL_COLOUR,
-        opacity=_SHELL_OPACITY,
-        culling="back",
-        smooth_shading=True,
-        ambient=0.5,
-    )
 
 
 def _add_coloured(

@@ -12,7 +12,7 @@ import trimesh
 from iriftrace.cfd.openfoam import programs as installation
 from iriftrace.cfd.openfoam.run import State
 from iriftrace.cli import main
-from iriftrace.cli.simulation_progress import simulation_progress
+from iriftrace.cli.simulate import simulation_progress
 
 WALL = "--wall-temperature=1100 degC"
 

@@ -22,22 +22,23 @@ from iriftrace.camera.pose import look_at
 from iriftrace.camera.pose_set import PoseSet, joined
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
-from iriftrace.figures.style import write_figure
+from iriftrace.figures.space import PART_COLOUR
+from iriftrace.figures.style import scale_of, write_figure
 from iriftrace.figures.sweep import sweep_charts
 from iriftrace.figures.sweep_charts import (
     histogram_figure,
+    map_figure,
     normalised_figure,
     pareto_figure,
     rays_figure,
 )
-from iriftrace.figures.sweep_maps import map_figure
 from iriftrace.figures.sweep_space import (
     best_at_each_place,
     sweep_face_figure,
     sweep_scene_figure,
 )
 from iriftrace.image.aov_image import Status
-from iriftrace.part.part import Part, read_part
+from iriftrace.part.part import Part
 from iriftrace.planning.criteria import Criteria
 from iriftrace.planning.summary import SweepSummary
 from iriftrace.scenes import folder_of
@@ -373,22 +374,34 @@ def test_maps_of_faces_are_those_of_the_sweep() -> None:
     assert face_maps_of(sweep()) == ()
 
 
-def test_faces_have_the_colours_of_their_numbers(tmp_path: Path) -> None:
-    """All four kinds of faces are to be seen: three colours of the map and the grey of none."""
+Meshes = list[tuple[pv.PolyData, dict[str, Any]]]
+
+
+@pytest.fixture
+def meshes(monkeypatch: pytest.MonkeyPatch) -> Meshes:
+    """Meshes that are drawn in space, and their looks."""
+    drawn: Meshes = []
+    add = pv.Plotter.add_mesh
+
+    def record(self: pv.Plotter, mesh: pv.PolyData, **look: Any) -> Any:
+        drawn.append((mesh, look))
+        return add(self, mesh, **look)
+
+    monkeypatch.setattr(pv.Plotter, "add_mesh", record)
+    return drawn
+
+
+def test_faces_have_the_colours_of_their_numbers(meshes: Meshes) -> None:
+    """Three colours of the map and the grey of the face that no pose sees, from both sides."""
     data = faces_sweep()
     _, times, _ = face_maps_of(data)
-    path = tmp_path / "faces.png"
-    write_figure(sweep_face_figure(summary_of(data), TETRAHEDRON, times), path)
-    pixels = colours_of(path)
-    assert len(pixels) == 1600 * 1200
-    hue = [np.array(colormaps["viridis"](times.values[face] / 3.0)[:3]) for face in range(3)]
-    # The light scales a colour and leaves its direction.
-    direction = pixels / np.maximum(np.linalg.norm(pixels, axis=1, keepdims=True), 1.0)
-    for colour in hue:
-        alike = direction @ (colour / np.linalg.norm(colour)) > 0.9995
-        assert np.count_nonzero(alike & (pixels.sum(axis=1) < 650)) > 1000
-    grey = (np.ptp(pixels, axis=1) < 3) & (abs(pixels.mean(axis=1) - 195) < 25)
-    assert np.count_nonzero(grey) > 1000
+    sweep_face_figure(summary_of(data), TETRAHEDRON, times)
+    coloured = [mesh.cell_data["colour"] for mesh, look in meshes if look.get("rgb")]
+    seen = colormaps["viridis"](times.values[:3] / 3.0)[:, :3]
+    expected = np.rint(255 * np.concatenate((seen, [(201 / 255,) * 3])))
+    assert len(coloured) == 2
+    for colours in coloured:
+        np.testing.assert_array_equal(colours, expected)
     with pytest.raises(InputError, match="4 faces and the sweep 3"):
         sweep_face_figure(summary_of(data), TETRAHEDRON, evolve(times, values=np.ones(3)))
 
@@ -396,25 +409,18 @@ def test_faces_have_the_colours_of_their_numbers(tmp_path: Path) -> None:
 # In space ----------------------------------------------------------------------------------------
 
 
-def colours_of(path: Path) -> np.ndarray:
-    return np.asarray(pv.read(path).point_data.active_scalars)[:, :3].astype(int)
-
-
-def orange(pixels: np.ndarray) -> int:
-    """Pixels in the colour of the part."""
-    red, green, blue = pixels.T
-    return int(((red > 150) & (red - blue > 90) & (red - green > 40) & (green > 70)).sum())
-
-
-def test_the_part_stands_among_the_poses(summary: SweepSummary, tmp_path: Path) -> None:
-    part = read_part(folder_of("cylinder") / "part.ply")
-    for name, around in (("with", Surroundings(part)), ("without", Surroundings())):
-        figure = sweep_scene_figure(summary, summary.score, around)
-        write_figure(figure, tmp_path / f"{name}.png")
-    pictures = {path.stem: colours_of(path) for path in tmp_path.iterdir()}
-    assert len(pictures["with"]) == 1600 * 1200
-    # The edge of the red ring around the best pose is a little orange too.
-    assert orange(pictures["with"]) > 1000 + orange(pictures["without"])
+def test_the_part_stands_among_the_poses(summary: SweepSummary, meshes: Meshes) -> None:
+    """And each pose has its sphere in the colour of its score, or its ring without one."""
+    sweep_scene_figure(summary, summary.score, Surroundings(TETRAHEDRON))
+    bounds = {look.get("color"): np.reshape(mesh.bounds, (3, 2)).T for mesh, look in meshes}
+    np.testing.assert_allclose(bounds[PART_COLOUR], TETRAHEDRON.bounds)
+    (spheres,) = (mesh for mesh, _ in meshes if "colour" in mesh.point_data)
+    known = summary.score.known
+    centres = spheres.points.reshape(known.sum(), -1, 3).mean(axis=1)
+    np.testing.assert_allclose(centres, summary.origins[known], atol=1e-3)
+    colours = spheres.point_data["colour"].reshape(known.sum(), -1, 3)[:, 0]
+    scale = scale_of(summary.score)
+    np.testing.assert_array_equal(colours, np.rint(255 * scale.rgb(summary.score.values[known])))
 
 
 def test_files_of_the_sweep_are_found_again() -> None:

@@ -6,7 +6,6 @@ The colours looked for are those that the legend of each kind promises.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import matplotlib.image
 import numpy as np
@@ -17,7 +16,7 @@ from matplotlib.colors import to_rgb
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, SetupError
 from iriftrace.field.origin import state_origin
-from iriftrace.field.source import FieldFacts
+from iriftrace.field.source import FieldFacts, FieldSource
 from iriftrace.figures import window
 from iriftrace.figures.scene import SECOND_COLOUR, SIGHT_COLOUR
 from iriftrace.figures.space import PART_COLOUR
@@ -26,16 +25,21 @@ from iriftrace.scenes import folder_of
 
 SCALE = ("-D", "scale=0.05")
 
-RESULTS = {
-    "pose.exr": PART_COLOUR,
+HUES = {
+    "pose.exr": {PART_COLOUR: 0.0005},
     # The best pose of four is the yellow end of the scale.
-    "sweep.nc": "#fde725",
+    "sweep.nc": {"#fde725": 0.0005},
     # Hot air makes the cylinder too small: errors are below 0, and red.
-    "scan.vtp": "#f09c7b",
-    "scan.ply": "#f09c7b",
-    "corrected.vtp": "#21918c",
+    "scan.vtp": {"#f09c7b": 0.0005},
+    "corrected.vtp": {"#21918c": 0.0005},
+    "corrected.ply": {"#21918c": 0.0005},
+    # The outer shells are violet air in front of white.
+    "cylinder/scene.xml": {PART_COLOUR: 0.003, "#a78bbf": 0.005},
+    # Yellow is the wall, blue the air far from it.
+    "cylinder/field.vtu": {"#f0f921": 0.003, "#0d0887": 0.05},
+    "wishbone/part.ply": {"#1f77b4": 0.01},
 }
-"""Files of results, and a colour that the picture of each shows."""
+"""Files of results and of bundled scenes; hues that their pictures show, and the least share."""
 
 
 def share_like(picture: Path, colour: str) -> float:
@@ -55,16 +59,17 @@ def share_of(picture: Path, colour: str) -> float:
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A pose, a sweep and two clouds of the bundled cylinder."""
+    """A pose, a sweep and clouds of the bundled cylinder."""
     folder = tmp_path_factory.mktemp("results")
     scene, fringe = (str(folder_of(name) / "scene.xml") for name in ("cylinder", "fringe_cylinder"))
     angles = ("--azimuth", "0:90:2", "--elevation", "20:60:2")
+    scan = str(folder / "scan.vtp")
     for command in (
         ("render", scene, "-o", str(folder / "pose.exr"), "--no-figures", *SCALE),
         ("sweep", scene, "-o", str(folder / "sweep.nc"), *angles, *SCALE),
-        ("measure", fringe, "-o", str(folder / "scan.vtp"), "-D", "scale=0.1"),
-        ("measure", fringe, "-o", str(folder / "scan.ply"), "-D", "scale=0.1"),
-        ("correct", str(folder / "scan.vtp"), fringe, "-o", str(folder / "corrected.vtp")),
+        ("measure", fringe, "-o", scan, "--no-figures", "-D", "scale=0.1"),
+        ("correct", scan, fringe, "-o", str(folder / "corrected.vtp"), "--no-figures"),
+        ("correct", scan, fringe, "-o", str(folder / "corrected.ply"), "--no-figures"),
     ):
         assert main(list(command)) == 0
     return folder
@@ -76,67 +81,38 @@ def drawn(file: Path, folder: Path) -> Path:
     return picture
 
 
-@pytest.fixture(scope="module")
-def pictures(
-    results: Path, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[dict[str, Path], list[str]]:
-    """What is drawn of each result and of a scene, by name, and the origins that were checked."""
-    folder = tmp_path_factory.mktemp("pictures")
-    said: list[str] = []
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(window, "synthetic_mark", lambda source: said.append(source.origin))
-        files = [results / name for name in RESULTS]
-        files.append(folder_of("cylinder") / "scene.xml")
-        return {file.name: drawn(file, folder) for file in files}, said
-
-
-def test_a_scene_shows_part_shells_and_both_devices(
-    pictures: tuple[dict[str, Path], list[str]], tmp_path: Path
+@pytest.mark.parametrize("name", HUES)
+def test_files_are_drawn_and_marked(
+    results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
-    one = pictures[0]["scene.xml"]
-    assert share_like(one, PART_COLOUR) > 0.003
-    assert share_of(one, SIGHT_COLOUR) > 0.0005
-    assert share_of(one, SECOND_COLOUR) == 0.0
-    # The outer shells are violet air in front of white.
-    assert share_like(one, "#a78bbf") > 0.005
+    """The origin of the air decides on a mark; a part has none, and this field states none."""
+    marked: list[FieldSource] = []
+    monkeypatch.setattr(window, "synthetic_mark", marked.append)
+    folder, _, bundled = name.rpartition("/")
+    picture = drawn(folder_of(folder) / bundled if folder else results / name, tmp_path)
+    for hue, share in HUES[name].items():
+        assert share_like(picture, hue) > share
+    origins = {"part.ply": [], "field.vtu": [""]}.get(bundled, ["OpenFOAM"])
+    assert [source.origin.partition(",")[0] for source in marked] == origins
+    if bundled == "scene.xml":
+        assert share_of(picture, SIGHT_COLOUR) > 0.0005
+        assert share_of(picture, SECOND_COLOUR) == 0.0
+
+
+def test_a_scene_shows_both_devices(tmp_path: Path) -> None:
     two = drawn(folder_of("fringe_cylinder") / "scene.xml", tmp_path)
     assert share_of(two, SECOND_COLOUR) > 0.0005
 
 
-@pytest.mark.parametrize("name", RESULTS)
-def test_results_are_drawn(pictures: tuple[dict[str, Path], list[str]], name: str) -> None:
-    assert share_like(pictures[0][name], RESULTS[name]) > 0.0005
-
-
-def test_a_field_is_cut_open_at_the_part(tmp_path: Path) -> None:
-    picture = drawn(folder_of("cylinder") / "field.vtu", tmp_path)
-    # Yellow is the wall, blue the air far from it.
-    assert share_like(picture, "#f0f921") > 0.003
-    assert share_like(picture, "#0d0887") > 0.05
-
-
-def test_a_part_shows_its_regions(tmp_path: Path) -> None:
-    picture = drawn(folder_of("wishbone") / "part.ply", tmp_path)
-    assert share_like(picture, "#1f77b4") > 0.01
-
-
-def test_what_rests_on_no_simulation_says_so(
-    pictures: tuple[dict[str, Path], list[str]], tmp_path: Path
-) -> None:
-    _, said = pictures
-    assert len(said) == 6
-    assert {origin.partition(",")[0] for origin in said} == {"OpenFOAM"}
+def test_a_field_of_formulas_is_marked(tmp_path: Path) -> None:
     made = tmp_path / "made.vtu"
     grid = pv.read(folder_of("cylinder") / "field.vtu")
-    plain = drawn(made_of(grid, "OpenFOAM", made), tmp_path).read_bytes()
-    assert drawn(made_of(grid, "synthetic, by hand", made), tmp_path).read_bytes() != plain
-
-
-def made_of(grid: Any, origin: str, path: Path) -> Path:
-    """The grid as a file that states this origin."""
-    state_origin(grid, origin, FieldFacts.in_words(origin))
-    grid.save(path)
-    return path
+    pictures = []
+    for origin in ("OpenFOAM", "synthetic, by hand"):
+        state_origin(grid, origin, FieldFacts.in_words(origin))
+        grid.save(made)
+        pictures.append(drawn(made, tmp_path).read_bytes())
+    assert pictures[0] != pictures[1]
 
 
 def test_what_cannot_be_shown_says_why(results: Path, tmp_path: Path) -> None:
@@ -144,8 +120,8 @@ def test_what_cannot_be_shown_says_why(results: Path, tmp_path: Path) -> None:
     pv.PolyData(np.zeros((3, 3))).save(other)
     with pytest.raises(InputError, match="no column"):
         view(other, tmp_path / "view.png")
-    damaged = tmp_path / "scan.ply"
-    damaged.write_bytes((results / "scan.ply").read_bytes()[:500])
+    damaged = tmp_path / "cloud.ply"
+    damaged.write_bytes((results / "corrected.ply").read_bytes()[:500])
     with pytest.raises(InputError, match="damaged"):
         view(damaged, tmp_path / "view.png")
     with pytest.raises(InputError, match="there is no file"):

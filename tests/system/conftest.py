@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
+import shutil
 from hashlib import sha256
 from pathlib import Path
 
 import pytest
-from failing import Failing
+from failing import NINE_POSES, Failing, Run
 
 from iriftrace.cli import main
 from iriftrace.figures import pose, space, style, sweep_space
@@ -25,6 +26,21 @@ def hot(tmp_path_factory: pytest.TempPathFactory) -> HotBlock:
     assert main([*arguments, *hot_block.CAMERA]) == 0
     assert main(["render", str(scene)]) == 0
     return HotBlock(folder, field, part, scene, scene.with_suffix(".exr"))
+
+
+@pytest.fixture(scope="session")
+def sweep(hot: HotBlock, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small sweep of the hot block that keeps its images."""
+    file = tmp_path_factory.mktemp("sweep") / "sweep.nc"
+    assert main(["sweep", str(hot.scene), "-o", str(file), *NINE_POSES, "--exr"]) == 0
+    return file
+
+
+@pytest.fixture
+def scene(hot: HotBlock, tmp_path: Path) -> Path:
+    """A copy of the scene folder that a test may spoil; returns its XML."""
+    shutil.copytree(hot.scene.parent, tmp_path / "scene")
+    return tmp_path / "scene" / "scene.xml"
 
 
 @pytest.fixture(autouse=True)
@@ -72,3 +88,22 @@ def fails(
         return message
 
     return run
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """Run the program in a fresh folder; returns its output, and only `warns` is a warning."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "80")
+
+    def program(*arguments: str | Path, warns: str = "") -> str:
+        capsys.readouterr()
+        code = main([str(word) for word in arguments])
+        said = capsys.readouterr()
+        assert code == 0, said.err
+        warnings = [line for line in said.err.splitlines() if line.startswith("warning:")]
+        assert len(warnings) == bool(warns), said.err
+        assert re.search(warns, "".join(warnings))
+        return said.out
+
+    return program

@@ -63,8 +63,7 @@ def test_calibration_goes_through_to_the_results(
 def test_origin_takes_the_place_of_the_files_pose(hot: HotBlock, tmp_path: Path) -> None:
     path, xml = calibration(tmp_path, rvec=RVEC, tvec=TVEC), tmp_path / "scene" / "scene.xml"
     words = ["scene", hot.field, hot.part, "-o", xml, "--layers=1", "--calibration", path]
-    more = ["--pixel-size=5 um", "--origin=60,-45,70"]
-    assert main([*map(str, words), *more]) == 0
+    assert main([*map(str, words), "--pixel-size=5 um", "--origin=60,-45,70"]) == 0
     assert 'origin="60.0, -45.0, 70.0"' in xml.read_text()
 
 
@@ -106,33 +105,22 @@ def test_a_pose_in_another_unit_is_refused(fails: Failing, hot: HotBlock, tmp_pa
     assert "less than 10 pixels large" in fails(*words, *options)
 
 
-WRONG = {
-    "no pixel size": ("--calibration={file}", "--pixel-size"),
-    "pixel size of nothing": (
-        "--calibration={file} --pixel-size=0",
-        "Pixel size is 0.*--pixel-size",
-    ),
-    "pixel size without calibration": ("--pixel-size=3um", "belongs to --calibration"),
-    "no such file": ("--calibration=gone.yaml --pixel-size=3um", "gone.yaml"),
-    "another focal length": (
-        "--calibration={file} --pixel-size=3um --focal-length=8mm",
-        "--focal-length.*leave one",
-    ),
-    "another distortion": (
-        "--calibration={file} --pixel-size=3um --distortion=0,0,0,0",
-        "--distortion.*leave one",
-    ),
-    "unknown unit": (
-        "--calibration={file} --pixel-size=3um --calibration-length-unit=furlong",
-        "--calibration-length-unit.*furlong",
-    ),
-    "three coefficients": ("--distortion=1,2,3", "3 coefficients"),
-    "coefficients of words": ("--distortion=a,b,c,d", "4 numbers"),
-    "a fold": ("--distortion=-3,0,0,0", "turns back inside the picture"),
-}
+GIVEN = "--calibration={file} --pixel-size=3um"
+WRONG = [
+    ("--calibration={file}", "--pixel-size"),
+    ("--calibration={file} --pixel-size=0", "Pixel size is 0.*--pixel-size"),
+    ("--pixel-size=3um", "belongs to --calibration"),
+    ("--calibration=gone.yaml --pixel-size=3um", "gone.yaml"),
+    (f"{GIVEN} --focal-length=8mm", "--focal-length.*leave one"),
+    (f"{GIVEN} --distortion=0,0,0,0", "--distortion.*leave one"),
+    (f"{GIVEN} --calibration-length-unit=furlong", "--calibration-length-unit.*furlong"),
+    ("--distortion=1,2,3", "3 coefficients"),
+    ("--distortion=a,b,c,d", "4 numbers"),
+    ("--distortion=-3,0,0,0", "turns back inside the picture"),
+]
 
 
-@pytest.mark.parametrize(("options", "words"), WRONG.values(), ids=WRONG)
+@pytest.mark.parametrize(("options", "words"), WRONG)
 def test_wrong_options(
     fails: Failing, hot: HotBlock, tmp_path: Path, options: str, words: str
 ) -> None:

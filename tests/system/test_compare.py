@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import json
-import re
-import shlex
 from pathlib import Path
 
 import numpy as np
 import pytest
-from failing import Failing
 from scipy.spatial.transform import Rotation
 
 from iriftrace.cli import main
@@ -111,35 +108,3 @@ def test_a_scaled_rendering_says_so(
 )
 def test_motion_is_written_without_exponents(value: float, deviation: float, text: str) -> None:
     assert _with_deviation(value, deviation, "um") == text
-
-
-WRONG = {
-    "nothing measured": ("compare {image}", "needs MEASURED"),
-    "no such rendering": ("compare gone.exr m.csv", "gone.exr"),
-    "no such measurement": ("compare {image} gone.csv -o a.json", "gone.csv"),
-    "a folder": ("compare {image} here -o a.json", "here is a folder"),
-    "another kind": ("compare {image} {scene} -o a.json", "not a file of measured shifts"),
-    "no columns": ("compare {image} words.csv -o a.json", "u, v, du, dv"),
-    "markers elsewhere": (
-        "compare {image} far.csv -o a.json",
-        "5 of 5 places.*outside the rendering of 120 x 100",
-    ),
-    "markers beside the part": ("compare {image} near.csv -o a.json", "Only 0 of 5 measured"),
-    "map of another size": ("compare {image} small.npy -o a.json", "2 x 3 pixels"),
-    "output of another kind": ("compare {image} far.csv -o a.txt", r"\.json"),
-    "output in no folder": ("compare {image} far.csv -o gone/a.json", "gone does not exist"),
-    "unknown picture": ("compare {image} far.csv -o a.json --positions=warm", "cold"),
-    "status without shift": ("compare {image} near.csv -o a.json --include=3", "status 3"),
-    "metrics for an image": ("compare far.csv far.csv -o a.json", "not an OpenEXR file"),
-}
-
-
-@pytest.mark.parametrize(("line", "words"), WRONG.values(), ids=WRONG)
-def test_wrong_input(fails: Failing, hot: HotBlock, tmp_path: Path, line: str, words: str) -> None:
-    (tmp_path / "here").mkdir()
-    (tmp_path / "words.csv").write_text("these are words\n")
-    (tmp_path / "far.csv").write_text("u,v,du,dv\n" + "9000,1,0,0\n" * 5)
-    (tmp_path / "near.csv").write_text("u,v,du,dv\n" + "1,1,0,0\n" * 5)
-    np.save(tmp_path / "small.npy", np.zeros((3, 2, 2)))
-    message = fails(*shlex.split(line.format(image=hot.image, scene=hot.scene)))
-    assert re.search(words, message)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -43,12 +42,9 @@ def test_scene_carries_the_field_and_render_switches_the_engine(
     assert main(["metrics", str(exr), "-o", str(tmp_path / "again.json")]) == 0
 
 
-def test_an_older_scene_is_refused_with_what_to_do(
-    hot: HotBlock, tmp_path: Path, fails: Failing
-) -> None:
-    shutil.copytree(hot.scene.parent, tmp_path / "old")
-    (tmp_path / "old" / FIELD_FILE).unlink()
-    message = fails("render", "old/scene.xml", "--engine", "cells")
+def test_an_older_scene_is_refused_with_what_to_do(scene: Path, fails: Failing) -> None:
+    (scene.parent / FIELD_FILE).unlink()
+    message = fails("render", scene, "--engine", "cells")
     assert "no field file" in message
     assert "`iriftrace scene FIELD PART -o SCENE.xml`" in message
 

@@ -13,7 +13,6 @@ import pytest
 from iriftrace.air.refractivity import Air
 from iriftrace.cli import main
 from iriftrace.cli.field_options import FieldOptions, PartOptions
-from iriftrace.cli.hot_temperature import nearest_wall
 from iriftrace.core.errors import InputError
 from iriftrace.part import uneven_growth
 from iriftrace.part.part import read_part, save_part
@@ -33,7 +32,7 @@ def _few_cubes(monkeypatch: pytest.MonkeyPatch) -> None:
 def read(path: Path, *temperatures: str) -> np.ndarray:
     """Extents of a part that has grown."""
     field = path.with_name("air.vtu")
-    wall = nearest_wall(partial(FieldOptions().read, field, Air()))
+    wall = partial(FieldOptions().read_wall, field, Air())
     options = PartOptions(expansion=1e-5, hot_temperature=list(temperatures))
     return np.ptp(options.read(path, wall).bounds, axis=0)
 

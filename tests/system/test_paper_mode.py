@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from failing import Failing
 
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, IriftraceWarning
@@ -68,12 +67,5 @@ def test_levels_count_as_inner_ones_whether_the_field_reaches_them_or_not(hot: H
     assert max(reached) < 6
     assert [s.layer for s in without_inner(stack, 3, levels=6).shells] == [1, 2, 3]
     assert [s.layer for s in without_inner(stack, 1).shells] == reached[:-1]
-
-
-def test_leaving_out_all_shells_is_refused(hot: HotBlock, fails: Failing) -> None:
-    message = fails(
-        "scene", hot.field, hot.part, "-o", "s/scene.xml", "--layers=3", "--drop-inner=3"
-    )
-    assert "3 inner shells of 3 cannot be left out" in message
     with pytest.raises(InputError, match="cannot be left out"):
-        without_inner(contour_shells(read_field(hot.field), 3), -1)
+        without_inner(stack, -1)

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from failing import Failing
 
 from iriftrace.cli import main
 from iriftrace.figures import sweep as sweep_figures
@@ -23,15 +22,6 @@ VECTOR |= {"rays", "pareto"}
 IN_SPACE = {f"scene_{key}" for key in METRICS}
 IN_SPACE |= {f"faces_{key}" for key in ("displacement", "times_seen", "incidence")}
 VIEWS = {"view_best", "view_smallest_displacement", "view_largest_displacement"}
-
-
-@pytest.fixture(scope="module")
-def sweep(hot: HotBlock, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A small sweep that keeps its images."""
-    file = tmp_path_factory.mktemp("sweep") / "sweep.nc"
-    angles = ["--azimuth", "0:90:3", "--elevation", "0:60:3"]
-    assert main(["sweep", str(hot.scene), "-o", str(file), *angles, "--exr"]) == 0
-    return file
 
 
 def names(folder: Path, suffix: str) -> set[str]:
@@ -110,17 +100,3 @@ def test_views_that_were_not_kept_are_rendered_again(sweep: Path, tmp_path: Path
 def test_a_pose_becomes_its_displacement_picture(hot: HotBlock, tmp_path: Path) -> None:
     assert main(["plot", str(hot.image), "-o", str(tmp_path / "figures")]) == 0
     assert [path.name for path in (tmp_path / "figures").iterdir()] == [f"{hot.image.stem}.png"]
-
-
-# Wrong input -------------------------------------------------------------------------------------
-
-
-def test_files_that_cannot_be_drawn(sweep: Path, fails: Failing) -> None:
-    Path("text.exr").write_text("no EXR")
-    for name, words in {
-        "gone.exr": "gone.exr",
-        "text.exr": "not an OpenEXR",
-        "sweep.csv": "neither .nc nor .exr",
-    }.items():
-        assert words in fails("plot", name, "-o", "figures")
-    assert "does not exist" in fails("plot", sweep, "-o", Path("no") / "figures")

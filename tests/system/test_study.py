@@ -10,33 +10,22 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from failing import Run
 from rich.console import Console
 
-from iriftrace.cli import main, study_tables
+from iriftrace.cli import console, main
 from iriftrace.cli.study import study
 from iriftrace.studies.study import read_study
 from validation.inputs import hot_block
 from validation.inputs.hot_block import HotBlock
 from validation.inputs.journals import pieces_done
 
-Failing = Callable[..., str]
-
 CAMERA = [word for word in hot_block.CAMERA if not word.startswith(("--resolution", "--scale"))]
 SMALL = [*CAMERA, "--resolution=60,50", "--scale=1"]
-
-
-def ended(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:
-    """Run the program; returns its tables."""
-    capsys.readouterr()
-    code = main([str(word) for word in arguments])
-    said = capsys.readouterr()
-    assert code == 0, said.err
-    return said.out
 
 
 @pytest.mark.parametrize(
@@ -51,12 +40,12 @@ def test_moving_the_camera_does_not_change_the_resolution(name: str, scale: floa
 
 
 def test_layers_write_a_file_and_a_figure_and_print_a_table(
-    hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    hot: HotBlock, tmp_path: Path, run: Run
 ) -> None:
     out = tmp_path / "layers.nc"
     words = ["study", "layers", hot.field, hot.part, "-o", out, "--layers=2:3", "--drop-inner=1"]
     words += ["--reference=3", *SMALL]
-    said = ended(capsys, *words)
+    said = run(*words)
     assert "Difference from 3 shells of the same mode / um" in said
     assert out.with_suffix(".png").stat().st_size > 10_000
     found = read_study(out)
@@ -66,11 +55,11 @@ def test_layers_write_a_file_and_a_figure_and_print_a_table(
     np.testing.assert_array_equal(found["shells"], [[2, 3], [1, 2]])
     assert "sha256" in found.attrs["fields"]
     pictures = tmp_path / "figures"
-    assert "layers.png" in ended(capsys, "plot", out, "-o", pictures)
+    assert "layers.png" in run("plot", out, "-o", pictures)
     assert (pictures / "layers.png").read_bytes() == out.with_suffix(".png").read_bytes()
     # The same command again only reads what is there.
     written = out.stat().st_mtime_ns
-    assert ended(capsys, *words) == said
+    assert run(*words) == said
     assert out.stat().st_mtime_ns == written
 
 
@@ -84,7 +73,7 @@ def test_layers_write_a_file_and_a_figure_and_print_a_table(
 def test_studies_over_several_fields(
     hot: HotBlock,
     tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    run: Run,
     line: str,
     dimension: str,
     length: int,
@@ -94,7 +83,7 @@ def test_studies_over_several_fields(
     words = shlex.split(line.format(field=hot.field, part=hot.part, other=other))
     out = tmp_path / "study.nc"
     extra = ["-o", out, "--reference=same mode", "--inside-hit=refract", *SMALL]
-    said = ended(capsys, "study", *words, *extra)
+    said = run("study", *words, *extra)
     assert "Difference from the finest field, same mode / um" in said
     found = read_study(out)
     assert found.sizes[dimension] == length
@@ -102,12 +91,10 @@ def test_studies_over_several_fields(
     assert out.with_suffix(".png").is_file()
 
 
-def test_times_are_printed_as_ratios(
-    hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_times_are_printed_as_ratios(hot: HotBlock, tmp_path: Path, run: Run) -> None:
     out = tmp_path / "rays.nc"
     words = ["--scales=0.5,1", "--layers=2", *SMALL]
-    said = ended(capsys, "study", "rays", hot.field, hot.part, "-o", out, *words)
+    said = run("study", "rays", hot.field, hot.part, "-o", out, *words)
     assert "times over that of the refracted trace" in said
     first, second = _rows(said)
     assert (first[0], second[0]) == ("750", "3,000")
@@ -119,11 +106,12 @@ def test_times_are_printed_as_ratios(
 @pytest.mark.parametrize("width", [40, 80])
 def test_numbers_of_a_table_are_never_cut(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Many digits, long names of modes and fields, and a narrow terminal: words may wrap."""
-    console = Console(width=width, file=io.StringIO())
-    monkeypatch.setattr(study_tables, "out", console)
+    narrow = Console(width=width, file=io.StringIO())
+    monkeypatch.setattr(console, "out", narrow)
     row = ("plume_refined_twice", "paper's but inside hits refracted", *["12345.678"] * 7)
-    study_tables.print_table("Differences", ("field", "mode"), list("abcdefg"), [row, row])
-    said = console.file.getvalue()
+    texts = ("field", "mode")
+    console.print_table("Differences", (*texts, *"abcdefg"), [row, row], texts)
+    said = narrow.file.getvalue()
     assert said.split().count("12345.678") == 14
     assert "refracted" in said
     assert "…" not in said
@@ -146,12 +134,10 @@ def _rows(said: str) -> list[list[str]]:
     return [row for row in rows if row and row[0][0].isdigit()][:2]
 
 
-def test_explain_adds_a_mode_for_every_choice(
-    hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_explain_adds_a_mode_for_every_choice(hot: HotBlock, tmp_path: Path, run: Run) -> None:
     out = tmp_path / "layers.nc"
     words = ["--layers=3", "--reference=2", "--explain", *SMALL]
-    ended(capsys, "study", "layers", hot.field, hot.part, "-o", out, *words)
+    run("study", "layers", hot.field, hot.part, "-o", out, *words)
     assert [str(name) for name in read_study(out)["mode"].values] == [
         "ours",
         "paper's",
@@ -163,9 +149,7 @@ def test_explain_adds_a_mode_for_every_choice(
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL")
-def test_a_killed_study_goes_on(
-    hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_killed_study_goes_on(hot: HotBlock, tmp_path: Path, run: Run) -> None:
     out = tmp_path / "layers.nc"
     words = ["study", "layers", str(hot.field), str(hot.part), "-o", str(out), "--layers=1:4"]
     words += ["--reference=3", *SMALL]
@@ -184,46 +168,9 @@ def test_a_killed_study_goes_on(
         program.wait()
     assert not out.exists()
     assert pieces_done(journal) >= 1
-    ended(capsys, *words)
+    run(*words)
     again = tmp_path / "again.nc"
-    ended(capsys, *[word.replace("layers.nc", "again.nc") for word in words])
+    run(*[word.replace("layers.nc", "again.nc") for word in words])
     assert not journal.exists()
     for name, values in read_study(again).items():
         np.testing.assert_array_equal(read_study(out)[name], values)
-
-
-LINES = {
-    "no part": ("layers {field}", "PART"),
-    "field that is gone": ("layers gone.vtu {part}", "gone.vtu"),
-    "output of another kind": ("layers {field} {part} -o a.csv", r"\.nc"),
-    "layers of words": ("layers {field} {part} --layers many", "many"),
-    "layers that fall": ("layers {field} {part} --layers 20:1", "20:1"),
-    "no layer": ("layers {field} {part} --layers 0", "0 shells"),
-    "the same layers twice": ("layers {field} {part} --layers 2,2", "each once"),
-    "another reference": ("layers {field} {part} --reference best", "best"),
-    "other normals": ("layers {field} {part} --normals smooth", "smooth"),
-    "negative inner shells": ("layers {field} {part} --drop-inner=-1", "-1"),
-    "inner shells of too many fields": ("layers {field} {part} --drop-inner 3,3", "2 numbers"),
-    "smoothing without the finest": ("smoothing {field} {part}", "FINEST"),
-    "negative iterations": ("smoothing {field} {part} {field} --iterations=-3", "-3"),
-    "all shells left out": (
-        "smoothing {field} {part} {field} --layers 3 --drop-inner 3",
-        "leaves none",
-    ),
-    "the same mesh twice": ("mesh {field} {part} {field}", "given twice"),
-    "one mesh": ("mesh {field} {part}", "at least two fields"),
-    "split of another field": ("mesh {field} {part} finer.vtu --split gone.vtu", "gone.vtu"),
-    "scales of words": ("rays {field} {part} --scales big", "big"),
-    "the same scale twice": ("rays {field} {part} --scales 1,1", "each different"),
-    "too few triangles": ("polygons {field} {part} --smallest 5", "at least 400"),
-    "iso-surfaces": ("layers {field} {part} --isosurfaces", "volume field"),
-    "another variant": ("layers {field} {part} --variant scalar_rgb", "scalar_rgb"),
-}
-
-
-@pytest.mark.parametrize("case", LINES)
-def test_wrong_input_is_refused(hot: HotBlock, fails: Failing, case: str) -> None:
-    line, words = LINES[case]
-    arguments = shlex.split(line.format(field=hot.field, part=hot.part))
-    message = fails("study", *arguments, *SMALL)
-    assert re.search(words, message), message

@@ -75,49 +75,25 @@ def test_without_permission_a_file_is_not_called_damaged(
 
 
 @pytest.mark.parametrize("gone", ["part.ply", "shells/shell_02.ply"])
-def test_a_scene_that_was_moved_without_its_meshes(
-    hot: HotBlock, tmp_path: Path, fails: Failing, gone: str
-) -> None:
-    shutil.copytree(hot.scene.parent, tmp_path / "moved")
-    (tmp_path / "moved" / gone).unlink()
-    assert fails("render", "moved/scene.xml", "-o", "out.exr") == (
-        f"{gone} is not next to moved/scene.xml; move the whole folder."
+def test_a_scene_that_was_moved_without_its_meshes(scene: Path, fails: Failing, gone: str) -> None:
+    (scene.parent / gone).unlink()
+    assert fails("render", "scene/scene.xml", "-o", "out.exr") == (
+        f"{gone} is not next to scene/scene.xml; move the whole folder."
     )
 
 
-def test_a_damaged_field_file_is_not_to_be_trusted(
-    hot: HotBlock, tmp_path: Path, fails: Failing
-) -> None:
+def test_a_damaged_field_file_is_not_to_be_trusted(scene: Path, fails: Failing) -> None:
     """NumPy takes what it does not know for pickled objects and proposes to load them."""
-    shutil.copytree(hot.scene.parent, tmp_path / "scene")
-    (tmp_path / "scene" / FIELD_FILE).write_bytes(b"no field at all" * 100)
+    (scene.parent / FIELD_FILE).write_bytes(b"no field at all" * 100)
     said = fails("render", "scene/scene.xml", "-o", "out.exr", "--engine", "cells")
     assert "damaged or not a field file (it holds something else than arrays of numbers)" in said
     assert "pickle" not in said
 
 
-def test_field_and_part_in_the_wrong_order(hot: HotBlock, fails: Failing) -> None:
-    asked = "block.stl is not a field that can be read here; field and part may be exchanged."
-    said = fails("scene", hot.part, hot.field, "-o", "out/scene.xml")
-    assert said.endswith(asked)
-    assert fails("study", "layers", hot.part, hot.field, "-o", "layers.nc").endswith(asked)
-    # Of two fields it is the part that is wrong, and not their order.
-    assert "order" not in fails("scene", hot.field, hot.field, "-o", "out/scene.xml")
-
-
-def test_ambient_air_that_is_too_hot(hot: HotBlock, fails: Failing) -> None:
-    said = fails("shells", hot.field, "-o", "shells", "--ambient", "300 degC")
-    assert said.endswith("and of the air far from the part, which is not heated.")
-    assert "refractivity" not in said
-
-
 @pytest.mark.parametrize("name", ["part.ply", "shells/shell_01.ply"])
-def test_corners_that_a_scenes_mesh_lacks(
-    hot: HotBlock, tmp_path: Path, fails: Failing, name: str
-) -> None:
+def test_corners_that_a_scenes_mesh_lacks(scene: Path, fails: Failing, name: str) -> None:
     """Mitsuba takes them as they are, and what it finds there is no vertex."""
-    shutil.copytree(hot.scene.parent, tmp_path / "scene")
-    mesh = tmp_path / "scene" / name
+    mesh = scene.parent / name
     head, end, body = mesh.read_bytes().partition(b"end_header\n")
     count = int(head.partition(b"element vertex ")[2].split()[0])
     floats = head.partition(b"element face")[0].count(b"property float")
@@ -127,10 +103,9 @@ def test_corners_that_a_scenes_mesh_lacks(
     assert f"{name} is damaged (a triangle names vertex" in said
 
 
-def test_points_alone_are_no_part(hot: HotBlock, tmp_path: Path, fails: Failing) -> None:
+def test_points_alone_are_no_part(scene: Path, fails: Failing) -> None:
     """As a cloud that was written over the scene's part."""
-    shutil.copytree(hot.scene.parent, tmp_path / "scene")
-    write_ply_points(tmp_path / "scene" / "part.ply", np.zeros((3, 3)), {})
+    write_ply_points(scene.parent / "part.ply", np.zeros((3, 3)), {})
     for words in (["render"], ["render", "--engine=cells"], ["sweep", "-o", "s.nc"]):
         assert "no triangles" in fails(words[0], "scene/scene.xml", *words[1:])
 

@@ -27,6 +27,15 @@ RATIO = (
 """Of n - 1, by Ciddor's equation: about 2 %."""
 
 
+@pytest.fixture(scope="module")
+def blue(hot: HotBlock, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A scene that was made for light of 450 nm."""
+    xml = tmp_path_factory.mktemp("blue") / "scene" / "scene.xml"
+    words = ["scene", str(hot.field), str(hot.part), "-o", str(xml), "--layers=4"]
+    assert main([*words, *hot_block.CAMERA, "--wavelength=450 nm"]) == 0
+    return xml
+
+
 def rendered(scene: Path, output: Path, *options: str) -> AovImage:
     assert main(["render", str(scene), "-o", str(output), "--no-figures", *options]) == 0
     return read_exr(output)
@@ -68,13 +77,10 @@ def test_displacement_goes_with_n_less_one(
 
 
 def test_scene_made_for_a_wavelength_equals_the_scene_turned_to_it(
-    hot: HotBlock, tmp_path: Path
+    hot: HotBlock, blue: Path, tmp_path: Path
 ) -> None:
     """Shells lie at the same temperatures, with the same steps of n - 1."""
-    made = tmp_path / "made" / "scene.xml"
-    words = ["scene", str(hot.field), str(hot.part), "-o", str(made), "--layers=4"]
-    assert main([*words, *hot_block.CAMERA, "--wavelength=450 nm"]) == 0
-    one = rendered(made, tmp_path / "made.exr")
+    one = rendered(blue, tmp_path / "made.exr")
     other = rendered(hot.scene, tmp_path / "turned.exr", "--wavelength=0.45 um")
     assert one.header["wavelength_nm"] == BLUE
     assert other.header["wavelength_nm"] == pytest.approx(BLUE, rel=1e-15)
@@ -110,36 +116,28 @@ def test_sweep_says_and_uses_the_wavelength(hot: HotBlock, tmp_path: Path) -> No
     np.testing.assert_allclose(found[BLUE] / found[INFRARED], RATIO, rtol=1e-3)
 
 
-def test_wavelengths_that_cannot_be_had(hot: HotBlock, tmp_path: Path, fails: Failing) -> None:
+def test_wavelengths_that_cannot_be_had(hot: HotBlock, scene: Path, fails: Failing) -> None:
     assert "-5" in fails("render", hot.scene, "-o", "out.exr", "--wavelength=-5 nm")
     assert "10000 nm" in fails("render", hot.scene, "-o", "out.exr", "--wavelength=10 um")
     assert "--wavelength" in fails("render", hot.scene, "-o", "out.exr", "--wavelength=blue")
-    bare = tmp_path / "bare"
-    shutil.copytree(hot.scene.parent, bare)
-    (bare / "shells" / "shells.json").unlink()
-    message = fails("render", bare / "scene.xml", "-o", "out.exr", "--wavelength=450nm")
+    (scene.parent / "shells" / "shells.json").unlink()
+    message = fails("render", scene, "-o", "out.exr", "--wavelength=450nm")
     assert re.search("does not state its air", message)
-    text = (bare / "scene.xml").read_text()
-    own = text.replace('name="scale" value="1.0"', 'name="wavelength" value="1.0"')
-    (bare / "scene.xml").write_text(own.replace("$scale", "$wavelength"))
-    message = fails("render", bare / "scene.xml", "-o", "out.exr", "-D", "wavelength=450")
+    own = scene.read_text().replace('name="scale" value="1.0"', 'name="wavelength" value="1.0"')
+    scene.write_text(own.replace("$scale", "$wavelength"))
+    message = fails("render", scene, "-o", "out.exr", "-D", "wavelength=450")
     assert 'parameter "wavelength" of its own' in message
 
 
-def test_shells_of_mitsubas_dielectric_keep_their_wavelength(
-    hot: HotBlock, tmp_path: Path, fails: Failing
-) -> None:
-    folder = tmp_path / "stock"
-    shutil.copytree(hot.scene.parent, folder)
-    xml = folder / "scene.xml"
+def test_shells_of_mitsubas_dielectric_keep_their_wavelength(scene: Path, fails: Failing) -> None:
     text = re.sub(
         r'<bsdf type="iso_shell">.*?</bsdf>',
         '<bsdf type="dielectric"><float name="int_ior" value="1.0001"/></bsdf>',
-        xml.read_text(),
+        scene.read_text(),
         flags=re.DOTALL,
     )
-    xml.write_text(text)
-    message = fails("render", xml, "-o", "out.exr", "--wavelength=450nm")
+    scene.write_text(text)
+    message = fails("render", scene, "-o", "out.exr", "--wavelength=450nm")
     assert "use iso_shell" in message
 
 
@@ -152,11 +150,8 @@ def test_table_of_a_turned_scene_is_consistent(hot: HotBlock) -> None:
 
 
 def test_scenes_for_different_light_are_not_ranked_together(
-    hot: HotBlock, tmp_path: Path, fails: Failing
+    hot: HotBlock, blue: Path, tmp_path: Path, fails: Failing
 ) -> None:
-    blue = tmp_path / "blue" / "scene.xml"
-    words = ["scene", str(hot.field), str(hot.part), "-o", str(blue), "--layers=4"]
-    assert main([*words, *hot_block.CAMERA, "--wavelength=450 nm"]) == 0
     orbit = ("--azimuth=0:0:1", "--elevation=30:30:1")
     message = fails("sweep", hot.scene, blue, "-o", "both.nc", *orbit)
     assert "light of 633 and 450 nm" in message
@@ -190,11 +185,7 @@ def test_results_are_asked_for_the_light_they_are_of(
     assert "positive length" in fails("metrics", image, "--wavelength=0 nm")
 
 
-def test_results_that_do_not_state_their_light(
-    hot: HotBlock, tmp_path: Path, fails: Failing
-) -> None:
-    folder = tmp_path / "bare"
-    shutil.copytree(hot.scene.parent, folder)
-    (folder / "shells" / "shells.json").unlink()
-    assert main(["render", str(folder / "scene.xml"), "-o", "bare.exr", "--no-figures"]) == 0
+def test_results_that_do_not_state_their_light(scene: Path, fails: Failing) -> None:
+    (scene.parent / "shells" / "shells.json").unlink()
+    assert main(["render", str(scene), "-o", "bare.exr", "--no-figures"]) == 0
     assert "does not state its wavelength" in fails("metrics", "bare.exr", "--wavelength=633nm")

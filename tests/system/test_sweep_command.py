@@ -1,69 +1,22 @@
-"""Wrong input of a sweep: one sentence, exit code 2, nothing written; failed poses are results."""
+"""Sweeps from the command line: schedulers, lists of poses, failed poses, products of options."""
 
 from __future__ import annotations
 
 import importlib.util
-import re
-import shlex
 import shutil
 import socket
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
-import xarray as xr
+from failing import Failing
 
 from iriftrace.cli import main
 from iriftrace.sweep.store import read_sweep
 from validation.inputs.hot_block import HotBlock
 
-Failing = Callable[..., str]
-
 ORBIT = "--azimuth 0:90:2 --elevation 30"
-
-LINES = {
-    "no scene": ("sweep -o a.nc", "needs SCENES"),
-    "no output": ("sweep {scene}", "-o|--output"),
-    "scene that is gone": ("sweep gone.xml -o a.nc", "gone.xml"),
-    "the same scene twice": ("sweep {scene} {scene} -o a.nc", "given twice"),
-    "output of another kind": ("sweep {scene} -o a.csv", r"\.nc"),
-    "output in no folder": ("sweep {scene} -o gone/a.nc", "gone does not exist"),
-    "azimuth of words": ("sweep {scene} -o a.nc --azimuth north", "north"),
-    "elevation beyond the pole": ("sweep {scene} -o a.nc --elevation 91", "91"),
-    "focal lengths that do not parse": (
-        "sweep {scene} -o a.nc --focal-length '8 mm,ten'",
-        "--focal-length.*ten",
-    ),
-    "focal length twice": ("sweep {scene} -o a.nc --focal-length 8mm,0.8cm", "twice"),
-    "stand-offs of another dimension": ("sweep {scene} -o a.nc --stand-off 200K", "200K"),
-    "stand-off and semi-axes": (
-        "sweep {scene} -o a.nc --stand-off 200 --semi-axes 90,90,90",
-        "only one of",
-    ),
-    "orbit and list": ("sweep {scene} -o a.nc --poses p.csv --stand-off 200", "p.csv"),
-    "angles and lattice": (
-        "sweep {scene} -o a.nc --fibonacci 10 --elevation 0",
-        "--elevation.*--fibonacci",
-    ),
-    "convention of no list": ("sweep {scene} -o a.nc --convention ros", "--convention.*--poses"),
-    "orbit in the part": ("sweep {scene} -o a.nc --semi-axes 3,3,3", "inside the part"),
-    "list of poses that is gone": ("sweep {scene} -o a.nc --poses gone.csv", "gone.csv"),
-    "status that is none": ("sweep {scene} -o a.nc --include 99", "99"),
-    "table of another kind": ("sweep {scene} -o a.nc --export a.xlsx", r"a\.xlsx.*\.csv or"),
-    "surface of another kind": ("sweep {scene} -o a.nc --surface a.stl", r"a\.stl.*\.vtp or"),
-    "scheduler of words": (
-        "sweep {scene} -o a.nc --scheduler cluster",
-        "'cluster' is not an address",
-    ),
-    "no workers": ("sweep {scene} -o a.nc --workers 0", "0 workers"),
-}
-
-
-@pytest.mark.parametrize(("line", "words"), LINES.values(), ids=LINES.keys())
-def test_lines(fails: Failing, hot: HotBlock, line: str, words: str) -> None:
-    assert re.search(words, fails(*shlex.split(line.format(scene=hot.scene))))
 
 
 def test_scheduler_that_does_not_answer(
@@ -100,23 +53,6 @@ def test_what_is_not_installed(
     assert "not installed; in the clone: pip install -e '.[" in message
 
 
-@pytest.mark.parametrize("foreign", ["text", "netCDF"])
-def test_output_of_another_program(
-    fails: Failing, hot: HotBlock, tmp_path: Path, foreign: str
-) -> None:
-    if foreign == "text":
-        (tmp_path / "a.nc").write_text("not ours\n")
-    else:
-        xr.Dataset({"a": ("x", [1.0])}).to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
-    message = fails(*f"sweep {hot.scene} -o a.nc {ORBIT}".split())
-    assert "a.nc already exists and is not a sweep" in message
-
-
-def test_journal_that_is_a_file(fails: Failing, hot: HotBlock, tmp_path: Path) -> None:
-    (tmp_path / "a.nc.partial").write_text("{}\n")
-    assert "a.nc.partial" in fails(*f"sweep {hot.scene} -o a.nc {ORBIT}".split())
-
-
 def test_scenes_of_different_parts(fails: Failing, hot: HotBlock, tmp_path: Path) -> None:
     shutil.copytree(hot.scene.parent, tmp_path / "other")
     mesh = trimesh.load(tmp_path / "other" / "part.ply", process=False)
@@ -144,20 +80,10 @@ def test_poses_in_the_part_are_recorded_as_failed(
     assert np.isnan(dataset["stand_off"]).all()
 
 
-METRES = "x,y,z,target_x,target_y,target_z\n0.006,-0.0045,0.004,0,0,0\n0.003,0.004,0.005,0,0,0\n"
-
-
-def test_a_list_whose_poses_all_stand_in_the_part(
-    fails: Failing, hot: HotBlock, tmp_path: Path
-) -> None:
-    """As those of a file in metres do that is read in millimetres."""
-    (tmp_path / "metres.csv").write_text(METRES)
-    line = f"sweep {hot.scene} -o a.nc --poses {tmp_path / 'metres.csv'}"
-    assert "All 2 poses" in fails(*line.split())
-
-
 def test_a_list_in_metres(hot: HotBlock, tmp_path: Path) -> None:
-    (tmp_path / "metres.csv").write_text(METRES.replace("0.00", "0.06"))
+    (tmp_path / "metres.csv").write_text(
+        "x,y,z,target_x,target_y,target_z\n0.066,-0.0645,0.064,0,0,0\n0.063,0.064,0.065,0,0,0\n"
+    )
     line = f"sweep {hot.scene} -o {tmp_path / 'a.nc'} --poses {tmp_path / 'metres.csv'}"
     assert main([*line.split(), "--length-unit", "m"]) == 0
     dataset = read_sweep(tmp_path / "a.nc")

@@ -1,28 +1,126 @@
-"""``iriftrace plan --pairs``: pairs of poses for two devices."""
+"""Everything that ``iriftrace plan`` prints: rankings, poses, pairs of poses, refined ones."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
-from iriftrace.cli.console import late_bar, say, working
-from iriftrace.cli.plan_tables import print_pose, print_table
-from iriftrace.planning.criteria import Criteria
+from iriftrace.cli.console import late_bar, print_table, say, working
 
 if TYPE_CHECKING:
     import xarray as xr
+    from numpy.typing import ArrayLike
 
     from iriftrace.core.arrays import FloatArray
+    from iriftrace.planning.cover import ViewLimits, ViewSet
+    from iriftrace.planning.criteria import Criteria
     from iriftrace.planning.pairs import PairPlan
+    from iriftrace.planning.refine import Refinement
+    from iriftrace.planning.summary import SweepSummary
+    from iriftrace.planning.texts import RankingTable
     from iriftrace.triangulation.devices import System
+
+
+def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
+    """Print the ranking, its stability, and the best pose."""
+    from iriftrace.planning import texts
+
+    plan = summary.plan
+    title = f"Best poses for region {plan.criteria.region} by {texts.ranked_by(summary)}"
+    print_table(title, ranking.short_headings, ranking.rows)
+    unranked = None
+    if plan.unranked:
+        pose, reason = next(iter(plan.unranked.items()))
+        count = len(plan.unranked)
+        noun = "pose" if count == 1 else "poses, the first of them"
+        unranked = f"Unranked: {count} {noun} {pose}: {reason}"
+    for sentence in (
+        ranking.note,
+        summary.devices,
+        unranked,
+        texts.warned_text(summary),
+        texts.least_error_text(summary),
+        texts.robust_text(summary),
+        texts.stability_text(summary),
+        texts.other_statistics_text(summary),
+        texts.alternative_text(summary),
+        texts.front_text(summary),
+    ):
+        if sentence:
+            say(sentence)
+    _print_swept("Best pose", summary, plan.best)
+
+
+def _print_swept(kind: str, summary: SweepSummary, pose: int) -> None:
+    name = f"{kind} {pose}{setting_text(summary, pose)}"
+    print_pose(name, summary.matrices[pose], summary.distance[pose])
+
+
+def print_views(summary: SweepSummary, views: ViewSet, limits: ViewLimits) -> None:
+    """Poses that together see the most, the addition of each, and how good the choice is."""
+    from iriftrace.planning.texts import views_table, views_text, views_title
+
+    say(f"{views_title(summary, limits)}:")
+    found = views_table(summary, views)
+    print_table(None, found.short_headings, found.rows)
+    say(views_text(summary, views))
+    for pose in views.poses.tolist():
+        _print_swept("Pose", summary, pose)
+
+
+def print_refined(summary: SweepSummary, refined: Refinement) -> None:
+    """Gain of a search around the best pose."""
+    end = "ended by itself" if refined.converged else "ended with the evaluations"
+    if refined.gain > 0:
+        found = (
+            f"found the score {refined.score:.4f} instead of {refined.start_score:.4f}, a gain of "
+            f"{refined.gain:.4f}: turned by {refined.turn_deg:.2f} degrees, rolled by "
+            f"{refined.roll_deg:.1f} degrees, distance {refined.distance_mm:.2f} instead of "
+            f"{summary.distance[refined.start]:.2f} mm."
+        )
+    else:
+        found = f"found nothing better than its score {refined.start_score:.4f}."
+    say(f"The search around pose {refined.start} ({refined.evaluations} poses, {end}) {found}")
+    rows = []
+    for metric in summary.metrics:
+        factor = {"µm": 1e3, "%": 100.0, "mm": 1.0}[metric.unit]
+        values = (refined.start_metrics[metric.key], refined.metrics[metric.key])
+        rows.append((metric.label, *(f"{factor * value:.4g}" for value in values)))
+    print_table("Metrics", ("", "swept pose", "refined pose"), rows, texts=[""])
+    name = f"Refined pose{setting_text(summary, refined.start)}"
+    print_pose(name, refined.matrix, refined.distance_mm)
+
+
+def setting_text(summary: SweepSummary, pose: int) -> str:
+    """Settings of a pose, in brackets; empty if they are the same for all poses."""
+    from iriftrace.sweep.diagnostics import setting_of
+
+    setting = setting_of(summary.varied, pose)
+    return f" ({setting})" if setting else ""
+
+
+def print_pose(
+    name: str, matrix: ArrayLike, distance_mm: float, sensor: str = "the sensor"
+) -> None:
+    """A pose as matrix, as look-at and as XML."""
+    from iriftrace.camera.pose import pose_text
+
+    text = pose_text(matrix, distance_mm)
+    say(f"{name}, camera to world (x right, y down, z forward; mm):")
+    for row in text.matrix:
+        say(f"  {row}")
+    say(f"Look-at: {text.look_at}")
+    say(f"In the scene file, inside {sensor}:")
+    for line in text.xml:
+        say(f"  {line}")
 
 
 def print_pairs(
     dataset: xr.Dataset,
     criteria: Criteria,
-    system: Literal["fringe", "stereo", "laser"],
+    system: System,
     angles_deg: tuple[float, float] | None,
     feature: str | None,
     confirm: bool,
@@ -110,6 +208,7 @@ def print_refined_pair(
             ("both see", *(f"{100 * value.coverage:.1f} %" for value in values)),
             ("angle", *(f"{value.angle_deg:.1f} deg" for value in values)),
         ),
+        texts=[""],
     )
     names = [f"Refined {what.lower()}" for what in _DEVICES]
     _print_pair(names, found.best.matrices, found.best.distances_mm, plan.system)
