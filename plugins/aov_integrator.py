@@ -6,6 +6,8 @@ import time
 from functools import cache
 from typing import Any
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,8 +25,6 @@ from iriftrace.runtime.variant import full_precision
 @cache
 def integrator_class(variant: str) -> type:
     """Build the integrators' common class for one Mitsuba variant, the one in force."""
-    import drjit as dr
-    import mitsuba as mi
 
     class AovIntegrator(mi.SamplingIntegrator):
         """Straight and bent first hits of each pixel's ray; what bends them is left open."""

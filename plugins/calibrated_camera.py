@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from functools import cache
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 
 from iriftrace.camera.camera import Camera
@@ -24,8 +26,6 @@ def sensor_of(camera: Camera) -> dt.Sensor:
     InputError
         If the camera's rays are parallel.
     """
-    import mitsuba as mi
-
     camera.check_movable()
     near, far = camera.focus_mm
     width, height = camera.resolution
@@ -56,8 +56,6 @@ def sensor_of(camera: Camera) -> dt.Sensor:
 @cache
 def plugin_class(variant: str) -> type:
     """Build the plugin's class for one Mitsuba variant, which must be the one in force."""
-    import drjit as dr
-    import mitsuba as mi
 
     class CalibratedCamera(mi.Sensor):
         r"""Calibrated camera (``calibrated_camera``).

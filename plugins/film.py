@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import mitsuba as mi
 
 from iriftrace.core.errors import InputError
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.stock_sensor import StockSensor
 from iriftrace.runtime.variant import cuda_state, current_variant
-
-if TYPE_CHECKING:
-    import mitsuba as mi
 
 BYTES_PER_PIXEL = 170
 """Least memory of a picture: channels, straight rays, their state and the metrics.

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from functools import cache
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,8 +27,6 @@ GRADIENTS = ("recovered", "constant")
 @cache
 def plugin_class(variant: str) -> type:
     """Build the plugin's class for one Mitsuba variant, which must be the one in force."""
-    import drjit as dr
-    import mitsuba as mi
 
     class GradientPath(integrator_class(variant)):  # type: ignore[misc]
         r"""First hits, straight and along the curved path (``gradient_path``).

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from functools import cache
 
+import drjit as dr
+import mitsuba as mi
+
 from iriftrace.core.errors import InputError
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.properties import number
@@ -12,8 +15,6 @@ from iriftrace.plugins.properties import number
 @cache
 def plugin_class(variant: str) -> type:
     """Build the plugin's class for one Mitsuba variant, which must be the one in force."""
-    import drjit as dr
-    import mitsuba as mi
 
     class IsoShell(mi.BSDF):
         r"""Iso-index shell (``iso_shell``).

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,9 +19,6 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.units import length_factor
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.projection import flip_axes
-
-if TYPE_CHECKING:
-    import mitsuba as mi
 
 
 def number(props: mi.Properties, name: str, default: float | None = None) -> float:
@@ -72,8 +69,6 @@ def word(props: mi.Properties, name: str, default: str) -> str:
 
 def file_beside(props: mi.Properties, name: str, default: str) -> Path:
     """Read a file's name from plugin properties; it is in the folder of the scene's file."""
-    import mitsuba as mi
-
     # Mitsuba's resolver knows the folder of the scene's file while that is read.
     resolver = mi.file_resolver()  # type: ignore[operator]  # a function that the stubs do not know
     return Path(str(resolver.resolve(word(props, name, default))))

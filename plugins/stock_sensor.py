@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 
 from iriftrace.camera.camera import Camera
@@ -31,8 +33,6 @@ class StockSensor:
     """
 
     def __init__(self, sensor: dt.Sensor) -> None:
-        import mitsuba as mi
-
         self._sensor = sensor
         kind = sensor.class_name()
         parameters = mi.traverse(sensor)
@@ -78,9 +78,6 @@ class StockSensor:
 
     def rays64(self, x: dt.Float64, y: dt.Float64) -> tuple[dt.Point3d, dt.Vector3d]:
         """Origins and directions through image positions, world, mm."""
-        import drjit as dr
-        import mitsuba as mi
-
         film = self._sensor.film()
         size, offset = film.crop_size(), film.crop_offset()
         position = mi.Point2f(mi.Float((x - offset.x) / size.x), mi.Float((y - offset.y) / size.y))

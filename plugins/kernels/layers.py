@@ -35,6 +35,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import drjit as dr
+import mitsuba as mi
+
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.between import (
     AtShell,
@@ -160,9 +163,6 @@ class InLayers:
 
     def start(self, width: int) -> tuple[dt.Array, ...]:
         """What is remembered of rays that have crossed no shell."""
-        import drjit as dr
-        import mitsuba as mi
-
         gradient, change, offset = (dr.zeros(mi.Vector3f, width) for _ in range(3))
         index, beyond, along = (dr.zeros(mi.Float64, width) for _ in range(3))
         return gradient, change, index, beyond, offset, along
@@ -171,9 +171,6 @@ class InLayers:
         self, memory: tuple[dt.Array, ...], passage: Passage
     ) -> tuple[dt.Vector3d, dt.Bool, tuple[dt.Array, ...]]:
         """Direction (Vector3d) behind a shell, whether it is reflected (Bool), and the memory."""
-        import drjit as dr
-        import mitsuba as mi
-
         last = Memory(*memory)
         direction, crossed = passage.direction, passage.crossed
         aside = mi.Vector3d(last.offset)
@@ -214,8 +211,6 @@ class InLayers:
         length: dt.Float,
     ) -> tuple[dt.Vector3f, dt.Vector3f]:
         """Deflection and lateral offset up to a shell."""
-        import drjit as dr
-
         # The mean direction, which a guess tells, is the same for a ray that runs back.
         mean = weighted_mean(
             heading, transverse(before.gradient + here.gradient, heading) * (length / 2)
@@ -239,9 +234,6 @@ class InLayers:
         any_shell: dt.Bool,
     ) -> tuple[dt.Vector3d, dt.Vector3d]:
         """Lateral offset of the last segment's end (Vector3d, mm), and the direction there."""
-        import drjit as dr
-        import mitsuba as mi
-
         last = Memory(*memory)
         aside, heading = mi.Vector3d(last.offset), mi.Vector3f(direction)
         length = length + onto_plane(aside, direction, facet) - last.along
@@ -260,7 +252,4 @@ class InLayers:
 
     @property
     def _ambient(self) -> dt.Float64:
-        import drjit as dr
-        import mitsuba as mi
-
         return dr.opaque(mi.Float64, self._tables.ambient)

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 
 from iriftrace.core.arrays import BoolArray, FloatArray
@@ -28,9 +30,6 @@ def index_check(prepared: PreparedScene, refracted: RefractedHits) -> tuple[dt.B
     The steps of a ray and the index before the first of them give the layer in which it
     ended. It must be one of those that touch the part there.
     """
-    import drjit as dr
-    import mitsuba as mi
-
     tables = prepared.tables
     if tables.stock_shells:
         # Mitsuba's dielectric knows ratios only, so its steps have no common scale.
@@ -92,9 +91,6 @@ def _records(
 
     The normals point to where the ray came from: an open part may be seen from its back.
     """
-    import drjit as dr
-    import mitsuba as mi
-
     _, normal = prepared.tables.plane(dr.gather(mi.UInt32, refracted.face, rays), mi.Bool(True))
     ahead = mi.Vector3d(*(dr.gather(mi.Float64, axis, rays) for axis in refracted.direction))
     normal = dr.select(dr.dot(ahead, normal) > 0, -normal, normal)

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from copy import copy
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,9 +20,6 @@ from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.queries import query_step, ray_query, same_crossing
 from iriftrace.plugins.kernels.tables import SceneTables, shell_indices, surface_index
 from iriftrace.plugins.kernels.vertex_table import PART, SHELL, aligned
-
-if TYPE_CHECKING:
-    import mitsuba as mi
 
 MOST_STEPS = 30_000
 """Crossings of a straight line after which it is not followed any farther."""
@@ -48,8 +47,6 @@ def scene_beside(scene: mi.Scene, shapes: list[mi.Shape]) -> dt.Scene:
     OptiX allows one shader binding table in a kernel, and drops queries of other scenes silently;
     a scene that has another one as a child uses the same table.
     """
-    import mitsuba as mi
-
     # A shape takes its key as id, so the keys are the ids it has.
     content = {shape.id() or f"shape_{i}": shape for i, shape in enumerate(shapes)}
     return mi.load_dict(
@@ -67,8 +64,6 @@ class PreparedScene:
     """A scene ready for tracing, loaded with ``optimize=False``; InputError as of `SceneTables`."""
 
     def __init__(self, scene: mi.Scene) -> None:
-        import mitsuba as mi
-
         self.scene = scene
         self.tables = SceneTables(scene)
         self.step = query_step(scene)
@@ -85,9 +80,6 @@ class PreparedScene:
 
         Inside a closed surface every line starts by crossing it outward; most do if it has holes.
         """
-        import drjit as dr
-        import mitsuba as mi
-
         directions = _directions(256)
         origin = mi.Point3d(*(aligned(np.full(len(directions), x)) for x in point))
         direction = mi.Vector3d(*(aligned(x) for x in directions.T))
@@ -127,8 +119,6 @@ class PreparedScene:
         lines from each point the steps are counted. With several, the majority decides, so that a
         hole in a shell does not.
         """
-        import mitsuba as mi
-
         directions = _around(normals, lines)
         # Each line starts behind and passes its point; the tilted ones start as deep.
         ahead = WALL_STEPS * self.step / np.where(np.arange(lines) > 0, np.cos(TILT), 1.0)
@@ -153,9 +143,6 @@ class PreparedScene:
         mm; 0 or infinite where they hit nothing). They meet no shell, so lines across them do, from
         places along their path through the box of the shells.
         """
-        import drjit as dr
-        import mitsuba as mi
-
         chosen = np.flatnonzero(np.array(unmet))
         result = np.zeros(dr.width(unmet), dtype=bool)
         if len(chosen) == 0 or not self.tables.shell_shapes:
@@ -242,9 +229,6 @@ def crossed_steps(
     with too many (``MOST_STEPS``) to be believed. Also returns whether (Bool) the first shell
     along the line is crossed from inside.
     """
-    import drjit as dr
-    import mitsuba as mi
-
     smallest_step = dr.opaque(mi.Float64, step)
 
     class State(NamedTuple):

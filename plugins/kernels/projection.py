@@ -7,6 +7,8 @@ the one place that converts.
 
 from __future__ import annotations
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -30,9 +32,6 @@ class Projection:
     """
 
     def __init__(self, description: JsonObject) -> None:
-        import drjit as dr
-        import mitsuba as mi
-
         def opaque(value: float) -> dt.Float64:
             # A literal would become part of the kernel, and every pose would compile again.
             return dr.opaque(mi.Float64, float(value))
@@ -60,8 +59,6 @@ class Projection:
 
     def rays64(self, x: dt.Float64, y: dt.Float64) -> tuple[dt.Point3d, dt.Vector3d]:
         """Origins (Point3d, mm) and unit directions (Vector3d) through image positions, world."""
-        import drjit as dr
-
         across = (x - self.centre_x) * self.pitch_x
         along = (y - self.centre_y) * self.pitch_y
         if self.coefficients is not None:
@@ -73,8 +70,6 @@ class Projection:
 
     def _undistorted(self, across: dt.Float64, along: dt.Float64) -> tuple[dt.Float64, dt.Float64]:
         """Places on the sensor (mm from the axis) without distortion; NaN where nothing is seen."""
-        import drjit as dr
-
         seen_x, seen_y = across / self.focal_length, along / self.focal_length
         x, y = seen_x, seen_y
         for _ in range(self.rounds):
@@ -93,9 +88,6 @@ class Projection:
         It does (Bool) before the pinhole, and not so far outside the picture that the lens
         distortion turns back; always for parallel projection.
         """
-        import drjit as dr
-        import mitsuba as mi
-
         local = point - self.origin
         across, along = dr.dot(local, self.right), dr.dot(local, self.down)
         in_front = mi.Bool(True)

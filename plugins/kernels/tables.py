@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from copy import copy
 from functools import cached_property
-from typing import TYPE_CHECKING
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,16 +30,11 @@ from iriftrace.plugins.kernels.vertex_table import (
     has_derivatives,
 )
 
-if TYPE_CHECKING:
-    import mitsuba as mi
-
 PART_ID = "part"
 
 
 def shell_indices(bsdf: dt.BSDF | None) -> tuple[float, float] | None:
     """Index outside and inside, if the bsdf is a shell's; None for an opaque one."""
-    import mitsuba as mi
-
     if bsdf is None:
         return None
     if hasattr(bsdf, "ext_ior"):
@@ -79,9 +75,6 @@ def is_closed(vertices: NDArray[np.float32], faces: NDArray[np.uint32]) -> bool:
 
 def _runs_against_its_normals(shape: mi.Mesh) -> bool:
     """True if most of a mesh's triangles face away from its vertex normals, by area."""
-    import drjit as dr
-    import mitsuba as mi
-
     corners = dr.unravel(mi.Vector3u, shape.faces_buffer())
     a, b, c = (dr.gather(mi.Point3f, shape.vertex_positions_buffer(), v) for v in corners)
     normals = shape.vertex_normals_buffer()
@@ -155,8 +148,6 @@ class SceneTables:
     """
 
     def __init__(self, scene: mi.Scene) -> None:
-        import mitsuba as mi
-
         shapes = scene.shapes()
         self.part, place = _part_of(shapes)
         rows = [_described(shape, number == place) for number, shape in enumerate(shapes)]
@@ -190,9 +181,6 @@ class SceneTables:
     @staticmethod
     def _numbers(shapes: list[mi.Shape]) -> dt.UInt32:
         """Table from Mitsuba's registry number of a shape to its place in the list."""
-        import drjit as dr
-        import mitsuba as mi
-
         numbers: list[dt.UInt32] = [
             dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape)) for shape in shapes
         ]
@@ -203,24 +191,15 @@ class SceneTables:
 
     def shape_number(self, preliminary: dt.PreliminaryIntersection3f, active: dt.Bool) -> dt.UInt32:
         """Place of the hit shape in the scene's list (UInt32)."""
-        import drjit as dr
-        import mitsuba as mi
-
         registry: dt.UInt32 = dr.reinterpret_array(mi.UInt32, preliminary.shape)
         return dr.gather(mi.UInt32, self._number, registry, active)
 
     def kind(self, shape: dt.UInt32, active: dt.Bool) -> dt.UInt32:
         """SHELL, PART or BLOCKER (UInt32)."""
-        import drjit as dr
-        import mitsuba as mi
-
         return dr.gather(mi.UInt32, self._kind, shape, active)
 
     def sides(self, shape: dt.UInt32, active: dt.Bool) -> tuple[dt.Float64, dt.Float64]:
         """Index outside and inside a shell (Float64)."""
-        import drjit as dr
-        import mitsuba as mi
-
         return (
             dr.gather(mi.Float64, self._outside, shape, active),
             dr.gather(mi.Float64, self._inside, shape, active),
@@ -228,8 +207,6 @@ class SceneTables:
 
     def with_sides(self, pairs: list[tuple[float, float]]) -> SceneTables:
         """The same tables with other indices outside and inside each shape of the scene's list."""
-        import mitsuba as mi
-
         other = copy(self)
         outside, inside = zip(*pairs, strict=True)
         other._outside, other._inside = mi.Float64(outside), mi.Float64(inside)
@@ -237,9 +214,6 @@ class SceneTables:
 
     def face(self, shape: dt.UInt32, primitive: dt.UInt32, active: dt.Bool) -> dt.UInt32:
         """Row of a triangle in the face table (UInt32)."""
-        import drjit as dr
-        import mitsuba as mi
-
         return dr.gather(mi.UInt32, self._first_face, shape, active) + primitive
 
     def triangle(self, face: dt.UInt32, active: dt.Bool) -> Triangle:
@@ -261,16 +235,10 @@ class SceneTables:
 
     def level(self, shape: dt.UInt32, active: dt.Bool) -> dt.Float64:
         """Index of the air on a shell itself (Float64)."""
-        import drjit as dr
-        import mitsuba as mi
-
         return dr.gather(mi.Float64, self._level, shape, active)
 
     def neighbour(self, face: dt.UInt32, edge: dt.UInt32, active: dt.Bool) -> dt.UInt32:
         """Row of the part's face beyond an edge of another (UInt32); ``NONE`` without one."""
-        import drjit as dr
-        import mitsuba as mi
-
         place = 3 * (face - self.part_first_face) + edge
         number = dr.gather(mi.UInt32, self._neighbours, place, active)
         return dr.select(active & (number != NONE), number + self.part_first_face, NONE)
@@ -308,9 +276,6 @@ class SceneTables:
         self, project: dt.Project, lowest: tuple[int, int], highest: tuple[int, int]
     ) -> int:
         """Number of shell triangles whose centre appears in a window of the picture."""
-        import drjit as dr
-        import mitsuba as mi
-
         face = dr.arange(mi.UInt32, self._table.face_count)
         active = mi.Bool(True)
         corners = self.triangle(face, active)

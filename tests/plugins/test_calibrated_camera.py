@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import mitsuba as mi
 import numpy as np
 import pytest
 import trimesh
@@ -27,22 +28,16 @@ POSE = ((150.0, -100.0, 120.0), (3.0, -2.0, 1.0))
 
 
 def loaded(origin: Any = POSE[0], target: Any = POSE[1], **more: Any) -> Any:
-    import mitsuba as mi
-
     return mi.load_dict(camera(origin, target, **{"film": film(**PAPER_FILM), **PAPER, **more}))
 
 
 def rays(sensor: Any, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    import mitsuba as mi
-
     positions = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
     origin, direction = sensor.rays64(*(mi.Float64(p) for p in positions.T))
     return np.array(origin).T, np.array(direction).T
 
 
 def projected(sensor: Any, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    import mitsuba as mi
-
     x, y, in_front = sensor.project64(mi.Point3d(*np.asarray(points, dtype=np.float64).T))
     return np.stack((np.array(x), np.array(y)), axis=1), np.array(in_front)
 
@@ -141,15 +136,11 @@ def test_wrong_parameters_are_refused(changes: dict[str, Any], message: str) -> 
 
 
 def test_missing_focal_length_is_named() -> None:
-    import mitsuba as mi
-
     with pytest.raises(RuntimeError, match='"focal_length" is missing'):
         mi.load_dict({"type": "calibrated_camera", "sensor_width": 6.7, "sensor_height": 5.6})
 
 
 def test_scaling_pose_is_refused() -> None:
-    import mitsuba as mi
-
     with pytest.raises(RuntimeError, match="not a rigid motion"):
         loaded(to_world=mi.ScalarTransform4d().scale([1, 1, 2]))
 
@@ -217,8 +208,6 @@ def test_projection_is_the_inverse_of_rays(
 
 def test_single_precision_rays_agree() -> None:
     """sample_ray serves other integrators: positions from 0 to 1 over the film."""
-    import mitsuba as mi
-
     sensor = loaded()
     positions = PIXELS / (2448, 2048)
     for sample in (sensor.sample_ray, sensor.sample_ray_differential):
@@ -231,8 +220,6 @@ def test_single_precision_rays_agree() -> None:
 
 def test_crop_window_shows_a_part_of_the_whole_picture() -> None:
     """Positions 0..1 go over the window, and rays64 keeps counting from the sensor's edge."""
-    import mitsuba as mi
-
     window = film(
         **PAPER_FILM, crop_offset_x=600, crop_offset_y=300, crop_width=200, crop_height=100
     )
@@ -245,8 +232,6 @@ def test_crop_window_shows_a_part_of_the_whole_picture() -> None:
 
 def test_traverse_moves_the_camera() -> None:
     """Another pose without another scene, also through the scene's own parameters."""
-    import mitsuba as mi
-
     sensor = loaded()
     loaded_scene = mi.load_dict({"type": "scene", "sensor": sensor})
     elsewhere = ((20.0, 300.0, -5.0), (1.0, 0.0, 2.0))
@@ -321,8 +306,6 @@ def test_zero_coefficients_are_a_pinhole_to_the_last_bit() -> None:
 
 
 def test_a_moved_camera_keeps_its_lens() -> None:
-    import mitsuba as mi
-
     sensor = loaded(k1=-0.2)
     parameters = mi.traverse(sensor)
     parameters["to_world"] = mi.Transform4d().look_at([20, 300, -5], [1, 0, 2], [0, 0, 1])

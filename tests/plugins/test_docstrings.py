@@ -8,6 +8,7 @@ from textwrap import dedent
 from types import ModuleType
 from typing import Any
 
+import mitsuba as mi
 import numpy as np
 import pytest
 
@@ -38,15 +39,11 @@ def example(text: str, language: str) -> str:
 
 
 def from_xml(module: ModuleType, variant: str) -> Any:
-    import mitsuba as mi
-
     code = example(document(module, variant), "xml")
     return mi.load_string(re.sub(r"^<(\w+)", r'<\1 version="3.0.0"', code))
 
 
 def from_python(module: ModuleType, variant: str) -> Any:
-    import mitsuba as mi
-
     return eval(example(document(module, variant), "python"), {"mi": mi})
 
 

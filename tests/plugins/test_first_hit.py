@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 import pytest
 
@@ -54,8 +56,6 @@ def lens(tmp_path: Path) -> dict[str, Any]:
 
 def test_render_gives_the_channels_and_the_film_keeps_their_names(shapes: dict[str, Any]) -> None:
     """Bit for bit what image() gives; the film's own channel Y comes first and is empty."""
-    import mitsuba as mi
-
     loaded = scene(shapes)
     image = channels(loaded)
     rendered = np.array(mi.render(loaded))
@@ -174,8 +174,6 @@ def test_normals_parameter_chooses_gradient_or_facets(shapes: dict[str, Any]) ->
     ],
 )
 def test_wrong_parameters_are_refused(values: dict[str, Any], message: str) -> None:
-    import mitsuba as mi
-
     with pytest.raises(RuntimeError, match=message):
         mi.load_dict({"type": "first_hit", **values})
 
@@ -196,8 +194,6 @@ def test_films_that_smear_or_round_are_refused(
 
 
 def test_crop_window_is_a_piece_of_the_whole_picture(shapes: dict[str, Any]) -> None:
-    import mitsuba as mi
-
     whole = channels(scene(shapes))
     window = film(crop_offset_x=15, crop_offset_y=10, crop_width=12, crop_height=20)
     loaded = scene(shapes, camera(film=window))
@@ -210,8 +206,6 @@ def test_crop_window_is_a_piece_of_the_whole_picture(shapes: dict[str, Any]) -> 
 
 def perspective(**more: Any) -> dict[str, Any]:
     """Mitsuba's own sensor with the view of small_scenes.camera()."""
-    import mitsuba as mi
-
     return {
         "type": "perspective",
         "fov": float(2 * np.degrees(np.arctan(0.3))),
@@ -252,8 +246,6 @@ def test_stock_perspective_sensor_gives_the_same_hits(shapes: dict[str, Any]) ->
 
 def test_stock_orthographic_sensor_gives_parallel_rays(shapes: dict[str, Any]) -> None:
     """to_world scales the picture to +-30 mm; each hit lies behind its pixel's centre."""
-    import mitsuba as mi
-
     sensor = {
         "type": "orthographic",
         "to_world": mi.ScalarTransform4f().look_at([0, -100, 0], [0, 0, 0], [0, 0, 1])
@@ -278,8 +270,6 @@ def test_stock_orthographic_sensor_gives_parallel_rays(shapes: dict[str, Any]) -
 @pytest.mark.parametrize("sensor_type", ["perspective", "orthographic"])
 def test_projection_of_stock_sensors_is_the_inverse_of_their_rays(sensor_type: str) -> None:
     """Principal point, crop window and scale have the sign that Mitsuba gives them."""
-    import mitsuba as mi
-
     pose = mi.ScalarTransform4f().look_at([30, -100, 20], [1, 2, 3], [0, 0, 1])
     window = film(crop_offset_x=10, crop_offset_y=5, crop_width=20, crop_height=30)
     more = (
@@ -320,7 +310,6 @@ def test_report_counts_and_describes(shapes: dict[str, Any]) -> None:
 @pytest.fixture
 def kernel_history() -> Iterator[Any]:
     """Function that returns the kernels launched since its last call."""
-    import drjit as dr
 
     def launched() -> list[dict[str, Any]]:
         return [k for k in dr.kernel_history() if k["type"] == dr.KernelType.JIT]
@@ -336,8 +325,6 @@ def test_second_pose_compiles_no_kernel(shapes: dict[str, Any], kernel_history: 
     A kernel that comes from Dr.Jit's cache on disk counts as compiled: the first run of this test
     on a machine would have compiled it.
     """
-    import mitsuba as mi
-
     loaded = scene(shapes)
     integrator = loaded.integrator()
 
@@ -397,8 +384,6 @@ def test_aligned_arrays_are_copies_that_start_at_128_bytes(kind: type) -> None:
 
 
 def test_result_depends_neither_on_the_run_nor_on_the_threads(shapes: dict[str, Any]) -> None:
-    import drjit as dr
-
     first = channels(scene(shapes))
     threads = dr.thread_count()
     try:
@@ -453,8 +438,6 @@ def test_surroundings_of_a_sensor(
 
 def with_attributes(loaded: Any, attributes: dict[str, int], shells: tuple[str, ...]) -> Any:
     """The scene whose shells got further vertex attributes, zeros of so many values."""
-    import mitsuba as mi
-
     for shape in loaded.shapes():
         if shape.id() in shells:
             for name, size in attributes.items():

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 import pytest
 import pyvista as pv
@@ -152,8 +154,6 @@ def test_error_channel_survives_the_file(xml: Path, tmp_path: Path) -> None:
 
 
 def test_mitsuba_renders_all_channels(xml: Path) -> None:
-    import mitsuba as mi
-
     loaded = load_scene(xml, engine="cells")
     planes = np.array(mi.render(loaded.mitsuba_scene, integrator=loaded.integrator))
     image = render_scene(loaded).image
@@ -305,8 +305,6 @@ def test_plume_that_leaves_the_data_is_counted(tmp_path: Path, part: Part) -> No
 @pytest.fixture
 def kernel_history() -> Iterator[Any]:
     """Function that returns the kernels launched since its last call."""
-    import drjit as dr
-
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
         dr.kernel_history_clear()
         yield lambda: [k for k in dr.kernel_history() if k["type"] == dr.KernelType.JIT]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import mitsuba as mi
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -32,14 +33,10 @@ angles = st.floats(0.0, 2.0 * np.pi)
 
 def vectors(rows: Any) -> Any:
     """Vector3d from (n, 3) or (3,) numbers."""
-    import mitsuba as mi
-
     return mi.Vector3d(*np.atleast_2d(np.asarray(rows, dtype=np.float64)).T)
 
 
 def numbers(values: Any) -> Any:
-    import mitsuba as mi
-
     return mi.Float64(np.atleast_1d(np.asarray(values, dtype=np.float64)))
 
 

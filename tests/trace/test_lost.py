@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from types import SimpleNamespace
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 import pytest
 from attrs import evolve
@@ -98,9 +100,6 @@ def test_every_command_says_so(giving_up: LoadedScene) -> None:
 
 def test_an_impossible_deflection_is_no_good_ray_even_beside_the_part() -> None:
     """Twice the arc cosine of the smallest over the largest index along the ray is the most."""
-    import drjit as dr
-    import mitsuba as mi
-
     from iriftrace.plugins.kernels.bundle import is_lost
     from iriftrace.plugins.kernels.queries import ESCAPED
 
@@ -153,8 +152,6 @@ def test_a_field_that_loses_rays_does_not_take_over(monkeypatch: pytest.MonkeyPa
 
 def test_rays_that_meet_no_shell_in_hot_air_are_known(tmp_path: Path) -> None:
     """Along a wall, parallel to its layers: no shell is met, so none bends the ray."""
-    import mitsuba as mi
-
     part, shells = slab(13, air=RoundAir(), size_mm=400.0)
     camera = evolve(ABOVE[0], matrix=look_at((0.0, -200.0, 200.0), (0.0, 0.0, 0.0)))
     xml = write_scene(tmp_path, part, shells, camera, paraview=False)
