@@ -118,21 +118,11 @@ def integrator_class(variant: str) -> type:
         ) -> tuple[dt.TensorXf, dict[str, Any]]:
             """All channels of a sensor's picture.
 
-            Parameters
-            ----------
-            scene : mi.Scene
-            sensor : mi.Sensor
-            straight : StraightHits, optional
-                Of the same sensor's picture of the same part, perhaps in other air.
-
-            Returns
-            -------
-            channels : TensorXf, (c, h, w)
-                In the order of ``aov_names()``, the crop window only.
-            report : dict
-                ``time_s`` per stage, ``counts`` (``open_boundary`` rays,
-                ``triangles_in_view`` where shells bend) and ``camera`` of the crop window
-                (as of ``iriftrace.Camera.as_dict``), and ``straight`` (StraightHits).
+            Those of the crop window, (c, h, w), in the order of ``aov_names()``. `straight`
+            are hits of the same sensor's picture of the same part, perhaps in other air. The report
+            has ``time_s`` per stage, ``counts`` (``open_boundary`` rays, ``triangles_in_view``
+            where shells bend), ``camera`` of the crop window (as of ``iriftrace.Camera.as_dict``)
+            and ``straight`` (StraightHits).
             """
             names = self.aov_names()
             rays = PixelRays(sensor, len(names))

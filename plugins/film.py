@@ -40,18 +40,7 @@ def memory_bytes() -> float:
 
 
 def check_picture_size(width: int, height: int, channels: int) -> None:
-    """Refuse a picture that is larger than memory, or than an array can be.
-
-    Parameters
-    ----------
-    width, height : int
-        Pixels that are traced.
-    channels : int
-
-    Raises
-    ------
-    InputError
-    """
+    """Raise InputError for traced pixels and channels beyond memory, or than an array can hold."""
     pixels = width * height
     advice = "lower the resolution (-D scale=...), or crop the film"
     needed, there = BYTES_PER_PIXEL * pixels, memory_bytes()

@@ -21,14 +21,9 @@ class PixelRays:
     directions (Vector3d). An InputError if the film would smear the channels, or the picture is
     larger than memory.
 
-    Attributes
-    ----------
-    numbers : UInt32
-        Row-major numbers of the pixels in that order.
-    camera
-        The sensor as a camera that gives rays in double precision.
-    corner, size : (2,) tuple of int, px
-        First column and row of the window, and its width and height.
+    `numbers` are the row-major numbers of the pixels in that order (UInt32), `camera` is the sensor
+    as a camera that gives rays in double precision, `corner` the first column and row of the window
+    and `size` its width and height, px.
     """
 
     def __init__(self, sensor: mi.Sensor, channels: int) -> None:

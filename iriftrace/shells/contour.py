@@ -60,10 +60,6 @@ def contour_shells(
     min_size_mm : float, mm
         Pieces whose bounding box has a smaller diagonal are dropped; 0 keeps all.
 
-    Returns
-    -------
-    ShellStack
-
     Raises
     ------
     InputError

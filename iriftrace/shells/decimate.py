@@ -52,10 +52,6 @@ def decimate(stack: ShellStack, triangles: int) -> ShellStack:
         Returned unchanged if it has at most this many triangles.
     triangles : int
 
-    Returns
-    -------
-    ShellStack
-
     Raises
     ------
     InputError

@@ -28,10 +28,6 @@ def trim_to_frustum(stack: ShellStack, camera: Camera, margin_mm: float) -> Shel
     margin_mm : float, mm
         Room for refracted rays and for other cameras near this one.
 
-    Returns
-    -------
-    ShellStack
-
     Raises
     ------
     InputError
@@ -115,10 +111,6 @@ def smooth_taubin(
     lambda_, mu : float
         ``0 < lambda_ < -mu``; the pass-band ends at ``1 / lambda_ + 1 / mu``.
 
-    Returns
-    -------
-    ShellStack
-
     Raises
     ------
     InputError
@@ -159,10 +151,6 @@ def subdivide_midpoint(stack: ShellStack, times: int = 1) -> ShellStack:
     stack : ShellStack
     times : int
         The number of triangles grows by ``4**times``.
-
-    Returns
-    -------
-    ShellStack
 
     Raises
     ------

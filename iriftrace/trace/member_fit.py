@@ -180,10 +180,6 @@ def fit_members(
     camera_motion : bool
         Fit a rigid motion of the camera between the pictures, too.
 
-    Returns
-    -------
-    MemberFit
-
     Raises
     ------
     InputError

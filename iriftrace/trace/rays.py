@@ -95,10 +95,6 @@ def trace_rays(
     trace_all : bool
         Also trace refracted rays whose straight twin misses the part; otherwise they are left out.
 
-    Returns
-    -------
-    RayHits
-
     Raises
     ------
     InputError

@@ -25,10 +25,6 @@ def fit_temperatures(scene: AnyScene, temperatures: AirTemperatures) -> MemberFi
     temperatures : AirTemperatures
         In the scene's frame (:func:`iriftrace.read_air_temperatures`).
 
-    Returns
-    -------
-    MemberFit
-
     Raises
     ------
     InputError

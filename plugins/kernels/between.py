@@ -49,10 +49,7 @@ def length_gain(cosine: dt.Real) -> dt.Real:
 
     .. math:: \frac{c}{c^2 + \varepsilon^2 (1 - c^2)}
 
-    Parameters
-    ----------
-    cosine : number
-        c, between ray and gradient.
+    with the cosine c between ray and gradient.
     """
     squared = cosine * cosine
     return cosine / (squared + DIRECTION_ERROR * DIRECTION_ERROR * (1 - squared))

@@ -82,25 +82,16 @@ def trace_bundle(
         straight.outcome == HIT_BLOCKER, mi.UInt32(int(Status.BLOCKED)), int(Status.MISSED)
     )
     chosen = dr.arange(mi.UInt32, count) if trace_all else dr.compress(hit)
+    time_s = {"straight": straight_done - started, "refracted": 0.0}
     if dr.width(chosen) == 0:
-        time_s = {"straight": straight_done - started, "refracted": 0.0}
         return Bundle(None, untraced, time_s, straight)
     origin, direction = rays(chosen)
     refracted = bend(origin, direction)
     dr.eval(*refracted)
     dr.sync_thread()
-    refracted_done = time.perf_counter()
-
+    time_s["refracted"] = time.perf_counter() - straight_done
     trace = _judged(prepared, chosen, origin, direction, straight, refracted, check, focus)
-    return Bundle(
-        trace,
-        untraced,
-        {
-            "straight": straight_done - started,
-            "refracted": refracted_done - straight_done,
-        },
-        straight,
-    )
+    return Bundle(trace, untraced, time_s, straight)
 
 
 def paired_straight_rays(
@@ -155,10 +146,7 @@ def _judged(
         (Status.REFRACTED_MISSED, on_part & ~bent_hit),
         (Status.INDEX_MISMATCH, too_bent),
         (Status.GAVE_UP, refracted.outcome == GAVE_UP),
-        (
-            Status.BLOCKED,
-            (outcome == HIT_BLOCKER) | (refracted.outcome == HIT_BLOCKER),
-        ),
+        (Status.BLOCKED, (outcome == HIT_BLOCKER) | (refracted.outcome == HIT_BLOCKER)),
         (Status.OUT_OF_FOCUS, on_part & ((length < near) | (length > far))),
         (Status.MISSED, ~too_bent & ((outcome + refracted.outcome) == 0)),
     ):

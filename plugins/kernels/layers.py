@@ -79,11 +79,7 @@ class Passage(NamedTuple):
 class AtShells:
     """Snell's law at every shell; between them the rays are straight.
 
-    Parameters
-    ----------
-    tables : SceneTables
-    gradient_normals : bool
-        Refract at the normals interpolated from the vertices, not at the facets'.
+    With `gradient_normals` at the normals interpolated from the vertices, else at the facets'.
     """
 
     def __init__(self, tables: SceneTables, gradient_normals: bool) -> None:
@@ -100,7 +96,7 @@ class AtShells:
         """Direction (Vector3d) behind a shell, whether it is reflected (Bool), and the memory."""
         shading = None
         if self._gradient_normals:
-            normals = self._tables.vertex_normals(passage.face, passage.crossed)
+            normals = self._tables.vertices.normals(passage.face, passage.crossed)
             shading = interpolated_normal(passage.point, passage.triangle, normals, passage.facet)
         ratio = passage.near / passage.far
         bent, reflected = cross_surface(
@@ -152,10 +148,7 @@ class InLayers:
     misses it not at all, so single rays that turn round in the air converge with order 1/2 in the
     number of shells; here the layer is the same for both, and they converge with order 2.
 
-    Parameters
-    ----------
-    tables : SceneTables
-        Of shells that have vertex normals and Hessians.
+    The tables are of shells that have vertex normals and Hessians.
     """
 
     def __init__(self, tables: SceneTables) -> None:
@@ -181,7 +174,7 @@ class InLayers:
         heading = mi.Vector3f(direction)
         weights = corner_weights(point, passage.triangle, passage.facet)
         weights = mi.Float(weights[0]), mi.Float(weights[1])
-        gradients, changes = self._tables.gradients(passage.face, heading, crossed)
+        gradients, changes = self._tables.vertices.gradients(passage.face, heading, crossed)
         here = AtShell(
             between_corners(gradients, weights),
             between_corners(changes, weights),

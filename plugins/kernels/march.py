@@ -21,10 +21,12 @@ from iriftrace.plugins.kernels.queries import (
     HIT_PART,
     RELATIVE_STEP,
     SAME_CROSSING_STEPS,
+    advanced,
     query_error,
     ray_query,
     same_crossing,
     settled,
+    zeros,
 )
 from iriftrace.plugins.kernels.snell import Triangle, distance_to_plane
 from iriftrace.plugins.kernels.tables import SceneTables
@@ -151,16 +153,7 @@ class _March:
 
     def to_the_end(self, origin: Point3d, direction: Vector3d) -> _State:
         """Advance rays, (Point3d, mm) and (Vector3d), until all have ended."""
-        return _State(
-            *dr.while_loop(
-                tuple(self._start(origin, direction)),
-                lambda *s: s[-1],
-                lambda *s: tuple(self._advance(_State(*s))),
-                labels=_State._fields,
-                compress=False,
-                label="march",
-            )
-        )
+        return advanced(self._start(origin, direction), self._advance, "march")
 
     def hits(self, end: _State) -> RefractedHits:
         """Ends as the march left them, before `_back_on_front` and `_fix_transitions`."""
@@ -169,23 +162,24 @@ class _March:
 
     def _start(self, origin: Point3d, direction: Vector3d) -> _State:
         width = dr.width(origin, direction)
+        zero = zeros(
+            width,
+            Float64="path_length entry_index index_sum segment",
+            Float="contrast",
+            UInt32="crossings",
+            Bool="outward",
+        )
         nothing = mi.UInt32(0xFFFFFFFF)
         return _State(
             point=mi.Point3d(origin),
             direction=mi.Vector3d(direction),
-            path_length=dr.zeros(mi.Float64, width),
             outcome=dr.full(mi.UInt32, ESCAPED, width),
             face=mi.UInt32(nothing),
-            crossings=dr.zeros(mi.UInt32, width),
-            entry_index=dr.zeros(mi.Float64, width),
-            index_sum=dr.zeros(mi.Float64, width),
-            contrast=dr.zeros(mi.Float, width),
-            segment=dr.zeros(mi.Float64, width),
             shape=mi.UInt32(nothing),
-            outward=dr.full(mi.Bool, False, width),
             start=mi.Point3d(origin),
             memory=self.bending.start(width),
             active=dr.full(mi.Bool, True, width),
+            **zero,
         )
 
     def _met(self, s: _State) -> _Met:

@@ -17,7 +17,13 @@ from numpy.typing import NDArray
 
 from iriftrace.core.sampling import r2_sequence
 from iriftrace.plugins.kernels import types as dt
-from iriftrace.plugins.kernels.queries import query_step, ray_query, same_crossing
+from iriftrace.plugins.kernels.queries import (
+    advanced,
+    query_step,
+    ray_query,
+    same_crossing,
+    zeros,
+)
 from iriftrace.plugins.kernels.tables import SceneTables, shell_indices, surface_index
 from iriftrace.plugins.kernels.vertex_table import PART, SHELL, aligned
 
@@ -243,8 +249,7 @@ def crossed_steps(
         count: dt.UInt32
         active: dt.Bool
 
-    def advance(*values: dt.Array) -> tuple[dt.Array, ...]:
-        s = State(*values)
+    def advance(s: State) -> State:
         start = origin + direction * s.travelled
         preliminary = ray_query(scene, start, direction, False, s.active)
         found = s.active & preliminary.is_valid()
@@ -260,7 +265,7 @@ def crossed_steps(
         near, far = dr.select(outward, inside, outside), dr.select(outward, outside, inside)
         first = crossed & (s.last_index == 0)
         travelled, change = s.travelled + move, dr.select(crossed, far - near, 0)
-        return (
+        return State(
             travelled,
             dr.select(crossed, 0, gap),
             s.index_sum + change,
@@ -274,27 +279,21 @@ def crossed_steps(
         )
 
     width = dr.width(origin, direction)
-    state = (
-        dr.zeros(mi.Float64, width),
-        dr.zeros(mi.Float64, width),
-        dr.zeros(mi.Float64, width),
-        dr.zeros(mi.Float64, width),
-        dr.zeros(mi.Float64, width),
-        dr.full(mi.Bool, False, width),
-        dr.full(mi.UInt32, 0xFFFFFFFF, width),
-        dr.full(mi.Bool, False, width),
-        dr.zeros(mi.UInt32, width),
-        dr.full(mi.Bool, True, width),
+    start = State(
+        shape=dr.full(mi.UInt32, 0xFFFFFFFF, width),
+        active=dr.full(mi.Bool, True, width),
+        **zeros(
+            width,
+            Float64="travelled gap index_sum passed_sum last_index",
+            Bool="enclosed outward",
+            UInt32="count",
+        ),
     )
-    end = State(
-        *dr.while_loop(
-            state, lambda *s: s[-1], advance, labels=State._fields, compress=False, label="count"
-        )
-    )
+    end = advanced(start, advance, "count")
     known = (end.count <= MOST_STEPS) & (end.last_index != 0)
-    start = end.last_index - end.index_sum
-    there = start + end.passed_sum
-    return dr.select(known, start, 0), dr.select(known, there, 0), end.enclosed & known
+    first = end.last_index - end.index_sum
+    there = first + end.passed_sum
+    return dr.select(known, first, 0), dr.select(known, there, 0), end.enclosed & known
 
 
 def _around(normals: NDArray[np.float64], count: int) -> NDArray[np.float64]:

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import distorted, fold_radius, newton_step
-from iriftrace.core.plain import JsonObject
 from iriftrace.plugins.kernels import types as dt
 
 
@@ -24,34 +23,27 @@ def flip_axes(matrix: ArrayLike) -> NDArray[np.float64]:
 
 
 class Projection:
-    """Rays through image positions and image positions of points.
+    """Rays through a camera's image positions, and image positions of points."""
 
-    The description has the values of ``iriftrace.Camera.as_dict``: projection,
-    focal_length_mm, sensor_mm, resolution, principal_point_px, matrix (camera to world), distortion
-    (none by default).
-    """
-
-    def __init__(self, description: JsonObject) -> None:
+    def __init__(self, camera: Camera) -> None:
         def opaque(value: float) -> dt.Float64:
             # A literal would become part of the kernel, and every pose would compile again.
             return dr.opaque(mi.Float64, float(value))
 
-        matrix = np.asarray(description["matrix"], dtype=np.float64)
-        self.orthographic = description["projection"] == "orthographic"
+        self.orthographic = camera.projection == "orthographic"
         self.right, self.down, self.forward = (
-            mi.Vector3d(*(opaque(x) for x in matrix[:3, axis])) for axis in range(3)
+            mi.Vector3d(*(opaque(x) for x in camera.matrix[:3, axis])) for axis in range(3)
         )
-        self.origin = mi.Point3d(*(opaque(x) for x in matrix[:3, 3]))
-        self.centre_x, self.centre_y = (opaque(x + 0.5) for x in description["principal_point_px"])
+        self.origin = mi.Point3d(*(opaque(x) for x in camera.matrix[:3, 3]))
+        self.centre_x, self.centre_y = (opaque(x + 0.5) for x in camera.principal_point_px)
         self.pitch_x, self.pitch_y = (
             opaque(size / count)
-            for size, count in zip(description["sensor_mm"], description["resolution"], strict=True)
+            for size, count in zip(camera.sensor_mm, camera.resolution, strict=True)
         )
         self.focal_length: dt.Float64 = (
-            None if self.orthographic else opaque(description["focal_length_mm"])
+            None if self.orthographic else opaque(camera.focal_length_mm)
         )
         self.coefficients = None
-        camera = Camera.from_dict(description)
         if camera.distortion is not None:
             self.coefficients = [opaque(value) for value in camera.distortion.coefficients]
             self.rounds = camera.seen_field.rounds

@@ -6,7 +6,8 @@ triangle's plane is computed in double precision.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple, TypeVar
 
 import drjit as dr
 import mitsuba as mi
@@ -18,6 +19,9 @@ from iriftrace.plugins.kernels.tables import SceneTables
 from iriftrace.plugins.kernels.vertex_table import PART
 
 ESCAPED, HIT_PART, HIT_BLOCKER, GAVE_UP = range(4)
+
+S = TypeVar("S", bound=tuple[dt.Struct, ...])
+"""State of rays, a NamedTuple whose last field is the mask of those that are active."""
 
 SAME_CROSSING_STEPS = 20
 """Within this many steps, a second crossing of one shell in one direction is the same crossing."""
@@ -35,6 +39,29 @@ Hardly more than a float32 spacing, because sliver cells fold a shell over by as
 and a fold that is stepped over leaves index steps that do not add up (6 of 266,000 rays with a step
 eight times as long, none with this one).
 """
+
+
+def zeros(width: int, **names: str) -> dict[str, dt.Array]:
+    """Zeros for fields of a state by the names of their types: ``Float64="length time"``."""
+    return {
+        name: dr.zeros(getattr(mi, kind), width)
+        for kind, listed in names.items()
+        for name in listed.split()
+    }
+
+
+def advanced(start: S, advance: Callable[[S], S], label: str) -> S:
+    """Advance rays until none is active."""
+    kind = type(start)
+    end = dr.while_loop(
+        tuple(start),
+        lambda *s: s[-1],
+        lambda *s: tuple(advance(kind(*s))),
+        labels=start._fields,  # type: ignore[attr-defined]
+        compress=False,
+        label=label,
+    )
+    return kind(*end)
 
 
 class StraightHits(NamedTuple):

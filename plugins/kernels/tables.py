@@ -168,7 +168,7 @@ class SceneTables:
         # Mitsuba's dielectric has a ratio of indices, which cannot join layers.
         self.knows_derivatives = known and not self.stock_shells
         meshes = [row for row in rows if row.kind != BLOCKER]
-        self._table = VertexTable(meshes, self.knows_derivatives)
+        self.vertices = VertexTable(meshes, self.knows_derivatives)
         self._first_face = mi.UInt32(first_face[:-1])
         self._kind = mi.UInt32([row.kind for row in rows])
         self._outside = mi.Float64([row.sides[0] for row in rows])
@@ -216,23 +216,6 @@ class SceneTables:
         """Row of a triangle in the face table (UInt32)."""
         return dr.gather(mi.UInt32, self._first_face, shape, active) + primitive
 
-    def triangle(self, face: dt.UInt32, active: dt.Bool) -> Triangle:
-        """Corners of triangles in double precision."""
-        return self._table.triangle(face, active)
-
-    def vertex_normals(self, face: dt.UInt32, active: dt.Bool) -> Triangle:
-        """Vertex normals of triangles in double precision; zero where a mesh has none."""
-        return self._table.normals(face, active)
-
-    def gradients(
-        self, face: dt.UInt32, direction: dt.Vector3f, active: dt.Bool
-    ) -> tuple[Triangle, Triangle]:
-        """Gradient of the index at the corners of shells' triangles, 1/mm (Vector3f).
-
-        And its change along a direction (Vector3f), 1/mm^2.
-        """
-        return self._table.gradients(face, direction, active)
-
     def level(self, shape: dt.UInt32, active: dt.Bool) -> dt.Float64:
         """Index of the air on a shell itself (Float64)."""
         return dr.gather(mi.Float64, self._level, shape, active)
@@ -256,29 +239,25 @@ class SceneTables:
             return 1.0
         boxes = [np.array(s.bbox().max) - np.array(s.bbox().min) for s in self.shell_shapes]
         largest = int(np.argmax([np.linalg.norm(box) for box in boxes]))
-        pair = shell_indices(self.shell_shapes[largest].bsdf())
-        assert pair is not None
-        return pair[0]
+        return self.index_pairs[largest][0]
 
     @cached_property
     def open_steps(self) -> float:
         """Sum of the index steps of the shells that have a boundary."""
         total = 0.0
-        for shape in self.shell_shapes:
+        for shape, (outside, inside) in zip(self.shell_shapes, self.index_pairs, strict=True):
             vertices = np.array(shape.vertex_positions_buffer()).reshape(-1, 3)
             if not is_closed(vertices, np.array(shape.faces_buffer()).reshape(-1, 3)):
-                pair = shell_indices(shape.bsdf())
-                assert pair is not None
-                total += abs(pair[1] - pair[0])
+                total += abs(inside - outside)
         return total
 
     def triangles_in_view(
         self, project: dt.Project, lowest: tuple[int, int], highest: tuple[int, int]
     ) -> int:
         """Number of shell triangles whose centre appears in a window of the picture."""
-        face = dr.arange(mi.UInt32, self._table.face_count)
+        face = dr.arange(mi.UInt32, self.vertices.face_count)
         active = mi.Bool(True)
-        corners = self.triangle(face, active)
+        corners = self.vertices.triangle(face, active)
         x, y, in_front = project((corners.a + corners.b + corners.c) / 3)
         seen = in_front
         for position, low, high in zip((x, y), lowest, highest, strict=True):
@@ -291,5 +270,5 @@ class SceneTables:
 
     def plane(self, face: dt.UInt32, active: dt.Bool) -> tuple[Triangle, dt.Vector3d]:
         """Corners and unit normal of triangles."""
-        triangle = self.triangle(face, active)
+        triangle = self.vertices.triangle(face, active)
         return triangle, facet_normal(triangle)

@@ -24,8 +24,10 @@ from iriftrace.plugins.kernels.queries import (
     HIT_PART,
     RELATIVE_STEP,
     SAME_CROSSING_STEPS,
+    advanced,
     query_error,
     ray_query,
+    zeros,
 )
 from iriftrace.plugins.kernels.tables import SceneTables
 from iriftrace.plugins.kernels.tetrahedra import Entrance, Passage
@@ -149,29 +151,18 @@ class Walk:
 
     def to_the_end(self, origin: dt.Point3d, direction: dt.Vector3d) -> WalkState:
         """Advance rays, (Point3d, mm) and (Vector3d), until all have ended."""
-        return WalkState(
-            *dr.while_loop(
-                tuple(self._start(origin, direction)),
-                lambda *s: s[-1],
-                lambda *s: tuple(self._advance(WalkState(*s))),
-                labels=WalkState._fields,
-                compress=False,
-                label="curve",
-            )
-        )
+        return advanced(self._start(origin, direction), self._advance, "curve")
 
     def _start(self, origin: dt.Point3d, direction: dt.Vector3d) -> WalkState:
         width = dr.width(origin, direction)
-        kinds = {
-            mi.Float64: "path_length entry_index free retreat last",
-            mi.Vector3f: "position_error velocity_error",
-            mi.Float: "step_position_error step_velocity_error contrast deflection lateral_offset",
-            mi.UInt32: "shape primitive crossings relocations place count",
-            mi.Bool: "opened",
-        }
-        zero: dict[str, dt.Array] = {
-            name: dr.zeros(kind, width) for kind, names in kinds.items() for name in names.split()
-        }
+        zero = zeros(
+            width,
+            Float64="path_length entry_index free retreat last",
+            Vector3f="position_error velocity_error",
+            Float="step_position_error step_velocity_error contrast deflection lateral_offset",
+            UInt32="shape primitive crossings relocations place count",
+            Bool="opened",
+        )
         return WalkState(
             point=mi.Point3d(origin),
             velocity=mi.Vector3d(direction),
