@@ -9,7 +9,7 @@ from scipy.sparse import csr_array
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import AnyIntArray, FloatArray
 from iriftrace.core.errors import InputError
-from iriftrace.geometry.topology import open_edges
+from iriftrace.geometry.topology import edges_of, open_edges
 from iriftrace.geometry.triangles import unit_vectors, used_vertices
 from iriftrace.shells.stack import Shell, ShellStack
 
@@ -18,20 +18,10 @@ def trim_to_frustum(stack: ShellStack, camera: Camera, margin_mm: float) -> Shel
     """Remove triangles that lie wholly outside or behind a camera's view.
 
     A triangle stays unless all its corners are beyond the same side of the view by more than the
-    margin, so no triangle that a ray of the camera could meet is lost. Shells are open where they
-    are cut, and shells without any triangle in view are removed.
-
-    Parameters
-    ----------
-    stack : ShellStack
-    camera : Camera
-    margin_mm : float, mm
-        Room for refracted rays and for other cameras near this one.
-
-    Raises
-    ------
-    InputError
-        The margin is negative or no triangle is in view.
+    margin, so no triangle that a ray of the camera could meet is lost. The margin, mm, is room for
+    refracted rays and for other cameras near this one. Shells are open where they are cut, and
+    shells without any triangle in view are removed. Raises InputError for a negative margin or if
+    no triangle is in view.
     """
     if not (margin_mm >= 0.0 and np.isfinite(margin_mm)):
         raise InputError(
@@ -69,20 +59,9 @@ def without_inner(stack: ShellStack, count: int, levels: int | None = None) -> S
     """Remove the innermost levels together with their index steps.
 
     Rays then continue to the part in the air of the last remaining shell. Kern et al. (2025) did
-    this where shells of a coarse field cut the part; it is for studies only.
-
-    Parameters
-    ----------
-    stack : ShellStack
-    count : int
-        Number of levels to remove.
-    levels : int, optional
-        Number of levels, whether the field reaches them or not; by default as many as there are.
-
-    Raises
-    ------
-    InputError
-        The count is negative, or no shell is left.
+    this where shells of a coarse field cut the part; it is for studies only. `levels` is the number
+    of all levels, whether the field reaches them or not; by default as many as there are. Raises
+    InputError if the count is negative, or no shell is left.
     """
     last = max(shell.layer for shell in stack.shells) if levels is None else levels
     kept = [shell for shell in stack.shells if shell.layer <= last - count]
@@ -102,19 +81,8 @@ def smooth_taubin(
     Each iteration moves every vertex by ``lambda_`` and then by ``mu`` times the vector to the
     mean of its neighbours. Vertices on a border stay, so that shells still end on the wall or the
     data's edge. Gradient normals and derivatives belong to the original surface, so the result has
-    none.
-
-    Parameters
-    ----------
-    stack : ShellStack
-    iterations : int
-    lambda_, mu : float
-        ``0 < lambda_ < -mu``; the pass-band ends at ``1 / lambda_ + 1 / mu``.
-
-    Raises
-    ------
-    InputError
-        Iterations are negative or the factors would shrink or amplify.
+    none. Raises InputError unless ``0 < lambda_ < -mu < 1`` (the pass-band ends at ``1 / lambda_ +
+    1 / mu``) and iterations are not negative.
     """
     if iterations < 0:
         raise InputError(f"{iterations} smoothing iterations cannot be done; give 0 or more.")
@@ -144,18 +112,7 @@ def subdivide_midpoint(stack: ShellStack, times: int = 1) -> ShellStack:
 
     The surface does not change except for the rounding of the new vertices to float32 (4e-6 mm at
     100 mm), which turns facets by this error over their size. Normals and derivatives are
-    interpolated.
-
-    Parameters
-    ----------
-    stack : ShellStack
-    times : int
-        The number of triangles grows by ``4**times``.
-
-    Raises
-    ------
-    InputError
-        ``times`` is negative.
+    interpolated, and the number of triangles grows by ``4**times``.
     """
     if times < 0:
         raise InputError(f"Shells cannot be subdivided {times} times; give 0 or more.")
@@ -195,13 +152,12 @@ def _neighbour_mean(faces: AnyIntArray, count: int) -> csr_array:
 
 def _subdivided(shell: Shell) -> Shell:
     faces = shell.faces.astype(np.int64)
-    ends = np.sort(np.stack((faces, np.roll(faces, -1, axis=1)), axis=2).reshape(-1, 2), axis=1)
-    key, edge = np.unique((ends[:, 0] << 32) | ends[:, 1], return_inverse=True)
-    one, two = key >> 32, key & 0xFFFFFFFF
+    ends, edge = edges_of(faces)
+    one, two = ends.T
     points = shell.vertices.astype(np.float64)
     vertices = np.vstack((points, 0.5 * (points[one] + points[two])))
     a, b, c = faces.T
-    ab, bc, ca = (edge.reshape(-1, 3) + len(points)).T
+    ab, bc, ca = (edge + len(points)).T
     quarters = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
     normals = None
     if shell.normals is not None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import evolve
 
 from iriftrace.core.arrays import AnyIntArray, Float32Array
 from iriftrace.core.errors import InputError
@@ -23,7 +23,6 @@ from iriftrace.shells.stack import Shell, ShellStack
 from iriftrace.shells.table import SCHEMA, AirStatement, PartOrigin
 
 if TYPE_CHECKING:
-    from iriftrace.part.part import Part
     from iriftrace.shells.report import ShellReport
 
 
@@ -34,25 +33,6 @@ _NORMAL = ("nx", "ny", "nz")
 _DERIVATIVES = tuple(f"{name}_{k + 1}" for name, n in PLY_COLUMNS.items() for k in range(n))
 
 
-@frozen
-class PartFile:
-    """The part's file next to which shells are written."""
-
-    path: Path
-    sha256: str
-    source: str  # name of the user's original file
-
-    @classmethod
-    def of(cls, path: Path, part: Part) -> PartFile:
-        """The file to which a part was written."""
-        return cls(path, sha256_of(path), Path(part.path).name)
-
-    def seen_from(self, folder: Path) -> PartOrigin:
-        """Its entry in a table in a folder."""
-        place = Path(os.path.relpath(self.path, folder)).as_posix()
-        return PartOrigin(place, self.sha256, self.source)
-
-
 def save_shells(
     stack: ShellStack,
     directory: str | Path,
@@ -60,7 +40,7 @@ def save_shells(
     *,
     notes: Mapping[str, str] | None = None,
     paraview: bool = True,
-    part: PartFile | None = None,
+    part: PartOrigin | None = None,
 ) -> list[Path]:
     """Write a stack of shells into a folder.
 
@@ -75,8 +55,9 @@ def save_shells(
         Further facts about the field, such as ``{"time": "snapshot"}``; kept in the table.
     paraview : bool
         Whether to write ``shells.vtm`` too, which doubles the size.
-    part : PartFile, optional
-        The part of the scene that they are written for; kept in the table.
+    part : PartOrigin, optional
+        The part of the scene that they are written for; kept in the table, its file as seen from
+        there.
 
     Returns
     -------
@@ -107,8 +88,9 @@ def save_shells(
         evolve(row, file=path.name, sha256=sha256_of(path))
         for path, row in zip(written, stated.shells, strict=False)
     )
-    origin = None if part is None else part.seen_from(folder)
-    table = plain(evolve(stated, shells=rows, part=origin))
+    if part is not None:
+        part = evolve(part, file=Path(os.path.relpath(part.file, folder)).as_posix())
+    table = plain(evolve(stated, shells=rows, part=part))
     for row, found in zip(table["shells"], report or (), strict=False):
         row |= found.as_dict()
     with whole_file(folder / TABLE) as temporary:

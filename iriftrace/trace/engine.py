@@ -146,7 +146,7 @@ class _Sample(NamedTuple):
 def _by_samples(scene: LoadedScene, samples: list[_Sample]) -> Choice:
     tests = [
         found
-        for member in _members(scene)
+        for member in members_of(scene)
         for sample in samples
         if (found := _tested(member, sample)) is not None
     ]
@@ -167,7 +167,7 @@ def _by_samples(scene: LoadedScene, samples: list[_Sample]) -> Choice:
     return Choice(cells or scene, worst, cells is not None)
 
 
-def _members(scene: LoadedScene) -> Iterator[LoadedScene]:
+def members_of(scene: LoadedScene) -> Iterator[LoadedScene]:
     """Scenes with one field each."""
     if scene.ensemble is None:
         yield scene
@@ -225,7 +225,7 @@ def _lost_fraction(scene: LoadedScene, samples: list[_Sample]) -> float:
     """Largest fraction of a sample's rays, over all members, whose end is not known."""
     return max(
         _lost_of(member, *sample.rays)
-        for member in _members(scene)
+        for member in members_of(scene)
         for sample in samples
         if sample.rays is not None
     )

@@ -16,6 +16,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
+from iriftrace.core.statistics import rms
 from iriftrace.image.aov_image import Status
 from iriftrace.image.camera_motion import interaction_matrix
 from iriftrace.image.measured_shift import MeasuredShift
@@ -206,13 +207,13 @@ def fit_members(
     noise = noise_px
     if noise is None:
         noise = shift_noise(shifts.places[good][found.used], found.left(found.weights))
-    _check_spread(_rms(predicted - predicted.mean(axis=0)), noise)
+    _check_spread(rms((predicted - predicted.mean(axis=0)).ravel()), noise)
     return member_fit(
         ensemble.members,
         found,
         noise,
         unit="px",
-        measured=_rms(shifts.shifts[good]),
+        measured=rms(shifts.shifts[good].ravel()),
         dots=dots,
         provenance={
             **provenance(loaded, camera),
@@ -243,7 +244,7 @@ def member_fit(
         unit=unit,
         residual=found.residual,
         noise=noise,
-        single=np.array([_rms(found.left(alone)) for alone in np.eye(len(fitted))]),
+        single=np.array([rms(found.left(alone).ravel()) for alone in np.eye(len(fitted))]),
         foreign=found.foreign(noise),
         measured=measured,
         dots={**dots, "used": int(found.used.sum()), "outliers": int((~found.used).sum())},
@@ -343,8 +344,3 @@ def _check_spread(spread: float, noise: float) -> None:
             f"noise of {noise:.2g} px, so weights cannot be determined; a board in front of the "
             "part or far from its plume sees no hot air: place it behind the part."
         )
-
-
-def _rms(values: FloatArray) -> float:
-    """Root mean square of a component."""
-    return float(np.sqrt(np.mean(values**2)))
