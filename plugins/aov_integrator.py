@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.image.aov_image import CHANNELS
-from iriftrace.plugins.film import Window, camera_of
+from iriftrace.plugins.film import camera_of
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.bundle import Bundle, Trace, paired_straight_rays, trace_bundle
 from iriftrace.plugins.kernels.prepared import PreparedScene
-from iriftrace.plugins.kernels.queries import StraightHits
+from iriftrace.plugins.kernels.queries import StraightHits, counted
 from iriftrace.plugins.picture import PixelRays, channel_values, sharp_rays, written
 from iriftrace.runtime.variant import full_precision
 
@@ -96,12 +96,6 @@ def integrator_class(variant: str) -> type:
             """The check of the index along the bent rays; see ``trace_bundle``."""
             raise NotImplementedError
 
-        def shell_triangles(
-            self, scene: mi.Scene, camera: dt.RayCamera, window: Window
-        ) -> int | None:
-            """Triangles of shells in a window of the picture, None where rays pass by them."""
-            return self.prepare(scene).tables.triangles_in_view(camera.project64, *window)
-
         def straight(self, scene: mi.Scene, sensor: mi.Sensor) -> StraightHits:
             """Straight hits of a sensor's picture, for `image` and `sharp_rays`."""
             rays = PixelRays(sensor, len(self.aov_names()))
@@ -143,11 +137,8 @@ def integrator_class(variant: str) -> type:
             values = [] if trace is None else self.channel_values(trace, rays.camera)
             traced = None if trace is None else trace.ray
             pixels = written(rays, names, bundle.status, traced, values)
-            counts = {"open_boundary": 0} if trace is None else self.counts(trace)
-            window = (left, top), (left + width, top + height)
-            triangles = self.shell_triangles(scene, rays.camera, window)
-            if triangles is not None:
-                counts["triangles_in_view"] = triangles
+            counts = {"open_boundary": 0 if trace is None else counted(trace.open_boundary)}
+            counts |= self.further_counts(scene, rays, trace)
             dr.sync_thread()
             report = {
                 "time_s": {**bundle.time_s, "channels": time.perf_counter() - started},
@@ -157,10 +148,12 @@ def integrator_class(variant: str) -> type:
             }
             return mi.TensorXf(pixels, (len(names), height, width)), report
 
-        def counts(self, trace: Trace) -> dict[str, int]:
-            """Numbers of rays for the report."""
-            count: dt.UInt32 = dr.count(trace.open_boundary)
-            return {"open_boundary": int(count[0])}
+        def further_counts(
+            self, scene: mi.Scene, rays: PixelRays, trace: Trace | None
+        ) -> dict[str, int]:
+            """Further numbers for the report: triangles of shells in the picture's window."""
+            tables, project = self.prepare(scene).tables, rays.camera.project64
+            return {"triangles_in_view": tables.triangles_in_view(project, rays.corner, rays.size)}
 
         def channel_values(
             self, trace: Trace, camera: dt.RayCamera

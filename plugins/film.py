@@ -57,10 +57,6 @@ def check_picture_size(width: int, height: int, channels: int) -> None:
         )
 
 
-Window = tuple[tuple[int, int], tuple[int, int]]
-"""Left upper and right lower corner of a part of the picture, px."""
-
-
 def check_film(film: mi.Film) -> None:
     """Refuse films that would smear or round the channels."""
     text = str(film)

@@ -25,7 +25,7 @@ from iriftrace.plugins.kernels.queries import (
     zeros,
 )
 from iriftrace.plugins.kernels.tables import SceneTables, shell_indices, surface_index
-from iriftrace.plugins.kernels.vertex_table import PART, SHELL, aligned
+from iriftrace.plugins.kernels.vertex_table import PART, SHELL, aligned, aligned_rows
 
 MOST_STEPS = 30_000
 """Crossings of a straight line after which it is not followed any farther."""
@@ -87,8 +87,8 @@ class PreparedScene:
         Inside a closed surface every line starts by crossing it outward; most do if it has holes.
         """
         directions = _directions(256)
-        origin = mi.Point3d(*(aligned(np.full(len(directions), x)) for x in point))
-        direction = mi.Vector3d(*(aligned(x) for x in directions.T))
+        origin = mi.Point3d(*aligned_rows(np.broadcast_to(point, directions.shape)))
+        direction = mi.Vector3d(*aligned_rows(directions))
         _, _, enclosed = crossed_steps(self.scene, self.tables, origin, direction, self.step)
         ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction))
         hit = self.opaque.ray_intersect_preliminary(ray)
@@ -129,13 +129,12 @@ class PreparedScene:
         # Each line starts behind and passes its point; the tilted ones start as deep.
         ahead = WALL_STEPS * self.step / np.where(np.arange(lines) > 0, np.cos(TILT), 1.0)
         starts = points - ahead[:, None, None] * directions
-        start, way = (
-            mi.Vector3d(*(aligned(x) for x in vectors.reshape(-1, 3).T))
-            for vectors in (starts, directions)
-        )
         passed = mi.Float64(aligned(np.repeat(2 * ahead, len(points))))
         behind, before, _ = crossed_steps(
-            self.scene, self.tables, mi.Point3d(start), way, self.step, passed
+            *(self.scene, self.tables),
+            mi.Point3d(*aligned_rows(starts)),
+            mi.Vector3d(*aligned_rows(directions)),
+            *(self.step, passed),
         )
         counted = (np.array(index).reshape(lines, -1) for index in (before, behind))
         return np.array([self._majority(index) for index in counted])
@@ -173,8 +172,8 @@ class PreparedScene:
         starts, lines = np.broadcast_arrays(places[:, None], across[None])
         index, _, _ = crossed_steps(
             *(self.scene, self.tables),
-            mi.Point3d(*(aligned(column) for column in starts.reshape(-1, 3).T)),
-            mi.Vector3d(*(aligned(column) for column in lines.reshape(-1, 3).T)),
+            mi.Point3d(*aligned_rows(starts)),
+            mi.Vector3d(*aligned_rows(lines)),
             self.step,
         )
         layer = np.array(index).reshape(-1, len(chosen))

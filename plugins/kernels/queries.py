@@ -64,6 +64,12 @@ def advanced(start: S, advance: Callable[[S], S], label: str) -> S:
     return kind(*end)
 
 
+def counted(mask: dt.Bool) -> int:
+    """Number of rays in a mask."""
+    count: dt.UInt32 = dr.count(mask)
+    return int(count[0])
+
+
 class StraightHits(NamedTuple):
     """First hits of unbent rays on opaque shapes."""
 

@@ -252,16 +252,14 @@ class SceneTables:
         return total
 
     def triangles_in_view(
-        self, project: dt.Project, lowest: tuple[int, int], highest: tuple[int, int]
+        self, project: dt.Project, corner: tuple[int, int], size: tuple[int, int]
     ) -> int:
         """Number of shell triangles whose centre appears in a window of the picture."""
         face = dr.arange(mi.UInt32, self.vertices.face_count)
-        active = mi.Bool(True)
-        corners = self.vertices.triangle(face, active)
-        x, y, in_front = project((corners.a + corners.b + corners.c) / 3)
-        seen = in_front
-        for position, low, high in zip((x, y), lowest, highest, strict=True):
-            seen &= (position >= low) & (position < high)
+        corners = self.vertices.triangle(face, mi.Bool(True))
+        x, y, seen = project((corners.a + corners.b + corners.c) / 3)
+        for position, low, length in zip((x, y), corner, size, strict=True):
+            seen &= (position >= low) & (position < low + length)
         part = (face >= self.part_first_face) & (
             face < self.part_first_face + self.part.face_count()
         )

@@ -24,7 +24,7 @@ from iriftrace.field.tetrahedra import BOUNDARY, OPPOSITE, tetrahedra_of
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.between import length_gain
 from iriftrace.plugins.kernels.prepared import scene_beside
-from iriftrace.plugins.kernels.vertex_table import aligned
+from iriftrace.plugins.kernels.vertex_table import aligned, aligned_rows
 
 NO_FACE = 4
 """In the place of a face's number: the tetrahedron was not entered through one of its faces."""
@@ -285,8 +285,8 @@ class TetrahedralAir:
         if abs(self.cells.refractivity[nearest] - self.ambient) <= self.open_step:
             return False
         # Seen from inside, the first face of the boundary shows its back in every direction.
-        places = mi.Point3f(*(aligned(np.full(len(WAYS), x, dtype=np.float32)) for x in point))
-        ways = mi.Vector3f(*(aligned(axis.astype(np.float32)) for axis in WAYS.T))
+        places = mi.Point3f(*aligned_rows(np.broadcast_to(point, WAYS.shape).astype(np.float32)))
+        ways = mi.Vector3f(*aligned_rows(WAYS.astype(np.float32)))
         ray = mi.Ray3f(places, dr.normalize(ways))
         hit = self.boundary_beside(scene).ray_intersect_preliminary(ray)
         found = np.array(hit.is_valid())

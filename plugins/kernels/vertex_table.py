@@ -103,6 +103,11 @@ def aligned(values: AnyArray) -> AnyArray:
     return copy
 
 
+def aligned_rows(rows: AnyArray) -> list[AnyArray]:
+    """The columns of (n, 3) rows in such memory, for a vector of Dr.Jit."""
+    return [aligned(column) for column in rows.reshape(-1, 3).T]
+
+
 def aligned_zeros(count: int, dtype: DTypeLike) -> AnyArray:
     """Array (count,) of zeros in such memory, to be filled in."""
     size = count * np.dtype(dtype).itemsize
