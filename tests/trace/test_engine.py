@@ -254,7 +254,7 @@ def test_an_ensemble_is_traced_alike_in_all_members(tmp_path: Path) -> None:
     """Cells of all members where the shells of one are too few."""
     field = read_field(folder_of("cylinder") / "field.vtu")
     part = read_part(folder_of("cylinder") / "part.ply")
-    air = HotAir([field, field])
+    air = HotAir([field, field], layers=5)
     scene = Scene(part, air, camera_at(FROM_ABOVE))
     with pytest.warns(IriftraceWarning, match="the field data were traced instead"):
         found = render_scene(scene)
