@@ -118,21 +118,19 @@ def load_shells(folder: str | Path) -> ShellStack:
         path = path.parent / "shells" / TABLE
     try:
         table = json.loads(path.read_text(encoding="utf-8"))
+        ours = isinstance(table, dict) and table.get("schema") == SCHEMA
+        stated = structured(table, AirStatement) if ours else None
     except OSError as error:
         raise InputError(
             f"cannot read {path} ({error.strerror}); give a folder that `iriftrace shells` wrote."
         ) from error
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path} is damaged ({error}); write the shells again.") from error
-    if not isinstance(table, dict) or table.get("schema") != SCHEMA:
+    if stated is None:
         raise InputError(
             f"{path} is not a table of shells of schema {SCHEMA}; write the shells again with this "
             "version."
         )
-    try:
-        stated = structured(table, AirStatement)
-    except ValueError as error:
-        raise InputError(f"{path} is damaged ({error}); write the shells again.") from error
     if stated.air is None or stated.rule is None:
         raise InputError(f"{path} states no air or no rule; write the shells again.")
     shells = [
