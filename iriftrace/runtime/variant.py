@@ -146,13 +146,8 @@ def full_precision() -> Iterator[None]:
 def using(variant: str) -> Iterator[str]:
     """Work with `variant` inside the `with` block and set the former variant again afterwards.
 
-    Objects of one variant cannot be used in another, so they end with the block. When no
-    variant was set before, this one stays, because Mitsuba cannot unset one.
-
-    Raises
-    ------
-    InputError, SetupError
-        As `ensure`.
+    Objects of one variant cannot be used in another, so they end with the block. When no variant
+    was set before, this one stays, because Mitsuba cannot unset one. Errors as of `ensure`.
     """
     former = current_variant()
     name = ensure(variant)

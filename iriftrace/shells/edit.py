@@ -13,6 +13,10 @@ from iriftrace.geometry.topology import edges_of, open_edges
 from iriftrace.geometry.triangles import unit_vectors, used_vertices
 from iriftrace.shells.stack import Shell, ShellStack
 
+TAUBIN_FACTORS = 0.20, -0.21
+"""Fractions of the way to its neighbours' mean that a vertex moves, in turn; the pass-band ends at
+the sum of their reciprocals."""
+
 
 def trim_to_frustum(stack: ShellStack, camera: Camera, margin_mm: float) -> ShellStack:
     """Remove triangles that lie wholly outside or behind a camera's view.
@@ -73,24 +77,16 @@ def without_inner(stack: ShellStack, count: int, levels: int | None = None) -> S
     return evolve(stack, shells=kept)
 
 
-def smooth_taubin(
-    stack: ShellStack, iterations: int, lambda_: float = 0.20, mu: float = -0.21
-) -> ShellStack:
+def smooth_taubin(stack: ShellStack, iterations: int) -> ShellStack:
     """Smooth shells without shrinking them (Taubin 1995, "A signal processing approach").
 
-    Each iteration moves every vertex by ``lambda_`` and then by ``mu`` times the vector to the
-    mean of its neighbours. Vertices on a border stay, so that shells still end on the wall or the
-    data's edge. Gradient normals and derivatives belong to the original surface, so the result has
-    none. Raises InputError unless ``0 < lambda_ < -mu < 1`` (the pass-band ends at ``1 / lambda_ +
-    1 / mu``) and iterations are not negative.
+    Each iteration moves every vertex by each of `TAUBIN_FACTORS` times the vector to the mean of
+    its neighbours. Vertices on a border stay, so that shells still end on the wall or the data's
+    edge. Gradient normals and derivatives belong to the original surface, so the result has none.
+    Raises InputError for negative iterations.
     """
     if iterations < 0:
         raise InputError(f"{iterations} smoothing iterations cannot be done; give 0 or more.")
-    if not 0.0 < lambda_ < -mu < 1.0:
-        raise InputError(
-            f"Taubin smoothing with lambda {lambda_} and mu {mu} shrinks or breaks the shells; "
-            "choose 0 < lambda < -mu < 1."
-        )
     if iterations == 0:
         return stack
 
@@ -100,7 +96,7 @@ def smooth_taubin(
         free = np.ones((len(points), 1))
         free[open_edges(shell.faces).ravel()] = 0.0
         for _ in range(iterations):
-            for factor in (lambda_, mu):
+            for factor in TAUBIN_FACTORS:
                 points += factor * free * (mean @ points - points)
         return evolve(shell, vertices=points, normals=None, derivatives=None)
 

@@ -30,43 +30,23 @@ _PART_TOLERANCE_MM = 0.2
 
 @frozen
 class ShellReport:
-    """Facts about one shell.
+    """Facts about one shell."""
 
-    Parameters
-    ----------
-    layer : int
-        1 = outermost.
-    refractivity, index : float
-        n - 1 and n at the surface.
-    temperature_k : float, K
-    ext, int_ : float
-        n - 1 of the layers outside and inside.
-    triangles : int
-    area_mm2 : float, mm^2
-    closed : bool
-        Whether the surface has no border.
-    open_at : tuple of (str, int)
-        Where the border edges lie and how many: ``"part wall"``, ``"data boundary"``,
-        ``"interior"`` (a crack, or cut on purpose), ``"unknown"`` without a field.
-    gap_next_mm : float or None, mm
-        Smallest distance to the next shell inwards; None for the last.
-    gap_part_mm : float or None, mm
-        Smallest distance to the part's surface, 0 where the shell cuts it; None without a part.
-    part_cut_share : float or None
-        Fraction of the shell's area inside the part; None without a part or when it is not closed.
-    """
-
-    layer: int
-    refractivity: float
-    index: float
+    layer: int  # 1 = outermost
+    refractivity: float  # n - 1 at the surface
+    index: float  # n there
     temperature_k: float
-    ext: float
+    ext: float  # n - 1 of the layers outside and inside
     int_: float
     triangles: int
     area_mm2: float
-    closed: bool
+    closed: bool  # the surface has no border
+    # Where the border edges lie and how many: "part wall", "data boundary", "interior" (a crack, or
+    # cut on purpose), "unknown" without a field.
     open_at: tuple[tuple[str, int], ...]
-    gap_next_mm: float | None
+    gap_next_mm: float | None  # smallest distance to the next shell inwards; None for the last
+    # Smallest distance to the part's surface, 0 where the shell cuts it, and the fraction of the
+    # shell's area inside the part; None without a part, the fraction also when that is not closed.
     gap_part_mm: float | None
     part_cut_share: float | None
 
@@ -81,22 +61,11 @@ class ShellReport:
 def report_shells(
     stack: ShellStack, field: IndexField | None = None, part: Part | None = None
 ) -> tuple[ShellReport, ...]:
-    """Report on every shell of a stack.
+    """Report on every shell of a stack, outermost first.
 
     Distances are those of `iriftrace.geometry.query.Surface.gap`, which uses a subset of the
-    vertices of a large surface. A triangle counts as inside the part if its centre is.
-
-    Parameters
-    ----------
-    stack : ShellStack
-    field : IndexField, optional
-        Used to find where the data end, and so why a shell is open.
-    part : Part, optional
-
-    Returns
-    -------
-    tuple of ShellReport
-        Outermost first.
+    vertices of a large surface. A triangle counts as inside the part if its centre is. The field is
+    used to find where the data end, and so why a shell is open.
     """
     borders = _borders(field, part)
     surfaces = [Surface(shell.vertices, shell.faces) for shell in stack.shells]
