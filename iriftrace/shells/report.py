@@ -30,23 +30,43 @@ _PART_TOLERANCE_MM = 0.2
 
 @frozen
 class ShellReport:
-    """Facts about one shell."""
+    """Facts about one shell.
 
-    layer: int  # 1 = outermost
-    refractivity: float  # n - 1 at the surface
-    index: float  # n there
+    Parameters
+    ----------
+    layer : int
+        1 = outermost.
+    refractivity, index : float
+        n - 1 and n at the surface.
+    temperature_k : float, K
+    ext, int_ : float
+        n - 1 of the layers outside and inside.
+    triangles : int
+    area_mm2 : float, mm^2
+    closed : bool
+        Whether the surface has no border.
+    open_at : tuple of (str, int)
+        Where the border edges lie and how many: ``"part wall"``, ``"data boundary"``,
+        ``"interior"`` (a crack, or cut on purpose), ``"unknown"`` without a field.
+    gap_next_mm : float or None, mm
+        Smallest distance to the next shell inwards; None for the last.
+    gap_part_mm : float or None, mm
+        Smallest distance to the part's surface, 0 where the shell cuts it; None without a part.
+    part_cut_share : float or None
+        Fraction of the shell's area inside the part; None without a part or when it is not closed.
+    """
+
+    layer: int
+    refractivity: float
+    index: float
     temperature_k: float
-    ext: float  # n - 1 of the layers outside and inside
+    ext: float
     int_: float
     triangles: int
     area_mm2: float
-    closed: bool  # the surface has no border
-    # Where the border edges lie and how many: "part wall", "data boundary", "interior" (a crack, or
-    # cut on purpose), "unknown" without a field.
+    closed: bool
     open_at: tuple[tuple[str, int], ...]
-    gap_next_mm: float | None  # smallest distance to the next shell inwards; None for the last
-    # Smallest distance to the part's surface, 0 where the shell cuts it, and the fraction of the
-    # shell's area inside the part; None without a part, the fraction also when that is not closed.
+    gap_next_mm: float | None
     gap_part_mm: float | None
     part_cut_share: float | None
 
