@@ -169,18 +169,21 @@ def test_other_variants_are_refused_in_one_sentence(name: str) -> None:
     assert str(caught.value).count(".") == 1
 
 
-def test_a_session_in_a_scalar_variant_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("current", "message"),
+    [
+        ("scalar_rgb", r"Mitsuba's current variant 'scalar_rgb'.*scalar"),
+        (None, "IRIFTRACE_VARIANT = 'scalar_rgb'"),
+    ],
+)
+def test_a_scalar_session_or_environment_is_named(
+    monkeypatch: pytest.MonkeyPatch, current: str | None, message: str
+) -> None:
     """Switching behind the user's back would break the objects that are loaded already."""
-    monkeypatch.setattr(runtime, "current_variant", lambda: "scalar_rgb")
-    with pytest.raises(InputError, match=r"Mitsuba's current variant 'scalar_rgb'.*scalar"):
-        runtime.ensure()
-
-
-def test_a_wrong_environment_variable_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runtime, "current_variant", lambda: None)
+    monkeypatch.setattr(runtime, "current_variant", lambda: current)
     monkeypatch.setenv("IRIFTRACE_VARIANT", "scalar_rgb")
-    with pytest.raises(InputError, match="IRIFTRACE_VARIANT = 'scalar_rgb'"):
-        runtime.wanted_variant()
+    with pytest.raises(InputError, match=message):
+        runtime.ensure()
 
 
 @pytest.mark.parametrize("former", ["llvm_ad_rgb", "scalar_rgb"])

@@ -50,18 +50,9 @@ SIDE = [
 
 
 def counts(hit: int, mismatch: int, gave_up: int) -> RayCounts:
-    good = hit - mismatch - gave_up
-    return RayCounts(
-        hit=hit,
-        good=good,
-        missed=0,
-        out_of_focus=0,
-        refracted_missed=0,
-        only_refracted=0,
-        index_mismatch=mismatch,
-        gave_up=gave_up,
-        blocked=0,
-    )
+    others = ("missed", "out_of_focus", "refracted_missed", "only_refracted", "blocked")
+    found = {"good": hit - mismatch - gave_up, "index_mismatch": mismatch, "gave_up": gave_up}
+    return RayCounts(hit=hit, **dict.fromkeys(others, 0), **found)
 
 
 def test_a_picture_is_warned_of_from_half_a_per_cent_of_its_hits() -> None:
