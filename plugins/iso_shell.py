@@ -55,11 +55,8 @@ def plugin_class(variant: str) -> type:
             self.int_ior = number(props, "int_ior")
             mean = 0.5 * (self.ext_ior + self.int_ior)
             self.iso_ior = number(props, "iso_ior", mean)
-            for name, value in (
-                ("ext_ior", self.ext_ior),
-                ("int_ior", self.int_ior),
-                ("iso_ior", self.iso_ior),
-            ):
+            for name in ("ext_ior", "int_ior", "iso_ior"):
+                value = getattr(self, name)
                 if not 0.5 < value < 5:
                     raise InputError(
                         f'"{name}" is {value}, not a refractive index; air has about 1.0003 '
@@ -100,31 +97,14 @@ def plugin_class(variant: str) -> type:
             sample.sampled_component = mi.UInt32(0)
             return sample, mi.Spectrum(1) & active
 
-        def eval(
-            self,
-            ctx: mi.BSDFContext,
-            si: dt.SurfaceInteraction3f,
-            wo: dt.Vector3f,
-            active: dt.Bool = True,
-        ) -> dt.Spectrum:
+        # All light passes in one direction, so that there is no density at any other.
+        def eval(self, *_: object, **__: object) -> dt.Spectrum:
             return mi.Spectrum(0)
 
-        def pdf(
-            self,
-            ctx: mi.BSDFContext,
-            si: dt.SurfaceInteraction3f,
-            wo: dt.Vector3f,
-            active: dt.Bool = True,
-        ) -> dt.Float:
+        def pdf(self, *_: object, **__: object) -> dt.Float:
             return mi.Float(0)
 
-        def eval_pdf(
-            self,
-            ctx: mi.BSDFContext,
-            si: dt.SurfaceInteraction3f,
-            wo: dt.Vector3f,
-            active: dt.Bool = True,
-        ) -> tuple[dt.Spectrum, dt.Float]:
+        def eval_pdf(self, *_: object, **__: object) -> tuple[dt.Spectrum, dt.Float]:
             return mi.Spectrum(0), mi.Float(0)
 
         def to_string(self) -> str:

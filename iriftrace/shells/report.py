@@ -95,7 +95,10 @@ def report_shells(
         stack.shells, surfaces, [*gaps, None], stack.temperature_k.tolist(), strict=True
     ):
         open_at = _open_at(shell, borders, INTERIOR if field is not None else UNKNOWN)
-        inside = None if part is None or not part.closed else _share_inside(surface, part)
+        inside = None
+        if part is not None and part.closed:
+            covered = part.surface.inside(surface.vertices[surface.faces].sum(axis=1) / 3.0)
+            inside = float(surface.areas[covered].sum() / surface.areas.sum())
         gap_part = None if part is None else surface.gap(part.surface)
         reports.append(
             ShellReport(
@@ -150,9 +153,3 @@ def _open_at(
         edges = edges[~on]
     counts[otherwise] = len(edges)
     return tuple((name, count) for name, count in counts.items() if count)
-
-
-def _share_inside(surface: Surface, part: Part) -> float:
-    centres = surface.vertices[surface.faces].sum(axis=1) / 3.0
-    inside = part.surface.inside(centres)
-    return float(surface.areas[inside].sum() / surface.areas.sum())

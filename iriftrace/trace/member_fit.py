@@ -191,7 +191,8 @@ def fit_members(
     ensemble = members_in(loaded)
     if noise_px is not None and not noise_px > 0.0:
         raise InputError(f"The noise is {noise_px:g} px; give a positive number.")
-    camera = _full_camera(loaded)
+    # At the resolution of its film before ``scale`` changed it.
+    camera = loaded.camera.scaled(loaded.full_resolution[0] / loaded.camera.resolution[0])
     check_count(len(shifts.places), len(ensemble), "dots on the board")
     _check_in_picture(shifts, camera)
     hot = shifts.places + shifts.shifts
@@ -270,11 +271,6 @@ def check_count(values: int, members: int, what: str, others: str = "") -> None:
             f"{values:,} {what} are fewer than the {members} members, so their weights cannot be "
             f"determined{others}; measure more of them, or use fewer members."
         )
-
-
-def _full_camera(scene: LoadedScene) -> Camera:
-    """The scene's camera at the resolution of its film before ``scale`` changed it."""
-    return scene.camera.scaled(scene.full_resolution[0] / scene.camera.resolution[0])
 
 
 def _check_in_picture(shifts: MeasuredShift, camera: Camera) -> None:

@@ -87,7 +87,7 @@ def _records(
     silent: dt.Bool,
     rays: dt.UInt32,
 ) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
-    """Points (n, 3), normals (n, 3), layers and `silent` of some rays, in one copy.
+    """Points (n, 3), normals (n, 3), layers and `silent` of some rays.
 
     The normals point to where the ray came from: an open part may be seen from its back.
     """
@@ -97,11 +97,6 @@ def _records(
     of_rays = (dr.gather(mi.Float64, values, rays) for values in (*refracted.point, layer))
     quiet = dr.select(dr.gather(mi.Bool, silent, rays), mi.Float64(1), 0)
     columns = (*normal, quiet, *of_rays)
-    count = dr.width(rays)
-    # Row after row: Dr.Jit compiles a kernel for every length when it interleaves them.
-    table, place = dr.zeros(mi.Float64, len(columns) * count), dr.arange(mi.UInt32, count)
-    for number, column in enumerate(columns):
-        row = place + dr.opaque(mi.UInt32, number * count)
-        dr.scatter(table, column, row, mode=dr.ReduceMode.NoConflicts)
-    rows = np.array(table).reshape(-1, count)
+    dr.eval(columns)
+    rows = np.array([np.array(column) for column in columns])
     return rows[4:7].T, rows[:3].T, rows[7], rows[3] != 0
