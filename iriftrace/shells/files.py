@@ -42,33 +42,16 @@ def save_shells(
     paraview: bool = True,
     part: PartOrigin | None = None,
 ) -> list[Path]:
-    """Write a stack of shells into a folder.
+    """Write a stack of shells into a folder, which is made if it is missing.
 
-    Parameters
-    ----------
-    stack : ShellStack
-    directory : path
-        Created if missing. Files of an earlier stack with more shells are removed.
-    report : sequence of ShellReport, optional
-        Its numbers are added to the JSON table.
-    notes : mapping, optional
-        Further facts about the field, such as ``{"time": "snapshot"}``; kept in the table.
-    paraview : bool
-        Whether to write ``shells.vtm`` too, which doubles the size.
-    part : PartOrigin, optional
-        The part of the scene that they are written for; kept in the table, its file as seen from
-        there.
+    The files, which are returned, are ``shell_01.ply`` and so on (numbered by layer, outermost
+    first), ``shells.vtm`` for ParaView (which doubles the size) and ``shells.json``. Each is
+    complete or absent; the table comes last. Files of an earlier stack with more shells are
+    removed.
 
-    Returns
-    -------
-    list of Path
-        ``shell_01.ply`` and so on (numbered by layer, outermost first), ``shells.vtm``,
-        ``shells.json``. Each is complete or absent; the table comes last.
-
-    Raises
-    ------
-    InputError
-        The folder cannot be made, or the report belongs to other shells.
+    The table also keeps the numbers of a report, `notes` on the field, such as ``{"time":
+    "snapshot"}``, and the part of the scene that the shells are written for, its file as seen from
+    there. Raises InputError if the folder cannot be made, or the report belongs to other shells.
     """
     if report is not None and [r.layer for r in report] != [s.layer for s in stack.shells]:
         raise InputError("The report does not list the shells of this stack; report on it again.")

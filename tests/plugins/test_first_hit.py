@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -287,18 +286,6 @@ def test_report_counts_and_describes(shapes: dict[str, Any]) -> None:
     assert set(report["time_s"]) == {"straight", "refracted", "channels"}
     away = sensor_of(camera_in_numpy((0.0, -100.0, 0.0), (0.0, -200.0, 0.0)))
     assert loaded.integrator().image(loaded, away)[1]["counts"]["triangles_in_view"] == 0
-
-
-@pytest.fixture
-def kernel_history() -> Iterator[Any]:
-    """Function that returns the kernels launched since its last call."""
-
-    def launched() -> list[dict[str, Any]]:
-        return [k for k in dr.kernel_history() if k["type"] == dr.KernelType.JIT]
-
-    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
-        dr.kernel_history_clear()
-        yield launched
 
 
 def test_second_pose_compiles_no_kernel(shapes: dict[str, Any], kernel_history: Any) -> None:
