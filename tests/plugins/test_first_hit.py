@@ -17,7 +17,7 @@ from iriftrace.image.aov_image import CHANNELS
 from iriftrace.plugins.calibrated_camera import sensor_of
 from iriftrace.plugins.film import camera_of
 from iriftrace.plugins.kernels.projection import flip_axes
-from iriftrace.plugins.kernels.vertex_table import BYTES, aligned
+from iriftrace.plugins.kernels.vertex_table import aligned
 from validation.inputs.small_scenes import (
     camera,
     camera_in_numpy,
@@ -340,16 +340,6 @@ def test_kernels_do_not_depend_on_where_numpy_puts_its_arrays(
     launched = kernel_history()
     assert launched
     assert all(k["cache_hit"] and not k["cache_disk"] for k in launched)
-
-
-@pytest.mark.parametrize("kind", [np.float64, bool])
-def test_aligned_arrays_are_copies_that_start_at_128_bytes(kind: type) -> None:
-    for size in (1, 7, 1000):
-        values = np.arange(size + 1)[1:].astype(kind)
-        copy = aligned(values)
-        assert copy.ctypes.data % BYTES == 0
-        assert copy.dtype == values.dtype
-        np.testing.assert_array_equal(copy, values)
 
 
 def test_result_depends_neither_on_the_run_nor_on_the_threads(shapes: dict[str, Any]) -> None:
