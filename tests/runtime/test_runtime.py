@@ -229,24 +229,27 @@ def test_the_newest_usable_library_is_taken(fake_machine) -> None:
     assert [found.ok for found in llvm.llvm_libraries()] == [True, True, False]
 
 
-@pytest.mark.parametrize("major", [11, 14, 15, 16])
-def test_only_old_libraries_are_as_bad_as_none(fake_machine, major: int) -> None:
-    fake_machine({"/usr/lib/libLLVM.so": library(major)})
-    with pytest.raises(SetupError, match=rf"libLLVM\.so is LLVM {major}\.0\.0.*17 or newer"):
-        runtime.require_llvm()
-
-
-def test_no_library_gives_the_command_that_installs_one(fake_machine, monkeypatch) -> None:
-    fake_machine({})
+@pytest.mark.parametrize(
+    ("answers", "message"),
+    [
+        *(
+            ({"/libLLVM.so": library(major)}, rf"libLLVM\.so is LLVM {major}\.0\.0.*17 or newer")
+            for major in (11, 14, 15, 16)
+        ),
+        ({}, r"No LLVM.*apt-get install -y libllvm19"),
+        # llvmlite and libclang bring LLVM without the functions that Dr.Jit calls.
+        (
+            {"x": {"version": None, "missing": ["LLVMRunPasses"], "error": ""}},
+            r"not a complete LLVM library \(LLVMRunPasses missing\)",
+        ),
+    ],
+)
+def test_old_and_incomplete_libraries_are_as_bad_as_none(
+    fake_machine, monkeypatch, answers: dict[str, Any], message: str
+) -> None:
+    fake_machine(answers)
     monkeypatch.setattr(llvm, "current_platform", lambda: "debian")
-    with pytest.raises(SetupError, match=r"No LLVM.*apt-get install -y libllvm19"):
-        runtime.require_llvm()
-
-
-def test_an_incomplete_library_is_refused(fake_machine) -> None:
-    """llvmlite and libclang bring LLVM without the functions that Dr.Jit calls."""
-    fake_machine({"x": {"version": None, "missing": ["LLVMRunPasses"], "error": ""}})
-    with pytest.raises(SetupError, match=r"not a complete LLVM library \(LLVMRunPasses missing\)"):
+    with pytest.raises(SetupError, match=message):
         runtime.require_llvm()
 
 
