@@ -103,11 +103,6 @@ def plugin_class(variant: str) -> type:
             """Trace through these cells, in place of the file's."""
             self._air = TetrahedralAir(cells, recovered=self.gradient == "recovered")
 
-        @property
-        def cells(self) -> FieldCells:
-            """Content of the field's file."""
-            return self.air.cells
-
         def forget(self) -> None:
             """Let go of the scene, which the field's boundary knows too."""
             super().forget()
