@@ -6,16 +6,18 @@ import time
 from functools import cache
 from typing import Any
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.image.aov_image import CHANNELS
-from iriftrace.plugins.film import Window, camera_of
+from iriftrace.plugins.film import camera_of
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.bundle import Bundle, Trace, paired_straight_rays, trace_bundle
 from iriftrace.plugins.kernels.prepared import PreparedScene
-from iriftrace.plugins.kernels.queries import StraightHits
+from iriftrace.plugins.kernels.queries import StraightHits, counted
 from iriftrace.plugins.picture import PixelRays, channel_values, sharp_rays, written
 from iriftrace.runtime.variant import full_precision
 
@@ -23,8 +25,6 @@ from iriftrace.runtime.variant import full_precision
 @cache
 def integrator_class(variant: str) -> type:
     """Build the integrators' common class for one Mitsuba variant, the one in force."""
-    import drjit as dr
-    import mitsuba as mi
 
     class AovIntegrator(mi.SamplingIntegrator):
         """Straight and bent first hits of each pixel's ray; what bends them is left open."""
@@ -96,12 +96,6 @@ def integrator_class(variant: str) -> type:
             """The check of the index along the bent rays; see ``trace_bundle``."""
             raise NotImplementedError
 
-        def shell_triangles(
-            self, scene: mi.Scene, camera: dt.RayCamera, window: Window
-        ) -> int | None:
-            """Triangles of shells in a window of the picture, None where rays pass by them."""
-            return self.prepare(scene).tables.triangles_in_view(camera.project64, *window)
-
         def straight(self, scene: mi.Scene, sensor: mi.Sensor) -> StraightHits:
             """Straight hits of a sensor's picture, for `image` and `sharp_rays`."""
             rays = PixelRays(sensor, len(self.aov_names()))
@@ -118,21 +112,11 @@ def integrator_class(variant: str) -> type:
         ) -> tuple[dt.TensorXf, dict[str, Any]]:
             """All channels of a sensor's picture.
 
-            Parameters
-            ----------
-            scene : mi.Scene
-            sensor : mi.Sensor
-            straight : StraightHits, optional
-                Of the same sensor's picture of the same part, perhaps in other air.
-
-            Returns
-            -------
-            channels : TensorXf, (c, h, w)
-                In the order of ``aov_names()``, the crop window only.
-            report : dict
-                ``time_s`` per stage, ``counts`` (``open_boundary`` rays,
-                ``triangles_in_view`` where shells bend) and ``camera`` of the crop window
-                (as of ``iriftrace.Camera.as_dict``), and ``straight`` (StraightHits).
+            Those of the crop window, (c, h, w), in the order of ``aov_names()``. `straight`
+            are hits of the same sensor's picture of the same part, perhaps in other air. The report
+            has ``time_s`` per stage, ``counts`` (``open_boundary`` rays, ``triangles_in_view``
+            where shells bend), ``camera`` of the crop window (as of ``iriftrace.Camera.as_dict``)
+            and ``straight`` (StraightHits).
             """
             names = self.aov_names()
             rays = PixelRays(sensor, len(names))
@@ -153,11 +137,8 @@ def integrator_class(variant: str) -> type:
             values = [] if trace is None else self.channel_values(trace, rays.camera)
             traced = None if trace is None else trace.ray
             pixels = written(rays, names, bundle.status, traced, values)
-            counts = {"open_boundary": 0} if trace is None else self.counts(trace)
-            window = (left, top), (left + width, top + height)
-            triangles = self.shell_triangles(scene, rays.camera, window)
-            if triangles is not None:
-                counts["triangles_in_view"] = triangles
+            counts = {"open_boundary": 0 if trace is None else counted(trace.open_boundary)}
+            counts |= self.further_counts(scene, rays, trace)
             dr.sync_thread()
             report = {
                 "time_s": {**bundle.time_s, "channels": time.perf_counter() - started},
@@ -167,10 +148,12 @@ def integrator_class(variant: str) -> type:
             }
             return mi.TensorXf(pixels, (len(names), height, width)), report
 
-        def counts(self, trace: Trace) -> dict[str, int]:
-            """Numbers of rays for the report."""
-            count: dt.UInt32 = dr.count(trace.open_boundary)
-            return {"open_boundary": int(count[0])}
+        def further_counts(
+            self, scene: mi.Scene, rays: PixelRays, trace: Trace | None
+        ) -> dict[str, int]:
+            """Further numbers for the report: triangles of shells in the picture's window."""
+            tables, project = self.prepare(scene).tables, rays.camera.project64
+            return {"triangles_in_view": tables.triangles_in_view(project, rays.corner, rays.size)}
 
         def channel_values(
             self, trace: Trace, camera: dt.RayCamera

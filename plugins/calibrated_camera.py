@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from functools import cache
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 
 from iriftrace.camera.camera import Camera
@@ -19,13 +21,8 @@ from iriftrace.plugins.properties import camera_of, number
 def sensor_of(camera: Camera) -> dt.Sensor:
     """A ``calibrated_camera`` for a camera, with its own film, in the variant in force.
 
-    Raises
-    ------
-    InputError
-        If the camera's rays are parallel.
+    Raises InputError if the camera's rays are parallel.
     """
-    import mitsuba as mi
-
     camera.check_movable()
     near, far = camera.focus_mm
     width, height = camera.resolution
@@ -56,8 +53,6 @@ def sensor_of(camera: Camera) -> dt.Sensor:
 @cache
 def plugin_class(variant: str) -> type:
     """Build the plugin's class for one Mitsuba variant, which must be the one in force."""
-    import drjit as dr
-    import mitsuba as mi
 
     class CalibratedCamera(mi.Sensor):
         r"""Calibrated camera (``calibrated_camera``).
@@ -145,28 +140,24 @@ def plugin_class(variant: str) -> type:
             super().__init__(props)
             film = self.film()
             width, height = (int(n) for n in film.size())
-            full = width, height
-            self._full = full
+            self._full = full = (width, height)
             described = camera_of(props, full)
-            self._description = described.scaled(number(props, "scale", 1.0))
-            if self._description.resolution != full:
-                self._resize(film, full)
+            self._camera = described.scaled(number(props, "scale", 1.0))
+            if self._camera.resolution != full:
+                if tuple(film.crop_size()) != full:
+                    raise InputError(
+                        "The film has a crop window, which loses its meaning when scale changes "
+                        "the film's size; use either crop_* or scale."
+                    )
+                parameters = mi.traverse(film)
+                parameters["size"] = list(self._camera.resolution)
+                parameters.update()
             self.to_world = mi.Transform4d(flip_axes(described.matrix))
-            self._projection = Projection(self._description.as_dict())
-
-        def _resize(self, film: mi.Film, full: tuple[int, ...]) -> None:
-            if tuple(film.crop_size()) != full:
-                raise InputError(
-                    "The film has a crop window, which loses its meaning when scale changes the "
-                    "film's size; use either crop_* or scale."
-                )
-            parameters = mi.traverse(film)
-            parameters["size"] = list(self._description.resolution)
-            parameters.update()
+            self._projection = Projection(self._camera)
 
         def description(self) -> JsonObject:
             """The camera as ``iriftrace.Camera.as_dict`` gives it."""
-            return self._description.as_dict()
+            return self._camera.as_dict()
 
         def full_resolution(self) -> tuple[int, ...]:
             """Width and height of the film before ``scale`` changed them, px."""
@@ -220,10 +211,10 @@ def plugin_class(variant: str) -> type:
             # Entry by entry: a conversion as a whole would compile a kernel for each pose.
             matrix: dt.Array = self.to_world.matrix
             pose = np.array([[float(matrix[i, j][0]) for j in range(4)] for i in range(4)])
-            self._description = self._description.at(flip_axes(pose))
-            self._projection = Projection(self._description.as_dict())
+            self._camera = self._camera.at(flip_axes(pose))
+            self._projection = Projection(self._camera)
 
         def to_string(self) -> str:
-            return f"CalibratedCamera[{self._description.as_dict()}]"
+            return f"CalibratedCamera[{self._camera.as_dict()}]"
 
     return CalibratedCamera

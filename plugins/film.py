@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import mitsuba as mi
 
 from iriftrace.core.errors import InputError
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.stock_sensor import StockSensor
 from iriftrace.runtime.variant import cuda_state, current_variant
-
-if TYPE_CHECKING:
-    import mitsuba as mi
 
 BYTES_PER_PIXEL = 170
 """Least memory of a picture: channels, straight rays, their state and the metrics.
@@ -42,18 +40,7 @@ def memory_bytes() -> float:
 
 
 def check_picture_size(width: int, height: int, channels: int) -> None:
-    """Refuse a picture that is larger than memory, or than an array can be.
-
-    Parameters
-    ----------
-    width, height : int
-        Pixels that are traced.
-    channels : int
-
-    Raises
-    ------
-    InputError
-    """
+    """Raise InputError for traced pixels and channels beyond memory, or than an array can hold."""
     pixels = width * height
     advice = "lower the resolution (-D scale=...), or crop the film"
     needed, there = BYTES_PER_PIXEL * pixels, memory_bytes()
@@ -68,10 +55,6 @@ def check_picture_size(width: int, height: int, channels: int) -> None:
             f"{channels} channels ({4 * channels * pixels:,} bytes), but one array holds at most "
             f"{MOST_VALUES:,}; {advice}."
         )
-
-
-Window = tuple[tuple[int, int], tuple[int, int]]
-"""Left upper and right lower corner of a part of the picture, px."""
 
 
 def check_film(film: mi.Film) -> None:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from functools import cache
 
+import drjit as dr
+import mitsuba as mi
+
 from iriftrace.plugins.aov_integrator import integrator_class
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.layers import AtShells, InLayers
@@ -22,8 +25,6 @@ INSIDE_HITS = ("refract", "drop")
 @cache
 def plugin_class(variant: str) -> type:
     """Build the plugin's class for one Mitsuba variant, which must be the one in force."""
-    import drjit as dr
-    import mitsuba as mi
 
     class FirstHit(integrator_class(variant)):  # type: ignore[misc]
         r"""First hits, straight and refracted (``first_hit``).

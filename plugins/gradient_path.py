@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from functools import cache
 
+import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
 from iriftrace.field.path_data import FieldCells, load_field_file
 from iriftrace.image.aov_image import CHANNELS, ERROR_CHANNEL
 from iriftrace.plugins.aov_integrator import integrator_class
-from iriftrace.plugins.film import Window
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.bundle import Trace
 from iriftrace.plugins.kernels.curve import curved_hits
 from iriftrace.plugins.kernels.prepared import PreparedScene
-from iriftrace.plugins.kernels.queries import HIT_PART
+from iriftrace.plugins.kernels.queries import HIT_PART, counted
 from iriftrace.plugins.kernels.tetrahedra import TetrahedralAir
+from iriftrace.plugins.picture import PixelRays
 from iriftrace.plugins.properties import choice, file_beside, flag, whole_number
 
 GRADIENTS = ("recovered", "constant")
@@ -25,8 +26,6 @@ GRADIENTS = ("recovered", "constant")
 @cache
 def plugin_class(variant: str) -> type:
     """Build the plugin's class for one Mitsuba variant, which must be the one in force."""
-    import drjit as dr
-    import mitsuba as mi
 
     class GradientPath(integrator_class(variant)):  # type: ignore[misc]
         r"""First hits, straight and along the curved path (``gradient_path``).
@@ -104,11 +103,6 @@ def plugin_class(variant: str) -> type:
             """Trace through these cells, in place of the file's."""
             self._air = TetrahedralAir(cells, recovered=self.gradient == "recovered")
 
-        @property
-        def cells(self) -> FieldCells:
-            """Content of the field's file."""
-            return self.air.cells
-
         def forget(self) -> None:
             """Let go of the scene, which the field's boundary knows too."""
             super().forget()
@@ -151,12 +145,10 @@ def plugin_class(variant: str) -> type:
             bent_hit = trace.refracted.outcome == HIT_PART
             return [*super().channel_values(trace, camera), (trace.refracted.error, bent_hit)]
 
-        def counts(self, trace: Trace) -> dict[str, int]:
-            """Also the rays whose tetrahedron had to be searched again."""
-            relocated: dt.UInt32 = dr.count(trace.refracted.relocations > 0)
-            return {**super().counts(trace), "relocated": int(relocated[0])}
-
-        def shell_triangles(self, scene: mi.Scene, camera: dt.RayCamera, window: Window) -> None:
-            """Not counted, as no ray looks at shells."""
+        def further_counts(
+            self, scene: mi.Scene, rays: PixelRays, trace: Trace | None
+        ) -> dict[str, int]:
+            """The rays whose tetrahedron had to be searched again; no ray looks at shells."""
+            return {} if trace is None else {"relocated": counted(trace.refracted.relocations > 0)}
 
     return GradientPath

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from functools import cache
 
+import drjit as dr
+import mitsuba as mi
+
 from iriftrace.core.errors import InputError
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.properties import number
@@ -12,8 +15,6 @@ from iriftrace.plugins.properties import number
 @cache
 def plugin_class(variant: str) -> type:
     """Build the plugin's class for one Mitsuba variant, which must be the one in force."""
-    import drjit as dr
-    import mitsuba as mi
 
     class IsoShell(mi.BSDF):
         r"""Iso-index shell (``iso_shell``).
@@ -54,11 +55,8 @@ def plugin_class(variant: str) -> type:
             self.int_ior = number(props, "int_ior")
             mean = 0.5 * (self.ext_ior + self.int_ior)
             self.iso_ior = number(props, "iso_ior", mean)
-            for name, value in (
-                ("ext_ior", self.ext_ior),
-                ("int_ior", self.int_ior),
-                ("iso_ior", self.iso_ior),
-            ):
+            for name in ("ext_ior", "int_ior", "iso_ior"):
+                value = getattr(self, name)
                 if not 0.5 < value < 5:
                     raise InputError(
                         f'"{name}" is {value}, not a refractive index; air has about 1.0003 '
@@ -99,31 +97,14 @@ def plugin_class(variant: str) -> type:
             sample.sampled_component = mi.UInt32(0)
             return sample, mi.Spectrum(1) & active
 
-        def eval(
-            self,
-            ctx: mi.BSDFContext,
-            si: dt.SurfaceInteraction3f,
-            wo: dt.Vector3f,
-            active: dt.Bool = True,
-        ) -> dt.Spectrum:
+        # All light passes in one direction, so that there is no density at any other.
+        def eval(self, *_: object, **__: object) -> dt.Spectrum:
             return mi.Spectrum(0)
 
-        def pdf(
-            self,
-            ctx: mi.BSDFContext,
-            si: dt.SurfaceInteraction3f,
-            wo: dt.Vector3f,
-            active: dt.Bool = True,
-        ) -> dt.Float:
+        def pdf(self, *_: object, **__: object) -> dt.Float:
             return mi.Float(0)
 
-        def eval_pdf(
-            self,
-            ctx: mi.BSDFContext,
-            si: dt.SurfaceInteraction3f,
-            wo: dt.Vector3f,
-            active: dt.Bool = True,
-        ) -> tuple[dt.Spectrum, dt.Float]:
+        def eval_pdf(self, *_: object, **__: object) -> tuple[dt.Spectrum, dt.Float]:
             return mi.Spectrum(0), mi.Float(0)
 
         def to_string(self) -> str:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING
+
+import drjit as dr
+import mitsuba as mi
 
 from iriftrace.camera.tiles import pixels_in_tiles
 from iriftrace.plugins.film import camera_of, check_film, check_picture_size
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.bundle import Trace
 from iriftrace.plugins.kernels.queries import HIT_PART, StraightHits
-
-if TYPE_CHECKING:
-    import mitsuba as mi
 
 
 class PixelRays:
@@ -22,20 +21,12 @@ class PixelRays:
     directions (Vector3d). An InputError if the film would smear the channels, or the picture is
     larger than memory.
 
-    Attributes
-    ----------
-    numbers : UInt32
-        Row-major numbers of the pixels in that order.
-    camera
-        The sensor as a camera that gives rays in double precision.
-    corner, size : (2,) tuple of int, px
-        First column and row of the window, and its width and height.
+    `numbers` are the row-major numbers of the pixels in that order (UInt32), `camera` is the sensor
+    as a camera that gives rays in double precision, `corner` the first column and row of the window
+    and `size` its width and height, px.
     """
 
     def __init__(self, sensor: mi.Sensor, channels: int) -> None:
-        import drjit as dr
-        import mitsuba as mi
-
         film = sensor.film()
         check_film(film)
         width, height = (int(n) for n in film.crop_size())
@@ -50,9 +41,6 @@ class PixelRays:
         return self.size[0] * self.size[1]
 
     def __call__(self, place: dt.UInt32) -> tuple[dt.Point3d, dt.Vector3d]:
-        import drjit as dr
-        import mitsuba as mi
-
         pixel = dr.gather(mi.UInt32, self.numbers, place)
         x = mi.Float64(pixel % self._columns) + (self.corner[0] + 0.5)
         y = mi.Float64(pixel // self._columns) + (self.corner[1] + 0.5)
@@ -63,8 +51,6 @@ class PixelRays:
 @lru_cache(maxsize=2)
 def _tiles(width: int, height: int, variant: str) -> dt.UInt32:
     """Row-major numbers of a picture's pixels, tile by tile, on the variant's device."""
-    import mitsuba as mi
-
     return mi.UInt32(pixels_in_tiles(width, height))
 
 
@@ -75,9 +61,6 @@ def sharp_rays(
 
     Origins (Point3d, mm) and unit directions (Vector3d); None if there are none.
     """
-    import drjit as dr
-    import mitsuba as mi
-
     near, far = rays.camera.description()["focus_mm"]
     sharp = (straight.outcome == HIT_PART) & (straight.distance >= dr.opaque(mi.Float64, near))
     if far is not None:
@@ -95,9 +78,6 @@ def sharp_rays(
 
 def channel_values(trace: Trace, camera: dt.RayCamera) -> list[tuple[dt.Array, dt.Bool]]:
     """Value of each channel of `iriftrace.image.aov_image.CHANNELS`, and where it exists."""
-    import drjit as dr
-    import mitsuba as mi
-
     straight_hit = trace.straight_outcome == HIT_PART
     bent_hit = trace.refracted.outcome == HIT_PART
     both = straight_hit & bent_hit
@@ -137,9 +117,6 @@ def written(
     The status of every pixel; the values of the rays that were traced on, given by their places
     (UInt32), where they exist, and 0 elsewhere.
     """
-    import drjit as dr
-    import mitsuba as mi
-
     count = len(rays)
     pixels = dr.zeros(mi.Float, len(names) * count)
     dr.scatter(pixels, mi.Float(status), rays.numbers + names.index("status.code") * count)

@@ -7,21 +7,18 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
 from iriftrace.camera.calibration import Calibration, read_calibration
 from iriftrace.camera.camera import Camera
-from iriftrace.camera.distortion import Distortion
+from iriftrace.camera.distortion import ORDER, Distortion
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import length_factor
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.projection import flip_axes
-
-if TYPE_CHECKING:
-    import mitsuba as mi
 
 
 def number(props: mi.Properties, name: str, default: float | None = None) -> float:
@@ -72,8 +69,6 @@ def word(props: mi.Properties, name: str, default: str) -> str:
 
 def file_beside(props: mi.Properties, name: str, default: str) -> Path:
     """Read a file's name from plugin properties; it is in the folder of the scene's file."""
-    import mitsuba as mi
-
     # Mitsuba's resolver knows the folder of the scene's file while that is read.
     resolver = mi.file_resolver()  # type: ignore[operator]  # a function that the stubs do not know
     return Path(str(resolver.resolve(word(props, name, default))))
@@ -94,31 +89,16 @@ _UNPLACED = flip_axes(np.eye(4))
 """Mitsuba's pose of what has no ``to_world``."""
 
 _SAID_BY_A_CALIBRATION = (
-    "focal_length",
-    "sensor_width",
-    "sensor_height",
-    "principal_point_x",
-    "principal_point_y",
-    *(f"k{order}" for order in range(1, 7)),
-    "p1",
-    "p2",
+    *("focal_length", "sensor_width", "sensor_height", "principal_point_x", "principal_point_y"),
+    *ORDER,
 )
 
 
 def camera_of(props: mi.Properties, resolution: tuple[int, int]) -> Camera:
-    """The camera that plugin properties describe, at its full resolution.
+    """The camera that plugin properties describe, at its full resolution, that of the film.
 
-    Parameters
-    ----------
-    props : mi.Properties
-    resolution : (2,) int, px
-        Of the film.
-
-    Raises
-    ------
-    InputError
-        A property is missing or wrong, the calibration cannot be read, is of another resolution
-        than the film, or says what a property says too.
+    InputError if a property is missing or wrong, or the calibration cannot be read, is of another
+    resolution than the film, or says what a property says too.
     """
     focus = (
         number(props, "focus_near", 0.0),
@@ -143,16 +123,7 @@ def camera_of(props: mi.Properties, resolution: tuple[int, int]) -> Camera:
         ),
         focus_mm=focus,
         matrix=_UNPLACED if pose is None else pose,
-        distortion=Distortion(
-            k1=number(props, "k1", 0.0),
-            k2=number(props, "k2", 0.0),
-            p1=number(props, "p1", 0.0),
-            p2=number(props, "p2", 0.0),
-            k3=number(props, "k3", 0.0),
-            k4=number(props, "k4", 0.0),
-            k5=number(props, "k5", 0.0),
-            k6=number(props, "k6", 0.0),
-        ),
+        distortion=Distortion(**{name: number(props, name, 0.0) for name in ORDER}),
     )
 
 

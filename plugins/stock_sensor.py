@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 
 from iriftrace.camera.camera import Camera
@@ -18,21 +20,10 @@ class StockSensor:
 
     Rays come from the sensor itself in single precision and start on its near plane, so
     ``path.length`` counts from there. Only ratios of lengths are known of a perspective sensor; its
-    sensor is taken to be 1 mm wide.
-
-    Parameters
-    ----------
-    sensor : mi.Sensor
-
-    Raises
-    ------
-    InputError
-        If the sensor is of another kind.
+    sensor is taken to be 1 mm wide. Sensors of other kinds raise InputError.
     """
 
     def __init__(self, sensor: dt.Sensor) -> None:
-        import mitsuba as mi
-
         self._sensor = sensor
         kind = sensor.class_name()
         parameters = mi.traverse(sensor)
@@ -65,22 +56,19 @@ class StockSensor:
                 resolution=(width, height),
                 matrix=flip_axes(pose),
             )
-        self._description = camera.as_dict()
-        self._projection = Projection(self._description)
+        self._camera = camera
+        self._projection = Projection(camera)
 
     def description(self) -> JsonObject:
         """The camera as ``iriftrace.Camera.as_dict`` gives it."""
-        return self._description
+        return self._camera.as_dict()
 
     def full_resolution(self) -> tuple[int, ...]:
         """Width and height of the film, px."""
-        return tuple(self._description["resolution"])
+        return self._camera.resolution
 
     def rays64(self, x: dt.Float64, y: dt.Float64) -> tuple[dt.Point3d, dt.Vector3d]:
         """Origins and directions through image positions, world, mm."""
-        import drjit as dr
-        import mitsuba as mi
-
         film = self._sensor.film()
         size, offset = film.crop_size(), film.crop_offset()
         position = mi.Point2f(mi.Float((x - offset.x) / size.x), mi.Float((y - offset.y) / size.y))

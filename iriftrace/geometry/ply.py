@@ -132,18 +132,8 @@ def write_ply(
 ) -> None:
     """Write triangles as binary little-endian PLY, as float32 and with 16-bit corners if possible.
 
-    Parameters
-    ----------
-    path
-        Name of the file; its folder must exist.
-    vertices
-        (n, 3) array, mm.
-    faces
-        (m, 3) vertex numbers.
-    comments
-        Lines of the header.
-    vertex_columns, face_columns
-        Further numbers of each vertex and face, by name.
+    Vertices are (n, 3), mm, faces (m, 3) vertex numbers; comments are lines of the header, columns
+    further numbers of each vertex and face, by name. The file's folder must exist.
     """
     points = dict(zip("xyz", np.transpose(vertices), strict=True)) | dict(vertex_columns or {})
     further = dict(face_columns or {})

@@ -86,17 +86,9 @@ class Surface:
         return locator
 
     def nearest(self, points: ArrayLike) -> tuple[FloatArray, IntArray]:
-        """Nearest points of the surface, and where they lie.
+        """Nearest points of the surface to points (k, 3), mm: (k, 3), mm, and their faces (k,).
 
-        Parameters
-        ----------
-        points : (k, 3) array_like, mm
-
-        Returns
-        -------
-        foot : (k, 3) array, mm
-        face : (k,) array
-            One of the triangles that are nearest; never one without an area.
+        The face is one of the triangles that are nearest; never one without an area.
         """
         from vtkmodules.vtkCommonCore import mutable
 
@@ -117,19 +109,11 @@ class Surface:
         return distance
 
     def distance_gradient(self, points: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Distance from the surface and its gradient.
+        """Distance (k,), mm, of points (k, 3), mm, from the surface, and its gradient.
 
-        Parameters
-        ----------
-        points : (k, 3) array_like, mm
-            Outside a closed surface or on it.
-
-        Returns
-        -------
-        distance : (k,) array, mm
-        gradient : (k, 3) array
-            Unit vectors from the nearest point of the surface; on the surface its normal. Where
-            several points of the surface are equally near, that of one of them.
+        The points are outside a closed surface or on it. The gradient (k, 3) are unit vectors from
+        the nearest point of the surface; on the surface its normal. Where several points of the
+        surface are equally near, that of one of them.
         """
         foot, face = self.nearest(points)
         offset = as_float64(points) - foot

@@ -53,11 +53,17 @@ def _edge_keys(faces: IntArray) -> tuple[IntArray, BoolArray]:
     return (np.minimum(start, end) << 32) | np.maximum(start, end), start < end
 
 
+def edges_of(faces: IntArray) -> tuple[IntArray, IntArray]:
+    """Edges of (m, 3) triangles: vertex numbers (k, 2), rising, and each side's edge (m, 3)."""
+    key, edge = np.unique(_edge_keys(faces)[0], return_inverse=True)
+    return np.stack((key >> 32, key & 0xFFFFFFFF), axis=1), edge.reshape(faces.shape)
+
+
 def open_edges(faces: AnyIntArray) -> IntArray:
     """(k, 2) vertex numbers of the edges with an odd number of triangles; none if it is closed."""
-    key, count = np.unique(_edge_keys(np.asarray(faces, dtype=np.int64))[0], return_counts=True)
-    key = key[count % 2 == 1]
-    return np.stack((key >> 32, key & 0xFFFFFFFF), axis=1)
+    ends, edge = edges_of(np.asarray(faces, dtype=np.int64))
+    odd: BoolArray = np.bincount(edge.ravel(), minlength=len(ends)) % 2 == 1
+    return ends[odd]
 
 
 def find_neighbours(faces: IntArray) -> Neighbours:

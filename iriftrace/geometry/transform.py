@@ -20,27 +20,16 @@ _FORMS = "'rotate x 90', 'scale 0.001', 'translate 1 2 3', 16 numbers, or a file
 
 
 def parse_transform(text: str) -> FloatArray:
-    """Read a 4x4 matrix from text.
+    """Read a (4, 4) matrix, which acts on column vectors (x, y, z, 1), from text.
 
-    Parameters
-    ----------
-    text : str
-        Comma-separated steps, the left one applied first: ``rotate x 90`` (degrees, counter
-        clockwise seen from the tip of the axis), ``scale 2`` or ``scale 1 1 -1``,
-        ``translate 1 2 3`` (mm). Or the 16 numbers of a matrix, row by row, or the path of a
-        text file that holds them, next to brackets and comments, of which one may state the
-        unit of the translation (``# unit: m``).
+    The text has comma-separated steps, the left one applied first: ``rotate x 90`` (degrees,
+    counter clockwise seen from the tip of the axis), ``scale 2`` or ``scale 1 1 -1``, ``translate 1
+    2 3`` (mm). Or the 16 numbers of a matrix, row by row, or the path of a text file that holds
+    them, next to brackets and comments, of which one may state the unit of the translation (``#
+    unit: m``).
 
-    Returns
-    -------
-    (4, 4) array
-        Acts on column vectors (x, y, z, 1).
-
-    Raises
-    ------
-    InputError
-        None of these, a matrix that is singular, not affine or no rotation (times a scale), a
-        rotation in radians, or a file that cannot be read.
+    Raises InputError for none of these, a matrix that is singular, not affine or no rotation (times
+    a scale), a rotation in radians, or a file that cannot be read.
     """
     path = Path(text.strip())
     numbers, unit = _numbers(text), "mm"

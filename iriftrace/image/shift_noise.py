@@ -19,12 +19,8 @@ def shift_noise(places: FloatArray, shifts: FloatArray) -> float:
     """Standard deviation, px, of one component of shifts (n, 2), px, at places (n, 2), px.
 
     Each shift is compared with the quadratic surface fitted to it and its neighbours (least
-    squares). The median ignores the places where the shifts themselves change faster.
-
-    Raises
-    ------
-    InputError
-        There are fewer than `FEWEST_PLACES` places.
+    squares). The median ignores the places where the shifts themselves change faster. Raises
+    InputError for fewer than `FEWEST_PLACES` places.
     """
     if len(places) < FEWEST_PLACES:
         raise InputError(

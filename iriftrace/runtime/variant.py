@@ -5,6 +5,7 @@ All other modules use LLVM, CUDA and variants through this one.
 
 from __future__ import annotations
 
+import gc
 import importlib
 import os
 import sys
@@ -145,13 +146,8 @@ def full_precision() -> Iterator[None]:
 def using(variant: str) -> Iterator[str]:
     """Work with `variant` inside the `with` block and set the former variant again afterwards.
 
-    Objects of one variant cannot be used in another, so they end with the block. When no
-    variant was set before, this one stays, because Mitsuba cannot unset one.
-
-    Raises
-    ------
-    InputError, SetupError
-        As `ensure`.
+    Objects of one variant cannot be used in another, so they end with the block. When no variant
+    was set before, this one stays, because Mitsuba cannot unset one. Errors as of `ensure`.
     """
     former = current_variant()
     name = ensure(variant)
@@ -161,6 +157,12 @@ def using(variant: str) -> Iterator[str]:
     finally:
         if former is not None and former != current_variant():
             _mitsuba().set_variant(former)
+
+
+def free_memory() -> None:
+    """Free the last case's scene, whose objects refer to each other, and Dr.Jit's arrays."""
+    gc.collect()
+    importlib.import_module("drjit").flush_malloc_cache()
 
 
 def _set_variant(name: str) -> None:

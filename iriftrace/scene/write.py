@@ -15,11 +15,13 @@ import numpy as np
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
+from iriftrace.core.files import sha256_of
 from iriftrace.field.path_data import FIELD_FILE, save_field_file
 from iriftrace.part.part import Part, save_part
 from iriftrace.scene.objects import lookat
-from iriftrace.shells.files import PartFile, remove_stale, save_shells
+from iriftrace.shells.files import remove_stale, save_shells
 from iriftrace.shells.stack import ShellStack
+from iriftrace.shells.table import PartOrigin
 
 if TYPE_CHECKING:
     from iriftrace.field.index_field import IndexField
@@ -131,12 +133,13 @@ def write_scene(
     return target / name
 
 
-def save_bodies(folder: Path, part: Part, blockers: Sequence[Part]) -> PartFile:
+def save_bodies(folder: Path, part: Part, blockers: Sequence[Part]) -> PartOrigin:
     """Write the part and the bodies that block the view; returns the part's file."""
     save_part(part, folder / PART_FILE)
     for number, blocker in enumerate(blockers, start=1):
         save_part(blocker, folder / BLOCKER_FILE.format(number))
-    return PartFile.of(folder / PART_FILE, part)
+    file = folder / PART_FILE
+    return PartOrigin(str(file), sha256_of(file), Path(part.path).name)
 
 
 def remove_stale_blockers(folder: Path, count: int) -> None:
@@ -182,7 +185,7 @@ def save_air(
     shells: ShellStack,
     field: IndexField | None,
     *,
-    part: PartFile,
+    part: PartOrigin,
     report: Sequence[ShellReport] | None,
     notes: Mapping[str, str] | None,
     paraview: bool,

@@ -31,8 +31,8 @@ from iriftrace.scene.write import (
     scene_xml,
     written_together,
 )
-from iriftrace.shells.files import PartFile
 from iriftrace.shells.stack import ShellStack
+from iriftrace.shells.table import PartOrigin
 
 if TYPE_CHECKING:
     from iriftrace.field.index_field import IndexField
@@ -168,7 +168,7 @@ def _write_member(
     scene: Path,
     number: int,
     member: MemberAir,
-    part: PartFile,
+    part: PartOrigin,
     notes: Mapping[str, str] | None,
     paraview: bool,
 ) -> FieldMember:

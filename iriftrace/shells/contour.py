@@ -60,10 +60,6 @@ def contour_shells(
     min_size_mm : float, mm
         Pieces whose bounding box has a smaller diagonal are dropped; 0 keeps all.
 
-    Returns
-    -------
-    ShellStack
-
     Raises
     ------
     InputError
@@ -104,7 +100,14 @@ def _large_surfaces(
     field: IndexField, surfaces: FloatArray, min_size_mm: float
 ) -> tuple[dict[int, _Mesh], list[SmallComponents]]:
     """Surfaces by layer, if they have large components, and the small components removed."""
-    grid = _bare_grid(field)
+    import pyvista as pv
+
+    # The field's cells with only the arrays that are interpolated along their edges.
+    grid = pv.UnstructuredGrid()
+    grid.copy_structure(field.grid)
+    grid.point_data["refractivity"] = field.refractivity
+    grid.point_data["gradient"] = field.consistent_gradient
+    grid.point_data["hessian"] = field.hessian.reshape(-1, 9)
     found: dict[int, _Mesh] = {}
     small = []
     for layer, level in enumerate(surfaces.tolist(), start=1):
@@ -131,18 +134,6 @@ def _size_advice(field: IndexField, min_size_mm: float) -> str:
         f" The whole field is {size:.3g} mm across and pieces below {min_size_mm:g} mm are "
         'dropped: if it is in metres, read it with length_unit="m" (--field-length-unit m).'
     )
-
-
-def _bare_grid(field: IndexField) -> pv.UnstructuredGrid:
-    """The field's cells with only the arrays that are interpolated along their edges."""
-    import pyvista as pv
-
-    grid = pv.UnstructuredGrid()
-    grid.copy_structure(field.grid)
-    grid.point_data["refractivity"] = field.refractivity
-    grid.point_data["gradient"] = field.consistent_gradient
-    grid.point_data["hessian"] = field.hessian.reshape(-1, 9)
-    return grid
 
 
 def _contour(

@@ -13,7 +13,14 @@ from attrs import evolve
 from iriftrace.core.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.geometry.query import Surface
-from iriftrace.geometry.topology import connected, drop_degenerate, face_along, open_edges, weld
+from iriftrace.geometry.topology import (
+    connected,
+    drop_degenerate,
+    edges_of,
+    face_along,
+    open_edges,
+    weld,
+)
 from iriftrace.geometry.triangles import normals_along, polydata, used_vertices
 from iriftrace.shells.stack import Shell, ShellStack
 
@@ -44,22 +51,8 @@ def decimate(stack: ShellStack, triangles: int) -> ShellStack:
     Garland and Heckbert's quadric error metric with the normals as attributes (1998, "Simplifying
     surfaces with color and texture using quadric error metrics"). All shells keep the same
     fraction. Normals and derivatives of the new vertices are those of the nearest points of the
-    original shells.
-
-    Parameters
-    ----------
-    stack : ShellStack
-        Returned unchanged if it has at most this many triangles.
-    triangles : int
-
-    Returns
-    -------
-    ShellStack
-
-    Raises
-    ------
-    InputError
-        The number is too small to keep the shells' shapes.
+    original shells. A stack of no more triangles is returned as it is; a number too small to keep
+    the shells' shapes raises InputError.
     """
     least = FEWEST * len(stack.shells)
     if triangles < least:
@@ -121,8 +114,8 @@ def _without_non_manifold(faces: IntArray) -> IntArray:
     a piece of the surface onto itself.
     """
     while True:
-        edge, count = _edges(faces)
-        shared = count[edge]
+        edge = edges_of(faces)[1]
+        shared = np.bincount(edge.ravel())[edge]
         loose = (shared > 2).any(axis=1) & (shared == 1).any(axis=1)
         if not loose.any():
             return faces
@@ -138,9 +131,9 @@ def _without_single_triangles(faces: IntArray) -> IntArray:
 
 def _without_small_holes(faces: IntArray, on_border: BoolArray) -> IntArray:
     """Close holes of three or four edges left by non-manifold triangles; not the shell's ends."""
-    edge, count = _edges(faces)
+    edge = edges_of(faces)[1].ravel()
     start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    border = (count[edge] == 1).ravel()
+    border = np.bincount(edge)[edge] == 1
     after = dict(zip(start[border].tolist(), end[border].tolist(), strict=True))
     closed = []
     for first in after:
@@ -185,14 +178,6 @@ def _back_on_border(
     moved = vertices.copy()
     moved[on_border] = found[1][near]
     return moved, on_border
-
-
-def _edges(faces: IntArray) -> tuple[IntArray, IntArray]:
-    """Number (m, 3) of the edge on each side of a triangle, and triangles (k,) at each edge."""
-    sides = np.sort(np.stack((faces, np.roll(faces, -1, axis=1)), axis=2), axis=2)
-    key = (sides[:, :, 0] << 32) | sides[:, :, 1]
-    _, edge, count = np.unique(key.ravel(), return_inverse=True, return_counts=True)
-    return edge.reshape(-1, 3), count
 
 
 def _nearest(shell: Shell, points: FloatArray) -> tuple[IntArray, FloatArray]:

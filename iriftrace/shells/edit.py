@@ -9,33 +9,23 @@ from scipy.sparse import csr_array
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import AnyIntArray, FloatArray
 from iriftrace.core.errors import InputError
-from iriftrace.geometry.topology import open_edges
+from iriftrace.geometry.topology import edges_of, open_edges
 from iriftrace.geometry.triangles import unit_vectors, used_vertices
 from iriftrace.shells.stack import Shell, ShellStack
+
+TAUBIN_FACTORS = 0.20, -0.21
+"""Fractions of the way to its neighbours' mean that a vertex moves, in turn; the pass-band ends at
+the sum of their reciprocals."""
 
 
 def trim_to_frustum(stack: ShellStack, camera: Camera, margin_mm: float) -> ShellStack:
     """Remove triangles that lie wholly outside or behind a camera's view.
 
     A triangle stays unless all its corners are beyond the same side of the view by more than the
-    margin, so no triangle that a ray of the camera could meet is lost. Shells are open where they
-    are cut, and shells without any triangle in view are removed.
-
-    Parameters
-    ----------
-    stack : ShellStack
-    camera : Camera
-    margin_mm : float, mm
-        Room for refracted rays and for other cameras near this one.
-
-    Returns
-    -------
-    ShellStack
-
-    Raises
-    ------
-    InputError
-        The margin is negative or no triangle is in view.
+    margin, so no triangle that a ray of the camera could meet is lost. The margin, mm, is room for
+    refracted rays and for other cameras near this one. Shells are open where they are cut, and
+    shells without any triangle in view are removed. Raises InputError for a negative margin or if
+    no triangle is in view.
     """
     if not (margin_mm >= 0.0 and np.isfinite(margin_mm)):
         raise InputError(
@@ -73,20 +63,9 @@ def without_inner(stack: ShellStack, count: int, levels: int | None = None) -> S
     """Remove the innermost levels together with their index steps.
 
     Rays then continue to the part in the air of the last remaining shell. Kern et al. (2025) did
-    this where shells of a coarse field cut the part; it is for studies only.
-
-    Parameters
-    ----------
-    stack : ShellStack
-    count : int
-        Number of levels to remove.
-    levels : int, optional
-        Number of levels, whether the field reaches them or not; by default as many as there are.
-
-    Raises
-    ------
-    InputError
-        The count is negative, or no shell is left.
+    this where shells of a coarse field cut the part; it is for studies only. `levels` is the number
+    of all levels, whether the field reaches them or not; by default as many as there are. Raises
+    InputError if the count is negative, or no shell is left.
     """
     last = max(shell.layer for shell in stack.shells) if levels is None else levels
     kept = [shell for shell in stack.shells if shell.layer <= last - count]
@@ -98,39 +77,16 @@ def without_inner(stack: ShellStack, count: int, levels: int | None = None) -> S
     return evolve(stack, shells=kept)
 
 
-def smooth_taubin(
-    stack: ShellStack, iterations: int, lambda_: float = 0.20, mu: float = -0.21
-) -> ShellStack:
+def smooth_taubin(stack: ShellStack, iterations: int) -> ShellStack:
     """Smooth shells without shrinking them (Taubin 1995, "A signal processing approach").
 
-    Each iteration moves every vertex by ``lambda_`` and then by ``mu`` times the vector to the
-    mean of its neighbours. Vertices on a border stay, so that shells still end on the wall or the
-    data's edge. Gradient normals and derivatives belong to the original surface, so the result has
-    none.
-
-    Parameters
-    ----------
-    stack : ShellStack
-    iterations : int
-    lambda_, mu : float
-        ``0 < lambda_ < -mu``; the pass-band ends at ``1 / lambda_ + 1 / mu``.
-
-    Returns
-    -------
-    ShellStack
-
-    Raises
-    ------
-    InputError
-        Iterations are negative or the factors would shrink or amplify.
+    Each iteration moves every vertex by each of `TAUBIN_FACTORS` times the vector to the mean of
+    its neighbours. Vertices on a border stay, so that shells still end on the wall or the data's
+    edge. Gradient normals and derivatives belong to the original surface, so the result has none.
+    Raises InputError for negative iterations.
     """
     if iterations < 0:
         raise InputError(f"{iterations} smoothing iterations cannot be done; give 0 or more.")
-    if not 0.0 < lambda_ < -mu < 1.0:
-        raise InputError(
-            f"Taubin smoothing with lambda {lambda_} and mu {mu} shrinks or breaks the shells; "
-            "choose 0 < lambda < -mu < 1."
-        )
     if iterations == 0:
         return stack
 
@@ -140,7 +96,7 @@ def smooth_taubin(
         free = np.ones((len(points), 1))
         free[open_edges(shell.faces).ravel()] = 0.0
         for _ in range(iterations):
-            for factor in (lambda_, mu):
+            for factor in TAUBIN_FACTORS:
                 points += factor * free * (mean @ points - points)
         return evolve(shell, vertices=points, normals=None, derivatives=None)
 
@@ -152,22 +108,7 @@ def subdivide_midpoint(stack: ShellStack, times: int = 1) -> ShellStack:
 
     The surface does not change except for the rounding of the new vertices to float32 (4e-6 mm at
     100 mm), which turns facets by this error over their size. Normals and derivatives are
-    interpolated.
-
-    Parameters
-    ----------
-    stack : ShellStack
-    times : int
-        The number of triangles grows by ``4**times``.
-
-    Returns
-    -------
-    ShellStack
-
-    Raises
-    ------
-    InputError
-        ``times`` is negative.
+    interpolated, and the number of triangles grows by ``4**times``.
     """
     if times < 0:
         raise InputError(f"Shells cannot be subdivided {times} times; give 0 or more.")
@@ -207,13 +148,12 @@ def _neighbour_mean(faces: AnyIntArray, count: int) -> csr_array:
 
 def _subdivided(shell: Shell) -> Shell:
     faces = shell.faces.astype(np.int64)
-    ends = np.sort(np.stack((faces, np.roll(faces, -1, axis=1)), axis=2).reshape(-1, 2), axis=1)
-    key, edge = np.unique((ends[:, 0] << 32) | ends[:, 1], return_inverse=True)
-    one, two = key >> 32, key & 0xFFFFFFFF
+    ends, edge = edges_of(faces)
+    one, two = ends.T
     points = shell.vertices.astype(np.float64)
     vertices = np.vstack((points, 0.5 * (points[one] + points[two])))
     a, b, c = faces.T
-    ab, bc, ca = (edge.reshape(-1, 3) + len(points)).T
+    ab, bc, ca = (edge + len(points)).T
     quarters = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
     normals = None
     if shell.normals is not None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import evolve
 
 from iriftrace.core.arrays import AnyIntArray, Float32Array
 from iriftrace.core.errors import InputError
@@ -23,7 +23,6 @@ from iriftrace.shells.stack import Shell, ShellStack
 from iriftrace.shells.table import SCHEMA, AirStatement, PartOrigin
 
 if TYPE_CHECKING:
-    from iriftrace.part.part import Part
     from iriftrace.shells.report import ShellReport
 
 
@@ -34,25 +33,6 @@ _NORMAL = ("nx", "ny", "nz")
 _DERIVATIVES = tuple(f"{name}_{k + 1}" for name, n in PLY_COLUMNS.items() for k in range(n))
 
 
-@frozen
-class PartFile:
-    """The part's file next to which shells are written."""
-
-    path: Path
-    sha256: str
-    source: str  # name of the user's original file
-
-    @classmethod
-    def of(cls, path: Path, part: Part) -> PartFile:
-        """The file to which a part was written."""
-        return cls(path, sha256_of(path), Path(part.path).name)
-
-    def seen_from(self, folder: Path) -> PartOrigin:
-        """Its entry in a table in a folder."""
-        place = Path(os.path.relpath(self.path, folder)).as_posix()
-        return PartOrigin(place, self.sha256, self.source)
-
-
 def save_shells(
     stack: ShellStack,
     directory: str | Path,
@@ -60,34 +40,18 @@ def save_shells(
     *,
     notes: Mapping[str, str] | None = None,
     paraview: bool = True,
-    part: PartFile | None = None,
+    part: PartOrigin | None = None,
 ) -> list[Path]:
-    """Write a stack of shells into a folder.
+    """Write a stack of shells into a folder, which is made if it is missing.
 
-    Parameters
-    ----------
-    stack : ShellStack
-    directory : path
-        Created if missing. Files of an earlier stack with more shells are removed.
-    report : sequence of ShellReport, optional
-        Its numbers are added to the JSON table.
-    notes : mapping, optional
-        Further facts about the field, such as ``{"time": "snapshot"}``; kept in the table.
-    paraview : bool
-        Whether to write ``shells.vtm`` too, which doubles the size.
-    part : PartFile, optional
-        The part of the scene that they are written for; kept in the table.
+    The files, which are returned, are ``shell_01.ply`` and so on (numbered by layer, outermost
+    first), ``shells.vtm`` for ParaView (which doubles the size) and ``shells.json``. Each is
+    complete or absent; the table comes last. Files of an earlier stack with more shells are
+    removed.
 
-    Returns
-    -------
-    list of Path
-        ``shell_01.ply`` and so on (numbered by layer, outermost first), ``shells.vtm``,
-        ``shells.json``. Each is complete or absent; the table comes last.
-
-    Raises
-    ------
-    InputError
-        The folder cannot be made, or the report belongs to other shells.
+    The table also keeps the numbers of a report, `notes` on the field, such as ``{"time":
+    "snapshot"}``, and the part of the scene that the shells are written for, its file as seen from
+    there. Raises InputError if the folder cannot be made, or the report belongs to other shells.
     """
     if report is not None and [r.layer for r in report] != [s.layer for s in stack.shells]:
         raise InputError("The report does not list the shells of this stack; report on it again.")
@@ -107,8 +71,9 @@ def save_shells(
         evolve(row, file=path.name, sha256=sha256_of(path))
         for path, row in zip(written, stated.shells, strict=False)
     )
-    origin = None if part is None else part.seen_from(folder)
-    table = plain(evolve(stated, shells=rows, part=origin))
+    if part is not None:
+        part = evolve(part, file=Path(os.path.relpath(part.file, folder)).as_posix())
+    table = plain(evolve(stated, shells=rows, part=part))
     for row, found in zip(table["shells"], report or (), strict=False):
         row |= found.as_dict()
     with whole_file(folder / TABLE) as temporary:
@@ -119,15 +84,8 @@ def save_shells(
 def load_shells(folder: str | Path) -> ShellStack:
     """Read the shells of a scene, or those that ``iriftrace shells`` wrote.
 
-    Parameters
-    ----------
-    folder : path
-        The shells' folder, the folder of a scene with them, or the table ``shells.json`` itself.
-
-    Raises
-    ------
-    InputError
-        The table or a mesh is missing, damaged or of another kind.
+    From the shells' folder, the folder of a scene with them, or the table ``shells.json`` itself.
+    Raises InputError if the table or a mesh is missing, damaged or of another kind.
     """
     path = Path(folder)
     if path.name != TABLE:
@@ -136,21 +94,19 @@ def load_shells(folder: str | Path) -> ShellStack:
         path = path.parent / "shells" / TABLE
     try:
         table = json.loads(path.read_text(encoding="utf-8"))
+        ours = isinstance(table, dict) and table.get("schema") == SCHEMA
+        stated = structured(table, AirStatement) if ours else None
     except OSError as error:
         raise InputError(
             f"cannot read {path} ({error.strerror}); give a folder that `iriftrace shells` wrote."
         ) from error
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path} is damaged ({error}); write the shells again.") from error
-    if not isinstance(table, dict) or table.get("schema") != SCHEMA:
+    if stated is None:
         raise InputError(
             f"{path} is not a table of shells of schema {SCHEMA}; write the shells again with this "
             "version."
         )
-    try:
-        stated = structured(table, AirStatement)
-    except ValueError as error:
-        raise InputError(f"{path} is damaged ({error}); write the shells again.") from error
     if stated.air is None or stated.rule is None:
         raise InputError(f"{path} states no air or no rule; write the shells again.")
     shells = [

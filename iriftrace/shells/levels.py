@@ -25,39 +25,28 @@ known least, then contributes a tenth of its former error, and two shells divide
 def index_levels(
     ambient: float, hottest: float, layers: int = 13, rule: str = "rim"
 ) -> tuple[FloatArray, FloatArray]:
-    """Refractivities of shells and layers from ambient to the hottest air.
+    """Refractivities of N shells, (N,), and layers ``e_0 .. e_N`` from ambient to the hottest air.
 
-    Parameters
-    ----------
-    ambient, hottest : float
-        n - 1 outside and of the hottest air.
-    layers : int
-        Number of shells N.
-    rule : str
-        ``"rim"``: N - 1 shells as by ``"midpoint"``, and one at a tenth of the outermost step. The
-        layer between the two has the index midway between their surfaces. A single shell is that
-        of the midpoint rule.
-        ``"midpoint"``: shell k lies at ``(e_{k-1} + e_k) / 2``, in equal steps of ``e``.
-        ``"graded"``: the same, but the steps of ``e`` are the mean of equal ones (weight 0.3) and
-        of the cosine's: 0.3 equal steps at both ends, 1.4 in the middle. Useful for few shells
-        in views through a plume, whose air is in the outermost layers, and for rays that are bent
-        at the shells alone, where the innermost and the outermost layer cause most of the error;
-        see the accuracy page.
-        ``"outer"``: shell k lies at ``e_k``, in equal steps, so that each layer has the value of
-        its outer surface; first order (5 to 6 % off with 13 shells), for studies only. Its last
-        shell is the hottest air itself and so normally empty.
+    All are n - 1, also `ambient` and `hottest`. The rules are:
 
-    Returns
-    -------
-    surfaces : (N,) array
-    layers : (N + 1,) array
-        ``e_0 .. e_N``.
+    ``"rim"``: N - 1 shells as by ``"midpoint"``, and one at a tenth of the outermost step. The
+    layer between the two has the index midway between their surfaces. A single shell is that of the
+    midpoint rule.
 
-    Raises
-    ------
-    InputError
-        If ``ambient`` does not exceed ``hottest``, ``layers`` is below 1 or above ``MOST_LAYERS``,
-        or the rule is unknown.
+    ``"midpoint"``: shell k lies at ``(e_{k-1} + e_k) / 2``, in equal steps of ``e``.
+
+    ``"graded"``: the same, but the steps of ``e`` are the mean of equal ones (weight 0.3) and of
+    the cosine's: 0.3 equal steps at both ends, 1.4 in the middle. Useful for few shells in views
+    through a plume, whose air is in the outermost layers, and for rays that are bent at the shells
+    alone, where the innermost and the outermost layer cause most of the error; see the accuracy
+    page.
+
+    ``"outer"``: shell k lies at ``e_k``, in equal steps, so that each layer has the value of its
+    outer surface; first order (5 to 6 % off with 13 shells), for studies only. Its last shell is
+    the hottest air itself and so normally empty.
+
+    Raises InputError if ``ambient`` does not exceed ``hottest``, ``layers`` is below 1 or above
+    ``MOST_LAYERS``, or the rule is unknown.
     """
     check_range(ambient, hottest)
     if layers < 1:

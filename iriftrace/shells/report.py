@@ -81,22 +81,11 @@ class ShellReport:
 def report_shells(
     stack: ShellStack, field: IndexField | None = None, part: Part | None = None
 ) -> tuple[ShellReport, ...]:
-    """Report on every shell of a stack.
+    """Report on every shell of a stack, outermost first.
 
     Distances are those of `iriftrace.geometry.query.Surface.gap`, which uses a subset of the
-    vertices of a large surface. A triangle counts as inside the part if its centre is.
-
-    Parameters
-    ----------
-    stack : ShellStack
-    field : IndexField, optional
-        Used to find where the data end, and so why a shell is open.
-    part : Part, optional
-
-    Returns
-    -------
-    tuple of ShellReport
-        Outermost first.
+    vertices of a large surface. A triangle counts as inside the part if its centre is. The field is
+    used to find where the data end, and so why a shell is open.
     """
     borders = _borders(field, part)
     surfaces = [Surface(shell.vertices, shell.faces) for shell in stack.shells]
@@ -106,7 +95,10 @@ def report_shells(
         stack.shells, surfaces, [*gaps, None], stack.temperature_k.tolist(), strict=True
     ):
         open_at = _open_at(shell, borders, INTERIOR if field is not None else UNKNOWN)
-        inside = None if part is None or not part.closed else _share_inside(surface, part)
+        inside = None
+        if part is not None and part.closed:
+            covered = part.surface.inside(surface.vertices[surface.faces].sum(axis=1) / 3.0)
+            inside = float(surface.areas[covered].sum() / surface.areas.sum())
         gap_part = None if part is None else surface.gap(part.surface)
         reports.append(
             ShellReport(
@@ -161,9 +153,3 @@ def _open_at(
         edges = edges[~on]
     counts[otherwise] = len(edges)
     return tuple((name, count) for name, count in counts.items() if count)
-
-
-def _share_inside(surface: Surface, part: Part) -> float:
-    centres = surface.vertices[surface.faces].sum(axis=1) / 3.0
-    inside = part.surface.inside(centres)
-    return float(surface.areas[inside].sum() / surface.areas.sum())

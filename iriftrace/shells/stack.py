@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 import numpy as np
-from attrs import Attribute, field, frozen
+from attrs import field, frozen
 from attrs.converters import optional
 from numpy.typing import ArrayLike
 
@@ -77,45 +77,31 @@ class Shell:
     normals: Float32Array | None = field(default=None, converter=optional(_float32), repr=False)
     derivatives: Float32Array | None = field(default=None, converter=optional(_rows), repr=False)
 
-    @vertices.validator
-    def _check_vertices(self, _: Attribute[Float32Array], vertices: Float32Array) -> None:
+    def __attrs_post_init__(self) -> None:
+        vertices, faces, normals = self.vertices, self.faces, self.normals
         if not np.isfinite(vertices).all():
             raise InputError(
                 f"Shell {self.layer} has a vertex that is not finite, so no ray can cross it; "
                 "check the field's points."
             )
-
-    @faces.validator
-    def _check_faces(self, _: Attribute[AnyIntArray], faces: AnyIntArray) -> None:
         if len(faces) == 0:
             raise InputError(f"Shell {self.layer} has no triangle; leave it out of the stack.")
-        if faces.min() < 0 or faces.max() >= len(self.vertices):
+        if faces.min() < 0 or faces.max() >= len(vertices):
             raise InputError(
                 f"Shell {self.layer} has a triangle with vertex number {faces.max()}, but only "
-                f"{len(self.vertices)} vertices; the mesh is damaged."
+                f"{len(vertices)} vertices; the mesh is damaged."
             )
-
-    @normals.validator
-    def _check_normals(
-        self, _: Attribute[Float32Array | None], normals: Float32Array | None
-    ) -> None:
-        if normals is not None and len(normals) != len(self.vertices):
+        if normals is not None and len(normals) != len(vertices):
             raise InputError(
-                f"Shell {self.layer} has {len(normals)} normals for {len(self.vertices)} "
-                "vertices; give one each or none."
+                f"Shell {self.layer} has {len(normals)} normals for {len(vertices)} vertices; give "
+                "one each or none."
             )
-
-    @derivatives.validator
-    def _check_derivatives(
-        self, _: Attribute[Float32Array | None], derivatives: Float32Array | None
-    ) -> None:
-        if derivatives is None:
-            return
-        if self.normals is None or derivatives.shape != (len(self.vertices), DERIVATIVES):
+        derivatives, expected = self.derivatives, (len(vertices), DERIVATIVES)
+        if derivatives is not None and (normals is None or derivatives.shape != expected):
             raise InputError(
                 f"Shell {self.layer} has derivatives of shape {derivatives.shape} for "
-                f"{len(self.vertices)} vertices, or no normals; give {DERIVATIVES} "
-                "numbers and a normal for each vertex, or no derivatives."
+                f"{len(vertices)} vertices, or no normals; give {DERIVATIVES} numbers and a normal "
+                "for each vertex, or no derivatives."
             )
 
     @property
@@ -145,19 +131,15 @@ class ShellStack:
 
     shells: tuple[Shell, ...] = field(converter=_shells)
     air: Air
-    rule: str = field()
+    rule: str
     source: FieldSource | None = None
     small_components: tuple[SmallComponents, ...] = field(default=(), converter=_components)
 
-    @shells.validator
-    def _check_shells(self, _: Attribute[tuple[Shell, ...]], shells: tuple[Shell, ...]) -> None:
-        if not shells:
+    def __attrs_post_init__(self) -> None:
+        if not self.shells:
             raise InputError("A shell stack without shells bends no ray; give at least one level.")
-
-    @rule.validator
-    def _check_rule(self, _: Attribute[str], rule: str) -> None:
-        if rule not in KINDS:
-            raise InputError(f"Unknown index rule '{rule}'; use one of {', '.join(KINDS)}.")
+        if self.rule not in KINDS:
+            raise InputError(f"Unknown index rule '{self.rule}'; use one of {', '.join(KINDS)}.")
 
     def __repr__(self) -> str:
         kelvin = self.temperature_k

@@ -21,13 +21,13 @@ from iriftrace.core.plain import JsonObject, plain
 from iriftrace.field.index_field import IndexField
 from iriftrace.image.differences import Hits, compare, displacement_statistics, hits_of
 from iriftrace.image.ray_statistics import FEWEST_RAYS
+from iriftrace.runtime.variant import free_memory
 from iriftrace.scene.scene import Scene
 from iriftrace.shells.stack import ShellStack
 from iriftrace.studies.mode import Mode, check_modes, shells_of, through_cells, through_shells
 from iriftrace.studies.times import COUNTS, REPEATS, STAGES, rendered, times
 from iriftrace.sweep.journal import Journal, Piece, Progress, Work
 from iriftrace.sweep.pose import fingerprint
-from iriftrace.trace.query_replay import free_memory
 
 if TYPE_CHECKING:
     import xarray as xr

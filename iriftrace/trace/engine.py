@@ -81,26 +81,13 @@ class EngineTest:
 
 @frozen(eq=False)
 class Choice:
-    """The scene as it is to be traced, and the test of its shells.
-
-    Attributes
-    ----------
-    scene : LoadedScene
-    test : EngineTest or None
-        The worst of all views and members of an ensemble; None if nothing could be tested.
-    through_cells : bool
-        True if cells are traced instead of shells.
-    straight : StraightHits or None
-        Straight hits of the picture, if it was tested at its own resolution.
-    straight_s : float
-        Seconds that the straight hits took.
-    """
+    """The scene as it is to be traced, and the test of its shells."""
 
     scene: LoadedScene
-    test: EngineTest | None = None
-    through_cells: bool = False
-    straight: StraightHits | None = None
-    straight_s: float = 0.0
+    test: EngineTest | None = None  # the worst of all views and members; None if not tested
+    through_cells: bool = False  # cells are traced instead of shells
+    straight: StraightHits | None = None  # of the picture, if tested at its own resolution
+    straight_s: float = 0.0  # seconds that these took
 
     def as_dict(self) -> dict[str, float | int | bool] | None:
         """Plain JSON values, for every result; None without a test."""
@@ -146,7 +133,7 @@ class _Sample(NamedTuple):
 def _by_samples(scene: LoadedScene, samples: list[_Sample]) -> Choice:
     tests = [
         found
-        for member in _members(scene)
+        for member in members_of(scene)
         for sample in samples
         if (found := _tested(member, sample)) is not None
     ]
@@ -167,7 +154,7 @@ def _by_samples(scene: LoadedScene, samples: list[_Sample]) -> Choice:
     return Choice(cells or scene, worst, cells is not None)
 
 
-def _members(scene: LoadedScene) -> Iterator[LoadedScene]:
+def members_of(scene: LoadedScene) -> Iterator[LoadedScene]:
     """Scenes with one field each."""
     if scene.ensemble is None:
         yield scene
@@ -225,7 +212,7 @@ def _lost_fraction(scene: LoadedScene, samples: list[_Sample]) -> float:
     """Largest fraction of a sample's rays, over all members, whose end is not known."""
     return max(
         _lost_of(member, *sample.rays)
-        for member in _members(scene)
+        for member in members_of(scene)
         for sample in samples
         if sample.rays is not None
     )

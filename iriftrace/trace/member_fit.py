@@ -16,6 +16,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
+from iriftrace.core.statistics import rms
 from iriftrace.image.aov_image import Status
 from iriftrace.image.camera_motion import interaction_matrix
 from iriftrace.image.measured_shift import MeasuredShift
@@ -180,10 +181,6 @@ def fit_members(
     camera_motion : bool
         Fit a rigid motion of the camera between the pictures, too.
 
-    Returns
-    -------
-    MemberFit
-
     Raises
     ------
     InputError
@@ -194,7 +191,8 @@ def fit_members(
     ensemble = members_in(loaded)
     if noise_px is not None and not noise_px > 0.0:
         raise InputError(f"The noise is {noise_px:g} px; give a positive number.")
-    camera = _full_camera(loaded)
+    # At the resolution of its film before ``scale`` changed it.
+    camera = loaded.camera.scaled(loaded.full_resolution[0] / loaded.camera.resolution[0])
     check_count(len(shifts.places), len(ensemble), "dots on the board")
     _check_in_picture(shifts, camera)
     hot = shifts.places + shifts.shifts
@@ -210,13 +208,13 @@ def fit_members(
     noise = noise_px
     if noise is None:
         noise = shift_noise(shifts.places[good][found.used], found.left(found.weights))
-    _check_spread(_rms(predicted - predicted.mean(axis=0)), noise)
+    _check_spread(rms((predicted - predicted.mean(axis=0)).ravel()), noise)
     return member_fit(
         ensemble.members,
         found,
         noise,
         unit="px",
-        measured=_rms(shifts.shifts[good]),
+        measured=rms(shifts.shifts[good].ravel()),
         dots=dots,
         provenance={
             **provenance(loaded, camera),
@@ -247,7 +245,7 @@ def member_fit(
         unit=unit,
         residual=found.residual,
         noise=noise,
-        single=np.array([_rms(found.left(alone)) for alone in np.eye(len(fitted))]),
+        single=np.array([rms(found.left(alone).ravel()) for alone in np.eye(len(fitted))]),
         foreign=found.foreign(noise),
         measured=measured,
         dots={**dots, "used": int(found.used.sum()), "outliers": int((~found.used).sum())},
@@ -273,11 +271,6 @@ def check_count(values: int, members: int, what: str, others: str = "") -> None:
             f"{values:,} {what} are fewer than the {members} members, so their weights cannot be "
             f"determined{others}; measure more of them, or use fewer members."
         )
-
-
-def _full_camera(scene: LoadedScene) -> Camera:
-    """The scene's camera at the resolution of its film before ``scale`` changed it."""
-    return scene.camera.scaled(scene.full_resolution[0] / scene.camera.resolution[0])
 
 
 def _check_in_picture(shifts: MeasuredShift, camera: Camera) -> None:
@@ -347,8 +340,3 @@ def _check_spread(spread: float, noise: float) -> None:
             f"noise of {noise:.2g} px, so weights cannot be determined; a board in front of the "
             "part or far from its plume sees no hot air: place it behind the part."
         )
-
-
-def _rms(values: FloatArray) -> float:
-    """Root mean square of a component."""
-    return float(np.sqrt(np.mean(values**2)))

@@ -20,6 +20,7 @@ def provenance(scene: LoadedScene, camera: Camera) -> JsonObject:
     part, ensemble, notes = scene.part, scene.ensemble, scene.stated.notes
     source, wavelength, written = scene.source, scene.stated.wavelength_nm, scene.stated.part
     sources = [source] if ensemble is None else [m.source for m in ensemble.members]
+    members = None if ensemble is None else [m.as_dict() for m in ensemble.members]
     known = [one for one in sources if one]
     rules = {"index_rule": scene.index_rule, "normals": scene.normals}
     return {
@@ -34,7 +35,7 @@ def provenance(scene: LoadedScene, camera: Camera) -> JsonObject:
         "bending": scene.bending.value,
         "wavelength_nm": wavelength,
         "field": plain(source),
-        **({} if ensemble is None else {"ensemble": _members(ensemble)}),
+        **({} if members is None else {"ensemble": {"count": len(members), "members": members}}),
         "part": {
             "path": str(Path(part.path).resolve()),
             "sha256": part.sha256,
@@ -79,10 +80,6 @@ def _for_studies(scene: LoadedScene, notes: Mapping[str, str]) -> dict[str, str]
     if scene.integrator.inside_hit == "drop":
         stated["inside_hit"] = "rays that meet a shell from its inside are given up"
     return stated
-
-
-def _members(ensemble: LoadedEnsemble) -> JsonObject:
-    return {"count": len(ensemble), "members": [m.as_dict() for m in ensemble.members]}
 
 
 def _meaning(ensemble: LoadedEnsemble) -> str:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import gc
 import time
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
-from iriftrace.camera.tiles import pixels_in_tiles
+import drjit as dr
+import mitsuba as mi
+
+from iriftrace.image.aov_image import CHANNELS
 from iriftrace.plugins.kernels.march import RefractedHits, refracted_hits
-from iriftrace.plugins.kernels.queries import straight_hits
+from iriftrace.plugins.kernels.queries import HIT_PART
+from iriftrace.plugins.picture import PixelRays
 from iriftrace.scene.loaded import LoadedScene
-
-if TYPE_CHECKING:
-    import mitsuba as mi
 
 RECORDED = 24
 """Number of queries recorded for each ray; few rays cross more shells of the usual 13."""
@@ -32,27 +32,13 @@ class Recording:
     """
 
     def __init__(self, scene: LoadedScene, queries: int = RECORDED) -> None:
-        import drjit as dr
-        import mitsuba as mi
-
         self.scene: Any = scene.mitsuba_scene
         self.integrator = scene.integrator
         self.prepared = scene.integrator.prepare(self.scene)
         sensor = self.scene.sensors()[0]
-        width, height = sensor.film().size()
-        pixel = mi.UInt32(pixels_in_tiles(int(width), int(height)))
-        origin, direction = self._rays(sensor, pixel, int(width))
-        hits = straight_hits(
-            self.prepared.opaque,
-            self.prepared.tables,
-            origin,
-            direction,
-            coherent=True,
-            step=self.prepared.step,
-        )
-        hit: Any = dr.compress(hits.outcome == 1)
-        chosen = dr.gather(mi.UInt32, pixel, hit)
-        self.origin, self.direction = self._rays(sensor, chosen, int(width))
+        hits = self.integrator.straight(self.scene, sensor)
+        chosen: Any = dr.compress(hits.outcome == HIT_PART)
+        self.origin, self.direction = PixelRays(sensor, len(CHANNELS))(chosen)
         dr.eval(self.origin, self.direction)
         self.rays = dr.width(chosen)
         points, directions = [mi.Point3f(self.origin)], [mi.Vector3f(self.direction)]
@@ -65,14 +51,6 @@ class Recording:
         self.directions = mi.Vector3f(*(dr.concat([d[k] for d in directions]) for k in range(3)))
         self.last = dr.minimum(self._trace(1000).crossings, queries - 1)
         dr.eval(self.points, self.directions, self.last)
-
-    @staticmethod
-    def _rays(sensor: Any, pixel: mi.UInt32, width: int) -> tuple[mi.Point3d, mi.Vector3d]:
-        import mitsuba as mi
-
-        x, y = mi.Float64(pixel % width) + 0.5, mi.Float64(pixel // width) + 0.5
-        origin, direction = sensor.rays64(x, y)
-        return origin, direction
 
     def _trace(self, max_crossings: int) -> RefractedHits:
         tables = self.prepared.tables
@@ -91,16 +69,11 @@ class Recording:
 
     def trace(self) -> None:
         """The refracted trace."""
-        import drjit as dr
-
         dr.eval(*self._trace(1000))
         dr.sync_thread()
 
     def replay(self) -> None:
         """The same queries and nothing else."""
-        import drjit as dr
-        import mitsuba as mi
-
         number = dr.arange(mi.UInt32, self.rays)
 
         def query(
@@ -136,11 +109,3 @@ class Recording:
             self.replay()
             pairs.append(PairOfTimes(traced - started, time.perf_counter() - traced))
         return pairs
-
-
-def free_memory() -> None:
-    """Free the last case's scene, whose objects refer to each other, and Dr.Jit's arrays."""
-    import drjit as dr
-
-    gc.collect()
-    dr.flush_malloc_cache()

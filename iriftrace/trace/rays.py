@@ -17,7 +17,7 @@ from iriftrace.image.aov_image import Status
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.scene import AnyScene, loaded_scene
-from iriftrace.trace.engine import choose
+from iriftrace.trace.engine import choose, members_of
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -94,10 +94,6 @@ def trace_rays(
         Neighbouring rays are similar, as a camera's are; this affects only the speed.
     trace_all : bool
         Also trace refracted rays whose straight twin misses the part; otherwise they are left out.
-
-    Returns
-    -------
-    RayHits
 
     Raises
     ------
@@ -228,7 +224,7 @@ def is_inside(scene: LoadedScene, points: ArrayLike) -> NDArray[np.bool_]:
     positions = np.asarray(points, dtype=np.float64).reshape(-1, 3)
     inside = np.zeros(len(positions), dtype=bool)
     with runtime.using(scene.variant):
-        for one in (scene,) if scene.ensemble is None else scene.ensemble.scenes():
+        for one in members_of(scene):
             for number in np.flatnonzero(~inside):
                 found = one.integrator.surroundings_of(one.mitsuba_scene, positions[number])
                 inside[number] = found is not None

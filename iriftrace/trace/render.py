@@ -78,10 +78,6 @@ def render_scene(
         Also trace a sample of the rays through the field data (``shells_against_field``); see
         :func:`iriftrace.trace.field_reference.shell_error`.
 
-    Returns
-    -------
-    Rendering
-
     Raises
     ------
     InputError

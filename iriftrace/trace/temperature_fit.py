@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from iriftrace.core.errors import InputError
+from iriftrace.core.statistics import rms
 from iriftrace.field.air_temperatures import AirTemperatures
 from iriftrace.image.shift_mixture import ShiftMixture
 from iriftrace.scene.scene import AnyScene, loaded_scene
@@ -24,10 +25,6 @@ def fit_temperatures(scene: AnyScene, temperatures: AirTemperatures) -> MemberFi
         An ensemble of fields; its part and camera do not matter.
     temperatures : AirTemperatures
         In the scene's frame (:func:`iriftrace.read_air_temperatures`).
-
-    Returns
-    -------
-    MemberFit
 
     Raises
     ------
@@ -50,9 +47,9 @@ def fit_temperatures(scene: AnyScene, temperatures: AirTemperatures) -> MemberFi
     # Excess over the ambient air: the covariance scales it as a whole.
     predicted = np.array([cells.temperature_at(temperatures.places) for cells in states]) - ambient
     measured = temperatures.kelvins - ambient
-    noise = float(np.sqrt(np.mean(temperatures.deviations**2)))
+    noise = rms(temperatures.deviations)
     factor = noise / temperatures.deviations
-    spread = float(np.sqrt(np.mean((factor * (predicted - predicted.mean(axis=0))) ** 2)))
+    spread = rms((factor * (predicted - predicted.mean(axis=0))).ravel())
     if spread < INDISTINCT * noise:
         raise InputError(
             f"The members' temperatures differ by {spread:.2g} K at the thermocouples, less than a "
@@ -65,7 +62,7 @@ def fit_temperatures(scene: AnyScene, temperatures: AirTemperatures) -> MemberFi
         found,
         noise,
         unit="K",
-        measured=float(np.sqrt(np.mean(measured**2))),
+        measured=rms(measured),
         dots={"measured": len(factor)},
         provenance={
             **provenance(loaded, loaded.camera),

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import drjit as dr
+
 from iriftrace.plugins.kernels import types as dt
 
 DIRECTION_ERROR = 0.3
@@ -23,8 +25,6 @@ plane by a micrometre, it would be moved along by more than a millimetre."""
 
 def transverse(vector: dt.Vector, direction: dt.Vector) -> dt.Vector:
     """The part of a vector at right angles to a unit direction."""
-    import drjit as dr
-
     return vector - direction * dr.dot(vector, direction)
 
 
@@ -33,8 +33,6 @@ def onto_plane(offset: dt.Vector3d, direction: dt.Vector3d, facet: dt.Vector3d) 
 
     The offset (Vector3d, mm) is from a point of the plane; direction and facet are unit vectors.
     """
-    import drjit as dr
-
     cosine = dr.dot(direction, facet)
     # Where there is no plane, its normal is NaN.
     crosses = dr.abs(cosine) > LEAST_COSINE
@@ -51,10 +49,7 @@ def length_gain(cosine: dt.Real) -> dt.Real:
 
     .. math:: \frac{c}{c^2 + \varepsilon^2 (1 - c^2)}
 
-    Parameters
-    ----------
-    cosine : number
-        c, between ray and gradient.
+    with the cosine c between ray and gradient.
     """
     squared = cosine * cosine
     return cosine / (squared + DIRECTION_ERROR * DIRECTION_ERROR * (1 - squared))
@@ -77,8 +72,6 @@ def fading_length(
     g', its change per length along the ray, 1/mm^2, the contrast :math:`u_0` between the index at
     the shell and that of the layer, and the unit direction t.
     """
-    import drjit as dr
-
     steep = dr.dot(gradient, direction)
     along = dr.dot(gradient, change) / dr.squared_norm(gradient)
     curving = dr.maximum(dr.dot(change - gradient * along, direction), 0)
@@ -102,8 +95,6 @@ def between_shells(
     The offset is that of the same cubic; the correction counts as if it lay in the middle. The
     length, mm, is that of the segment from one to the other along the unit direction.
     """
-    import drjit as dr
-
     squared = length * length
     total = (before.gradient + here.gradient) * (0.5 * length)
     total += (before.change - here.change) * (squared / 12)
@@ -143,8 +134,6 @@ def stays_in_layer(
     Other segments, of which only the length is known, began outside the data. Parameters as for
     :func:`outside`; a layer reaches to the next shell, twice the contrast away.
     """
-    import drjit as dr
-
     linear = dr.dot(shell.gradient, direction) * length
     square = dr.dot(shell.change, direction) * (length * length / 2)
     within = dr.abs(linear + square) <= 2 * contrast
@@ -160,8 +149,6 @@ def outside(
     at the shell less that of the layer outside. The length, mm, is that of the ray's path in this
     air: to the camera, the part, or half of that to the next crossing.
     """
-    import drjit as dr
-
     fading = fading_length(shell.gradient, shell.change, contrast, direction)
     path = dr.minimum(length, fading)
     deflection = transverse(shell.gradient, direction) * (path / type(length)(shell.index))
@@ -175,8 +162,6 @@ def open_layer(
 
     The layer is that of the `ambient` air (Bool) or another.
     """
-    import drjit as dr
-
     inside = ~ambient & stays_in_layer(shell, contrast, direction, length)
     there = beside_part(shell, direction, length)
     beyond = outside(shell, contrast, direction, length)
@@ -187,8 +172,6 @@ def layer_at_rim(
     known: dt.Struct, ambient: dt.Bool, first: dt.Bool, _through: dt.Struct
 ) -> tuple[dt.Vector, dt.Vector]:
     """Deflection and lateral offset to a ray's first shell, or from shell to shell outside all."""
-    import drjit as dr
-
     before, here, heading, mean, length, near = known
     before, here = AtShell(*before), AtShell(*here)
     contrast = type(length)(dr.abs(near - here.index))
@@ -204,6 +187,4 @@ def layer_at_rim(
 
 def weighted_mean(heading: dt.Vector, deflection: dt.Vector) -> dt.Vector:
     """Mean direction of a segment that begins with a unit direction and is deflected."""
-    import drjit as dr
-
     return dr.normalize(heading + deflection / 2)

@@ -5,6 +5,9 @@ from __future__ import annotations
 import time
 from typing import NamedTuple
 
+import drjit as dr
+import mitsuba as mi
+
 from iriftrace.image.aov_image import Status
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.prepared import PreparedScene
@@ -69,9 +72,6 @@ def trace_bundle(
     bent, unless `trace_all`. `straight` are hits of the same bundle in another scene with the same
     opaque shapes, such as the same part in other air; then straight rays are not traced again.
     """
-    import drjit as dr
-    import mitsuba as mi
-
     started = time.perf_counter()
     if straight is None:
         straight = paired_straight_rays(prepared, rays, count, coherent)
@@ -82,34 +82,22 @@ def trace_bundle(
         straight.outcome == HIT_BLOCKER, mi.UInt32(int(Status.BLOCKED)), int(Status.MISSED)
     )
     chosen = dr.arange(mi.UInt32, count) if trace_all else dr.compress(hit)
+    time_s = {"straight": straight_done - started, "refracted": 0.0}
     if dr.width(chosen) == 0:
-        time_s = {"straight": straight_done - started, "refracted": 0.0}
         return Bundle(None, untraced, time_s, straight)
     origin, direction = rays(chosen)
     refracted = bend(origin, direction)
     dr.eval(*refracted)
     dr.sync_thread()
-    refracted_done = time.perf_counter()
-
+    time_s["refracted"] = time.perf_counter() - straight_done
     trace = _judged(prepared, chosen, origin, direction, straight, refracted, check, focus)
-    return Bundle(
-        trace,
-        untraced,
-        {
-            "straight": straight_done - started,
-            "refracted": refracted_done - straight_done,
-        },
-        straight,
-    )
+    return Bundle(trace, untraced, time_s, straight)
 
 
 def paired_straight_rays(
     prepared: PreparedScene, rays: dt.Rays, count: int, coherent: bool
 ) -> StraightHits:
     """Straight hits of a bundle of rays, with faces of the part from 0; see `trace_bundle`."""
-    import drjit as dr
-    import mitsuba as mi
-
     hits = straight_hits(
         prepared.opaque,
         prepared.tables,
@@ -136,9 +124,6 @@ def _judged(
     focus: tuple[float, float],
 ) -> Trace:
     """Join both rays' hits and judge them."""
-    import drjit as dr
-    import mitsuba as mi
-
     tables = prepared.tables
     length = dr.gather(mi.Float64, straight.distance, chosen)
     outcome = dr.gather(mi.UInt32, straight.outcome, chosen)
@@ -161,10 +146,7 @@ def _judged(
         (Status.REFRACTED_MISSED, on_part & ~bent_hit),
         (Status.INDEX_MISMATCH, too_bent),
         (Status.GAVE_UP, refracted.outcome == GAVE_UP),
-        (
-            Status.BLOCKED,
-            (outcome == HIT_BLOCKER) | (refracted.outcome == HIT_BLOCKER),
-        ),
+        (Status.BLOCKED, (outcome == HIT_BLOCKER) | (refracted.outcome == HIT_BLOCKER)),
         (Status.OUT_OF_FOCUS, on_part & ((length < near) | (length > far))),
         (Status.MISSED, ~too_bent & ((outcome + refracted.outcome) == 0)),
     ):
@@ -196,9 +178,6 @@ def _bent_too_much(direction: dt.Vector3d, refracted: dt.Hits) -> dt.Bool:
     a contrast dn, turns and leaves is deflected by 2 arccos(1 - dn / n) at most, some 40 mrad at a
     part of 1100 degC. Real air gives a tenth of that; a wrong gradient knows no such bound.
     """
-    import drjit as dr
-    import mitsuba as mi
-
     contrast = mi.Float64(refracted.contrast)
     # Sine of half the angle.
     most = dr.sqrt(contrast * dr.maximum(2 - contrast, 0))

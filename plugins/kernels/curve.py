@@ -10,7 +10,10 @@ where it ends is then computed here in double precision.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
+
+import drjit as dr
+import mitsuba as mi
 
 from iriftrace.plugins.kernels.nystrom import nystrom_step
 from iriftrace.plugins.kernels.queries import HIT_BLOCKER, HIT_PART, query_error, settled
@@ -27,9 +30,6 @@ from iriftrace.plugins.kernels.types import (
 )
 from iriftrace.plugins.kernels.vertex_table import PART
 from iriftrace.plugins.kernels.walk import INSIDE, Walk, WalkState
-
-if TYPE_CHECKING:
-    import mitsuba as mi
 
 
 class CurvedHits(NamedTuple):
@@ -77,9 +77,6 @@ def _ended(tables: SceneTables, medium: Medium, end: WalkState, tolerance: Float
 
     ``tolerance`` is that of :func:`iriftrace.plugins.kernels.snell.distance_to_plane`.
     """
-    import drjit as dr
-    import mitsuba as mi
-
     hit = end.outcome == HIT_PART
     on_part = hit & (tables.kind(end.shape, hit) == PART)
     face = dr.select(on_part, tables.face(end.shape, end.primitive, on_part), 0)

@@ -10,6 +10,8 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Any
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,9 +50,6 @@ def settle(
     Of rays (Point3d, mm; Vector3d), the row of the part's face in the tables (UInt32) that the
     query gave, and the distance to its plane (Float64, mm).
     """
-    import drjit as dr
-    import mitsuba as mi
-
     triangle, normal = tables.plane(face, active)
     in_front = dr.dot(direction, normal) < 0
     room, edge = _room(origin + direction * distance, triangle, normal)
@@ -76,9 +75,6 @@ def _room(
     point: dt.Point3d, triangle: Triangle, normal: dt.Vector3d
 ) -> tuple[dt.Float64, dt.UInt32]:
     """Distance to the nearest edge's line, negative outside the triangle, and that edge."""
-    import drjit as dr
-    import mitsuba as mi
-
     corners = (triangle.a, triangle.b, triangle.c, triangle.a)
     least, edge = mi.Float64(dr.inf), mi.UInt32(0)
     for number, (start, end) in enumerate(pairwise(corners)):

@@ -35,6 +35,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import drjit as dr
+import mitsuba as mi
+
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.between import (
     AtShell,
@@ -76,11 +79,7 @@ class Passage(NamedTuple):
 class AtShells:
     """Snell's law at every shell; between them the rays are straight.
 
-    Parameters
-    ----------
-    tables : SceneTables
-    gradient_normals : bool
-        Refract at the normals interpolated from the vertices, not at the facets'.
+    With `gradient_normals` at the normals interpolated from the vertices, else at the facets'.
     """
 
     def __init__(self, tables: SceneTables, gradient_normals: bool) -> None:
@@ -97,7 +96,7 @@ class AtShells:
         """Direction (Vector3d) behind a shell, whether it is reflected (Bool), and the memory."""
         shading = None
         if self._gradient_normals:
-            normals = self._tables.vertex_normals(passage.face, passage.crossed)
+            normals = self._tables.vertices.normals(passage.face, passage.crossed)
             shading = interpolated_normal(passage.point, passage.triangle, normals, passage.facet)
         ratio = passage.near / passage.far
         bent, reflected = cross_surface(
@@ -149,10 +148,7 @@ class InLayers:
     misses it not at all, so single rays that turn round in the air converge with order 1/2 in the
     number of shells; here the layer is the same for both, and they converge with order 2.
 
-    Parameters
-    ----------
-    tables : SceneTables
-        Of shells that have vertex normals and Hessians.
+    The tables are of shells that have vertex normals and Hessians.
     """
 
     def __init__(self, tables: SceneTables) -> None:
@@ -160,9 +156,6 @@ class InLayers:
 
     def start(self, width: int) -> tuple[dt.Array, ...]:
         """What is remembered of rays that have crossed no shell."""
-        import drjit as dr
-        import mitsuba as mi
-
         gradient, change, offset = (dr.zeros(mi.Vector3f, width) for _ in range(3))
         index, beyond, along = (dr.zeros(mi.Float64, width) for _ in range(3))
         return gradient, change, index, beyond, offset, along
@@ -171,9 +164,6 @@ class InLayers:
         self, memory: tuple[dt.Array, ...], passage: Passage
     ) -> tuple[dt.Vector3d, dt.Bool, tuple[dt.Array, ...]]:
         """Direction (Vector3d) behind a shell, whether it is reflected (Bool), and the memory."""
-        import drjit as dr
-        import mitsuba as mi
-
         last = Memory(*memory)
         direction, crossed = passage.direction, passage.crossed
         aside = mi.Vector3d(last.offset)
@@ -184,7 +174,7 @@ class InLayers:
         heading = mi.Vector3f(direction)
         weights = corner_weights(point, passage.triangle, passage.facet)
         weights = mi.Float(weights[0]), mi.Float(weights[1])
-        gradients, changes = self._tables.gradients(passage.face, heading, crossed)
+        gradients, changes = self._tables.vertices.gradients(passage.face, heading, crossed)
         here = AtShell(
             between_corners(gradients, weights),
             between_corners(changes, weights),
@@ -214,8 +204,6 @@ class InLayers:
         length: dt.Float,
     ) -> tuple[dt.Vector3f, dt.Vector3f]:
         """Deflection and lateral offset up to a shell."""
-        import drjit as dr
-
         # The mean direction, which a guess tells, is the same for a ray that runs back.
         mean = weighted_mean(
             heading, transverse(before.gradient + here.gradient, heading) * (length / 2)
@@ -239,9 +227,6 @@ class InLayers:
         any_shell: dt.Bool,
     ) -> tuple[dt.Vector3d, dt.Vector3d]:
         """Lateral offset of the last segment's end (Vector3d, mm), and the direction there."""
-        import drjit as dr
-        import mitsuba as mi
-
         last = Memory(*memory)
         aside, heading = mi.Vector3d(last.offset), mi.Vector3f(direction)
         length = length + onto_plane(aside, direction, facet) - last.along
@@ -260,7 +245,4 @@ class InLayers:
 
     @property
     def _ambient(self) -> dt.Float64:
-        import drjit as dr
-        import mitsuba as mi
-
         return dr.opaque(mi.Float64, self._tables.ambient)

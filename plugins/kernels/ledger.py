@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 
 from iriftrace.core.arrays import BoolArray, FloatArray
@@ -28,9 +30,6 @@ def index_check(prepared: PreparedScene, refracted: RefractedHits) -> tuple[dt.B
     The steps of a ray and the index before the first of them give the layer in which it
     ended. It must be one of those that touch the part there.
     """
-    import drjit as dr
-    import mitsuba as mi
-
     tables = prepared.tables
     if tables.stock_shells:
         # Mitsuba's dielectric knows ratios only, so its steps have no common scale.
@@ -88,24 +87,16 @@ def _records(
     silent: dt.Bool,
     rays: dt.UInt32,
 ) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
-    """Points (n, 3), normals (n, 3), layers and `silent` of some rays, in one copy.
+    """Points (n, 3), normals (n, 3), layers and `silent` of some rays.
 
     The normals point to where the ray came from: an open part may be seen from its back.
     """
-    import drjit as dr
-    import mitsuba as mi
-
     _, normal = prepared.tables.plane(dr.gather(mi.UInt32, refracted.face, rays), mi.Bool(True))
     ahead = mi.Vector3d(*(dr.gather(mi.Float64, axis, rays) for axis in refracted.direction))
     normal = dr.select(dr.dot(ahead, normal) > 0, -normal, normal)
     of_rays = (dr.gather(mi.Float64, values, rays) for values in (*refracted.point, layer))
     quiet = dr.select(dr.gather(mi.Bool, silent, rays), mi.Float64(1), 0)
     columns = (*normal, quiet, *of_rays)
-    count = dr.width(rays)
-    # Row after row: Dr.Jit compiles a kernel for every length when it interleaves them.
-    table, place = dr.zeros(mi.Float64, len(columns) * count), dr.arange(mi.UInt32, count)
-    for number, column in enumerate(columns):
-        row = place + dr.opaque(mi.UInt32, number * count)
-        dr.scatter(table, column, row, mode=dr.ReduceMode.NoConflicts)
-    rows = np.array(table).reshape(-1, count)
+    dr.eval(columns)
+    rows = np.array([np.array(column) for column in columns])
     return rows[4:7].T, rows[:3].T, rows[7], rows[3] != 0

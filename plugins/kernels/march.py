@@ -7,7 +7,10 @@ the next query starts from that exact point, a small step further along the ray.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
+
+import drjit as dr
+import mitsuba as mi
 
 from iriftrace.plugins.kernels.between import onto_plane
 from iriftrace.plugins.kernels.layers import AtShells, InLayers, Passage
@@ -18,18 +21,17 @@ from iriftrace.plugins.kernels.queries import (
     HIT_PART,
     RELATIVE_STEP,
     SAME_CROSSING_STEPS,
+    advanced,
     query_error,
     ray_query,
     same_crossing,
     settled,
+    zeros,
 )
 from iriftrace.plugins.kernels.snell import Triangle, distance_to_plane
 from iriftrace.plugins.kernels.tables import SceneTables
 from iriftrace.plugins.kernels.types import Array, Bool, Float, Float64, Point3d, UInt32, Vector3d
 from iriftrace.plugins.kernels.vertex_table import BLOCKER, PART, SHELL
-
-if TYPE_CHECKING:
-    import mitsuba as mi
 
 GRAZING_COSINE = 1e-3
 """A ray that leaves a triangle at a smaller cosine is queried from a little beyond its plane."""
@@ -143,9 +145,6 @@ class _March:
         *,
         drop_inside_hits: bool,
     ) -> None:
-        import drjit as dr
-        import mitsuba as mi
-
         self.scene, self.tables, self.bending = scene, tables, bending
         self.coherent, self.drop_inside_hits = coherent, drop_inside_hits
         self.smallest_step = dr.opaque(mi.Float64, step)
@@ -154,56 +153,37 @@ class _March:
 
     def to_the_end(self, origin: Point3d, direction: Vector3d) -> _State:
         """Advance rays, (Point3d, mm) and (Vector3d), until all have ended."""
-        import drjit as dr
-
-        return _State(
-            *dr.while_loop(
-                tuple(self._start(origin, direction)),
-                lambda *s: s[-1],
-                lambda *s: tuple(self._advance(_State(*s))),
-                labels=_State._fields,
-                compress=False,
-                label="march",
-            )
-        )
+        return advanced(self._start(origin, direction), self._advance, "march")
 
     def hits(self, end: _State) -> RefractedHits:
         """Ends as the march left them, before `_back_on_front` and `_fix_transitions`."""
-        import drjit as dr
-        import mitsuba as mi
-
         step = dr.inf if self.tables.stock_shells else 2 * self.tables.open_step
         return RefractedHits(*end[:8], contrast=end.contrast + dr.opaque(mi.Float, step))
 
     def _start(self, origin: Point3d, direction: Vector3d) -> _State:
-        import drjit as dr
-        import mitsuba as mi
-
         width = dr.width(origin, direction)
+        zero = zeros(
+            width,
+            Float64="path_length entry_index index_sum segment",
+            Float="contrast",
+            UInt32="crossings",
+            Bool="outward",
+        )
         nothing = mi.UInt32(0xFFFFFFFF)
         return _State(
             point=mi.Point3d(origin),
             direction=mi.Vector3d(direction),
-            path_length=dr.zeros(mi.Float64, width),
             outcome=dr.full(mi.UInt32, ESCAPED, width),
             face=mi.UInt32(nothing),
-            crossings=dr.zeros(mi.UInt32, width),
-            entry_index=dr.zeros(mi.Float64, width),
-            index_sum=dr.zeros(mi.Float64, width),
-            contrast=dr.zeros(mi.Float, width),
-            segment=dr.zeros(mi.Float64, width),
             shape=mi.UInt32(nothing),
-            outward=dr.full(mi.Bool, False, width),
             start=mi.Point3d(origin),
             memory=self.bending.start(width),
             active=dr.full(mi.Bool, True, width),
+            **zero,
         )
 
     def _met(self, s: _State) -> _Met:
         """Ask for the next triangle, and compute where its plane is met."""
-        import drjit as dr
-        import mitsuba as mi
-
         tables = self.tables
         preliminary = ray_query(self.scene, s.start, s.direction, self.coherent, s.active)
         found = s.active & preliminary.is_valid()
@@ -235,9 +215,6 @@ class _March:
 
     def _advance(self, s: _State) -> _State:
         """Go to what is met, and through it where it is a shell."""
-        import drjit as dr
-        import mitsuba as mi
-
         met = self._met(s)
         crossed = met.on_shell & ~met.again
         moves = crossed | met.on_part | met.blocked
@@ -297,8 +274,6 @@ class _March:
         reflected: Bool,
     ) -> Point3d:
         """A small step beyond the crossing; from a plane that is grazed, also off it."""
-        import drjit as dr
-
         # Single precision is finer near the origin, and so may be the step.
         small = dr.maximum(RELATIVE_STEP * dr.max(dr.abs(point)), LEAST_STEP * self.smallest_step)
         beyond = dr.select(met.outward ^ reflected, met.normal, -met.normal)
@@ -319,9 +294,6 @@ def _fix_transitions(
 
     Those that left the scene are given by a point and the direction in which they left.
     """
-    import drjit as dr
-    import mitsuba as mi
-
     on_part, escaped = hits.outcome == HIT_PART, hits.outcome == ESCAPED
     _, normal = tables.plane(hits.face, on_part)
     length = dr.select(escaped, mi.Float64(dr.inf), length)
@@ -349,9 +321,6 @@ def _back_on_front(
     the wall and finds the part's back from inside. Going back along the ray finds the front, just
     behind the last crossing; a back that is seen through an opening of the part has none there.
     """
-    import drjit as dr
-    import mitsuba as mi
-
     on_part = hits.outcome == HIT_PART
     _, normal = tables.plane(hits.face, on_part)
     slipped = on_part & (dr.dot(hits.direction, normal) > 0)

@@ -8,19 +8,24 @@ from __future__ import annotations
 
 from copy import copy
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
 from iriftrace.core.sampling import r2_sequence
 from iriftrace.plugins.kernels import types as dt
-from iriftrace.plugins.kernels.queries import query_step, ray_query, same_crossing
+from iriftrace.plugins.kernels.queries import (
+    advanced,
+    query_step,
+    ray_query,
+    same_crossing,
+    zeros,
+)
 from iriftrace.plugins.kernels.tables import SceneTables, shell_indices, surface_index
-from iriftrace.plugins.kernels.vertex_table import PART, SHELL, aligned
-
-if TYPE_CHECKING:
-    import mitsuba as mi
+from iriftrace.plugins.kernels.vertex_table import PART, SHELL, aligned, aligned_rows
 
 MOST_STEPS = 30_000
 """Crossings of a straight line after which it is not followed any farther."""
@@ -48,8 +53,6 @@ def scene_beside(scene: mi.Scene, shapes: list[mi.Shape]) -> dt.Scene:
     OptiX allows one shader binding table in a kernel, and drops queries of other scenes silently;
     a scene that has another one as a child uses the same table.
     """
-    import mitsuba as mi
-
     # A shape takes its key as id, so the keys are the ids it has.
     content = {shape.id() or f"shape_{i}": shape for i, shape in enumerate(shapes)}
     return mi.load_dict(
@@ -67,8 +70,6 @@ class PreparedScene:
     """A scene ready for tracing, loaded with ``optimize=False``; InputError as of `SceneTables`."""
 
     def __init__(self, scene: mi.Scene) -> None:
-        import mitsuba as mi
-
         self.scene = scene
         self.tables = SceneTables(scene)
         self.step = query_step(scene)
@@ -85,12 +86,9 @@ class PreparedScene:
 
         Inside a closed surface every line starts by crossing it outward; most do if it has holes.
         """
-        import drjit as dr
-        import mitsuba as mi
-
         directions = _directions(256)
-        origin = mi.Point3d(*(aligned(np.full(len(directions), x)) for x in point))
-        direction = mi.Vector3d(*(aligned(x) for x in directions.T))
+        origin = mi.Point3d(*aligned_rows(np.broadcast_to(point, directions.shape)))
+        direction = mi.Vector3d(*aligned_rows(directions))
         _, _, enclosed = crossed_steps(self.scene, self.tables, origin, direction, self.step)
         ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction))
         hit = self.opaque.ray_intersect_preliminary(ray)
@@ -127,19 +125,16 @@ class PreparedScene:
         lines from each point the steps are counted. With several, the majority decides, so that a
         hole in a shell does not.
         """
-        import mitsuba as mi
-
         directions = _around(normals, lines)
         # Each line starts behind and passes its point; the tilted ones start as deep.
         ahead = WALL_STEPS * self.step / np.where(np.arange(lines) > 0, np.cos(TILT), 1.0)
         starts = points - ahead[:, None, None] * directions
-        start, way = (
-            mi.Vector3d(*(aligned(x) for x in vectors.reshape(-1, 3).T))
-            for vectors in (starts, directions)
-        )
         passed = mi.Float64(aligned(np.repeat(2 * ahead, len(points))))
         behind, before, _ = crossed_steps(
-            self.scene, self.tables, mi.Point3d(start), way, self.step, passed
+            *(self.scene, self.tables),
+            mi.Point3d(*aligned_rows(starts)),
+            mi.Vector3d(*aligned_rows(directions)),
+            *(self.step, passed),
         )
         counted = (np.array(index).reshape(lines, -1) for index in (before, behind))
         return np.array([self._majority(index) for index in counted])
@@ -153,9 +148,6 @@ class PreparedScene:
         mm; 0 or infinite where they hit nothing). They meet no shell, so lines across them do, from
         places along their path through the box of the shells.
         """
-        import drjit as dr
-        import mitsuba as mi
-
         chosen = np.flatnonzero(np.array(unmet))
         result = np.zeros(dr.width(unmet), dtype=bool)
         if len(chosen) == 0 or not self.tables.shell_shapes:
@@ -180,8 +172,8 @@ class PreparedScene:
         starts, lines = np.broadcast_arrays(places[:, None], across[None])
         index, _, _ = crossed_steps(
             *(self.scene, self.tables),
-            mi.Point3d(*(aligned(column) for column in starts.reshape(-1, 3).T)),
-            mi.Vector3d(*(aligned(column) for column in lines.reshape(-1, 3).T)),
+            mi.Point3d(*aligned_rows(starts)),
+            mi.Vector3d(*aligned_rows(lines)),
             self.step,
         )
         layer = np.array(index).reshape(-1, len(chosen))
@@ -242,9 +234,6 @@ def crossed_steps(
     with too many (``MOST_STEPS``) to be believed. Also returns whether (Bool) the first shell
     along the line is crossed from inside.
     """
-    import drjit as dr
-    import mitsuba as mi
-
     smallest_step = dr.opaque(mi.Float64, step)
 
     class State(NamedTuple):
@@ -259,8 +248,7 @@ def crossed_steps(
         count: dt.UInt32
         active: dt.Bool
 
-    def advance(*values: dt.Array) -> tuple[dt.Array, ...]:
-        s = State(*values)
+    def advance(s: State) -> State:
         start = origin + direction * s.travelled
         preliminary = ray_query(scene, start, direction, False, s.active)
         found = s.active & preliminary.is_valid()
@@ -276,7 +264,7 @@ def crossed_steps(
         near, far = dr.select(outward, inside, outside), dr.select(outward, outside, inside)
         first = crossed & (s.last_index == 0)
         travelled, change = s.travelled + move, dr.select(crossed, far - near, 0)
-        return (
+        return State(
             travelled,
             dr.select(crossed, 0, gap),
             s.index_sum + change,
@@ -290,27 +278,21 @@ def crossed_steps(
         )
 
     width = dr.width(origin, direction)
-    state = (
-        dr.zeros(mi.Float64, width),
-        dr.zeros(mi.Float64, width),
-        dr.zeros(mi.Float64, width),
-        dr.zeros(mi.Float64, width),
-        dr.zeros(mi.Float64, width),
-        dr.full(mi.Bool, False, width),
-        dr.full(mi.UInt32, 0xFFFFFFFF, width),
-        dr.full(mi.Bool, False, width),
-        dr.zeros(mi.UInt32, width),
-        dr.full(mi.Bool, True, width),
+    start = State(
+        shape=dr.full(mi.UInt32, 0xFFFFFFFF, width),
+        active=dr.full(mi.Bool, True, width),
+        **zeros(
+            width,
+            Float64="travelled gap index_sum passed_sum last_index",
+            Bool="enclosed outward",
+            UInt32="count",
+        ),
     )
-    end = State(
-        *dr.while_loop(
-            state, lambda *s: s[-1], advance, labels=State._fields, compress=False, label="count"
-        )
-    )
+    end = advanced(start, advance, "count")
     known = (end.count <= MOST_STEPS) & (end.last_index != 0)
-    start = end.last_index - end.index_sum
-    there = start + end.passed_sum
-    return dr.select(known, start, 0), dr.select(known, there, 0), end.enclosed & known
+    first = end.last_index - end.index_sum
+    there = first + end.passed_sum
+    return dr.select(known, first, 0), dr.select(known, there, 0), end.enclosed & known
 
 
 def _around(normals: NDArray[np.float64], count: int) -> NDArray[np.float64]:

@@ -7,12 +7,13 @@ the one place that converts.
 
 from __future__ import annotations
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import distorted, fold_radius, newton_step
-from iriftrace.core.plain import JsonObject
 from iriftrace.plugins.kernels import types as dt
 
 
@@ -22,37 +23,27 @@ def flip_axes(matrix: ArrayLike) -> NDArray[np.float64]:
 
 
 class Projection:
-    """Rays through image positions and image positions of points.
+    """Rays through a camera's image positions, and image positions of points."""
 
-    The description has the values of ``iriftrace.Camera.as_dict``: projection,
-    focal_length_mm, sensor_mm, resolution, principal_point_px, matrix (camera to world), distortion
-    (none by default).
-    """
-
-    def __init__(self, description: JsonObject) -> None:
-        import drjit as dr
-        import mitsuba as mi
-
+    def __init__(self, camera: Camera) -> None:
         def opaque(value: float) -> dt.Float64:
             # A literal would become part of the kernel, and every pose would compile again.
             return dr.opaque(mi.Float64, float(value))
 
-        matrix = np.asarray(description["matrix"], dtype=np.float64)
-        self.orthographic = description["projection"] == "orthographic"
+        self.orthographic = camera.projection == "orthographic"
         self.right, self.down, self.forward = (
-            mi.Vector3d(*(opaque(x) for x in matrix[:3, axis])) for axis in range(3)
+            mi.Vector3d(*(opaque(x) for x in camera.matrix[:3, axis])) for axis in range(3)
         )
-        self.origin = mi.Point3d(*(opaque(x) for x in matrix[:3, 3]))
-        self.centre_x, self.centre_y = (opaque(x + 0.5) for x in description["principal_point_px"])
+        self.origin = mi.Point3d(*(opaque(x) for x in camera.matrix[:3, 3]))
+        self.centre_x, self.centre_y = (opaque(x + 0.5) for x in camera.principal_point_px)
         self.pitch_x, self.pitch_y = (
             opaque(size / count)
-            for size, count in zip(description["sensor_mm"], description["resolution"], strict=True)
+            for size, count in zip(camera.sensor_mm, camera.resolution, strict=True)
         )
         self.focal_length: dt.Float64 = (
-            None if self.orthographic else opaque(description["focal_length_mm"])
+            None if self.orthographic else opaque(camera.focal_length_mm)
         )
         self.coefficients = None
-        camera = Camera.from_dict(description)
         if camera.distortion is not None:
             self.coefficients = [opaque(value) for value in camera.distortion.coefficients]
             self.rounds = camera.seen_field.rounds
@@ -60,8 +51,6 @@ class Projection:
 
     def rays64(self, x: dt.Float64, y: dt.Float64) -> tuple[dt.Point3d, dt.Vector3d]:
         """Origins (Point3d, mm) and unit directions (Vector3d) through image positions, world."""
-        import drjit as dr
-
         across = (x - self.centre_x) * self.pitch_x
         along = (y - self.centre_y) * self.pitch_y
         if self.coefficients is not None:
@@ -73,8 +62,6 @@ class Projection:
 
     def _undistorted(self, across: dt.Float64, along: dt.Float64) -> tuple[dt.Float64, dt.Float64]:
         """Places on the sensor (mm from the axis) without distortion; NaN where nothing is seen."""
-        import drjit as dr
-
         seen_x, seen_y = across / self.focal_length, along / self.focal_length
         x, y = seen_x, seen_y
         for _ in range(self.rounds):
@@ -93,9 +80,6 @@ class Projection:
         It does (Bool) before the pinhole, and not so far outside the picture that the lens
         distortion turns back; always for parallel projection.
         """
-        import drjit as dr
-        import mitsuba as mi
-
         local = point - self.origin
         across, along = dr.dot(local, self.right), dr.dot(local, self.down)
         in_front = mi.Bool(True)

@@ -6,7 +6,11 @@ triangle's plane is computed in double precision.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple, TypeVar
+
+import drjit as dr
+import mitsuba as mi
 
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.edges import settle
@@ -14,10 +18,10 @@ from iriftrace.plugins.kernels.snell import distance_to_plane
 from iriftrace.plugins.kernels.tables import SceneTables
 from iriftrace.plugins.kernels.vertex_table import PART
 
-if TYPE_CHECKING:
-    import mitsuba as mi
-
 ESCAPED, HIT_PART, HIT_BLOCKER, GAVE_UP = range(4)
+
+S = TypeVar("S", bound=tuple[dt.Struct, ...])
+"""State of rays, a NamedTuple whose last field is the mask of those that are active."""
 
 SAME_CROSSING_STEPS = 20
 """Within this many steps, a second crossing of one shell in one direction is the same crossing."""
@@ -37,6 +41,35 @@ eight times as long, none with this one).
 """
 
 
+def zeros(width: int, **names: str) -> dict[str, dt.Array]:
+    """Zeros for fields of a state by the names of their types: ``Float64="length time"``."""
+    return {
+        name: dr.zeros(getattr(mi, kind), width)
+        for kind, listed in names.items()
+        for name in listed.split()
+    }
+
+
+def advanced(start: S, advance: Callable[[S], S], label: str) -> S:
+    """Advance rays until none is active."""
+    kind = type(start)
+    end = dr.while_loop(
+        tuple(start),
+        lambda *s: s[-1],
+        lambda *s: tuple(advance(kind(*s))),
+        labels=start._fields,  # type: ignore[attr-defined]
+        compress=False,
+        label=label,
+    )
+    return kind(*end)
+
+
+def counted(mask: dt.Bool) -> int:
+    """Number of rays in a mask."""
+    count: dt.UInt32 = dr.count(mask)
+    return int(count[0])
+
+
 class StraightHits(NamedTuple):
     """First hits of unbent rays on opaque shapes."""
 
@@ -54,8 +87,6 @@ def query_step(scene: mi.Scene) -> float:
 
 def query_error(origin: dt.Point3d, smallest_step: dt.Float64) -> dt.Float64:
     """Largest error of a query from a point across the ray, mm; more from far away."""
-    import drjit as dr
-
     spacing = RELATIVE_STEP * dr.max(dr.abs(origin))
     return QUERY_ERROR_STEPS * dr.maximum(spacing, smallest_step)
 
@@ -81,9 +112,6 @@ def ray_query(
     scene: dt.Scene, origin: dt.Point3d, direction: dt.Vector3d, coherent: bool, active: dt.Bool
 ) -> dt.PreliminaryIntersection3f:
     """First triangle along rays, in single precision (PreliminaryIntersection3f)."""
-    import drjit as dr
-    import mitsuba as mi
-
     # Embree's traversal of coherent packets loses rays, a whole packet at a time, when one of them
     # runs exactly along a plane of two axes (as the central column's do in a picture of odd width).
     queried = mi.Vector3f(
@@ -107,9 +135,6 @@ def straight_hits(
     Rays have origins (Point3d, mm) and unit directions (Vector3d), world. `coherent` says that
     neighbouring rays run alike, as a camera's do, a hint to the ray query; `step` is `query_step`.
     """
-    import drjit as dr
-    import mitsuba as mi
-
     preliminary = ray_query(opaque, origin, direction, coherent, mi.Bool(True))
     found = preliminary.is_valid()
     shape = tables.shape_number(preliminary, found)
@@ -130,9 +155,6 @@ def straight_hits(
 
 def settled(tables: SceneTables, hits: dt.Hits) -> dt.Hits:
     """Hits (RefractedHits or CurvedHits) near an edge on the face that is really met."""
-    import drjit as dr
-    import mitsuba as mi
-
     on_part = hits.outcome == HIT_PART
     face, ahead = settle(tables, hits.point, hits.direction, hits.face, mi.Float64(0), on_part)
     ahead = dr.select(on_part, ahead, 0)

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import drjit as dr
+
 from iriftrace.plugins.kernels import types as dt
 
 GRAZING = 1e-9
@@ -32,8 +34,6 @@ class Triangle(NamedTuple):
 
 def facet_normal(triangle: Triangle) -> dt.Vector3d:
     """Unit normal of the triangle's plane, counter-clockwise side (Vector3d)."""
-    import drjit as dr
-
     return dr.normalize(dr.cross(triangle.b - triangle.a, triangle.c - triangle.a))
 
 
@@ -51,8 +51,6 @@ def distance_to_plane(
     that query's error across the ray. A ray that grazes a triangle's plane may meet the plane
     itself far from the triangle; so the result stays within what the query can be wrong by.
     """
-    import drjit as dr
-
     cosine = dr.dot(direction, normal)
     # Divisions in double precision are what this costs.
     slope = 1 / cosine
@@ -70,8 +68,6 @@ def corner_weights(
     The point (Point3d, mm) is on the triangle's plane, of the unit normal `facet`; outside the
     triangle the nearest weights are used.
     """
-    import drjit as dr
-
     along_b, along_c = triangle.b - triangle.a, triangle.c - triangle.a
     share = facet / dr.dot(facet, dr.cross(along_b, along_c))
     to_point = point - triangle.a
@@ -94,8 +90,6 @@ def interpolated_normal(
 
     The facet's own where the interpolated one vanishes.
     """
-    import drjit as dr
-
     normal = between_corners(normals, corner_weights(point, triangle, facet))
     length = dr.norm(normal)
     return dr.select(length > 1e-3, normal / length, facet)
@@ -107,8 +101,6 @@ def _push(cosine: dt.Float64, step: dt.Float64) -> tuple[dt.Float64, dt.Bool]:
     The gain is that of the cosine's square alone. Returns the push, and whether there is one: a
     loss of more than the square itself means total reflection.
     """
-    import drjit as dr
-
     squared = cosine * cosine + step
     root = dr.sqrt(dr.select(squared > 0, squared, 0))
     total = cosine + dr.select(cosine < 0, -root, root)
@@ -122,8 +114,6 @@ def _stretch(
 
     It does not change the direction, but would if it were added on one side of the triangle only.
     """
-    import drjit as dr
-
     mean = direction + 0.5 * push * smooth
     return (0.5 * step - push * dr.dot(mean, smooth)) / dr.squared_norm(mean)
 
@@ -136,8 +126,6 @@ def _gradual_push(
     The rule of :func:`cross_surface`, for the ray's mean direction before and behind the triangle,
     so that a ray that is sent back takes the same way: a guess of the push gives the mean.
     """
-    import drjit as dr
-
     lean = dr.dot(flat, smooth)
     cos_flat = dr.dot(direction, flat)
     push, stretch = dr.zeros(type(lean)), dr.zeros(type(lean))
@@ -190,8 +178,6 @@ def cross_surface(
     ray's side over that on the far side; `outward` (Bool) if the ray runs along the normals. The
     second result (Bool) says that the ray is totally reflected and stays in its medium.
     """
-    import drjit as dr
-
     flat = dr.select(outward, facet, -facet)
     # What the squared length of "index times direction" gains, in units of the index before.
     step = 1 / (ratio * ratio) - 1

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from copy import copy
 from functools import cached_property
-from typing import TYPE_CHECKING
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,16 +30,11 @@ from iriftrace.plugins.kernels.vertex_table import (
     has_derivatives,
 )
 
-if TYPE_CHECKING:
-    import mitsuba as mi
-
 PART_ID = "part"
 
 
 def shell_indices(bsdf: dt.BSDF | None) -> tuple[float, float] | None:
     """Index outside and inside, if the bsdf is a shell's; None for an opaque one."""
-    import mitsuba as mi
-
     if bsdf is None:
         return None
     if hasattr(bsdf, "ext_ior"):
@@ -79,9 +75,6 @@ def is_closed(vertices: NDArray[np.float32], faces: NDArray[np.uint32]) -> bool:
 
 def _runs_against_its_normals(shape: mi.Mesh) -> bool:
     """True if most of a mesh's triangles face away from its vertex normals, by area."""
-    import drjit as dr
-    import mitsuba as mi
-
     corners = dr.unravel(mi.Vector3u, shape.faces_buffer())
     a, b, c = (dr.gather(mi.Point3f, shape.vertex_positions_buffer(), v) for v in corners)
     normals = shape.vertex_normals_buffer()
@@ -155,8 +148,6 @@ class SceneTables:
     """
 
     def __init__(self, scene: mi.Scene) -> None:
-        import mitsuba as mi
-
         shapes = scene.shapes()
         self.part, place = _part_of(shapes)
         rows = [_described(shape, number == place) for number, shape in enumerate(shapes)]
@@ -177,7 +168,7 @@ class SceneTables:
         # Mitsuba's dielectric has a ratio of indices, which cannot join layers.
         self.knows_derivatives = known and not self.stock_shells
         meshes = [row for row in rows if row.kind != BLOCKER]
-        self._table = VertexTable(meshes, self.knows_derivatives)
+        self.vertices = VertexTable(meshes, self.knows_derivatives)
         self._first_face = mi.UInt32(first_face[:-1])
         self._kind = mi.UInt32([row.kind for row in rows])
         self._outside = mi.Float64([row.sides[0] for row in rows])
@@ -190,9 +181,6 @@ class SceneTables:
     @staticmethod
     def _numbers(shapes: list[mi.Shape]) -> dt.UInt32:
         """Table from Mitsuba's registry number of a shape to its place in the list."""
-        import drjit as dr
-        import mitsuba as mi
-
         numbers: list[dt.UInt32] = [
             dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape)) for shape in shapes
         ]
@@ -203,24 +191,15 @@ class SceneTables:
 
     def shape_number(self, preliminary: dt.PreliminaryIntersection3f, active: dt.Bool) -> dt.UInt32:
         """Place of the hit shape in the scene's list (UInt32)."""
-        import drjit as dr
-        import mitsuba as mi
-
         registry: dt.UInt32 = dr.reinterpret_array(mi.UInt32, preliminary.shape)
         return dr.gather(mi.UInt32, self._number, registry, active)
 
     def kind(self, shape: dt.UInt32, active: dt.Bool) -> dt.UInt32:
         """SHELL, PART or BLOCKER (UInt32)."""
-        import drjit as dr
-        import mitsuba as mi
-
         return dr.gather(mi.UInt32, self._kind, shape, active)
 
     def sides(self, shape: dt.UInt32, active: dt.Bool) -> tuple[dt.Float64, dt.Float64]:
         """Index outside and inside a shell (Float64)."""
-        import drjit as dr
-        import mitsuba as mi
-
         return (
             dr.gather(mi.Float64, self._outside, shape, active),
             dr.gather(mi.Float64, self._inside, shape, active),
@@ -228,8 +207,6 @@ class SceneTables:
 
     def with_sides(self, pairs: list[tuple[float, float]]) -> SceneTables:
         """The same tables with other indices outside and inside each shape of the scene's list."""
-        import mitsuba as mi
-
         other = copy(self)
         outside, inside = zip(*pairs, strict=True)
         other._outside, other._inside = mi.Float64(outside), mi.Float64(inside)
@@ -237,40 +214,14 @@ class SceneTables:
 
     def face(self, shape: dt.UInt32, primitive: dt.UInt32, active: dt.Bool) -> dt.UInt32:
         """Row of a triangle in the face table (UInt32)."""
-        import drjit as dr
-        import mitsuba as mi
-
         return dr.gather(mi.UInt32, self._first_face, shape, active) + primitive
-
-    def triangle(self, face: dt.UInt32, active: dt.Bool) -> Triangle:
-        """Corners of triangles in double precision."""
-        return self._table.triangle(face, active)
-
-    def vertex_normals(self, face: dt.UInt32, active: dt.Bool) -> Triangle:
-        """Vertex normals of triangles in double precision; zero where a mesh has none."""
-        return self._table.normals(face, active)
-
-    def gradients(
-        self, face: dt.UInt32, direction: dt.Vector3f, active: dt.Bool
-    ) -> tuple[Triangle, Triangle]:
-        """Gradient of the index at the corners of shells' triangles, 1/mm (Vector3f).
-
-        And its change along a direction (Vector3f), 1/mm^2.
-        """
-        return self._table.gradients(face, direction, active)
 
     def level(self, shape: dt.UInt32, active: dt.Bool) -> dt.Float64:
         """Index of the air on a shell itself (Float64)."""
-        import drjit as dr
-        import mitsuba as mi
-
         return dr.gather(mi.Float64, self._level, shape, active)
 
     def neighbour(self, face: dt.UInt32, edge: dt.UInt32, active: dt.Bool) -> dt.UInt32:
         """Row of the part's face beyond an edge of another (UInt32); ``NONE`` without one."""
-        import drjit as dr
-        import mitsuba as mi
-
         place = 3 * (face - self.part_first_face) + edge
         number = dr.gather(mi.UInt32, self._neighbours, place, active)
         return dr.select(active & (number != NONE), number + self.part_first_face, NONE)
@@ -288,36 +239,27 @@ class SceneTables:
             return 1.0
         boxes = [np.array(s.bbox().max) - np.array(s.bbox().min) for s in self.shell_shapes]
         largest = int(np.argmax([np.linalg.norm(box) for box in boxes]))
-        pair = shell_indices(self.shell_shapes[largest].bsdf())
-        assert pair is not None
-        return pair[0]
+        return self.index_pairs[largest][0]
 
     @cached_property
     def open_steps(self) -> float:
         """Sum of the index steps of the shells that have a boundary."""
         total = 0.0
-        for shape in self.shell_shapes:
+        for shape, (outside, inside) in zip(self.shell_shapes, self.index_pairs, strict=True):
             vertices = np.array(shape.vertex_positions_buffer()).reshape(-1, 3)
             if not is_closed(vertices, np.array(shape.faces_buffer()).reshape(-1, 3)):
-                pair = shell_indices(shape.bsdf())
-                assert pair is not None
-                total += abs(pair[1] - pair[0])
+                total += abs(inside - outside)
         return total
 
     def triangles_in_view(
-        self, project: dt.Project, lowest: tuple[int, int], highest: tuple[int, int]
+        self, project: dt.Project, corner: tuple[int, int], size: tuple[int, int]
     ) -> int:
         """Number of shell triangles whose centre appears in a window of the picture."""
-        import drjit as dr
-        import mitsuba as mi
-
-        face = dr.arange(mi.UInt32, self._table.face_count)
-        active = mi.Bool(True)
-        corners = self.triangle(face, active)
-        x, y, in_front = project((corners.a + corners.b + corners.c) / 3)
-        seen = in_front
-        for position, low, high in zip((x, y), lowest, highest, strict=True):
-            seen &= (position >= low) & (position < high)
+        face = dr.arange(mi.UInt32, self.vertices.face_count)
+        corners = self.vertices.triangle(face, mi.Bool(True))
+        x, y, seen = project((corners.a + corners.b + corners.c) / 3)
+        for position, low, length in zip((x, y), corner, size, strict=True):
+            seen &= (position >= low) & (position < low + length)
         part = (face >= self.part_first_face) & (
             face < self.part_first_face + self.part.face_count()
         )
@@ -326,5 +268,5 @@ class SceneTables:
 
     def plane(self, face: dt.UInt32, active: dt.Bool) -> tuple[Triangle, dt.Vector3d]:
         """Corners and unit normal of triangles."""
-        triangle = self.triangle(face, active)
+        triangle = self.vertices.triangle(face, active)
         return triangle, facet_normal(triangle)

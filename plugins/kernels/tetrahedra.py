@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from functools import cached_property
 from itertools import combinations, product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
@@ -22,10 +24,7 @@ from iriftrace.field.tetrahedra import BOUNDARY, OPPOSITE, tetrahedra_of
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.between import length_gain
 from iriftrace.plugins.kernels.prepared import scene_beside
-from iriftrace.plugins.kernels.vertex_table import aligned
-
-if TYPE_CHECKING:
-    import mitsuba as mi
+from iriftrace.plugins.kernels.vertex_table import aligned, aligned_rows
 
 NO_FACE = 4
 """In the place of a face's number: the tetrahedron was not entered through one of its faces."""
@@ -73,9 +72,6 @@ class Cell:
     """
 
     def __init__(self, air: TetrahedralAir, place: dt.UInt32, active: dt.Bool) -> None:
-        import drjit as dr
-        import mitsuba as mi
-
         self._air, self._active = air, active
         self.number, self.entry = place >> 3, place & 7
         corners = dr.gather(mi.Vector4u, air.tetrahedra, 2 * self.number, active)
@@ -108,22 +104,16 @@ class Cell:
 
     def refractivity(self, point: dt.Point3d) -> dt.Float64:
         """Linear n - 1 at points (Float64; Point3d, mm)."""
-        import mitsuba as mi
-
         return self._air.ambient_air + mi.Float64(self._excess(point))
 
     def acceleration(self, point: dt.Point3d, heading: dt.Vector3d) -> dt.Vector3d:
         """n grad n, with the gradient that bends a ray of a unit direction (Vector3d, 1/mm)."""
-        import mitsuba as mi
-
         air = self._air
         gradient = self._smooth_gradient(point, heading) if air.recovered else self.constant
         return mi.Vector3d(gradient * (1 + mi.Float(air.ambient_air) + self._excess(point)))
 
     def _excess(self, point: dt.Point3d) -> dt.Float:
         """Linear n less that of the ambient air."""
-        import drjit as dr
-
         return self._index + dr.dot(self.constant, self._local(point))
 
     def gradient_error(self, point: dt.Point3d, heading: dt.Vector3d) -> dt.Vector3f:
@@ -132,14 +122,10 @@ class Cell:
         The usual estimate of the constant one's error (Zienkiewicz and Zhu 1987, "A simple error
         estimator and adaptive procedure"); the recovered one's is smaller.
         """
-        import drjit as dr
-
         return dr.select(self._solid, self._smooth_gradient(point, heading) - self.constant, 0)
 
     def _local(self, point: dt.Point3d) -> dt.Vector3f:
         """Vector from the first corner to a point."""
-        import mitsuba as mi
-
         return mi.Vector3f(point - self._origin)
 
     def _smooth_gradient(self, point: dt.Point3d, heading: dt.Vector3d) -> dt.Vector3f:
@@ -150,9 +136,6 @@ class Cell:
         below ``DIRECTION_ERROR``, the recovered gradient's own length is used instead; see
         `iriftrace.plugins.kernels.between.length_gain`.
         """
-        import drjit as dr
-        import mitsuba as mi
-
         ahead = mi.Vector3f(heading)
         first, *others = self._recovered
         offset = self._local(point)
@@ -180,9 +163,6 @@ class Cell:
         however flat they are. The first result is the least of the three, mm^2, the second twice
         the area.
         """
-        import drjit as dr
-        import mitsuba as mi
-
         ahead, offset = mi.Vector3f(direction), self._local(point)
         corners = [edge - offset for edge in (mi.Vector3f(0), *self._edges)]
         along = [dr.dot(ahead, corner) for corner in corners]
@@ -221,9 +201,6 @@ class Cell:
         passed backwards, and the next one then covers the same segment again: the deflections add
         up to those of a mesh without the fold.
         """
-        import drjit as dr
-        import mitsuba as mi
-
         faces = zip(*self._faces_along(point, direction), strict=True)
         margin, exit_distance = mi.Float(-dr.inf), mi.Float(0)
         leaving = mi.UInt32(0)
@@ -256,8 +233,6 @@ class Cell:
 
 def _chosen(values: list[dt.Float], number: dt.UInt32) -> dt.Float:
     """Entry of a list by a number per ray; the first where there is none."""
-    import drjit as dr
-
     result = values[0]
     for k, value in enumerate(values[1:], start=1):
         result = dr.select(number == k, value, result)
@@ -272,9 +247,6 @@ class TetrahedralAir:
     """
 
     def __init__(self, cells: FieldCells, recovered: bool) -> None:
-        import drjit as dr
-        import mitsuba as mi
-
         hot = cells.without_ambient_air()
         tetrahedra = tetrahedra_of(hot)
         self.cells = cells
@@ -309,15 +281,12 @@ class TetrahedralAir:
 
     def is_hot(self, point: NDArray[np.float64], scene: mi.Scene) -> bool:
         """True if a point (3,), mm, world, lies in the data where the air is not ambient."""
-        import drjit as dr
-        import mitsuba as mi
-
         nearest = self._tree.query(point)[1]
         if abs(self.cells.refractivity[nearest] - self.ambient) <= self.open_step:
             return False
         # Seen from inside, the first face of the boundary shows its back in every direction.
-        places = mi.Point3f(*(aligned(np.full(len(WAYS), x, dtype=np.float32)) for x in point))
-        ways = mi.Vector3f(*(aligned(axis.astype(np.float32)) for axis in WAYS.T))
+        places = mi.Point3f(*aligned_rows(np.broadcast_to(point, WAYS.shape).astype(np.float32)))
+        ways = mi.Vector3f(*aligned_rows(WAYS.astype(np.float32)))
         ray = mi.Ray3f(places, dr.normalize(ways))
         hit = self.boundary_beside(scene).ray_intersect_preliminary(ray)
         found = np.array(hit.is_valid())
@@ -340,9 +309,6 @@ class TetrahedralAir:
 
     def entrance(self, preliminary: dt.PreliminaryIntersection3f, active: dt.Bool) -> Entrance:
         """The next boundary face, from a ray query of `boundary_beside`."""
-        import drjit as dr
-        import mitsuba as mi
-
         found = active & preliminary.is_valid()
         face = preliminary.prim_index
         place = dr.gather(mi.UInt32, self.boundary_place, face, found)
@@ -356,8 +322,6 @@ class TetrahedralAir:
 
 def _mesh(points: Float32Array, faces: NumberArray) -> mi.Mesh:
     """Triangles as Mitsuba's mesh."""
-    import mitsuba as mi
-
     used, corners = np.unique(faces, return_inverse=True)
     mesh = mi.Mesh("boundary", vertex_count=len(used), face_count=len(faces))
     parameters = mi.traverse(mesh)

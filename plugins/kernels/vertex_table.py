@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
@@ -13,17 +15,12 @@ from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.snell import Triangle
 from iriftrace.shells.hessian import HESSIAN_AXES, PLY_COLUMNS
 
-if TYPE_CHECKING:
-    import mitsuba as mi
-
 
 def has_derivatives(shape: mi.Mesh) -> bool:
     """True if a shell has the derivatives of the index at its vertices, False if it has none.
 
     InputError for some of them, or under other names: they would be ignored in silence.
     """
-    import mitsuba as mi
-
     values, count = mi.traverse(shape), shape.vertex_count()
     given = {
         name: len(values[name]) // count
@@ -55,8 +52,6 @@ def shell_derivatives(
     index outside less that inside; the file counts in these steps, so a shell without one bends
     nothing.
     """
-    import mitsuba as mi
-
     values = mi.traverse(shape)
     columns: list[FloatArray] = [
         np.nan_to_num(np.array(values[f"vertex_{name}"], dtype=np.float64).reshape(-1, size))
@@ -108,6 +103,11 @@ def aligned(values: AnyArray) -> AnyArray:
     return copy
 
 
+def aligned_rows(rows: AnyArray) -> list[AnyArray]:
+    """The columns of (n, 3) rows in such memory, for a vector of Dr.Jit."""
+    return [aligned(column) for column in rows.reshape(-1, 3).T]
+
+
 def aligned_zeros(count: int, dtype: DTypeLike) -> AnyArray:
     """Array (count,) of zeros in such memory, to be filled in."""
     size = count * np.dtype(dtype).itemsize
@@ -128,8 +128,6 @@ class VertexTable:
     """
 
     def __init__(self, meshes: list[Described], derivatives: bool) -> None:
-        import mitsuba as mi
-
         per_vertex = _WITH_DERIVATIVES if derivatives else _PLAIN
         vertices = sum(mesh.shape.vertex_count() for mesh in meshes)
         self.face_count = sum(mesh.face_count for mesh in meshes)
@@ -159,14 +157,10 @@ class VertexTable:
 
     def triangle(self, face: dt.UInt32, active: dt.Bool) -> Triangle:
         """Corners of triangles (Point3d, mm)."""
-        import mitsuba as mi
-
         return Triangle(*(mi.Point3d(row.xyz) for row in self._gather(0, face, active)))
 
     def normals(self, face: dt.UInt32, active: dt.Bool) -> Triangle:
         """Vertex normals of triangles (Vector3d); zero where a mesh has none."""
-        import mitsuba as mi
-
         return Triangle(*(mi.Vector3d(row.xyz) for row in self._gather(1, face, active)))
 
     def gradients(
@@ -190,9 +184,6 @@ class VertexTable:
 
     def _gather(self, row: int, face: dt.UInt32, active: dt.Bool) -> list[dt.Vector4f]:
         """One row of each corner of triangles (three Vector4f)."""
-        import drjit as dr
-        import mitsuba as mi
-
         *corners, _ = dr.gather(mi.Vector4u, self._corners, face, active)
         return [dr.gather(mi.Vector4f, self._rows, corner + row, active) for corner in corners]
 

@@ -13,6 +13,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import drjit as dr
+import mitsuba as mi
+
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.nystrom import nystrom_step
 from iriftrace.plugins.kernels.queries import (
@@ -21,8 +24,10 @@ from iriftrace.plugins.kernels.queries import (
     HIT_PART,
     RELATIVE_STEP,
     SAME_CROSSING_STEPS,
+    advanced,
     query_error,
     ray_query,
+    zeros,
 )
 from iriftrace.plugins.kernels.tables import SceneTables
 from iriftrace.plugins.kernels.tetrahedra import Entrance, Passage
@@ -137,9 +142,6 @@ class Walk:
         most: int,
         step: float,
     ) -> None:
-        import drjit as dr
-        import mitsuba as mi
-
         self.opaque, self.tables, self.medium, self.coherent = opaque, tables, medium, coherent
         self.smallest_step = dr.opaque(mi.Float64, step)
         self.limit = dr.opaque(mi.UInt32, most)
@@ -149,34 +151,18 @@ class Walk:
 
     def to_the_end(self, origin: dt.Point3d, direction: dt.Vector3d) -> WalkState:
         """Advance rays, (Point3d, mm) and (Vector3d), until all have ended."""
-        import drjit as dr
-
-        return WalkState(
-            *dr.while_loop(
-                tuple(self._start(origin, direction)),
-                lambda *s: s[-1],
-                lambda *s: tuple(self._advance(WalkState(*s))),
-                labels=WalkState._fields,
-                compress=False,
-                label="curve",
-            )
-        )
+        return advanced(self._start(origin, direction), self._advance, "curve")
 
     def _start(self, origin: dt.Point3d, direction: dt.Vector3d) -> WalkState:
-        import drjit as dr
-        import mitsuba as mi
-
         width = dr.width(origin, direction)
-        kinds = {
-            mi.Float64: "path_length entry_index free retreat last",
-            mi.Vector3f: "position_error velocity_error",
-            mi.Float: "step_position_error step_velocity_error contrast deflection lateral_offset",
-            mi.UInt32: "shape primitive crossings relocations place count",
-            mi.Bool: "opened",
-        }
-        zero: dict[str, dt.Array] = {
-            name: dr.zeros(kind, width) for kind, names in kinds.items() for name in names.split()
-        }
+        zero = zeros(
+            width,
+            Float64="path_length entry_index free retreat last",
+            Vector3f="position_error velocity_error",
+            Float="step_position_error step_velocity_error contrast deflection lateral_offset",
+            UInt32="shape primitive crossings relocations place count",
+            Bool="opened",
+        )
         return WalkState(
             point=mi.Point3d(origin),
             velocity=mi.Vector3d(direction),
@@ -188,8 +174,6 @@ class Walk:
         )
 
     def _step_at(self, point: dt.Point3d) -> dt.Float64:
-        import drjit as dr
-
         return dr.maximum(RELATIVE_STEP * dr.max(dr.abs(point)), self.smallest_step / 50)
 
     def _advance(self, s: WalkState) -> WalkState:
@@ -201,8 +185,6 @@ class Walk:
 
     def _piece(self, s: WalkState) -> _Piece:
         """Find the next piece: up to the data, through a cell, or back to one."""
-        import drjit as dr
-
         speed = dr.norm(s.velocity)
         heading = s.velocity / speed
         modes = (OUTSIDE, INSIDE, SEEKING)
@@ -258,9 +240,6 @@ class Walk:
         It holds while the ray stays within some roundings of that line (0.2 um in a scene that
         reaches 165 mm). With more of them grazing rays miss an edge.
         """
-        import drjit as dr
-        import mitsuba as mi
-
         overlap = OVERLAP_STEPS * RELATIVE_STEP * dr.max(dr.abs(s.point))
         lateral_offset = s.lateral_offset + s.deflection * mi.Float(piece.length)
         reach = piece.length + overlap + query_error(s.point, self.smallest_step)
@@ -282,9 +261,6 @@ class Walk:
 
     def _move(self, s: WalkState, piece: _Piece, sight: _Sight) -> _Move:
         """Pass the piece: through a cell by a step of order 4, straight to or back to the data."""
-        import drjit as dr
-        import mitsuba as mi
-
         cell, heading = piece.cell, piece.heading
         passes = piece.walks & ~sight.ended
         enters, came_in = piece.enters & ~sight.ended, piece.came_in & ~sight.ended
@@ -325,9 +301,6 @@ class Walk:
 
     def _with_mode(self, s: WalkState, piece: _Piece, sight: _Sight, move: _Move) -> WalkState:
         """Where the ray is now, and what is known of the path ahead."""
-        import drjit as dr
-        import mitsuba as mi
-
         inside = move.enters | piece.arrives | move.came_in
         mode = dr.select(inside, mi.UInt32(INSIDE), s.mode)
         outside = move.leaves_data | piece.lost | (piece.seeking & piece.passage.lost)
@@ -352,9 +325,6 @@ class Walk:
 
     def _with_errors(self, s: WalkState, piece: _Piece, move: _Move) -> WalkState:
         """Add up the path length and the estimates of its errors."""
-        import drjit as dr
-        import mitsuba as mi
-
         time, gained = mi.Float(move.time), move.gradient_error
         along = dr.select(move.passes, dr.dot(move.gain, piece.heading) / 2, 0)
         of_steps = s.step_velocity_error + move.step_error / 2
@@ -370,9 +340,6 @@ class Walk:
 
     def _with_outcome(self, s: WalkState, piece: _Piece, sight: _Sight, move: _Move) -> WalkState:
         """Count, and end the rays that hit, escape or give up."""
-        import drjit as dr
-        import mitsuba as mi
-
         ended, contrast = sight.ended, move.refractivity - self.ambient
         at_wall = (move.enters & piece.entrance.wall) | (move.leaves_data & piece.passage.wall)
         opened = (move.enters | move.came_in | move.leaves_data) & ~at_wall

@@ -66,15 +66,6 @@ def test_distances_are_the_smallest_of_all_triangles() -> None:
     )
 
 
-def test_the_foot_on_a_plane_is_the_point_below() -> None:
-    square = [(0, 0, 0), (4, 0, 0), (4, 4, 0), (0, 4, 0)]
-    surface = Surface(square, [(0, 1, 2), (0, 2, 3)])
-    foot, face = surface.nearest([(3.0, 1.0, 5.0), (1.0, 3.0, -2.0), (7.0, 2.0, 4.0)])
-    assert_allclose(foot, ((3, 1, 0), (1, 3, 0), (4, 2, 0)))
-    assert face[:2].tolist() == [0, 1]
-    assert_allclose(surface.distance([(7.0, 2.0, 4.0)]), 5.0)
-
-
 def test_distance_grows_away_from_the_surface_and_on_it_along_its_normal() -> None:
     box = cube(2.0)
     points = [(3.0, 0.1, 0.2), (2, 2, 0), (1, 0.3, 0.1)]
@@ -142,8 +133,3 @@ def test_inside_of_a_torus_against_the_winding_number(seed):
     angle = 2 * np.arctan2(top, la * lb * lc + dots[0] * lc + dots[1] * lb + dots[2] * la)
     winding = np.abs(angle.sum(axis=1)) / (4 * np.pi)
     assert_array_equal(Surface(vertices, faces).inside(points), winding > 0.5)
-
-
-def test_points_far_outside_are_outside():
-    far = np.array([[5.0, 0, 0], [0, 0, -7]])
-    assert not Surface(CUBE_CORNERS, CUBE_FACES).inside(far).any()

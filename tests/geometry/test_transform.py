@@ -53,8 +53,10 @@ def test_rotations_are_those_of_scipy(axis, angle):
     assert_allclose(parse_transform(f"rotate {axis} {angle!r}")[:3, :3], expected, atol=1e-12)
 
 
-def test_numbers_and_files_hold_a_matrix_row_by_row(tmp_path):
-    matrix = parse_transform("rotate x 30, translate 1 2 3")
+@pytest.mark.parametrize("steps", ["rotate x 30, translate 1 2 3", "rotate x 30, scale 1000"])
+def test_numbers_and_files_hold_a_matrix_row_by_row(tmp_path, steps):
+    """A matrix may change the unit, too."""
+    matrix = parse_transform(steps)
     text = " ".join(map(repr, matrix.ravel().tolist()))
     assert_array_equal(parse_transform(text), matrix)
     assert_array_equal(parse_transform(text.replace(" ", ", ")), matrix)
@@ -88,12 +90,6 @@ def test_numbers_and_files_hold_a_matrix_row_by_row(tmp_path):
 def test_wrong_transforms_are_refused(text, message):
     with pytest.raises(InputError, match=message):
         parse_transform(text)
-
-
-def test_a_matrix_may_change_the_unit():
-    scaled = parse_transform("rotate x 30, scale 1000")
-    text = " ".join(map(repr, scaled.ravel().tolist()))
-    assert_array_equal(parse_transform(text), scaled)
 
 
 def test_files_that_hold_something_else_are_refused(tmp_path):

@@ -7,7 +7,6 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-import matplotlib.image
 import numpy as np
 import pytest
 import trimesh
@@ -17,12 +16,8 @@ from scipy.spatial.transform import Rotation
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.figures.comparison import comparison_figure
-from iriftrace.figures.style import write_figure
 from iriftrace.image.aov_image import AovImage
-from iriftrace.image.comparison import (
-    compare,
-    correlation,
-)
+from iriftrace.image.comparison import compare, correlation
 from iriftrace.image.measured_shift import MeasuredShift
 from validation.inputs.lenses import LENSES, lens_camera
 from validation.oracles.aov_by_hand import make_image, make_part
@@ -214,7 +209,7 @@ def test_markers_on_a_scaled_rendering_give_a_warning(image: AovImage) -> None:
 
 
 @pytest.mark.parametrize("as_map", [True, False])
-def test_figure_shows_what_it_says(image: AovImage, tmp_path: Path, as_map: bool) -> None:
+def test_figure_shows_what_it_says(image: AovImage, as_map: bool) -> None:
     """Four columns of two components; one scale for shifts, another one for residuals."""
     row, column = np.nonzero(image.status == 0)
     centres = np.stack((column, row), axis=1)
@@ -234,9 +229,4 @@ def test_figure_shows_what_it_says(image: AovImage, tmp_path: Path, as_map: bool
     values = np.ma.compressed(np.ma.masked_invalid(drawn[6].get_array()))
     np.testing.assert_allclose(np.sort(values), np.sort(found.residual[:, 1]))
     assert "without the camera's motion" in figure.get_suptitle()
-    (entry,) = figure.legends[0].get_patches()
-    assert entry.get_facecolor() == figure.axes[0].get_facecolor()
     assert "compared" in figure.legends[0].get_texts()[0].get_text()
-    write_figure(figure, tmp_path / "a.png")
-    picture = matplotlib.image.imread(tmp_path / "a.png")
-    assert picture.shape[1] > 1500

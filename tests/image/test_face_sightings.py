@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -12,7 +10,7 @@ from iriftrace.camera.orbit import Orbit, orbit_poses
 from iriftrace.camera.pose_set import PoseSet
 from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import AovImage, Status
-from iriftrace.image.sightings import FaceSightings, seen_by_pose, sight_faces, sightings_of
+from iriftrace.image.sightings import seen_by_pose, sight_faces, sightings_of
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scenes import folder_of
@@ -186,23 +184,3 @@ def test_only_the_rows_asked_for_are_read(swept: xr.Dataset) -> None:
     for dataset in (again, swept):
         assert not dataset["sighting_face"].variable._in_memory
     again.close()
-
-
-def test_rows_survive_the_way_to_the_disk(tmp_path: Path) -> None:
-    found = FaceSightings(
-        *(
-            np.array(values, dtype=kind)
-            for values, kind in (
-                ([3, 70_000_000], "i4"),
-                ([1, 2], "i4"),
-                ([0.1, 2.0], "f4"),
-                ([89.9, 0.0], "f4"),
-                ([1e-3, 0.0], "f4"),
-                ([0.0, -2e-3], "f4"),
-                ([0.0, 3e-3], "f4"),
-            )
-        )
-    )
-    np.save(tmp_path / "rows.npy", found.as_rows(), allow_pickle=False)
-    back = FaceSightings.from_rows(np.load(tmp_path / "rows.npy", allow_pickle=False))
-    assert np.array_equal(back.as_rows(), found.as_rows())

@@ -7,7 +7,6 @@ import pytest
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
-from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import Status
 from iriftrace.image.displacement import displacement_map, shift_map
 from iriftrace.image.rays import bending, rays_that_count
@@ -47,10 +46,3 @@ def test_rays_are_those_of_the_image(camera: Camera) -> None:
         np.testing.assert_allclose(across, split.lateral[good], rtol=1e-12)
         np.testing.assert_allclose(along, np.abs(split.axial[good]), rtol=1e-9, atol=1e-18)
         np.testing.assert_allclose(found["shift_px"], np.linalg.norm(shift.pixels[good], axis=1))
-
-
-def test_ray_without_a_face_is_refused() -> None:
-    image = make_image(CAMERAS[0], WALL)
-    image.channels["part.face"][20, 30] = 0
-    with pytest.raises(InputError, match="1 good rays have no face"):
-        rays_that_count(image, (0,))

@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import mitsuba as mi
 import numpy as np
 import pytest
 import trimesh
@@ -79,8 +80,6 @@ def test_linear_medium_bends_rays_to_parabolas(steps: int) -> None:
 
 def linear_in_z(point: Any) -> tuple[Any, Any]:
     """n = 1 + k z."""
-    import mitsuba as mi
-
     return SLOPE_PER_MM * point.z, mi.Vector3d(0, 0, SLOPE_PER_MM)
 
 

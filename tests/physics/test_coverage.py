@@ -222,25 +222,13 @@ def test_area_does_not_depend_on_the_tessellation(
         part, face = finer(part, face, points)
     areas = [metrics.coverage_area for metrics in results]
     np.testing.assert_allclose(areas[1:], areas[0], rtol=0.002)
+    if origin == (110, -90, 110):
+        # The paper's number does depend on it, which is why there are two.
+        assert results[2].coverage < 0.5 * results[0].coverage
     for name in results[0].regions:
         region = [metrics.regions[name].coverage_area for metrics in results]
         if region[0] is not None:
             np.testing.assert_allclose(region[1:], region[0], rtol=0.002)
-
-
-@pytest.mark.filterwarnings("ignore:fewer than .* rays fall:iriftrace.core.errors.IriftraceWarning")
-def test_paper_coverage_depends_on_the_tessellation() -> None:
-    """Which is why there are two."""
-    part = cylinder()
-    view = camera(120, 100, (110, -90, 110))
-    distance, face = rasterise(view, part)
-    origins, directions = view.rays()
-    points = origins + np.where(face >= 0, distance, 0)[:, None] * directions
-    before = pose_metrics(image_of_hits(view, part, distance, face), part)
-    for _ in range(2):
-        part, face = finer(part, face, points)
-    after = pose_metrics(image_of_hits(view, part, distance, face), part)
-    assert after.coverage < 0.5 * before.coverage
 
 
 def test_faces_between_the_rows_of_pixels_are_seen_too() -> None:

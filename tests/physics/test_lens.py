@@ -35,9 +35,9 @@ lenses = pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
 
 
 @pytest.mark.usefixtures("variant")
-@lenses
+@pytest.mark.parametrize("lens", [None, *LENSES.values()], ids=["pinhole", *LENSES])
 def test_shift_is_that_of_a_finite_difference_reprojection(
-    tmp_path: Path, lens: Distortion
+    tmp_path: Path, lens: Distortion | None
 ) -> None:
     """Minus the projection's derivative, by central differences, times the displacement.
 
@@ -45,7 +45,7 @@ def test_shift_is_that_of_a_finite_difference_reprojection(
     """
     air = nested_spheres(tmp_path, (20.0, 16.0, 13.0), (1.000272, 1.00025, 1.00022, 1.0002))
     shapes = {"part": part(tmp_path, sphere(10.0)), **air}
-    pixels = channels(scene(shapes, camera(**lens.as_dict())))
+    pixels = channels(scene(shapes, camera(**({} if lens is None else lens.as_dict()))))
     described = camera_in_numpy(distortion=lens)
     good = pixels["status.code"] == 0
     at, moved = (vector(pixels, name)[good] for name in ("straight", "displacement"))
@@ -60,12 +60,11 @@ def test_shift_is_that_of_a_finite_difference_reprojection(
     error = np.linalg.norm(found - expected, axis=1)
     assert np.median(error / size) < 1e-3
     assert (error < 0.01 * size + 1e-9).mean() > 0.95
-    # A pinhole camera would see shifts that differ by percents.
-    pinhole = -(
-        camera_in_numpy().project(at + stretch * moved)
-        - camera_in_numpy().project(at - stretch * moved)
-    ) / (2 * stretch)
-    assert np.max(np.linalg.norm(pinhole - expected, axis=1) / size) > 0.002
+    if lens is not None:
+        # A pinhole camera would see shifts that differ by percents.
+        there, back = (camera_in_numpy().project(at + s * stretch * moved) for s in (1, -1))
+        pinhole = -(there - back) / (2 * stretch)
+        assert np.max(np.linalg.norm(pinhole - expected, axis=1) / size) > 0.002
 
 
 @lenses

@@ -14,7 +14,7 @@ from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field
 from iriftrace.geometry.triangles import area_vectors
 from iriftrace.shells.contour import contour_shells
-from iriftrace.shells.report import report_shells
+from iriftrace.shells.report import ShellReport, report_shells
 from iriftrace.shells.stack import ShellStack
 from validation.inputs.shell_fields import (
     edge_counts,
@@ -86,8 +86,13 @@ def shells(plume) -> ShellStack:
     return contour_shells(plume, 13)
 
 
-def test_real_shells_are_without_cracks_and_wound_consistently(plume, shells):
-    for shell, report in zip(shells.shells, report_shells(shells, plume), strict=True):
+@pytest.fixture(scope="module")
+def reports(plume, shells) -> tuple[ShellReport, ...]:
+    return report_shells(shells, plume)
+
+
+def test_real_shells_are_without_cracks_and_wound_consistently(shells, reports):
+    for shell, report in zip(shells.shells, reports, strict=True):
         # Every open edge lies on the outside of the data or on the part's wall.
         assert set(dict(report.open_at)) <= {"data boundary", "part wall"}
         assert np.all(edge_counts(shell.faces)[1] <= 2)
@@ -97,9 +102,8 @@ def test_real_shells_are_without_cracks_and_wound_consistently(plume, shells):
         assert_allclose(np.linalg.norm(shell.normals, axis=1), 1.0, rtol=1e-6)
 
 
-def test_cooler_shells_leave_through_the_top_and_hotter_ones_are_closed(plume, shells):
+def test_cooler_shells_leave_through_the_top_and_hotter_ones_are_closed(reports):
     # 8 of the cylinder's 13 shells are open where the plume leaves.
-    reports = report_shells(shells, plume)
     open_on_top = [r.layer for r in reports if "data boundary" in dict(r.open_at)]
     assert open_on_top == [1, 2, 3, 4, 5, 6, 7, 8]
     # The innermost one touches the wall of this coarse grid in a few places.
@@ -107,11 +111,11 @@ def test_cooler_shells_leave_through_the_top_and_hotter_ones_are_closed(plume, s
     assert all(r.gap_next_mm > 0.1 for r in reports[:-1])
 
 
-def test_gradient_normals_agree_with_the_facets(plume):
+def test_gradient_normals_agree_with_the_facets(shells):
     # Both are normals of the same surface. The outer shells run through cells as large as the
     # surface's own curvature, where facets form steps, so only a mean over the area is asked for.
     # The thin layer's shell lies in the coarsest cells of all and is left out.
-    for shell in contour_shells(plume, 13).shells[1:]:
+    for shell in shells.shells[1:]:
         areas = area_vectors(shell.vertices, shell.faces)
         mean = shell.normals[shell.faces].astype(float).mean(axis=1)
         cosine = np.einsum("ij,ij->i", areas, mean) / np.linalg.norm(areas, axis=1).sum()

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import mitsuba as mi
 import numpy as np
 import pytest
 
@@ -43,8 +44,6 @@ CALIBRATED = f"""<scene version="3.0.0">
 @pytest.mark.parametrize("name", ["camera.yaml", "camera.json"])
 def test_calibration_beside_the_scene_projects_as_opencv_does(tmp_path: Path, name: str) -> None:
     """From OpenCV's file, named in a scene's XML, to its own pixels; 1e-6 px are demanded."""
-    import mitsuba as mi
-
     written_by_opencv(tmp_path / name, rvec=RVEC, tvec=TVEC)
     (tmp_path / "scene.xml").write_text(CALIBRATED.replace("camera.yaml", name))
     sensor = mi.load_file(str(tmp_path / "scene.xml")).sensors()[0]
@@ -62,15 +61,11 @@ def test_calibration_beside_the_scene_projects_as_opencv_does(tmp_path: Path, na
 
 
 def from_file(path: Path, **more: Any) -> Any:
-    import mitsuba as mi
-
     properties = {"calibration": str(path), "pixel_size": PIXEL, "film": film(**PAPER_FILM), **more}
     return mi.load_dict({"type": "calibrated_camera", **properties})
 
 
 def test_pose_of_the_scene_comes_before_that_of_the_calibration(tmp_path: Path) -> None:
-    import mitsuba as mi
-
     path = written_by_opencv(tmp_path / "camera.yaml", rvec=RVEC, tvec=TVEC / 1000)
     own = np.array(from_file(path, length_unit="m").description()["matrix"])
     np.testing.assert_allclose(own[:3, :3].T, cv2.Rodrigues(RVEC)[0], atol=1e-12)
@@ -105,8 +100,6 @@ def test_wrong_calibrations_are_refused(
 
 
 def test_what_belongs_to_a_calibration_and_what_it_needs(tmp_path: Path) -> None:
-    import mitsuba as mi
-
     with pytest.raises(RuntimeError, match='"pixel_size" belongs to a calibration'):
         mi.load_dict(camera(pixel_size=PIXEL))
     path = plain(tmp_path / "camera.json")

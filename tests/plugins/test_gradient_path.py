@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import mitsuba as mi
 import numpy as np
 import pytest
 import pyvista as pv
@@ -152,8 +152,6 @@ def test_error_channel_survives_the_file(xml: Path, tmp_path: Path) -> None:
 
 
 def test_mitsuba_renders_all_channels(xml: Path) -> None:
-    import mitsuba as mi
-
     loaded = load_scene(xml, engine="cells")
     planes = np.array(mi.render(loaded.mitsuba_scene, integrator=loaded.integrator))
     image = render_scene(loaded).image
@@ -300,16 +298,6 @@ def test_plume_that_leaves_the_data_is_counted(tmp_path: Path, part: Part) -> No
     image = render_scene(load_scene(xml, engine="cells")).image
     assert (image.status == 0).sum() > 600
     assert image.header["counts"]["open_boundary"] == (image.status == 0).sum()
-
-
-@pytest.fixture
-def kernel_history() -> Iterator[Any]:
-    """Function that returns the kernels launched since its last call."""
-    import drjit as dr
-
-    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
-        dr.kernel_history_clear()
-        yield lambda: [k for k in dr.kernel_history() if k["type"] == dr.KernelType.JIT]
 
 
 def test_second_pose_compiles_no_kernel(xml: Path, kernel_history: Any) -> None:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import trimesh
 
-from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import Status
 from validation.inputs import small_scenes
 
@@ -57,8 +56,3 @@ def test_rays_that_stay_in_the_hot_air_are_not_touched(variant: str, tmp_path: P
     assert good.sum() > 150
     for name in default:
         np.testing.assert_array_equal(dropped[name], default[name])
-
-
-def test_another_word_is_refused(variant: str, tmp_path: Path) -> None:
-    with pytest.raises((InputError, RuntimeError), match="inside_hit"):
-        behind_a_ball(tmp_path, inside_hit="keep")

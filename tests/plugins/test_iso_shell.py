@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import mitsuba as mi
 import numpy as np
 import pytest
 from scipy.ndimage import binary_erosion
@@ -17,15 +18,11 @@ EXT, INT = 1.000271800000001, 1.000255300000002
 
 
 def bsdf(**values: Any) -> Any:
-    import mitsuba as mi
-
     return mi.load_dict({"type": "iso_shell", **values})
 
 
 def test_indices_are_kept_in_double_precision() -> None:
     """Single precision would round both by up to 6e-8: 0.4 % of their difference."""
-    import mitsuba as mi
-
     loaded = bsdf(ext_ior=EXT, int_ior=INT, layer="1")
     assert (loaded.ext_ior, loaded.int_ior) == (EXT, INT)
     from_xml = mi.load_string(
@@ -63,8 +60,6 @@ def test_wrong_parameters_are_refused(values: dict[str, Any], message: str) -> N
 
 
 def sampled(loaded: Any, outgoing: np.ndarray, **context: Any) -> tuple[Any, np.ndarray]:
-    import mitsuba as mi
-
     interaction = mi.SurfaceInteraction3f()
     interaction.wi = mi.Vector3f(*outgoing.T)
     samples = mi.Point2f(0.5)
@@ -109,8 +104,6 @@ def test_samples_beyond_the_critical_angle_are_reflected() -> None:
 
 def test_it_is_a_delta_transmission_only() -> None:
     """Integrators that ask for other lobes get nothing, and no density can be evaluated."""
-    import mitsuba as mi
-
     loaded = bsdf(ext_ior=1.0, int_ior=1.5)
     assert loaded.flags() == int(
         mi.BSDFFlags.DeltaTransmission | mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
@@ -128,8 +121,6 @@ def test_it_is_a_delta_transmission_only() -> None:
 
 def glowing_sphere(folder: Path) -> Any:
     """A sphere whose radiance varies over its surface between 1 and 3; it reflects a half."""
-    import mitsuba as mi
-
     mesh = sphere(12.0)
     shape = mi.load_dict(
         ply(
@@ -148,8 +139,6 @@ def glowing_sphere(folder: Path) -> Any:
 
 def picture(shapes: dict[str, Any], samples: int = 64) -> np.ndarray:
     """Through Mitsuba's own path integrator, under the conditions that suit shells."""
-    import mitsuba as mi
-
     loaded = mi.load_dict(
         {
             "type": "scene",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import mitsuba as mi
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -27,14 +28,10 @@ UP = np.array((0.0, 0.0, 1.0))
 
 def vectors(rows: Any) -> Any:
     """Vector3d from (n, 3) or (3,) numbers."""
-    import mitsuba as mi
-
     return mi.Vector3d(*np.atleast_2d(np.asarray(rows, dtype=np.float64)).T)
 
 
 def points(rows: Any) -> Any:
-    import mitsuba as mi
-
     return mi.Point3d(*np.atleast_2d(np.asarray(rows, dtype=np.float64)).T)
 
 
@@ -46,8 +43,6 @@ def crossed(
     direction: Any, facet: Any, shading: Any, ratio: Any, outward: Any
 ) -> tuple[np.ndarray, np.ndarray]:
     """cross_surface with NumPy on both sides."""
-    import mitsuba as mi
-
     bent, reflected = cross_surface(
         vectors(direction),
         vectors(facet),
@@ -329,8 +324,6 @@ def test_vanishing_normals_give_the_facets(normals: np.ndarray, expected: np.nda
 def distance(
     origin: np.ndarray, direction: np.ndarray, rough: float, tolerance: float = 1e-3
 ) -> float:
-    import mitsuba as mi
-
     found = distance_to_plane(
         points(origin),
         vectors(direction),
@@ -368,8 +361,6 @@ def test_distance_stays_within_what_a_query_can_be_wrong_by(sign: int) -> None:
 @pytest.mark.parametrize("height", [0.0, 0.01, -0.01])
 def test_ray_parallel_to_the_plane_keeps_the_querys_distance(height: float) -> None:
     """0 / 0 would make the ray NaN from there on. The plane is z = 0, so that cos is exactly 0."""
-    import mitsuba as mi
-
     flat = triangle_of(((0, 0, 0), (1, 0, 0), (0, 1, 0)))
     found = distance_to_plane(
         points((-1, 0.2, height)),

@@ -302,12 +302,6 @@ def test_open_boundary_counts_rays_that_enter_through_the_open_end(tmp_path: Pat
     assert report["counts"]["open_boundary"] == pytest.approx(expected.sum(), abs=3)
 
 
-def test_closed_shells_have_no_open_boundary(tmp_path: Path) -> None:
-    loaded = scene(shapes(tmp_path))
-    _, report = loaded.integrator().image(loaded, loaded.sensors()[0])
-    assert report["counts"]["open_boundary"] == 0
-
-
 def test_order_of_the_codes(tmp_path: Path) -> None:
     """2 before 7 and 6, 6 before 3 to 5: the first that applies of 1, 2, 7, 6, 3, 4, 5, 0."""
     far = camera(focus_far=50.0)

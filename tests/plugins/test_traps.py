@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import mitsuba as mi
 import numpy as np
 import pytest
 
@@ -53,8 +54,6 @@ def edit(xml: Path) -> Edit:
 
 def test_plain_load_file_keeps_matched_shells_apart(tmp_path: Path) -> None:
     """Mitsuba merges shapes of equal bsdfs by default; each shell's layer name prevents it."""
-    import mitsuba as mi
-
     body, stack = slab(4)
     matched = ShellStack(
         [
@@ -74,8 +73,6 @@ def test_plain_load_file_keeps_matched_shells_apart(tmp_path: Path) -> None:
 
 def test_part_that_was_merged_away_is_missed_by_name(tmp_path: Path) -> None:
     """Part and fixture of one bsdf become one shape without id; the message names the cause."""
-    import mitsuba as mi
-
     described = {
         "type": "scene",
         "integrator": {"type": "first_hit"},
@@ -188,8 +185,6 @@ def test_mirroring_placement_is_refused(xml: Path, edit: Edit, mesh: str, what: 
 
 def test_mirrored_shell_of_a_plain_script_is_refused(tmp_path: Path) -> None:
     """There no XML can be read; the triangles' order contradicts the vertex normals."""
-    import mitsuba as mi
-
     mesh = sphere(20.0)
     air = shell(tmp_path, "air", mesh, 1.0003, 1.0001, mesh.vertices / 20)
     air["to_world"] = mi.ScalarTransform4f().scale([-1, 1, 1])
@@ -314,8 +309,6 @@ def test_part_that_is_read_in_two_ways_is_refused(xml: Path) -> None:
 
 
 def test_scalar_variants_are_refused_in_one_sentence(variant: str) -> None:
-    import mitsuba as mi
-
     import iriftrace.plugins
 
     try:
@@ -329,8 +322,6 @@ def test_scalar_variants_are_refused_in_one_sentence(variant: str) -> None:
 
 def test_plugins_survive_switching_the_variant_and_back(tmp_path: Path, variant: str) -> None:
     """They are registered per variant; results before and after are the same."""
-    import mitsuba as mi
-
     shapes = {
         "part": part(tmp_path, sphere(10.0)),
         **nested_spheres(tmp_path, (15.0,), (1.0003, 1.0001)),

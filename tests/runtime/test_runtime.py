@@ -169,18 +169,21 @@ def test_other_variants_are_refused_in_one_sentence(name: str) -> None:
     assert str(caught.value).count(".") == 1
 
 
-def test_a_session_in_a_scalar_variant_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("current", "message"),
+    [
+        ("scalar_rgb", r"Mitsuba's current variant 'scalar_rgb'.*scalar"),
+        (None, "IRIFTRACE_VARIANT = 'scalar_rgb'"),
+    ],
+)
+def test_a_scalar_session_or_environment_is_named(
+    monkeypatch: pytest.MonkeyPatch, current: str | None, message: str
+) -> None:
     """Switching behind the user's back would break the objects that are loaded already."""
-    monkeypatch.setattr(runtime, "current_variant", lambda: "scalar_rgb")
-    with pytest.raises(InputError, match=r"Mitsuba's current variant 'scalar_rgb'.*scalar"):
-        runtime.ensure()
-
-
-def test_a_wrong_environment_variable_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runtime, "current_variant", lambda: None)
+    monkeypatch.setattr(runtime, "current_variant", lambda: current)
     monkeypatch.setenv("IRIFTRACE_VARIANT", "scalar_rgb")
-    with pytest.raises(InputError, match="IRIFTRACE_VARIANT = 'scalar_rgb'"):
-        runtime.wanted_variant()
+    with pytest.raises(InputError, match=message):
+        runtime.ensure()
 
 
 @pytest.mark.parametrize("former", ["llvm_ad_rgb", "scalar_rgb"])
@@ -226,24 +229,27 @@ def test_the_newest_usable_library_is_taken(fake_machine) -> None:
     assert [found.ok for found in llvm.llvm_libraries()] == [True, True, False]
 
 
-@pytest.mark.parametrize("major", [11, 14, 15, 16])
-def test_only_old_libraries_are_as_bad_as_none(fake_machine, major: int) -> None:
-    fake_machine({"/usr/lib/libLLVM.so": library(major)})
-    with pytest.raises(SetupError, match=rf"libLLVM\.so is LLVM {major}\.0\.0.*17 or newer"):
-        runtime.require_llvm()
-
-
-def test_no_library_gives_the_command_that_installs_one(fake_machine, monkeypatch) -> None:
-    fake_machine({})
+@pytest.mark.parametrize(
+    ("answers", "message"),
+    [
+        *(
+            ({"/libLLVM.so": library(major)}, rf"libLLVM\.so is LLVM {major}\.0\.0.*17 or newer")
+            for major in (11, 14, 15, 16)
+        ),
+        ({}, r"No LLVM.*apt-get install -y libllvm19"),
+        # llvmlite and libclang bring LLVM without the functions that Dr.Jit calls.
+        (
+            {"x": {"version": None, "missing": ["LLVMRunPasses"], "error": ""}},
+            r"not a complete LLVM library \(LLVMRunPasses missing\)",
+        ),
+    ],
+)
+def test_old_and_incomplete_libraries_are_as_bad_as_none(
+    fake_machine, monkeypatch, answers: dict[str, Any], message: str
+) -> None:
+    fake_machine(answers)
     monkeypatch.setattr(llvm, "current_platform", lambda: "debian")
-    with pytest.raises(SetupError, match=r"No LLVM.*apt-get install -y libllvm19"):
-        runtime.require_llvm()
-
-
-def test_an_incomplete_library_is_refused(fake_machine) -> None:
-    """llvmlite and libclang bring LLVM without the functions that Dr.Jit calls."""
-    fake_machine({"x": {"version": None, "missing": ["LLVMRunPasses"], "error": ""}})
-    with pytest.raises(SetupError, match=r"not a complete LLVM library \(LLVMRunPasses missing\)"):
+    with pytest.raises(SetupError, match=message):
         runtime.require_llvm()
 
 

@@ -165,12 +165,9 @@ def test_taubin_step_by_hand():
     assert_array_equal(smooth[1:], points[1:])
 
 
-@pytest.mark.parametrize(
-    "arguments", [(-1,), (1, 0.0), (1, 0.3, -0.2), (1, 0.2, 0.2), (1, 0.2, -1.5)]
-)
-def test_taubin_that_would_shrink_is_refused(stack, arguments):
+def test_negative_smoothing_is_refused(stack):
     with pytest.raises(InputError, match="smoothing"):
-        smooth_taubin(stack, *arguments)
+        smooth_taubin(stack, -1)
 
 
 @pytest.mark.parametrize("times", [0, 1, 2])

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 import pyvista as pv
+from attrs import evolve
 from numpy.testing import assert_allclose
 
 from iriftrace.part.part import read_part
@@ -70,8 +69,6 @@ def test_part_that_is_cut_and_part_that_is_not(cube_part):
 
 
 def test_share_of_a_part_that_is_not_closed_is_unknown(cube_part, tmp_path):
-    from attrs import evolve
-
     scanned = evolve(cube_part, faces=cube_part.faces[1:], closed=False)
     assert {r.part_cut_share for r in report_shells(stack_of(6.0, 5.0), part=scanned)} == {None}
 
@@ -106,17 +103,7 @@ def test_openings_are_told_apart():
 def test_crack_in_the_interior_is_shown():
     field = sphere_field(12)
     stack = contour_shells(field, layers=2)
-    from attrs import evolve
-
     cracked = evolve(stack.shells[0], faces=stack.shells[0].faces[1:])
     reports = report_shells(evolve(stack, shells=[cracked, stack.shells[1]]), field)
     assert reports[0].open_at == (("interior", 3),)
     assert reports[1].closed
-
-
-def test_report_is_plain_json():
-    report = report_shells(stack_of(6.0))[0]
-    values = json.loads(json.dumps(report.as_dict()))
-    assert values["layer"] == 1
-    assert values["open_at"] == {}
-    assert values["int"] == report.int_

@@ -35,31 +35,24 @@ from validation.inputs.shell_fields import (
 )
 
 
-def test_midpoint_levels_by_hand():
-    # By hand with e = 10, 8, 6, 4 (1e-5): surfaces midway.
-    surfaces, e = index_levels(10e-5, 4e-5, layers=3, rule="midpoint")
-    assert_allclose(e, [10e-5, 8e-5, 6e-5, 4e-5])
-    assert_allclose(surfaces, [9e-5, 7e-5, 5e-5])
-
-
-def test_rim_levels_by_hand():
-    # Two equal steps, and a shell at a tenth of the outer one; between the two the layer midway.
-    surfaces, e = index_levels(10e-5, 4e-5, layers=3)
-    assert_allclose(e, [10e-5, 9.1e-5, 7e-5, 4e-5])
-    assert_allclose(surfaces, [9.7e-5, 8.5e-5, 5.5e-5])
-
-
-def test_one_shell_has_no_rim():
-    for rule in ("rim", "midpoint"):
-        surfaces, e = index_levels(10e-5, 4e-5, layers=1, rule=rule)
-        assert_allclose((*surfaces, *e), [7e-5, 10e-5, 4e-5])
-
-
-def test_graded_levels_by_hand():
-    # The cosine's steps of a range of 6 are 1.5, 3 and 1.5, equal ones 2: seven tenths and three.
-    surfaces, e = index_levels(10e-5, 4e-5, layers=3, rule="graded")
-    assert_allclose(e, [10e-5, 8.35e-5, 5.65e-5, 4e-5])
-    assert_allclose(surfaces, [9.175e-5, 7e-5, 4.825e-5])
+@pytest.mark.parametrize(
+    ("rule", "surfaces", "layers"),
+    [
+        ("midpoint", [9, 7, 5], [10, 8, 6, 4]),
+        # Two equal steps, a shell at a tenth of the outer one, and the layer midway between both.
+        ("rim", [9.7, 8.5, 5.5], [10, 9.1, 7, 4]),
+        # The cosine's steps of 6 are 1.5, 3 and 1.5, equal ones 2: seven tenths and three.
+        ("graded", [9.175, 7, 4.825], [10, 8.35, 5.65, 4]),
+        ("outer", [8, 6, 4], [10, 8, 6, 4]),
+        # A single shell has no rim.
+        ("rim", [7], [10, 4]),
+        ("midpoint", [7], [10, 4]),
+    ],
+)
+def test_levels_by_hand(rule, surfaces, layers):
+    found, e = index_levels(10e-5, 4e-5, layers=len(surfaces), rule=rule)
+    assert_allclose(found, np.multiply(surfaces, 1e-5))
+    assert_allclose(e, np.multiply(layers, 1e-5))
 
 
 @given(st.integers(1, 200))
@@ -70,12 +63,6 @@ def test_graded_steps_fill_the_range_evenly_to_both_sides(layers):
     # 0.3 of an equal step at the ends, where the cosine is flat, and 1.4 of one in the middle.
     assert steps[0] == pytest.approx(0.3 + 0.35 * (1 - np.cos(np.pi / layers)) * layers)
     assert steps.max() <= 0.3 + 0.35 * np.pi + 1e-9
-
-
-def test_outer_levels_by_hand():
-    surfaces, e = index_levels(10e-5, 4e-5, layers=3, rule="outer")
-    assert_allclose(e, [10e-5, 8e-5, 6e-5, 4e-5])
-    assert_allclose(surfaces, [8e-5, 6e-5, 4e-5])
 
 
 @pytest.mark.parametrize(
@@ -94,10 +81,9 @@ def test_impossible_levels_are_refused(arguments, message):
         index_levels(*arguments)
 
 
-@pytest.mark.parametrize("rule", ["midpoint"])
 @given(st.integers(1, 200), st.floats(0, 2.6e-4), st.floats(2.65e-4, 3e-4))
-def test_reversed_midpoint_rule_gives_equal_steps_back(rule, layers, hottest, ambient):
-    surfaces, e = index_levels(ambient, hottest, layers, rule)
+def test_reversed_midpoint_rule_gives_equal_steps_back(layers, hottest, ambient):
+    surfaces, e = index_levels(ambient, hottest, layers, "midpoint")
     sorted_back, e_back = layers_between(surfaces[::-1], ambient)
     assert_allclose(sorted_back, surfaces)
     assert_allclose(e_back, e, atol=1e-15)

@@ -14,7 +14,8 @@ from iriftrace.studies import times
 from iriftrace.studies.kinds import polygons_study, rays_study
 from iriftrace.studies.mode import OURS, PAPERS, Mode, through_shells
 from iriftrace.studies.study import run_study
-from iriftrace.studies.times import STAGES, Recording
+from iriftrace.studies.times import STAGES
+from iriftrace.trace.query_replay import Recording
 from validation.inputs.study_inputs import field_and_scene
 
 

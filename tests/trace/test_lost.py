@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from types import SimpleNamespace
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 import pytest
 from attrs import evolve
@@ -48,18 +50,9 @@ SIDE = [
 
 
 def counts(hit: int, mismatch: int, gave_up: int) -> RayCounts:
-    good = hit - mismatch - gave_up
-    return RayCounts(
-        hit=hit,
-        good=good,
-        missed=0,
-        out_of_focus=0,
-        refracted_missed=0,
-        only_refracted=0,
-        index_mismatch=mismatch,
-        gave_up=gave_up,
-        blocked=0,
-    )
+    others = ("missed", "out_of_focus", "refracted_missed", "only_refracted", "blocked")
+    found = {"good": hit - mismatch - gave_up, "index_mismatch": mismatch, "gave_up": gave_up}
+    return RayCounts(hit=hit, **dict.fromkeys(others, 0), **found)
 
 
 def test_a_picture_is_warned_of_from_half_a_per_cent_of_its_hits() -> None:
@@ -98,9 +91,6 @@ def test_every_command_says_so(giving_up: LoadedScene) -> None:
 
 def test_an_impossible_deflection_is_no_good_ray_even_beside_the_part() -> None:
     """Twice the arc cosine of the smallest over the largest index along the ray is the most."""
-    import drjit as dr
-    import mitsuba as mi
-
     from iriftrace.plugins.kernels.bundle import is_lost
     from iriftrace.plugins.kernels.queries import ESCAPED
 
@@ -153,8 +143,6 @@ def test_a_field_that_loses_rays_does_not_take_over(monkeypatch: pytest.MonkeyPa
 
 def test_rays_that_meet_no_shell_in_hot_air_are_known(tmp_path: Path) -> None:
     """Along a wall, parallel to its layers: no shell is met, so none bends the ray."""
-    import mitsuba as mi
-
     part, shells = slab(13, air=RoundAir(), size_mm=400.0)
     camera = evolve(ABOVE[0], matrix=look_at((0.0, -200.0, 200.0), (0.0, 0.0, 0.0)))
     xml = write_scene(tmp_path, part, shells, camera, paraview=False)

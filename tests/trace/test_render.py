@@ -82,8 +82,10 @@ def test_two_runs_are_identical(xml: Path, tmp_path: Path) -> None:
 
     def run(name: str) -> tuple[Any, dict[str, Any]]:
         exr, report = render_scene(xml).save(tmp_path / f"{name}.exr")
+        assert (exr, report) == (tmp_path / f"{name}.exr", tmp_path / f"{name}.json")
         metrics = json.loads(report.read_text())
-        del metrics["time_s"]
+        assert metrics["schema"] == "iriftrace.pose/2"
+        assert metrics.pop("time_s")["write"] > 0
         return read_exr(exr), metrics
 
     (first, first_metrics), (second, second_metrics) = run("a"), run("b")
@@ -115,13 +117,6 @@ def test_header_says_where_the_picture_comes_from(scene: LoadedScene, xml: Path)
     json.dumps(header, allow_nan=False)
 
 
-def test_times_add_up(scene: LoadedScene) -> None:
-    times = render_scene(scene).metrics.time_s
-    stages = sum(times[k] for k in ("load", "build", "straight", "refracted", "metrics"))
-    assert all(value >= 0 for value in times.values())
-    assert stages <= times["total"]
-
-
 @pytest.mark.parametrize(
     ("origin", "target", "message"),
     [
@@ -149,28 +144,6 @@ def test_picture_of_a_hidden_part_is_refused(xml: Path) -> None:
     xml.write_text(xml.read_text().replace("</scene>", wall))
     with pytest.raises(InputError, match="Another object hides the part"):
         render_scene(xml)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ('value="float32"', 'value="float16"', "component_format float32"),
-        ('<rfilter type="box"/>', '<rfilter type="gaussian"/>', "reconstruction filter mixes"),
-    ],
-)
-def test_films_that_spoil_the_result_are_refused(
-    xml: Path, old: str, new: str, message: str
-) -> None:
-    xml.write_text(xml.read_text().replace(old, new))
-    with pytest.raises(InputError, match=message):
-        render_scene(xml)
-
-
-def test_nothing_is_written_when_a_pose_is_refused(scene: LoadedScene, tmp_path: Path) -> None:
-    before = sorted(tmp_path.rglob("*"))
-    with pytest.raises(InputError):
-        render_scene(scene, camera=evolve(CAMERA, matrix=look_at((0, -18, 0), (0, 0, 0))))
-    assert sorted(tmp_path.rglob("*")) == before
 
 
 def test_bundle_of_a_cameras_rays_gives_the_cameras_picture(scene: LoadedScene) -> None:
@@ -257,16 +230,6 @@ def test_bundles_that_are_none_are_refused(
         trace_rays(scene, origins, directions)
 
 
-def test_save_writes_picture_and_metrics_side_by_side(scene: LoadedScene, tmp_path: Path) -> None:
-    rendering = render_scene(scene)
-    exr, report = rendering.save(tmp_path / "pose.exr")
-    assert (exr, report) == (tmp_path / "pose.exr", tmp_path / "pose.json")
-    metrics = json.loads(report.read_text())
-    assert metrics["schema"] == "iriftrace.pose/2"
-    assert metrics["time_s"]["write"] > 0
-    np.testing.assert_array_equal(read_exr(exr).status, rendering.image.status)
-
-
 def test_loaded_scene_serves_many_poses(scene: LoadedScene) -> None:
     """The first pose again after another one, and a scene changed to it: equal to the last bit."""
     other = evolve(CAMERA, matrix=look_at((90.0, 90.0, 10.0), (0.0, 0.0, 0.0)))
@@ -280,30 +243,33 @@ def test_loaded_scene_serves_many_poses(scene: LoadedScene) -> None:
         np.testing.assert_array_equal(changed.channels[name], between.channels[name])
 
 
-def test_include_takes_only_codes_with_a_displacement(scene: LoadedScene) -> None:
-    assert render_scene(scene, include=(0, 5)).metrics.rays.good > 1000
-    with pytest.raises(InputError, match="status 3"):
-        render_scene(scene, include=(0, 3))
-
-
-@pytest.mark.usefixtures("variant")
 def test_a_crop_window_is_a_piece_of_the_whole_picture(tmp_path: Path) -> None:
     """Its pixels are the whole picture's, and metrics and files come out of it too."""
     shutil.copytree(folder_of("cylinder"), tmp_path / "scene")
     xml = tmp_path / "scene" / "scene.xml"
+    text = xml.read_text()
+    for large, small in (
+        ("2448", "306"),
+        ("2048", "256"),
+        ("1224.0", "153.0"),
+        ("1024.0", "128.0"),
+    ):
+        text = text.replace(f'"{large}"', f'"{small}"')
+    xml.write_text(text)
     whole = render_scene(load_scene(xml, {"scale": 1})).image.channels["displacement.norm"]
     window = "".join(
         f'<integer name="crop_{name}" value="{value}"/>'
-        for name, value in (("offset_x", 1100), ("offset_y", 900), ("width", 200), ("height", 150))
+        for name, value in (("offset_x", 130), ("offset_y", 110), ("width", 40), ("height", 25))
     )
     xml.write_text(
         xml.read_text().replace('<film type="hdrfilm">', f'<film type="hdrfilm">{window}')
     )
     rendering = render_scene(load_scene(xml, {"scale": 1}))
     piece = rendering.image.channels["displacement.norm"]
-    np.testing.assert_allclose(piece, whole[900:1050, 1100:1300], rtol=0, atol=1e-9)
-    assert rendering.metrics.camera.resolution == (200, 150)
-    assert 0 < rendering.metrics.coverage_area < 0.1
+    np.testing.assert_allclose(piece, whole[110:135, 130:170], rtol=0, atol=1e-9)
+    assert piece.max() > 1e-3
+    assert rendering.metrics.camera.resolution == (40, 25)
+    assert 0 < rendering.metrics.coverage_area < 0.2
     rendering.save(tmp_path / "piece.exr")
 
 
@@ -321,7 +287,9 @@ def test_a_scaled_picture_states_shifts_and_steps_of_the_full_camera() -> None:
     assert evolve(large, full_resolution=large.camera.resolution).full_camera is None
 
 
-def test_the_time_of_the_check_is_counted() -> None:
+def test_times_add_up_and_have_the_check() -> None:
     scene = load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.1})
     times = render_scene(scene).metrics.time_s
-    assert 0 < times["check"] < times["total"]
+    stages = ("load", "build", "straight", "refracted", "check", "metrics")
+    assert all(value >= 0 for value in times.values())
+    assert 0 < times["check"] < sum(times[stage] for stage in stages) <= times["total"]

@@ -1,0 +1,17 @@
+"""What tests of the plugins share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import drjit as dr
+import pytest
+
+
+@pytest.fixture
+def kernel_history() -> Iterator[Any]:
+    """Function that returns the kernels launched since its last call."""
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        yield lambda: [k for k in dr.kernel_history() if k["type"] == dr.KernelType.JIT]
