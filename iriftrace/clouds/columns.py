@@ -124,12 +124,8 @@ def columns_of_points(
 ) -> list[int]:
     """Numbers of the columns that are x, y and z, chosen or by their names.
 
-    The first three of a table without names.
-
-    Raises
-    ------
-    InputError
-        The names do not say which three of the `count` columns are x, y and z.
+    The first three of a table without names. Raises InputError if the names do not say which three
+    of the `count` columns they are.
     """
     if chosen is not None:
         return chosen_columns(names, chosen, count, file)

@@ -119,37 +119,18 @@ def refine_pose(
     evaluations: int = 80,
     progress: Callable[[int, float], None] | None = None,
 ) -> Refinement:
-    """Search for a better pose around the best one of a sweep.
+    """Search for a better pose around the best one of a sweep, with at most so many renderings.
 
     The camera keeps looking at the same point. Free are the direction from which it looks (as far
     as the nearest other pose of the sweep), its distance (by a quarter) and its roll (by 45
     degrees). The search is SciPy's COBYQA (Ragonneau, 2022), which fits quadratic models in a trust
-    region, needs no derivatives and is reproducible. From eight poses of the
-    cylinder it gained as much as Nelder and Mead's simplex (on average 0.23) with 61 instead of 80
-    renderings, and Powell's directions gained 0.18.
+    region, needs no derivatives and is reproducible. From eight poses of the cylinder it gained as
+    much as Nelder and Mead's simplex (on average 0.23) with 61 instead of 80 renderings, and
+    Powell's directions gained 0.18.
 
-    Parameters
-    ----------
-    dataset
-        The sweep.
-    plan
-        Its ranking.
-    swept
-        The scene of the sweep.
-    evaluations
-        Maximum number of poses to render, at least 10.
-    progress
-        Called after each pose with their number and the best score so far.
-
-    Raises
-    ------
-    InputError
-        Too few evaluations, or the best pose no longer has a score.
-
-    Warns
-    -----
-    IriftraceWarning
-        The scene gives the best pose another score than the sweep had.
+    `progress` is called after each pose with their number and the best score so far. Raises
+    InputError for fewer than 10 evaluations, or if the best pose no longer has a score; warns if
+    the scene gives it another score than the sweep had.
     """
     check_evaluations(evaluations)
     around = around_pose(dataset, plan.best)

@@ -203,12 +203,8 @@ def _checked(points: ArrayLike, field_uncertainty: float) -> FloatArray:
 def _near_part(measured: FloatArray, part: Part) -> tuple[BoolArray, FloatArray]:
     """Mask (n,) of the points in a box around a part, and the distance, mm, of a sample of them.
 
-    The box is larger than the part's by twice `REACH_MM`.
-
-    Raises
-    ------
-    InputError
-        The cloud does not lie on the part.
+    The box is larger than the part's by twice `REACH_MM`. Raises InputError for a cloud that does
+    not lie on the part.
     """
     in_box = _in_box(measured, part)
     to_part = part.surface.distance(_sample(measured[in_box]))

@@ -38,19 +38,11 @@ MOST_LEFT = 0.5
 
 @frozen
 class Larger:
-    """A cloud that is larger or smaller than the part.
+    """A cloud that is larger or smaller than the part."""
 
-    Attributes
-    ----------
-    scale : float
-        Lengths in the cloud over those of the part.
-    left_mm, rigid_mm : float
-        Median distance from the part after the best fit with a scale, and without.
-    """
-
-    scale: float
-    left_mm: float
-    rigid_mm: float
+    scale: float  # lengths in the cloud over those of the part
+    left_mm: float  # median distance from the part after the best fit with a scale
+    rigid_mm: float  # the same without one
 
     def sentence(self, growth: Growth | None) -> str:
         """What it means for a part whose expansion is known or not, and what to do."""
