@@ -19,7 +19,7 @@ from iriftrace.part.part import Part
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.ensemble import FieldMember
 from iriftrace.scene.hot_air import HotAir
-from iriftrace.scene.integrators import Integrator, check_engine, found_of_shells
+from iriftrace.scene.integrators import Integrator, check_engine, traced_air
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.loaded import LoadedEnsemble, LoadedScene
 from iriftrace.scene.objects import kept_camera, kept_part, mitsuba_scene
@@ -216,7 +216,7 @@ def _one_state(scene: Scene, number: int) -> LoadedScene:
         second=second,
         second_id="" if second is None else scene.second_id,
         cells=cells,
-        **found_of_shells(integrator, stated, prepared.tables, "the scene"),
+        **traced_air(integrator, stated, "the scene", prepared.tables),
     )
     return shells.with_cells() if scene.engine == "cells" else shells
 

@@ -27,8 +27,13 @@ from iriftrace.part.part import Part
 from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.triangulation.field_state import FieldState
 from iriftrace.triangulation.larger import Larger
-from iriftrace.triangulation.region_table import RegionRow, region_table
-from iriftrace.triangulation.statistics import PointStatus, each_along, worst_member
+from iriftrace.triangulation.statistics import (
+    PointStatus,
+    RegionRow,
+    each_along,
+    region_table,
+    worst_member,
+)
 
 SCHEMA = "iriftrace.correction/1"
 

@@ -21,8 +21,13 @@ from iriftrace.features.table import feature_table
 from iriftrace.part.part import Part
 from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.triangulation.acceptance import AcceptanceRow
-from iriftrace.triangulation.region_table import RegionRow, region_table
-from iriftrace.triangulation.statistics import PointStatus, each_along, worst_member
+from iriftrace.triangulation.statistics import (
+    PointStatus,
+    RegionRow,
+    each_along,
+    region_table,
+    worst_member,
+)
 
 SCHEMA = "iriftrace.scan/1"
 
