@@ -163,20 +163,11 @@ _LENGTH_UNIT = ("length_unit", "units", "unit", "translation_unit", "length_unit
 
 @frozen(eq=False)
 class CalibrationValues:
-    """Named values of one camera, checked when they are read.
+    """Named values of one camera, checked when they are read."""
 
-    Attributes
-    ----------
-    path : Path
-        The file, for messages.
-    content : mapping
-    camera : str
-        Which of several cameras of the file, for messages; "" for the only one.
-    """
-
-    path: Path
+    path: Path  # for messages
     content: Mapping[str, object]
-    camera: str = ""
+    camera: str = ""  # which of several cameras of the file, for messages
 
     @property
     def called(self) -> str:

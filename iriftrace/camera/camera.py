@@ -17,7 +17,6 @@ import numpy as np
 from attrs import evolve, field, frozen
 from numpy.typing import ArrayLike
 
-from iriftrace.camera.check import check_camera
 from iriftrace.camera.distortion import (
     Distortion,
     SeenField,
@@ -32,6 +31,8 @@ from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
 from iriftrace.geometry.triangles import unit_vectors
+
+PROJECTIONS = ("pinhole", "orthographic")
 
 
 def _pair(value: Sequence[float]) -> tuple[float, float]:
@@ -95,17 +96,47 @@ class Camera:
         if point is None:
             point = ((self.resolution[0] - 1) / 2, (self.resolution[1] - 1) / 2)
         object.__setattr__(self, "principal_point_px", _pair(point))
-        check_camera(
-            self.projection,
-            self.focal_length_mm,
-            self.sensor_mm,
-            self.resolution,
-            self.focus_mm,
-            self.matrix,
-            distorted=self.distortion is not None,
-        )
+        self._check()
         if self.distortion is not None:
             _ = self.seen_field  # refuses a picture that the lens folds
+
+    def _check(self) -> None:
+        """Refuse a camera that cannot form a picture."""
+        focal, pinhole = self.focal_length_mm, self.projection == "pinhole"
+        (width, height), (near, far) = self.sensor_mm, self.focus_mm
+        if self.projection not in PROJECTIONS:
+            raise InputError(f"Unknown projection '{self.projection}'; use one of {PROJECTIONS}.")
+        if pinhole and not 0 < focal < math.inf:
+            raise InputError(
+                f"Focal length is {focal} mm, so no picture forms; give a positive length."
+            )
+        if not (0 < width < math.inf and 0 < height < math.inf):
+            raise InputError(
+                f"Sensor size is {width} x {height} mm, so no picture forms; both must be positive."
+            )
+        if min(self.resolution) < 1:
+            raise InputError(
+                f"Resolution is {self.resolution[0]} x {self.resolution[1]} pixels; both must be "
+                "at least 1."
+            )
+        if not 0 <= near < far:
+            raise InputError(
+                f"Focus interval {near} to {far} mm is empty; the near distance must be at least 0 "
+                "and smaller than the far one."
+            )
+        matrix = self.matrix
+        rotation = matrix[:3, :3] if matrix.shape == (4, 4) else np.zeros((3, 3))
+        rigid = np.allclose(rotation.T @ rotation, np.eye(3), atol=1e-6)
+        if not (rigid and np.linalg.det(rotation) > 0 and np.isfinite(matrix).all()):
+            raise InputError(
+                "The camera pose is not a rigid motion (4 x 4, rotation and translation only); "
+                "remove scale and mirroring."
+            )
+        if self.distortion is not None and not pinhole:
+            raise InputError(
+                f"A lens distortion is given for an {self.projection} camera, for which it is not "
+                "defined; leave it out."
+            )
 
     @property
     def lens(self) -> str:
@@ -228,17 +259,10 @@ class Camera:
         )
 
     def rays(self, pixels: ArrayLike | None = None) -> tuple[FloatArray, FloatArray]:
-        """Rays through image positions.
+        """Rays through image positions: origins and unit directions, (n, 3) arrays, mm, world.
 
-        Parameters
-        ----------
-        pixels : (n, 2) array, px, optional
-            Positions in the picture, a pixel's centre at whole numbers; by default every
-            pixel's centre, row by row.
-
-        Returns
-        -------
-        origins, directions : (n, 3) arrays, mm and unit vectors, world
+        Positions (n, 2), px, have a pixel's centre at whole numbers; by default they are every
+        pixel's centre, row by row.
         """
         if pixels is None:
             position = self._pixel_centres()
@@ -276,17 +300,10 @@ class Camera:
         return rotated
 
     def project(self, points: ArrayLike) -> FloatArray:
-        """Image positions of world points.
+        """Image positions (n, 2), px, of world points (n, 3), mm; the first pixel's centre is 0, 0.
 
-        Parameters
-        ----------
-        points : (n, 3) array, mm, world
-
-        Returns
-        -------
-        (n, 2) array, px
-            The centre of the first pixel is (0, 0). NaN for points that are not in front of a
-            pinhole camera, or so far outside the picture that the distortion is not defined.
+        NaN for points that are not in front of a pinhole camera, or so far outside the picture that
+        the distortion is not defined.
         """
         local = self.to_camera(points)
         if self.projection == "orthographic":
@@ -363,13 +380,8 @@ class Camera:
             )
         except InputError:
             raise
-        except (TypeError, LookupError, AttributeError, OverflowError) as error:
+        except (ValueError, TypeError, LookupError, AttributeError, OverflowError) as error:
             raise InputError(
                 f"The camera in the file has missing or misspelt entries ({error}); write the file "
                 "again."
-            ) from error
-        except ValueError as error:
-            raise InputError(
-                f"The camera in the file has something else than numbers ({error}); write the "
-                "file again."
             ) from error

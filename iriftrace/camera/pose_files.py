@@ -133,9 +133,23 @@ def write_poses(path: str | Path, poses: PoseSet, convention: str = "opencv") ->
             blocks = map("\n".join, rows)
             content = ("\n\n".join(blocks) + "\n").encode()
         case ".json":
-            content = (json.dumps(_described(poses, matrices, convention)) + "\n").encode()
+            angles = (poses.azimuth_deg, poses.elevation_deg)
+            listed = [[None if np.isnan(x) else x for x in angle.tolist()] for angle in angles]
+            described = {
+                "schema": SCHEMA,
+                "convention": convention,
+                "length_unit": "mm",
+                "matrices": matrices.tolist(),
+                **dict(zip(ANGLES, listed, strict=True)),
+            }
+            content = (json.dumps(described) + "\n").encode()
         case ".csv":
-            content = _as_table(poses, matrices, convention).encode()
+            lines = [",".join((*MATRIX, *ANGLES, "convention"))]
+            angle_pairs = np.stack((poses.azimuth_deg, poses.elevation_deg), axis=1)
+            for matrix, pair in zip(matrices, angle_pairs, strict=True):
+                stated = ("" if np.isnan(x) else repr(x) for x in pair.tolist())
+                lines.append(",".join((*map(repr, matrix.ravel().tolist()), *stated, convention)))
+            content = ("\n".join(lines) + "\n").encode()
         case _:
             raise InputError(
                 f"{path} has an ending that no format of poses has; use {', '.join(_FORMATS)}."
@@ -222,24 +236,3 @@ def _angles(columns: dict[str, object], name: str, count: int, path: Path) -> Fl
             f"{path} has {count} poses, but '{name}' is not a list of as many numbers."
         )
     return angles
-
-
-def _described(poses: PoseSet, matrices: FloatArray, convention: str) -> dict[str, object]:
-    angles = (poses.azimuth_deg, poses.elevation_deg)
-    listed = [[None if np.isnan(x) else x for x in angle.tolist()] for angle in angles]
-    return {
-        "schema": SCHEMA,
-        "convention": convention,
-        "length_unit": "mm",
-        "matrices": matrices.tolist(),
-        **dict(zip(ANGLES, listed, strict=True)),
-    }
-
-
-def _as_table(poses: PoseSet, matrices: FloatArray, convention: str) -> str:
-    angles = np.stack((poses.azimuth_deg, poses.elevation_deg), axis=1)
-    lines = [",".join((*MATRIX, *ANGLES, "convention"))]
-    for matrix, pair in zip(matrices, angles, strict=True):
-        stated = ("" if np.isnan(x) else repr(x) for x in pair.tolist())
-        lines.append(",".join((*map(repr, matrix.ravel().tolist()), *stated, convention)))
-    return "\n".join(lines) + "\n"

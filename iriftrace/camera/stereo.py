@@ -142,7 +142,12 @@ def read_stereo_calibration(
     rotation, translation, usual = _motion(first, second, rest)
     unit = length_unit or rest.length_unit or usual
     shift = translation * length_factor(unit)
-    _check_baseline(rest, float(np.linalg.norm(shift)), unit)
+    baseline, (low, high) = float(np.linalg.norm(shift)), BASELINES_MM
+    if not low <= baseline <= high:
+        raise rest.wrong(
+            f"its two cameras are {baseline:.4g} mm apart where T is in {unit}; give the unit of T "
+            "(--calibration-length-unit)"
+        )
     if sides[0] in ("left", "l") and (-rotation.T @ shift)[0] < 0.0:
         warn(
             f"In {rest.path} the right camera stands to the left of the left one. If that is "
@@ -209,7 +214,11 @@ def _two_cameras(
                 evolve(values, content={**shared, **content}, camera=f"camera {number}")
                 for number, content in enumerate(found, start=1)
             )
-            _refuse_third(values, by_name, sides)
+            others = {"1": ("0", "3"), "0": ("2",)}.get(sides[0], ())
+            if any(_is_camera(_camera_of(by_name, other)) for other in others):
+                raise values.wrong(
+                    "it has more than two cameras; write a file with the two that measured"
+                )
             return first, second, sides
     raise values.wrong(
         "it has not two camera matrices under names known here, such as M1 and M2, "
@@ -220,18 +229,6 @@ def _two_cameras(
 
 def _listed(values: CalibrationValues) -> str:
     return ", ".join(map(str, list(values.content)[:12])) or "none"
-
-
-def _refuse_third(
-    values: CalibrationValues, by_name: Mapping[str, tuple[str, object]], sides: tuple[str, str]
-) -> None:
-    """Refuse files of more cameras, of which any two could be meant."""
-    others = {"1": ("0", "3"), "0": ("2",)}.get(sides[0], ())
-    for other in others:
-        if _is_camera(_camera_of(by_name, other)):
-            raise values.wrong(
-                "it has more than two cameras; write a file with the two that measured"
-            )
 
 
 def _camera_of(by_name: Mapping[str, tuple[str, object]], side: str) -> dict[str, object]:
@@ -261,9 +258,19 @@ def _motion(
     if second.named(_KALIBR) is not None:
         matrix = second.array(_KALIBR, (16,)).reshape(4, 4)
         return exact_rotation(second, matrix[:3, :3]), matrix[:3, 3], "m"
-    for values in (rest, *_parts_for_both(rest), second):
+    # What is between the cameras may have a mapping, such as ``extrinsics``.
+    parts = [
+        evolve(rest, content=value)
+        for name, value in rest.content.items()
+        if isinstance(value, Mapping) and folded(str(name)).startswith(("stereo", "extrinsic"))
+    ]
+    for values in (rest, *parts, second):
         if values.named(ROTATION) is not None and values.named(TRANSLATION) is not None:
-            _refuse_pose_of_the_first(first)
+            if first.named(TRANSLATION) is not None and first.array(TRANSLATION, (3,)).any():
+                raise first.wrong(
+                    "both cameras have a pose of their own; write a file for each and read these "
+                    "(--calibration and --second-calibration)"
+                )
             return rotation_in(values), values.array(TRANSLATION, (3,)), "mm"
     rectified = [camera.named(_RECTIFICATION) for camera in (first, second)]
     projected = [camera.named(PROJECTION) for camera in (first, second)]
@@ -274,15 +281,6 @@ def _motion(
         "R and T from camera 1 to camera 2 are missing, as stereoCalibrate gives them (its names "
         f"are {_listed(rest if rest.content else second)}); add both"
     )
-
-
-def _parts_for_both(rest: CalibrationValues) -> list[CalibrationValues]:
-    """Mappings in a file that hold what is between the cameras, such as ``extrinsics``."""
-    return [
-        evolve(rest, content=value)
-        for name, value in rest.content.items()
-        if isinstance(value, Mapping) and folded(str(name)).startswith(("stereo", "extrinsic"))
-    ]
 
 
 def _motion_of_rectified(
@@ -305,14 +303,6 @@ def _motion_of_rectified(
             "were calibrated one by one; calibrate the pair"
         )
     return turns[1].T @ turns[0], shift
-
-
-def _refuse_pose_of_the_first(first: CalibrationValues) -> None:
-    if first.named(TRANSLATION) is not None and first.array(TRANSLATION, (3,)).any():
-        raise first.wrong(
-            "both cameras have a pose of their own; write a file for each and read these "
-            "(--calibration and --second-calibration)"
-        )
 
 
 def _check_axes(values: CalibrationValues, rotation: FloatArray, shift_mm: FloatArray) -> None:
@@ -343,13 +333,4 @@ def _check_axes(values: CalibrationValues, rotation: FloatArray, shift_mm: Float
             f"The axes of the two cameras in {values.path} lead apart by {angle:.0f} degrees; if "
             "they meet, R is transposed, or R and T are of different directions.",
             stacklevel=3,
-        )
-
-
-def _check_baseline(values: CalibrationValues, baseline_mm: float, unit: str) -> None:
-    low, high = BASELINES_MM
-    if not low <= baseline_mm <= high:
-        raise values.wrong(
-            f"its two cameras are {baseline_mm:.4g} mm apart where T is in {unit}; give the unit "
-            "of T (--calibration-length-unit)"
         )

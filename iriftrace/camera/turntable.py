@@ -16,22 +16,10 @@ def turntable_poses(matrix: ArrayLike, table: str, centre: ArrayLike) -> PoseSet
     """Poses of a camera as a part sees them that turns before it.
 
     The air turns with the part, which it does where the axis is vertical and there is no draught.
-
-    Parameters
-    ----------
-    matrix : (4, 4) array, mm
-        Camera to world, with the part unturned; x right, y down, z forward.
-    table : str
-        ``"z:0:360:30"``: the axis, and start, stop and step of the part's angle in degrees,
-        counter-clockwise seen from the tip of the axis. A full turn's end is its start and counts
-        once.
-    centre : (3,) array, mm, world
-        A point on the axis.
-
-    Raises
-    ------
-    InputError
-        The text is none of this kind.
+    `matrix` (4, 4), mm, is the camera's pose with the part unturned. The table ``"z:0:360:30"`` has
+    the axis, and start, stop and step of the part's angle in degrees, counter-clockwise seen from
+    the tip of the axis; a full turn's end is its start and counts once. The centre (3,), mm, world,
+    is a point on the axis. Raises InputError for other texts.
     """
     axis, *numbers = table.split(":")
     try:

@@ -12,7 +12,7 @@ from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.features.relations import value_key
 
 if TYPE_CHECKING:
-    from iriftrace.triangulation.region_table import RegionRow
+    from iriftrace.triangulation.statistics import RegionRow
 
 MOST_LINES = 12
 """Distances and angles, and regions, that are printed; the JSON file has all."""

@@ -124,12 +124,8 @@ def columns_of_points(
 ) -> list[int]:
     """Numbers of the columns that are x, y and z, chosen or by their names.
 
-    The first three of a table without names.
-
-    Raises
-    ------
-    InputError
-        The names do not say which three of the `count` columns are x, y and z.
+    The first three of a table without names. Raises InputError if the names do not say which three
+    of the `count` columns they are.
     """
     if chosen is not None:
         return chosen_columns(names, chosen, count, file)
@@ -219,17 +215,12 @@ def unit_of(names: Sequence[str], lines: Iterable[str], chosen: Sequence[int], c
     return ""
 
 
-def is_corrected(text: str) -> bool:
-    """Whether a column's name, or a line of names, is of a correction that `correct` wrote.
+def refuse_corrected(file: Path, names: Iterable[str]) -> None:
+    """Refuse a cloud of which a column's name, or a line of names, is of a correction of `correct`.
 
     CloudCompare writes ``scalar_correction_x``.
     """
-    return _CORRECTED.search(text.casefold()) is not None
-
-
-def refuse_corrected(file: Path, names: Iterable[str]) -> None:
-    """Refuse a cloud of which a column's name, or a line of names, says that it is corrected."""
-    if any(map(is_corrected, names)):
+    if any(_CORRECTED.search(name.casefold()) for name in names):
         raise InputError(
             f"{file} is corrected already, as its column correction_x says, and the refraction "
             "error would be removed twice; give the cloud as it was measured."

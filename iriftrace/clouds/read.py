@@ -41,26 +41,15 @@ _SIMULATED = re.compile(r"(?:true|error)_[xyz]|error_normal|scatter_normal")
 class Cloud:
     """A cloud as its file has it, row by row.
 
-    Attributes
-    ----------
-    rows : (m, 3) array
-        Coordinates of all rows of the file, in its unit and frame.
-    measured : (m,) array of bool
-        Rows that are points. The others, not finite or exactly (0, 0, 0), are of pixels that the
-        sensor did not measure.
-    unit : str
-        Of the rows: "mm", "m" ...
-    columns : dict of (m,) arrays
-        Further numbers of each row, such as colours, intensities and normals.
-    remarks : tuple of str
-        Lines ``obj_info`` of a .ply, which say how its rows make a grid.
+    Rows are in the file's unit ("mm", "m" ...) and frame. Those that are not finite or exactly
+    (0, 0, 0) are of pixels that the sensor did not measure.
     """
 
-    rows: FloatArray
-    measured: BoolArray
+    rows: FloatArray  # (m, 3)
+    measured: BoolArray  # (m,), rows that are points
     unit: str
-    columns: Columns
-    remarks: tuple[str, ...] = ()
+    columns: Columns  # (m,) each: further numbers, such as colours, intensities and normals
+    remarks: tuple[str, ...] = ()  # lines ``obj_info`` of a .ply: how its rows make a grid
 
     @property
     def points(self) -> FloatArray:
@@ -89,24 +78,15 @@ def read_cloud(
 
     Text files have a point in each row. Its coordinates are the columns that a line before the
     numbers names x, y and z (``X [mm]``, ``Points:0``, ``x_mm``), or the first three of a table
-    without names. Rows of words and a count of the points in the first row are left out; cells may
-    be quoted or empty. A cloud that was corrected is refused.
-    Warned of are rows that were not measured, coordinates rounded to a micrometre or coarser, and
-    an STL, whose points are corners of triangles and no longer what the sensor measured.
+    without names; or three `columns` that are chosen by name, or by number from 1, as also those of
+    a .ply or .vtp. Rows of words and a count of the points in the first row are left out; cells may
+    be quoted or empty. The length unit is by default that in the names of the columns, metre of an
+    .e57, else mm.
 
-    Parameters
-    ----------
-    path : path
-    length_unit : str, optional
-        By default that in the names of the columns, metre of an .e57, else mm.
-    columns : sequence of three str, optional
-        Names of the columns x, y and z of a text file, .ply or .vtp, or their numbers from 1.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, has no points, was corrected already, or has names that do not say
-        which columns are x, y and z.
+    Raises InputError if the file cannot be read, has no points, was corrected already, or does not
+    say which columns are x, y and z. Warned of are rows that were not measured, coordinates rounded
+    to a micrometre or coarser, and an STL, whose points are corners of triangles and no longer what
+    the sensor measured.
     """
     file = Path(path)
     if not file.is_file():

@@ -50,24 +50,12 @@ def save_cloud(
     measured: BoolArray | None = None,
     remarks: Sequence[str] = (),
 ) -> tuple[Path, Path]:
-    """Write points (n, 3) with columns (n,) and, next to them, values in a JSON file.
+    """Write points (n, 3) with columns (n,) and, next to them, plain JSON values in a JSON file.
 
     In a .vtp, with 0 for coordinates that are not finite; in a .ply with the same names as
-    properties; as text, whose first line has the names; or in an .e57, which is in metres and holds
-    colours, intensities and numbers of rows and columns alone.
-
-    Parameters
-    ----------
-    path : path
-    points, columns : arrays
-        Lengths in `unit`.
-    values : mapping
-        Plain JSON values.
-    unit : str
-    measured : (n,) array of bool, optional
-        Points that are one; the other ones are marked as invalid in an .e57.
-    remarks : sequence of str
-        Lines ``obj_info`` of a .ply.
+    properties and the remarks as lines ``obj_info``; as text, whose first line has the names; or in
+    an .e57, which is in metres, holds colours, intensities and numbers of rows and columns alone,
+    and marks points that were not `measured` as invalid. Lengths are in `unit`.
     """
     cloud = Path(path)
     check_cloud_name(cloud)

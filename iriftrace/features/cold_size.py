@@ -28,19 +28,11 @@ class ColdSizes:
 
     A size is divided by the growth of the same feature of the model: its size hot over that cold,
     fitted to the surfaces of the hot part and of its drawing.
-
-    Attributes
-    ----------
-    part : Part
-    u_expansion : float or None
-        Relative standard uncertainty of the thermal expansion.
-    u_temperature_k : float or None, K
-        Standard uncertainty of the part's temperature.
     """
 
     part: Part
-    u_expansion: float | None = None
-    u_temperature_k: float | None = None
+    u_expansion: float | None = None  # relative standard uncertainty of the thermal expansion
+    u_temperature_k: float | None = None  # standard uncertainty of the part's temperature, K
 
     def add_to_features(self, rows: Rows, true: str) -> Rows:
         """Rows of `feature_table` with ``at_reference`` of their sizes in the cloud `true`.

@@ -9,9 +9,8 @@ import numpy as np
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import ZERO_CELSIUS_K
-from iriftrace.geometry.topology import Neighbours, faces_to_flip, find_neighbours
+from iriftrace.geometry.topology import Neighbours, faces_to_flip, find_neighbours, open_edges
 from iriftrace.geometry.triangles import area_vectors
-from iriftrace.part.duplicates import distinct_faces
 from iriftrace.part.growth import Growth
 
 PLAUSIBLE_SIZE_MM = (1.0, 10_000.0)
@@ -84,6 +83,37 @@ def distinct_triangles(path: str, welded: IntArray) -> BoolArray:
             stacklevel=4,
         )
     return keep
+
+
+def distinct_faces(faces: IntArray) -> BoolArray:
+    """Mask of the triangles, (m, 3) of a welded mesh, to keep so that none lies on another.
+
+    The first of several triangles with the same corners and winding is kept. Two with opposite
+    windings are either both sides of one surface, of which the first is kept, or the wall between
+    two bodies that touch, of which none is kept; the case with fewer open edges in the whole mesh
+    is chosen. Triangles that use a vertex twice are all kept.
+    """
+    corners = np.sort(faces, axis=1)
+    # Ascending or reversed, two of three pairs of consecutive corners ascend.
+    ascends = (np.roll(faces, -1, axis=1) > faces).sum(axis=1) == 2
+    order = np.lexsort((ascends, *corners.T))
+    corners, ascends = corners[order], ascends[order]
+    same = np.zeros(len(faces), dtype=bool)
+    same[1:] = (corners[1:] == corners[:-1]).all(axis=1)
+    same &= (corners[:, 1:] != corners[:, :-1]).all(axis=1)
+    keep = np.ones(len(faces), dtype=bool)
+    if not same.any():
+        return keep
+    turned = np.zeros(len(faces), dtype=bool)
+    turned[1:] = same[1:] & (ascends[1:] != ascends[:-1])
+    keep[order[same & ~turned]] = False
+    start = np.maximum.accumulate(np.where(same, 0, np.arange(len(faces))))
+    pairs = np.stack((order[start[turned]], order[turned]), axis=1)
+    one_side, neither = keep.copy(), keep.copy()
+    one_side[pairs.max(axis=1)] = False
+    neither[pairs] = False
+    walls = neither.any() and len(open_edges(faces[neither])) <= len(open_edges(faces[one_side]))
+    return neither if walls else one_side
 
 
 def oriented_outward(

@@ -25,19 +25,11 @@ _SLACK = 1e-9
 
 @frozen(eq=False)
 class Mesh:
-    """A welded triangle mesh.
+    """A welded triangle mesh, mm; edges between two regions stay."""
 
-    Attributes
-    ----------
-    vertices : (n, 3) array, mm
-    faces : (m, 3) array
-    region : (m,) array
-        Number of each face's region; edges between two regions stay.
-    """
-
-    vertices: FloatArray
-    faces: IntArray
-    region: IntArray
+    vertices: FloatArray  # (n, 3)
+    faces: IntArray  # (m, 3)
+    region: IntArray  # (m,), number of each face's region
 
 
 def subdivide(mesh: Mesh, edge_mm: float, most_faces: int) -> Mesh | None:

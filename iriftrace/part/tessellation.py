@@ -6,27 +6,24 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+from attrs import evolve
 
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.geometry.topology import weld
 from iriftrace.geometry.triangles import polydata
-from iriftrace.part.part import Part, part_of_mesh
+from iriftrace.part.part import MOST_FACES, Part, part_of_mesh
 from iriftrace.part.regions import Regions
 from iriftrace.part.subdivision import Mesh, subdivide
 
 if TYPE_CHECKING:
     import pyvista as pv
-from attrs import evolve
 
 SAMPLE = 20_000
 """Number of points of each surface at which its distance from the other is computed."""
 
 FEWEST = 4
 """Number of triangles of the smallest closed surface."""
-
-MOST_FACES = 2**24 - 2
-"""Largest number of faces for the channel of a picture in single precision."""
 
 
 def decimate_part(part: Part, faces: int) -> tuple[Part, FloatArray]:

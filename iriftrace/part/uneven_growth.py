@@ -47,32 +47,16 @@ def grown_unevenly(
     wall_k: Temperatures,
     about: ArrayLike = (0.0, 0.0, 0.0),
 ) -> Part:
-    """The part with its hot size and shape, and with its drawing.
+    """A closed part as it was drawn at a temperature, with its hot size and shape, and its drawing.
 
-    Thermal strain is isotropic, and the body elastic and free (no creep, no stress from its
-    history). Without differences of temperature it grows about `about`; what differs from that has
-    no mean shift and no mean rotation.
+    Its `Growth` has the mean hot temperature over the volume; `wall_k` gives that of the wall
+    nearest to points, and the expansion is in 1/K. Thermal strain is isotropic, and the body
+    elastic and free (no creep, no stress from its history). Without differences of temperature it
+    grows about a point (3,), mm, world; what differs from that has no mean shift and no mean
+    rotation.
 
-    Parameters
-    ----------
-    part : Part
-        Closed, as it was drawn.
-    expansion : float, 1/K
-    reference_k : float, K
-        Temperature of the drawing.
-    wall_k : callable
-        Temperature of the wall nearest to points, K.
-    about : (3,) array, mm, world
-
-    Returns
-    -------
-    Part
-        With a `Growth` whose hot temperature is the mean over the volume, and the `drawing`.
-
-    Raises
-    ------
-    InputError
-        The part is not closed, contains expansion already, or a temperature is not finite.
+    Raises InputError if the part is not closed, contains expansion already, or a temperature is not
+    finite.
     """
     if part.growth is not None:
         raise InputError(f"{part.path} is expanded already; give the part as it was drawn.")

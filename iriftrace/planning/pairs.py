@@ -129,7 +129,12 @@ def plan_pairs(
     SetupError
         Pairs are to be measured and there is no usable LLVM or CUDA.
     """
-    _check_angles(angles_deg)
+    low, high = angles_deg
+    if not 0.0 < low < high < 180.0:
+        raise InputError(
+            f"The angles {low:g}:{high:g} are not a range of triangulation; give the smaller one "
+            "first, such as 15:45."
+        )
     ranked_region(dataset, ["rays_good"], criteria.region)
     try:
         part = swept_part(dataset)
@@ -141,7 +146,12 @@ def plan_pairs(
     views = views_of(dataset, len(areas))
     table = pair_table(views, part, areas, criteria, system, bool(feature), angles_deg)
     if not len(table):
-        raise InputError(_no_pair(region, criteria, angles_deg))
+        least = f", and {criteria.min_coverage:.1%} of its area" if criteria.min_coverage else ""
+        raise InputError(
+            f"No two poses of the sweep have {criteria.min_hits} rays each on faces of {region} "
+            f"that both see at {low:g} to {high:g} degrees{least}; sweep closer poses, or give "
+            "another --angle."
+        )
     size, bias, coverage, angle = table[:, 2:].T
     counted = quantities(table[:, 2:].T, bool(feature))
     limits = {name: limits_of(values, criteria.percentile) for name, values in counted.items()}
@@ -174,25 +184,6 @@ def plan_pairs(
         criteria=criteria,
         angles_deg=angles_deg,
         limits=limits,
-    )
-
-
-def _check_angles(angles_deg: tuple[float, float]) -> None:
-    low, high = angles_deg
-    if not 0.0 < low < high < 180.0:
-        raise InputError(
-            f"The angles {low:g}:{high:g} are not a range of triangulation; give the smaller one "
-            "first, such as 15:45."
-        )
-
-
-def _no_pair(region: str, criteria: Criteria, angles_deg: tuple[float, float]) -> str:
-    low, high = angles_deg
-    least = f", and {criteria.min_coverage:.1%} of its area" if criteria.min_coverage else ""
-    return (
-        f"No two poses of the sweep have {criteria.min_hits} rays each on faces of {region} that "
-        f"both see at {low:g} to {high:g} degrees{least}; sweep closer poses, or give another "
-        "--angle."
     )
 
 

@@ -37,39 +37,19 @@ _BEYOND = 0.05
 class Plan:
     """Ranking of the n poses of a sweep.
 
-    Attributes
-    ----------
-    order : (m,) array of int
-        Numbers of the ranked poses, the best first; of equal poses, the earlier one first.
-    score : (n,) array
-        Weighted sum of the costs, smallest best; NaN for unranked poses.
-    metrics : dict of (n,) arrays
-        The values of the sweep, for each of `METRICS`; mm, and 0..1 for the coverage.
-    normalised : dict of (n,) arrays
-        The same, 0 at the minimum and 1 at the percentile and above; 0 if all ranked poses are
-        the same, NaN for unranked poses.
-    costs : dict of (n,) arrays
-        Factors of the weights: `normalised`, but 1 - normalised for the coverage, unless it is
-        the same in all ranked poses.
-    limits : dict of (2,) tuples
-        Minimum and percentile of each metric; for the displacement without the added scatter.
-    unranked : dict
-        Number of each unranked pose and the reason.
-    constant : tuple of str
-        Metrics that are the same in all ranked poses; they count 0.
-    criteria : Criteria
-    warnings : tuple of str
-        Warnings that were also issued as `IriftraceWarning`.
+    Values of the sweep are by name of `METRICS`: in mm, and 0..1 for the coverage. They are
+    normalised to 0 at the minimum and 1 at the percentile and above, or to 0 if all ranked poses
+    are the same. Warnings were also issued as `IriftraceWarning`.
     """
 
-    order: IntArray
-    score: FloatArray
-    metrics: dict[str, FloatArray]
-    normalised: dict[str, FloatArray]
-    costs: dict[str, FloatArray]
-    limits: dict[str, tuple[float, float]]
-    unranked: dict[int, str]
-    constant: tuple[str, ...]
+    order: IntArray  # (m,) numbers of the ranked poses, the best first; of equal ones the earlier
+    score: FloatArray  # (n,) weighted sum of the costs, smallest best; NaN for unranked poses
+    metrics: dict[str, FloatArray]  # (n,) each
+    normalised: dict[str, FloatArray]  # (n,) each; NaN for unranked poses
+    costs: dict[str, FloatArray]  # as normalised, but 1 - that for a coverage that differs
+    limits: dict[str, tuple[float, float]]  # minimum and percentile, without the added scatter
+    unranked: dict[int, str]  # number of each unranked pose and the reason
+    constant: tuple[str, ...]  # metrics that are the same in all ranked poses; they count 0
     criteria: Criteria
     warnings: tuple[str, ...]
 
@@ -88,22 +68,8 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
     ``outside="discard"`` a pose above the percentile in any metric of positive weight, also in
     coverage, is unranked; the normalisation stays that of all poses.
 
-    Parameters
-    ----------
-    dataset
-        A sweep.
-    criteria
-        Weights, normalisation and requirements for a pose.
-
-    Raises
-    ------
-    InputError
-        The dataset is not a sweep, or no pose can be ranked.
-
-    Warns
-    -----
-    IriftraceWarning
-        A metric is the same, or nearly the same, in all ranked poses.
+    Raises InputError if the dataset is not a sweep, or no pose can be ranked. Warns of a metric
+    that is the same, or nearly the same, in all ranked poses.
     """
     criteria = in_force(criteria, dataset)
     needed = criteria.needed
@@ -245,20 +211,11 @@ def score_of(plan: Plan, metrics: Mapping[str, float]) -> float:
 
 
 def pareto_front(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> IntArray:
-    """Poses that no other pose surpasses in every respect, independent of the weights.
+    """Numbers (k,), ascending, of poses that no other one surpasses, independent of the weights.
 
     A pose is left out if another one is at least as good in displacement, coverage, axial and
-    lateral resolution and better in one of them.
-
-    Returns
-    -------
-    (k,) array of int
-        Numbers of the poses, ascending.
-
-    Raises
-    ------
-    InputError
-        The dataset is not a sweep, or no pose can be compared.
+    lateral resolution and better in one of them. Raises InputError if the dataset is not a sweep,
+    or no pose can be compared.
     """
     metrics, eligible, _ = rankable(dataset, in_force(criteria, dataset), METRICS)
     poses = np.flatnonzero(eligible)

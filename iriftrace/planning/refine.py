@@ -119,53 +119,46 @@ def refine_pose(
     evaluations: int = 80,
     progress: Callable[[int, float], None] | None = None,
 ) -> Refinement:
-    """Search for a better pose around the best one of a sweep.
+    """Search for a better pose around the best one of a sweep, with at most so many renderings.
 
     The camera keeps looking at the same point. Free are the direction from which it looks (as far
     as the nearest other pose of the sweep), its distance (by a quarter) and its roll (by 45
     degrees). The search is SciPy's COBYQA (Ragonneau, 2022), which fits quadratic models in a trust
-    region, needs no derivatives and is reproducible. From eight poses of the
-    cylinder it gained as much as Nelder and Mead's simplex (on average 0.23) with 61 instead of 80
-    renderings, and Powell's directions gained 0.18.
+    region, needs no derivatives and is reproducible. From eight poses of the cylinder it gained as
+    much as Nelder and Mead's simplex (on average 0.23) with 61 instead of 80 renderings, and
+    Powell's directions gained 0.18.
 
-    Parameters
-    ----------
-    dataset
-        The sweep.
-    plan
-        Its ranking.
-    swept
-        The scene of the sweep.
-    evaluations
-        Maximum number of poses to render, at least 10.
-    progress
-        Called after each pose with their number and the best score so far.
-
-    Raises
-    ------
-    InputError
-        Too few evaluations, or the best pose no longer has a score.
-
-    Warns
-    -----
-    IriftraceWarning
-        The scene gives the best pose another score than the sweep had.
+    `progress` is called after each pose with their number and the best score so far. Raises
+    InputError for fewer than 10 evaluations, or if the best pose no longer has a score; warns if
+    the scene gives it another score than the sweep had.
     """
     check_evaluations(evaluations)
     around = around_pose(dataset, plan.best)
+    # Larger than any other score.
+    without_score = 1.0 + sum(plan.criteria.weights.values())
     trials: list[_Trial] = []
 
     def evaluate(place: FloatArray) -> float:
         metrics = _metrics(swept, around.matrix(place), plan)
         score = math.nan if metrics is None else score_of(plan, metrics)
-        known = _worst_score(plan) if math.isnan(score) else score
+        known = without_score if math.isnan(score) else score
         trials.append(_Trial(known, metrics or {}, np.array(place)))
         if progress is not None:
             progress(len(trials), min(trial.score for trial in trials))
         return known
 
     start_score = evaluate(np.zeros(4))
-    _check_start(start_score, plan)
+    swept_score = plan.score[plan.best]
+    if start_score >= without_score:
+        raise InputError(
+            f"Pose {plan.best} cannot be scored when it is rendered again, so the scene "
+            "has changed since the sweep; run the sweep again."
+        )
+    if abs(start_score - swept_score) > _SAME_SCORE:
+        warn(
+            f"The scene gives pose {plan.best} the score {start_score:.3f} and the sweep had "
+            f"{swept_score:.3f}, so its air is not that of the sweep; run it again."
+        )
     converged = search(evaluate, 4, evaluations - 1)
     best = min(trials, key=lambda trial: trial.score)
     if start_score - best.score < _LEAST_GAIN:
@@ -183,25 +176,6 @@ def refine_pose(
         evaluations=len(trials),
         converged=converged,
     )
-
-
-def _worst_score(plan: Plan) -> float:
-    """Score of a pose that cannot be scored: larger than any other."""
-    return 1.0 + sum(plan.criteria.weights.values())
-
-
-def _check_start(score: float, plan: Plan) -> None:
-    """Refuse a best pose that no longer has a score, and warn if it has another one."""
-    if score >= _worst_score(plan):
-        raise InputError(
-            f"Pose {plan.best} cannot be scored when it is rendered again, so the scene "
-            "has changed since the sweep; run the sweep again."
-        )
-    if abs(score - plan.score[plan.best]) > _SAME_SCORE:
-        warn(
-            f"The scene gives pose {plan.best} the score {score:.3f} and the sweep had "
-            f"{plan.score[plan.best]:.3f}, so its air is not that of the sweep; run it again."
-        )
 
 
 def search(evaluate: Callable[[FloatArray], float], count: int, evaluations: int) -> bool:

@@ -70,21 +70,12 @@ class PairValue:
 
 @frozen(eq=False)
 class PairRefinement:
-    """The best pair found near the best one of a sweep; never worse than that.
-
-    Attributes
-    ----------
-    start, best : PairValue
-    evaluations : int
-        Number of measured pairs.
-    converged : bool
-        The search ended before the evaluations did.
-    """
+    """The best pair found near the best one of a sweep; never worse than that."""
 
     start: PairValue
     best: PairValue
-    evaluations: int
-    converged: bool
+    evaluations: int  # number of measured pairs
+    converged: bool  # the search ended before the evaluations did
 
 
 def write_refined_pair(
@@ -110,28 +101,15 @@ def refine_pair(
     evaluations: int = 80,
     progress: Callable[[int, float], None] | None = None,
 ) -> PairRefinement:
-    """Search for a better pair around the best one of a sweep.
+    """Search for a better pair around the best one of a sweep, with at most so many measurements.
 
     Direction, distance and roll of both devices are free, each as in
     `iriftrace.planning.refine.refine_pose`; every pair is measured (`iriftrace.measure`) through
-    the field data if they lie next to the scene.
+    the field data if they lie next to the scene. `progress` is called after each with their number
+    and the best score so far.
 
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        The sweep.
-    plan : PairPlan
-        Its pairs.
-    evaluations : int
-        Maximum number of pairs to measure, at least 10.
-    progress : callable, optional
-        Called after each with their number and the best score so far.
-
-    Raises
-    ------
-    InputError
-        Too few evaluations, the scene is missing or has changed, or the best pair cannot be
-        measured.
+    Raises InputError for fewer than 10 evaluations, if the scene is missing or has changed, or if
+    the best pair cannot be measured.
     """
     check_evaluations(evaluations)
     first, second = plan.pairs[0].tolist()

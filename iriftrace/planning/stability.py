@@ -6,14 +6,16 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
-from iriftrace.core.errors import InputError
 from iriftrace.planning.rank import Plan, weighted
+
+_VARIED = 0.5
+"""Fraction by which weights vary."""
 
 # Scores that differ by less than this fraction of the sum of the weights differ by rounding.
 _EQUAL_SCORES = 1e-12
 
-CLOSE_SCORES = 0.03
-"""Scores that differ by less than this fraction of the sum of the weights are not decisive."""
+# Scores that differ by less than this fraction of the sum of the weights are not decisive.
+_CLOSE_SCORES = 0.03
 
 # Different coverages: one view sees twice as much, and not only of next to nothing.
 _OTHER_RATIO = 2.0
@@ -22,7 +24,7 @@ _OTHER_DIFFERENCE = 0.05
 
 @frozen(eq=False)
 class Stability:
-    """Ranks of a plan's best pose when the weights vary.
+    """Ranks of a plan's best pose when the weights vary by half.
 
     Ranks (1: still the best) and winners are for the one weight made smaller, and larger. The k
     rivals are all poses that are better than the best one for some weights within the range, if
@@ -39,63 +41,40 @@ class Stability:
         return max(rank for pair in self.ranks.values() for rank in pair)
 
 
-@frozen(eq=False)
-class Alternative:
-    """A pose with nearly the best score and a different coverage."""
-
-    pose: int
-    behind: float  # difference of the scores
-    coverage: float  # 0..1, its own
-    best_coverage: float
-
-
-def stability(plan: Plan, fraction: float = 0.5) -> Stability:
-    """Compute the rank of a plan's best pose when each weight varies by a fraction, 0 to 1.
+def stability(plan: Plan) -> Stability:
+    """Compute the rank of a plan's best pose when weights vary.
 
     The score is linear in the weights, so a pose beats another somewhere in the box of weights if
     it does so where each weight is at the end that favours it.
     """
-    if not 0 < fraction < 1:
-        raise InputError(
-            f"The weights are to vary by {fraction}, which leaves none of them or changes nothing; "
-            "give a fraction between 0 and 1."
-        )
     weights = {name: weight for name, weight in plan.criteria.weights.items() if weight > 0}
     equal = _EQUAL_SCORES * sum(weights.values())
     costs = {name: plan.costs[name][plan.order] for name in weights}
     ranks, winners = {}, {}
+    lead = np.zeros(len(plan.order))
     for name, weight in weights.items():
-        scores = [
-            weighted(costs, {**weights, name: weight * factor})
-            for factor in (1 - fraction, 1 + fraction)
-        ]
+        factors = (1 - _VARIED, 1 + _VARIED)
+        scores = [weighted(costs, {**weights, name: weight * factor}) for factor in factors]
         smaller, larger = (1 + int(np.count_nonzero(s < s[0] - equal)) for s in scores)
         ranks[name] = smaller, larger
         smaller, larger = (int(plan.order[np.argmin(s)]) for s in scores)
         winners[name] = smaller, larger
-    lead = np.zeros(len(plan.order))
-    for name, weight in weights.items():
         behind = weight * (costs[name][0] - costs[name])
-        lead += behind + fraction * np.abs(behind)
+        lead += behind + _VARIED * np.abs(behind)
     return Stability(ranks, winners, plan.order[lead > equal])
 
 
-def close_alternative(plan: Plan) -> Alternative | None:
-    """The best of the poses with nearly the winner's score and a far larger or smaller coverage.
+def close_alternative(plan: Plan) -> int | None:
+    """Number of the best pose with nearly the winner's score and far larger or smaller coverage.
 
-    Nearly means within `CLOSE_SCORES`. None if the winner is clear, or the coverage is unknown.
+    None if the winner is clear, or the coverage is unknown.
     """
     behind = plan.score[plan.order] - plan.score[plan.best]
     coverage = plan.metrics["coverage"][plan.order]
-    margin = CLOSE_SCORES * sum(plan.criteria.weights.values())
-    found = np.flatnonzero(
-        far_apart(coverage[0], coverage) & (behind <= margin * (1 + _EQUAL_SCORES))
-    )
-    if len(found) == 0:
-        return None
-    first = found[0]
-    pose, score = int(plan.order[first]), float(behind[first])
-    return Alternative(pose, score, float(coverage[first]), float(coverage[0]))
+    margin = _CLOSE_SCORES * sum(plan.criteria.weights.values())
+    near = behind <= margin * (1 + _EQUAL_SCORES)
+    found = plan.order[far_apart(coverage[0], coverage) & near]
+    return int(found[0]) if len(found) else None
 
 
 def far_apart(coverage: float, others: FloatArray) -> BoolArray:

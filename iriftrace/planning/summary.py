@@ -172,10 +172,7 @@ class SweepSummary:
 def summarise(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> SweepSummary:
     """Rank the poses of a sweep and collect the data for plans, figures and reports.
 
-    Raises
-    ------
-    InputError
-        As `iriftrace.planning.rank.rank_poses`.
+    Raises InputError as `iriftrace.planning.rank.rank_poses`.
     """
     plan = rank_poses(dataset, criteria)
     view = dataset.sel(region=criteria.region)

@@ -174,20 +174,22 @@ def warned_text(summary: SweepSummary) -> str | None:
 
 def alternative_text(summary: SweepSummary) -> str | None:
     """Sentence if the winner is not clear, or sees little; None if neither."""
-    found = close_alternative(summary.plan)
-    if found is None:
-        coverage = summary.plan.metrics["coverage"][summary.plan.order]
-        if not far_apart(coverage[0], coverage.max()):
-            return None
+    plan = summary.plan
+    pose, best = close_alternative(plan), plan.best
+    coverage = plan.metrics["coverage"]
+    if pose is not None:
         return (
-            f"The best pose sees {100 * coverage[0]:.1f} % of {_region(summary)}, another one "
-            f"{100 * coverage.max():.1f} %; set --min-coverage if more has to be seen."
+            f"The winner is not clear: pose {pose} scores only "
+            f"{plan.score[pose] - plan.score[best]:.3f} more and sees {100 * coverage[pose]:.1f} % "
+            f"of {_region(summary)} instead of {100 * coverage[best]:.1f} %; choose by what has to "
+            "be measured, change the weights or set --min-coverage."
         )
+    most = coverage[plan.order].max()
+    if not far_apart(coverage[best], most):
+        return None
     return (
-        f"The winner is not clear: pose {found.pose} scores only {found.behind:.3f} more and sees "
-        f"{100 * found.coverage:.1f} % of {_region(summary)} instead of "
-        f"{100 * found.best_coverage:.1f} %; choose by what has to be measured, change the "
-        "weights or set --min-coverage."
+        f"The best pose sees {100 * coverage[best]:.1f} % of {_region(summary)}, another one "
+        f"{100 * most:.1f} %; set --min-coverage if more has to be seen."
     )
 
 

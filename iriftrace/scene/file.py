@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 _HEAD = 100_000
 """Number of bytes of a file in which a scene begins, with any comments before it."""
 
+_DERIVATIVES = frozenset(f"{name}_1".encode() for name in PLY_COLUMNS)
+"""Columns of a shell's file that have the derivatives of the index."""
+
 SHELL_BSDFS = ("iso_shell", "dielectric")
 
 _NAMED_FILES = {"calibrated_camera": ("calibration", None), "gradient_path": ("field", FIELD_FILE)}
@@ -119,14 +122,16 @@ def _shell_meshes(shells: Sequence[mi.Properties], in_layers: bool, path: Path) 
         mesh = _mesh_file(props, path)
         if mesh is None:
             continue
-        if in_layers and _changes_lengths(placement) and _has_derivatives(mesh):
+        turn, columns = placement[:3, :3], _ply_columns(mesh)
+        keeps_lengths = np.allclose(turn.T @ turn, np.eye(3), atol=1e-6)
+        if in_layers and not keeps_lengths and columns and columns.issuperset(_DERIVATIVES):
             raise InputError(
                 f"Shell '{props.id()}' in {path} has a to_world that changes lengths, but its file "
                 "gives the index's derivatives per mm of its own; write the scene again with "
                 "--field-transform, or bend rays at the shells alone (-D bending=shells)."
             )
         meshes.append(mesh)
-        if not _flag(props, "face_normals") and not _has_normals(mesh):
+        if not _flag(props, "face_normals") and not _has_normals(mesh, columns):
             flat.append(mesh.name)
     if flat:
         raise InputError(
@@ -272,36 +277,20 @@ def _bends_in_layers(nodes: Sequence[SceneNode]) -> bool:
     return not chosen or ("layers", "gradient") in chosen
 
 
-def _changes_lengths(placement: NDArray[np.float64]) -> bool:
-    turn = placement[:3, :3]
-    return not np.allclose(turn.T @ turn, np.eye(3), atol=1e-6)
-
-
-def _ply_head(mesh: Path) -> bytes | None:
-    """The header of a PLY; None if the file is not one."""
+def _ply_columns(mesh: Path) -> set[bytes] | None:
+    """Words of the header of a PLY; None if the file is missing or not one."""
+    if not mesh.is_file() or mesh.suffix.lower() != ".ply":
+        return None
     with mesh.open("rb") as file:
         head, end, _ = file.read(4096).partition(b"end_header")
-    return head if end else None
+    return set(head.split()) if end else None
 
 
-def _has_derivatives(mesh: Path) -> bool:
-    """True if a shell's file has the derivatives of the index."""
-    if not mesh.is_file() or mesh.suffix.lower() != ".ply":
-        return False
-    head = _ply_head(mesh) or b""
-    return all(f" {name}_1".encode() in head for name in PLY_COLUMNS)
-
-
-def _has_normals(mesh: Path) -> bool:
-    if not mesh.is_file():
-        # Mitsuba reports this itself.
-        return True
-    kind = mesh.suffix.lower()
-    if kind == ".ply":
-        head = _ply_head(mesh)
-        # Mitsuba also reports a file that is not a PLY.
-        return head is None or b" nx" in head
-    return kind == ".obj" and b"\nvn " in mesh.read_bytes()
+def _has_normals(mesh: Path, columns: set[bytes] | None) -> bool:
+    """True for normals, and for a file that is missing or damaged, which Mitsuba reports."""
+    if not mesh.is_file() or mesh.suffix.lower() == ".ply":
+        return columns is None or b"nx" in columns
+    return mesh.suffix.lower() == ".obj" and b"\nvn " in mesh.read_bytes()
 
 
 def check_meshes(files: Iterable[Path]) -> None:

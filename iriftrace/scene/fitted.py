@@ -39,27 +39,12 @@ def write_fitted_scene(
 ) -> tuple[FieldMember, ...]:
     """Write the scene of fitted members, without those that have no effect.
 
-    Parameters
-    ----------
-    scene : path
-        XML file of the ensemble's scene that is copied.
-    members : sequence of FieldMember
-        Members to keep, with weights and rows of their covariance.
-    output : path
-        The new scene's XML file, in another folder.
-    of_board : bool
-        The part is a board that is seen past the first blocker, which becomes the part.
+    Copies the ensemble's scene with the members to keep, which have weights and rows of their
+    covariance, into another folder, where they are numbered from 1; returns them as listed there.
+    `of_board`: the part is a board that is seen past the first blocker, which becomes the part.
 
-    Returns
-    -------
-    tuple of FieldMember
-        As listed in the new scene, numbered from 1.
-
-    Raises
-    ------
-    InputError
-        The output lies in the scene's own folder or was edited, a member is not one of the scene's,
-        or the folder cannot be written.
+    Raises InputError if the output lies in the scene's own folder or was edited, a member is not
+    one of the scene's, or the folder cannot be written.
     """
     check_fitted_scene(scene, output)
     theirs = _numbers_in(scene, members)

@@ -20,27 +20,13 @@ if TYPE_CHECKING:
 
 @frozen(eq=False)
 class AirState:
-    """One state of the air; its shells and cells are made when they are first needed.
+    """One state of the air; its shells and cells are made when they are first needed."""
 
-    Attributes
-    ----------
-    field : IndexField or None
-        None for ready-made shells.
-    label : str
-        Distinguishes it from the other states of an ensemble.
-    time : float or None
-        In the file's unit.
-    weight : float
-        Weight among the states of an ensemble; their sum is 1.
-    covariance : list of float or None
-        Row of the covariance of fitted weights.
-    """
-
-    field: IndexField | None
-    label: str
-    time: float | None
-    weight: float
-    covariance: list[float] | None
+    field: IndexField | None  # None for ready-made shells
+    label: str  # distinguishes it from the other states of an ensemble
+    time: float | None  # in the file's unit
+    weight: float  # among the states of an ensemble; their sum is 1
+    covariance: list[float] | None  # row of the covariance of fitted weights
     _layers: int
     _rule: str
     _ready: ShellStack | None

@@ -33,14 +33,22 @@ class TracedAir(TypedDict):
     stated: AirStatement
 
 
-def found_of_shells(
+def traced_air(
     integrator: Integrator,
     stated: AirStatement,
-    tables: SceneTables,
     name: str,
+    tables: SceneTables,
     others: tuple[str, ...] = (),
 ) -> TracedAir:
-    """The air of a scene's shells; `others` are not those stated."""
+    """The air of a scene; `others` are shells that are not those stated."""
+    if integrator.engine == "cells":
+        return {
+            "engine": "cells",
+            "normals": f"{integrator.gradient} gradient",
+            "bending": Bending.CELLS,
+            "index_rule": "none, linear in each tetrahedron",
+            "stated": statement_of_field(integrator.air.cells, stated, name),
+        }
     return {
         "engine": integrator.engine,
         "normals": stated_normals(integrator.normals, tables),
@@ -57,17 +65,6 @@ def _bending(integrator: Integrator, tables: SceneTables) -> Bending:
     if integrator.bending == "layers" and integrator.normals == "gradient":
         return Bending.SHELLS_WITHOUT_DERIVATIVES
     return Bending.SHELLS
-
-
-def found_of_field(integrator: Integrator, stated: AirStatement, name: str) -> TracedAir:
-    """The air of the cells engine."""
-    return {
-        "engine": "cells",
-        "normals": f"{integrator.gradient} gradient",
-        "bending": Bending.CELLS,
-        "index_rule": "none, linear in each tetrahedron",
-        "stated": statement_of_field(integrator.air.cells, stated, name),
-    }
 
 
 def field_file(path: Path, values: Mapping[str, str]) -> Path:

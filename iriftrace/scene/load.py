@@ -25,10 +25,9 @@ from iriftrace.scene.ensemble import MEMBER, members_of
 from iriftrace.scene.file import check_meshes, read_scene_file, readable
 from iriftrace.scene.integrators import (
     field_file,
-    found_of_field,
-    found_of_shells,
     integrator_for,
     set_wavelength,
+    traced_air,
 )
 from iriftrace.scene.loaded import LoadedEnsemble, LoadedScene
 from iriftrace.scene.wavelength import WAVELENGTH, of_the_file, set_shells
@@ -121,11 +120,8 @@ def _load_one(path: Path, values: dict[str, str], variant: str | None, engine: s
     warn_of_another_part(file, part, stated.part)
     _check_same_part(part, *prepared.tables.part_arrays())
     built = time.perf_counter()
-    if integrator.engine == "cells":
-        found = found_of_field(integrator, stated, str(path))
-    else:
-        others = other_shells(file, stated)
-        found = found_of_shells(integrator, stated, prepared.tables, str(path), others)
+    others = () if integrator.engine == "cells" else other_shells(file, stated)
+    found = traced_air(integrator, stated, str(path), prepared.tables, others)
     return LoadedScene(
         path=path,
         part=part,
@@ -180,10 +176,7 @@ def from_mitsuba(scene: mi.Scene) -> LoadedScene:
     sensors = _sensors(scene, name)
     started = time.perf_counter()
     tables = integrator.prepare(scene).tables
-    if integrator.engine == "cells":
-        found = found_of_field(integrator, AirStatement(), name)
-    else:
-        found = found_of_shells(integrator, AirStatement(), tables, name)
+    found = traced_air(integrator, AirStatement(), name, tables)
     return LoadedScene(
         path=None,
         part=part_of_mesh(*tables.part_arrays(), name=name),

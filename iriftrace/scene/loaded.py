@@ -24,9 +24,9 @@ from iriftrace.scene.ensemble import FieldMember, weights_of
 from iriftrace.scene.integrators import (
     Integrator,
     field_file,
-    found_of_field,
     integrator_for,
     set_wavelength,
+    traced_air,
 )
 from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.shells.table import AirStatement
@@ -185,7 +185,8 @@ class LoadedScene:
                 integrator = integrator_for(self.integrator, "cells", self.name, Path(FIELD_FILE))
                 integrator.use(self.cells)
             integrator.prepare_as(self.integrator)
-            found = found_of_field(integrator, self.stated, self.name)
+            tables = integrator.prepare(self.mitsuba_scene).tables
+            found = traced_air(integrator, self.stated, self.name, tables)
         return evolve(
             self,
             requested_engine="cells",

@@ -19,7 +19,7 @@ from iriftrace.part.part import Part
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.ensemble import FieldMember
 from iriftrace.scene.hot_air import HotAir
-from iriftrace.scene.integrators import Integrator, check_engine, found_of_shells
+from iriftrace.scene.integrators import Integrator, check_engine, traced_air
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.loaded import LoadedEnsemble, LoadedScene
 from iriftrace.scene.objects import kept_camera, kept_part, mitsuba_scene
@@ -79,16 +79,8 @@ class Scene:
     def loaded(self) -> LoadedScene:
         """The scene in Mitsuba, ready to be traced; created on first use.
 
-        Raises
-        ------
-        InputError
-            Field and part do not overlap, a device stands in the part or in hot air, or both stand
-            at one place.
-
-        Warns
-        -----
-        IriftraceWarning
-            Field and part do not fit together.
+        Raises InputError if field and part do not overlap, a device stands in the part or in hot
+        air, or both stand at one place. Warns if field and part do not fit together.
         """
         if self.second is not None:
             refuse_one_place(self.camera, self.second)
@@ -129,19 +121,10 @@ class Scene:
     ) -> BuiltScene | BuiltEnsemble:
         """Write the scene's folder, as ``iriftrace scene`` does; `iriftrace.load_scene` reads it.
 
-        Parameters
-        ----------
-        path : path
-            The scene's XML file; part, shells and field are written next to it.
-        scale : float
-            Default of the file's parameter ``scale``, a factor on the resolution.
-        trim_mm : float, mm, optional
-            Shells farther than this outside the camera's view are left out; by default none.
-
-        Raises
-        ------
-        InputError
-            As :func:`iriftrace.build_scene`.
+        The path is that of the XML file; part, shells and field are written next to it. ``scale``
+        is the default of the file's parameter of that name, a factor on the resolution. Shells
+        farther than ``trim_mm`` outside the camera's view are left out; by default none. Raises as
+        :func:`iriftrace.build_scene`.
         """
         from iriftrace.scene.build import build_ensemble, build_scene
 
@@ -233,7 +216,7 @@ def _one_state(scene: Scene, number: int) -> LoadedScene:
         second=second,
         second_id="" if second is None else scene.second_id,
         cells=cells,
-        **found_of_shells(integrator, stated, prepared.tables, "the scene"),
+        **traced_air(integrator, stated, "the scene", prepared.tables),
     )
     return shells.with_cells() if scene.engine == "cells" else shells
 

@@ -47,10 +47,7 @@ def _check_suffix(path: Path, what: str, suffixes: tuple[str, ...]) -> None:
 def write_table(path: Path, dataset: xr.Dataset) -> None:
     """Write the values of the whole part, one row for each pose; the suffix sets the format.
 
-    Raises
-    ------
-    InputError, SetupError
-        As `check_table`, or the file cannot be written.
+    Raises as `check_table`, and InputError if the file cannot be written.
     """
     check_table(path)
     others = [name for name in dataset.sizes if name not in ("pose", "region")]
@@ -65,25 +62,13 @@ def write_table(path: Path, dataset: xr.Dataset) -> None:
 
 
 def write_face_maps(path: Path, dataset: xr.Dataset, part: Part) -> None:
-    """Write the part's faces in the order of its file, with cell data.
+    """Write the part that was swept (.vtp, .vtu), faces in its file's order, with cell data.
 
     The arrays are ``displacement (um)``, the mean over all good rays of all poses, ``times seen``,
     the number of poses, ``best incidence (deg)``, the smallest angle of incidence, and ``region``,
     its number. Displacement and incidence of a face that was never seen are NaN.
 
-    Parameters
-    ----------
-    path : Path
-        A .vtp or .vtu file.
-    dataset : xarray.Dataset
-        The sweep.
-    part : Part
-        The part that was swept.
-
-    Raises
-    ------
-    InputError
-        If the name has another ending, the file cannot be written, or the part is another one.
+    Raises InputError for another ending or part, or if the file cannot be written.
     """
     check_surface(path)
     if dataset.sizes.get("face") != len(part.faces):

@@ -30,28 +30,16 @@ if TYPE_CHECKING:
 
 @frozen(eq=False)
 class SweptScene:
-    """Scene of a sweep, with the options of its rendering.
-
-    Attributes
-    ----------
-    scene : LoadedScene
-    camera : Camera
-        Intrinsics and focus interval.
-    include : tuple of int
-        Status codes of the rays that the metrics use.
-    """
+    """Scene of a sweep, with the options of its rendering."""
 
     scene: LoadedScene
-    camera: Camera
-    include: tuple[int, ...]
+    camera: Camera  # intrinsics and focus interval
+    include: tuple[int, ...]  # status codes of the rays that the metrics use
 
     def render(self, matrix: ArrayLike, *, nearest: bool = False) -> Rendering:
         """Render from a pose ((4, 4) array, camera to world, mm) as the sweep did.
 
-        Raises
-        ------
-        InputError
-            If the camera stands in the hot air or in the part.
+        Raises InputError if the camera stands in the hot air or in the part.
         """
         from iriftrace.trace.render import render_scene
 
@@ -76,21 +64,10 @@ class SweptScene:
 
 
 def load_swept_scene(dataset: xr.Dataset, pose: int) -> SweptScene:
-    """Load the scene of a sweep, with the engine that was requested.
+    """Load the scene of a pose's number with its focal length, and the engine that was requested.
 
-    Parameters
-    ----------
-    dataset
-        The sweep.
-    pose
-        Number of the pose whose scene and focal length to load, if a sweep has several.
-
-    Raises
-    ------
-    InputError
-        If the sweep does not name it, or its files are missing or have changed.
-    SetupError
-        If there is no usable LLVM or CUDA.
+    Raises InputError, half a sentence, if the sweep does not name it, or its files are missing or
+    have changed; SetupError if there is no usable LLVM or CUDA.
     """
     named, part = scene_of_pose(dataset, pose), attribute(dataset, "part")
     if "path" not in named or "path" not in part or not attribute(dataset, "camera"):

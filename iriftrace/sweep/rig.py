@@ -25,18 +25,10 @@ FEWEST_POINTS = 100
 
 @frozen(eq=False)
 class Rig:
-    """The second device of a rigid sensor.
+    """The second device of a rigid sensor."""
 
-    Attributes
-    ----------
-    device : Camera
-        Its own pose is not used.
-    to_first : (4, 4) array, mm
-        Rigid motion from its frame to the first device's.
-    """
-
-    device: Camera
-    to_first: FloatArray
+    device: Camera  # its own pose is not used
+    to_first: FloatArray  # (4, 4), mm, rigid motion from its frame to the first device's
 
     def placed(self, matrix: FloatArray) -> Camera:
         """The second device where the first one is at ``matrix`` (4, 4), mm, camera to world."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 from attrs import evolve, frozen
@@ -164,15 +163,14 @@ def _sensor(camera: Camera) -> JsonObject:
 def sources_of(series: Sequence[Series]) -> list[SceneSource]:
     """Source of each series' scene; each scene is read once."""
     scenes = {id(one.scene): one.scene for one in series}
-    known = {key: _source(scene, key) for key, scene in scenes.items()}
+    known = {
+        # A scene in memory is known in this process alone.
+        key: SceneSource("", {}, scene.variant, str(key), "", {})
+        if scene.path is None
+        else source_of(scene.path, scene.variables, scene.variant, scene.requested_engine)
+        for key, scene in scenes.items()
+    }
     return [known[id(one.scene)] for one in series]
-
-
-def _source(scene: LoadedScene, number: int) -> SceneSource:
-    if scene.path is not None:
-        return source_of(scene.path, scene.variables, scene.variant, scene.requested_engine)
-    # A scene in memory is known in this process alone.
-    return SceneSource("", {}, scene.variant, str(number), "", {})
 
 
 def render_here(series: Sequence[Series], sources: Sequence[SceneSource]) -> RenderPoses:
@@ -208,9 +206,13 @@ def scenes_attribute(series: Sequence[Series], sources: Sequence[SceneSource]) -
     scenes: dict[str, JsonObject] = {}
     for one, source in zip(series, sources, strict=True):
         scene, name = one.scene, one.scene.name
+        files = {}
+        if scene.path is not None:
+            sha256 = sha256_of(scene.path)
+            files = {"path": source.path, "sha256": sha256, "files": source.files}
         scenes[name] = {
             "scene": name,
-            **({} if scene.path is None else _files_of(source, scene.path)),
+            **files,
             "variables": scene.variables,
             "variant": scene.variant,
             "engine": scene.engine,
@@ -220,7 +222,3 @@ def scenes_attribute(series: Sequence[Series], sources: Sequence[SceneSource]) -
         if scene.ensemble is not None:
             scenes[name]["members"] = [member.as_dict() for member in scene.ensemble.members]
     return list(scenes.values())
-
-
-def _files_of(source: SceneSource, path: Path) -> JsonObject:
-    return {"path": source.path, "sha256": sha256_of(path), "files": source.files}

@@ -35,7 +35,7 @@ from iriftrace.triangulation.devices import (
     triangulated,
 )
 from iriftrace.triangulation.field_state import field_state
-from iriftrace.triangulation.larger import Larger, larger_than
+from iriftrace.triangulation.larger import Larger, in_box, larger_than, sample_of
 from iriftrace.triangulation.two_points import lines_of_sight
 
 REACH_MM = 1.0
@@ -123,7 +123,7 @@ def correct(
     """
     measured = _checked(points, field_uncertainty)
     loaded, camera, second, system, phase = devices_of(scene, camera, second, system, phase)
-    in_box, to_part = _near_part(measured, loaded.part)
+    near_box, to_part = _near_part(measured, loaded.part)
     traced = choose(loaded, camera, second).scene
     members = (traced,) if traced.ensemble is None else traced.ensemble.scenes()
     # Clouds come in any order; neighbouring rays are traced faster.
@@ -131,7 +131,7 @@ def correct(
         pixel, second_pixel = (device.project(measured) for device in (camera, second))
     in_view = np.asarray(np.isfinite(np.hstack((pixel, second_pixel))).all(axis=1))
     order = tile_order(pixel)
-    order = order[(in_view & in_box)[order]]
+    order = order[(in_view & near_box)[order]]
     point_error = partial(_point_error, camera=camera, second=second, system=system, phase=phase)
     found = [_in_one_field(measured, in_view, order, member, point_error) for member in members]
     by_member, statuses = [one[0] for one in found], [one[1] for one in found]
@@ -203,33 +203,24 @@ def _checked(points: ArrayLike, field_uncertainty: float) -> FloatArray:
 def _near_part(measured: FloatArray, part: Part) -> tuple[BoolArray, FloatArray]:
     """Mask (n,) of the points in a box around a part, and the distance, mm, of a sample of them.
 
-    The box is larger than the part's by twice `REACH_MM`.
-
-    Raises
-    ------
-    InputError
-        The cloud does not lie on the part.
+    The box is larger than the part's by twice `REACH_MM`. Raises InputError for a cloud that does
+    not lie on the part.
     """
-    in_box = _in_box(measured, part)
-    to_part = part.surface.distance(_sample(measured[in_box]))
+    near_box = in_box(measured, part, 2.0 * REACH_MM)
+    to_part = part.surface.distance(sample_of(measured[near_box], SAMPLE))
     near = int((to_part <= REACH_MM).sum())
     next_to_it = int((to_part <= 2 * REACH_MM).sum()) - near
     if near <= 0.5 * len(to_part) and near <= MOSTLY_PART * next_to_it:
         larger = larger_than(measured, part)
         if larger is not None:
             raise InputError(larger.sentence(part.growth))
-        middle = np.median(part.surface.distance(_sample(measured)))
+        middle = np.median(part.surface.distance(sample_of(measured, SAMPLE)))
         raise InputError(
             f"The cloud lies {middle:.3g} mm from the part (median), so it is another part's, in "
             "another unit (--length-unit) or another frame (--cloud-to-part); give its points in "
             "mm in the frame of the scene."
         )
-    return in_box, to_part
-
-
-def _in_box(points: FloatArray, part: Part) -> BoolArray:
-    low, high = part.bounds + np.array([[-2.0], [2.0]]) * REACH_MM
-    return np.asarray(((points >= low) & (points <= high)).all(axis=1))
+    return near_box, to_part
 
 
 def _larger(points: FloatArray, part: Part) -> Larger | None:
@@ -237,7 +228,8 @@ def _larger(points: FloatArray, part: Part) -> Larger | None:
 
     On a strip of a surface refraction alone looks like another size, by as much as 2 %.
     """
-    to_part = part.surface.distance(_sample(points[_in_box(points, part)]))
+    near = points[in_box(points, part, 2.0 * REACH_MM)]
+    to_part = part.surface.distance(sample_of(near, SAMPLE))
     return larger_than(points, part) if np.median(to_part) > ON_PART_MM else None
 
 
@@ -250,16 +242,9 @@ def _warn_of_doubtful(status: IntArray, larger: Larger | None, part: Part) -> No
         # Points far from a part of another size are not a matter of the alignment.
         explained = larger is not None and code == CorrectionStatus.FAR_FROM_PART
         if fraction > MANY and not explained:
-            text = f"{fraction:.0%} of the points {sentence}"
-            warn(text)
+            warn(f"{fraction:.0%} of the points {sentence}")
     lost = int((status == CorrectionStatus.LOST).sum())
     warn_of_lost_points(lost, len(status), "are not corrected")
-
-
-def _sample(points: FloatArray) -> FloatArray:
-    """At most `SAMPLE` random points of the (n, 3): sensors may write equal rows periodically."""
-    rows = np.random.default_rng(0).choice(len(points), min(SAMPLE, len(points)), False)
-    return points[rows]
 
 
 def _common_status(

@@ -27,8 +27,13 @@ from iriftrace.part.part import Part
 from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.triangulation.field_state import FieldState
 from iriftrace.triangulation.larger import Larger
-from iriftrace.triangulation.region_table import RegionRow, region_table
-from iriftrace.triangulation.statistics import PointStatus, each_along, worst_member
+from iriftrace.triangulation.statistics import (
+    PointStatus,
+    RegionRow,
+    each_along,
+    region_table,
+    worst_member,
+)
 
 SCHEMA = "iriftrace.correction/1"
 
@@ -269,23 +274,13 @@ class Correction:
     ) -> tuple[Path, Path]:
         """Write the corrected cloud, with what was added to each point, and its numbers (.json).
 
-        Parameters
-        ----------
-        path : path
-        features, regions, related : sequences of dict
-            Rows of `features`, `regions` and `relations`, written with the numbers.
-        cloud : Cloud, optional
-            The cloud whose `points` were corrected: all of its rows are written in their order,
-            with its further columns. Rows that were not measured are written unchanged.
-        motion : (4, 4) array, mm, optional
-            Rigid motion from the frame of the cloud to that of the scene, which was applied to it.
-        in_cloud_frame : bool
-            Write the cloud in its own frame and unit instead of in mm in the scene's frame.
+        Rows of `features`, `regions` and `relations` are written with the numbers. With the cloud
+        whose `points` were corrected all of its rows are written in their order, with its further
+        columns; rows that were not measured are written unchanged. `motion` (4, 4), mm, is the
+        rigid motion from the cloud's frame to the scene's that was applied to it; `in_cloud_frame`
+        writes in the cloud's own frame and unit instead of in mm in the scene's frame.
 
-        Raises
-        ------
-        InputError
-            If the name ends in none of `iriftrace.clouds.write.WRITTEN`.
+        Raises InputError if the name ends in none of `iriftrace.clouds.write.WRITTEN`.
         """
         moved = np.eye(4) if motion is None else motion
         unit = cloud.unit if cloud is not None and in_cloud_frame else "mm"

@@ -15,19 +15,12 @@ _RANGE = 2.0 * math.sqrt(3.0)
 
 @frozen
 class FieldState:
-    """What the file of a scene's field states about the uncertainty of a correction.
+    """What the file of a scene's field states about the uncertainty of a correction."""
 
-    Attributes
-    ----------
-    synthetic : bool
-        Air from formulas, whose uncertainty is not known.
-    unsteadiness : float or None
-        Relative standard uncertainty of the air's contrast because it changes in time while a scan
-        sees one state; 0 for steady air and where nothing is stated, None for unsteady air whose
-        changes are not stated.
-    """
-
-    synthetic: bool = False
+    synthetic: bool = False  # air from formulas, whose uncertainty is not known
+    # Relative standard uncertainty of the air's contrast because it changes in time while a scan
+    # sees one state; 0 for steady air and where nothing is stated, None for unsteady air whose
+    # changes are not stated.
     unsteadiness: float | None = 0.0
 
 

@@ -7,8 +7,14 @@ import numpy as np
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
 from iriftrace.geometry.triangles import unit_vectors
-from iriftrace.triangulation.devices import Phase, System, better_phase, phase_planes
-from iriftrace.triangulation.intersection import nearest_point, on_plane
+from iriftrace.triangulation.devices import (
+    Phase,
+    System,
+    better_phase,
+    nearest_point,
+    on_plane,
+    phase_planes,
+)
 
 
 def first_order_error(

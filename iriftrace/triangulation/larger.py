@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from attrs import frozen
+from scipy.spatial.transform import Rotation
 
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
@@ -38,19 +39,11 @@ MOST_LEFT = 0.5
 
 @frozen
 class Larger:
-    """A cloud that is larger or smaller than the part.
+    """A cloud that is larger or smaller than the part."""
 
-    Attributes
-    ----------
-    scale : float
-        Lengths in the cloud over those of the part.
-    left_mm, rigid_mm : float
-        Median distance from the part after the best fit with a scale, and without.
-    """
-
-    scale: float
-    left_mm: float
-    rigid_mm: float
+    scale: float  # lengths in the cloud over those of the part
+    left_mm: float  # median distance from the part after the best fit with a scale
+    rigid_mm: float  # the same without one
 
     def sentence(self, growth: Growth | None) -> str:
         """What it means for a part whose expansion is known or not, and what to do."""
@@ -78,6 +71,18 @@ def _celsius(kelvin: float) -> str:
     return f"{kelvin - ZERO_CELSIUS_K:.0f} degC"
 
 
+def in_box(points: FloatArray, part: Part, margin_mm: float) -> BoolArray:
+    """Mask (n,) of the points (n, 3), mm, that lie at most so far outside the part's box."""
+    low, high = part.bounds + np.array([[-margin_mm], [margin_mm]])
+    return np.asarray(((points >= low) & (points <= high)).all(axis=1))
+
+
+def sample_of(points: FloatArray, count: int) -> FloatArray:
+    """At most so many random points of the (n, 3): sensors may write equal rows periodically."""
+    rows = np.random.default_rng(0).choice(len(points), min(count, len(points)), False)
+    return points[rows]
+
+
 def larger_than(points: FloatArray, part: Part) -> Larger | None:
     """Compare the size of the points (n, 3), mm, with that of the part.
 
@@ -85,13 +90,12 @@ def larger_than(points: FloatArray, part: Part) -> Larger | None:
     small or does not explain most of the distance that remains after the rigid motion.
     """
     margin = BOX * float(np.linalg.norm(np.ptp(part.bounds, axis=0)))
-    low, high = part.bounds + np.array([[-margin], [margin]])
-    near = points[((points >= low) & (points <= high)).all(axis=1)]
+    near = points[in_box(points, part, margin)]
     if len(near) < 100:
         return None
-    rows = np.random.default_rng(0).choice(len(near), min(SAMPLE, len(near)), False)
-    scale, doubt, left = _aligned(near[rows], part, scaling=True)
-    _, _, rigid = _aligned(near[rows], part, scaling=False)
+    near = sample_of(near, SAMPLE)
+    scale, doubt, left = _aligned(near, part, scaling=True)
+    _, _, rigid = _aligned(near, part, scaling=False)
     by = scale - 1.0
     if not max(LEAST, 5 * doubt) <= abs(by) <= MOST or left > MOST_LEFT * rigid:
         return None
@@ -116,7 +120,7 @@ def _aligned(points: FloatArray, part: Part, scaling: bool) -> tuple[float, floa
         if scaling:
             motions = np.column_stack((motions, np.einsum("ij,ij->i", arm, direction)))
         found, *_ = np.linalg.lstsq(motions[kept], -distance[kept], rcond=1e-4)
-        rotation = _rotation(found[3:6] / size)
+        rotation = Rotation.from_rotvec(found[3:6] / size).as_matrix()
         factor = 1.0 + (found[6] / size if scaling else 0.0)
         points = centre + factor * (points - centre) @ rotation.T + found[:3]
         scale /= factor
@@ -127,10 +131,3 @@ def _aligned(points: FloatArray, part: Part, scaling: bool) -> tuple[float, floa
         spread = np.linalg.pinv(motions[kept].T @ motions[kept], rcond=1e-8)[6, 6]
         doubt = float(np.sqrt(np.mean(left**2) * spread)) / size
     return scale, doubt, float(np.median(part.surface.distance(points)))
-
-
-def _rotation(vector: FloatArray) -> FloatArray:
-    """Rotation matrix (3, 3) of a rotation vector, rad."""
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_rotvec(vector).as_matrix(), dtype=np.float64)

@@ -143,21 +143,27 @@ def _together(scans: Sequence[Scan], weights: MemberWeights) -> Scan:
 def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, phase: Phase) -> Scan:
     forward, solved = (second, camera) if system == "laser" else (camera, second)
     lit = _lit_points(scene, forward, sheet=system == "laser")
-    codes, lines = _seen_by(scene, solved, forward, lit)
+    codes, numbers, direction = _seen_by(scene, solved, forward, lit)
     status = lit.status
     status[lit.pixel] = codes
     missing = int((status == ScanStatus.LOST).sum())
     warn_of_lost_points(missing, len(lit.point) + lit.lost, "are left out")
-    good = np.flatnonzero(codes[lines.numbers] == ScanStatus.MEASURED)
-    good = good[np.argsort(lit.pixel[lines.numbers[good]])]
-    kept = lines.numbers[good]
+    good = np.flatnonzero(codes[numbers] == ScanStatus.MEASURED)
+    good = good[np.argsort(lit.pixel[numbers[good]])]
+    kept = numbers[good]
     if len(kept) == 0:
         raise InputError(_nothing_in_common(lit.outcome, codes))
-    one, other = lit.direction[kept], lines.direction[good]
+    one, other = lit.direction[kept], direction[good]
     a, b = (other, one) if system == "laser" else (one, other)
     points, gap = triangulated(camera, second, a, b, system, phase)
     angle = np.arccos(np.clip(np.einsum("ij,ij->i", a, b), -1.0, 1.0))
-    _warn_of_angle(float(np.median(angle)))
+    median = float(np.median(angle))
+    if median < LEAST_ANGLE:
+        warn(
+            f"The lines of the two devices meet at {np.degrees(median):.2g} degrees (median), so "
+            "that small errors of either become large in depth; set them farther apart.",
+            stacklevel=4,
+        )
     return Scan(
         points=points,
         true=lit.point[kept],
@@ -220,17 +226,10 @@ def _lit_points(scene: LoadedScene, forward: Camera, *, sheet: bool) -> _Lit:
     )
 
 
-class _Lines(NamedTuple):
-    """Lines of sight from the other device to points."""
-
-    numbers: IntArray  # (m,) numbers of the points
-    direction: FloatArray  # (m, 3)
-
-
 def _seen_by(
     scene: LoadedScene, solved: Camera, forward: Camera, lit: _Lit
-) -> tuple[IntArray, _Lines]:
-    """`ScanStatus` of lit points for the other device, and its lines of sight to them."""
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """`ScanStatus` of lit points for the other device; numbers (m,) and directions of its lines."""
     distance = row_lengths(lit.point - solved.origin)
     near, far = solved.focus_mm
     # An open part may be seen from the back of its triangles, then by both devices.
@@ -249,16 +248,7 @@ def _seen_by(
     codes[numbers[~lines.found]] = ScanStatus.SEVERAL_IMAGES
     codes[numbers[lines.lost]] = ScanStatus.LOST
     codes[numbers[lines.found & ~clear]] = ScanStatus.SHADOW
-    return codes, _Lines(numbers, lines.direction)
-
-
-def _warn_of_angle(median: float) -> None:
-    if median < LEAST_ANGLE:
-        warn(
-            f"The lines of the two devices meet at {np.degrees(median):.2g} degrees (median), so "
-            "so that small errors of either become large in depth; set them farther apart.",
-            stacklevel=5,
-        )
+    return codes, numbers, lines.direction
 
 
 def _nothing_in_common(forward: IntArray, solved: IntArray) -> str:

@@ -21,8 +21,13 @@ from iriftrace.features.table import feature_table
 from iriftrace.part.part import Part
 from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.triangulation.acceptance import AcceptanceRow
-from iriftrace.triangulation.region_table import RegionRow, region_table
-from iriftrace.triangulation.statistics import PointStatus, each_along, worst_member
+from iriftrace.triangulation.statistics import (
+    PointStatus,
+    RegionRow,
+    each_along,
+    region_table,
+    worst_member,
+)
 
 SCHEMA = "iriftrace.scan/1"
 
@@ -156,12 +161,8 @@ class Scan:
         about the cloud's centre c (Chen and Medioni, Image and Vision Computing 10 (1992) 145).
         Motions that no normal determines, such as that of a cylinder along its axis, are left at 0.
 
-        Returns
-        -------
-        translation : (3,) array, mm
-        rotation : (3,) array, rad
-        error_normal : (n,) array, mm
-            After the alignment.
+        Returns translation (3,), mm, rotation (3,), rad, and errors along the normals (n,), mm,
+        after it.
         """
         arm = self.true - self.true.mean(axis=0)
         motions = np.hstack((self.normal, np.cross(arm, self.normal)))
@@ -237,18 +238,9 @@ class Scan:
         regions: Sequence[RegionRow] = (),
         related: Sequence[JsonObject] = (),
     ) -> tuple[Path, Path]:
-        """Write the cloud and, next to it, its numbers (.json).
+        """Write the cloud and its numbers (.json), with rows of the other methods if given.
 
-        Parameters
-        ----------
-        path : path
-        features, acceptance, regions, related : sequences of dict
-            Written with the numbers.
-
-        Raises
-        ------
-        InputError
-            If the name ends in none of `iriftrace.clouds.write.WRITTEN`.
+        Raises InputError if the name ends in none of `iriftrace.clouds.write.WRITTEN`.
         """
         values = self.as_dict() | {
             "features": list(features),

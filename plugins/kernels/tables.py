@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iriftrace.core.errors import InputError
-from iriftrace.part.tessellation import MOST_FACES
+from iriftrace.part.part import MOST_FACES
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.edges import NONE, edge_neighbours
 from iriftrace.plugins.kernels.snell import Triangle, facet_normal

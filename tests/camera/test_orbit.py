@@ -48,9 +48,6 @@ def box(*size):
     return part_of_mesh(hull.points, faces, name="box")
 
 
-# ---------------------------------------------------------------------------------- parse_range
-
-
 @pytest.mark.parametrize(
     ("text", "values"),
     [
@@ -89,15 +86,6 @@ def test_a_count_that_does_not_fit_the_ends(text):
         parse_range(text)
 
 
-# ---------------------------------------------------------------------------------------- points
-
-
-@given(azimuths, st.floats(-90.0, 90.0), kinds)
-def test_points_lie_on_the_ellipsoid(azimuth, elevation, kind):
-    offset = orbit(kind).points([azimuth], [elevation])[0] - CENTRE
-    assert np.sum((offset / AXES) ** 2) == pytest.approx(1.0, abs=1e-14)
-
-
 @given(azimuths, slants)
 def test_parameters_are_those_of_the_formula(azimuth, elevation):
     a, e = np.radians((azimuth, elevation))
@@ -110,7 +98,9 @@ def test_parameters_are_those_of_the_formula(azimuth, elevation):
 
 @given(azimuths, slants)
 def test_geocentric_angles_are_the_direction_from_the_centre(azimuth, elevation):
-    x, y, z = orbit("geocentric", np.zeros(3)).points([azimuth], [elevation])[0]
+    place = orbit("geocentric", np.zeros(3)).points([azimuth], [elevation])[0]
+    assert np.sum((place / AXES) ** 2) == pytest.approx(1.0, abs=1e-14)
+    x, y, z = place
     assert np.degrees(np.arctan2(z, np.hypot(x, y))) == pytest.approx(elevation, abs=1e-10)
     turn = np.degrees(np.arctan2(y, x)) - azimuth
     assert turn == pytest.approx(360.0 * round(turn / 360.0), abs=1e-9)
@@ -151,9 +141,6 @@ def test_quarter_turns_are_exact():
 def test_what_is_no_orbit(arguments, message):
     with pytest.raises(InputError, match=message):
         Orbit(*arguments)
-
-
-# ------------------------------------------------------------------------------ the cameras' axes
 
 
 def distance_from_axis(poses, target):
@@ -198,9 +185,6 @@ def test_poses_are_rigid_without_roll_and_have_up_up(azimuth, elevation, off_cen
     assert_allclose(matrix, look_at(matrix[:3, 3], target), atol=1e-12)
 
 
-# ------------------------------------------------------------------------------------- the grid
-
-
 def test_the_grid_goes_elevation_by_elevation_with_one_pose_at_each_pole():
     poses = orbit_poses(orbit(), [10.0, 20.0, 30.0], [-90.0, 0.0, 45.0, 90.0])
     assert len(poses) == 1 + 3 + 3 + 1
@@ -223,13 +207,11 @@ def test_the_pole_is_the_limit_of_azimuth_0(sign):
     assert_array_equal(pole[:3, 3], np.add(CENTRE, (0, 0, sign * AXES[2])))
 
 
-def test_a_target_aside_decides_the_roll_at_the_pole():
+def test_the_target_decides_the_roll_at_the_pole_and_off_it():
     # Looking towards +x from above, the picture's right is -y.
     pose = orbit_poses(orbit(), [0.0], [90.0], np.add(CENTRE, (50.0, 0.0, 0.0))).matrices[0]
     assert_allclose(pose[:3, 0], (0, -1, 0), atol=1e-15)
-
-
-def test_a_vertical_view_off_the_pole_takes_the_same_roll():
+    # A vertical view off the pole takes the same roll as at it.
     point = orbit().points([40.0], [60.0])[0]
     pose = orbit_poses(orbit(), [40.0], [60.0], point - (0.0, 0.0, 30.0)).matrices[0]
     assert_array_equal(pose[:3, :3], [(0, 1, 0), (1, 0, 0), (0, 0, -1)])
@@ -273,17 +255,17 @@ def test_opposite_angles_give_opposite_points_to_the_last_bit(azimuth, elevation
         (0.0, [0.0, -120.0], "Elevation -120 degrees"),
         (np.nan, 0.0, "not finite"),
         (0.0, np.inf, "not finite"),
+        # Each range alone is allowed; all combinations would fill the memory.
+        (
+            parse_range("0:90:99999"),
+            parse_range("-90:90:99999"),
+            "99999 azimuths at 99999 elevations",
+        ),
     ],
 )
 def test_angles_that_are_refused(azimuth, elevation, message):
     with pytest.raises(InputError, match=message):
         orbit_poses(orbit(), azimuth, elevation)
-
-
-def test_more_poses_than_any_sweep_gets_through():
-    """Each range alone is allowed; all combinations would fill the memory."""
-    with pytest.raises(InputError, match="99999 azimuths at 99999 elevations"):
-        orbit_poses(orbit(), parse_range("0:90:99999"), parse_range("-90:90:99999"))
 
 
 def test_a_target_on_the_orbit_is_refused():
@@ -297,9 +279,6 @@ def test_a_full_circle_with_both_ends_is_warned_of():
     with pytest.warns(IriftraceWarning, match="more than once"):
         poses = orbit_poses(orbit(), parse_range("0:360:5"), 0.0)
     assert len(poses) == 5
-
-
-# ------------------------------------------------------------------------------------ Fibonacci
 
 
 @pytest.mark.parametrize("count", [1, 2, 100, 1001])
@@ -327,15 +306,9 @@ def test_fibonacci_directions_are_even(kind):
     # Moments of the even distribution: mean 0, second moment 1/3 in every direction.
     assert_allclose(unit.mean(axis=0), 0.0, atol=1e-3)
     assert_allclose(unit.T @ unit / count, np.eye(3) / 3, atol=1e-3)
-
-
-@pytest.mark.parametrize("count", [0, -1, 10**9])
-def test_fibonacci_count(count):
-    with pytest.raises(InputError, match="make no sweep"):
-        fibonacci_poses(orbit(), count)
-
-
-# ------------------------------------------------------------------------------------- semi-axes
+    for wrong in (0, -1, 10**9):
+        with pytest.raises(InputError, match="make no sweep"):
+            fibonacci_poses(orbit(), wrong)
 
 
 def test_semi_axes_are_half_extents_and_stand_off():
@@ -364,9 +337,6 @@ def test_a_flat_part_has_no_ratio():
         paper_semi_axes(part, 100.0)
 
 
-# ----------------------------------------------------------------------------------- offset_outward
-
-
 def ball(radius):
     return lambda points: np.linalg.norm(points - CENTRE, axis=1) < radius
 
@@ -388,19 +358,13 @@ def test_poses_in_hot_air_go_back_along_their_axes_until_they_are_out():
     assert distance_from_axis(out, CENTRE)[0].max() < 1e-11
 
 
-def test_cold_poses_stay():
+def test_cold_poses_stay_and_hot_ones_may_have_no_way_out():
     poses = fibonacci_poses(orbit(), 20)
     out, moved = offset_outward(poses, ball(10.0))
     assert not moved.any()
     assert_array_equal(out.matrices, poses.matrices)
-
-
-def test_no_way_out():
     with pytest.raises(InputError, match="still in the hot air 10 m further back"):
         offset_outward(fibonacci_poses(orbit(), 3), ball(1e6))
-
-
-# -------------------------------------------------------------------------------------- PoseSet
 
 
 def test_take_and_joined_keep_poses_with_their_angles():
@@ -425,6 +389,8 @@ def test_pose_sets_cannot_be_changed_by_accident():
     assert poses.origins[0, 0] == 0.0
     with pytest.raises(ValueError, match="read-only"):
         poses.matrices[0, 0, 3] = 1.0
+    with pytest.raises(InputError, match="2 azimuths for 1 poses"):
+        PoseSet(matrices, [1.0, 2.0])
 
 
 def changed(row, column, value):
@@ -450,8 +416,3 @@ def changed(row, column, value):
 def test_what_is_no_pose(matrices, message):
     with pytest.raises(InputError, match=message):
         PoseSet(matrices)
-
-
-def test_angles_must_be_as_many_as_poses():
-    with pytest.raises(InputError, match="2 azimuths for 1 poses"):
-        PoseSet(np.eye(4)[None], [1.0, 2.0])

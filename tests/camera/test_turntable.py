@@ -17,6 +17,7 @@ CAMERA = look_at((200.0, 30.0, 60.0), CENTRE)
 def test_a_point_of_the_turned_part_is_where_the_turned_camera_sees_it() -> None:
     poses = turntable_poses(CAMERA, "z:0:360:30", CENTRE)
     assert len(poses) == 12
+    assert len(turntable_poses(CAMERA, "z:0:90:30", CENTRE)) == 4, "both ends of less than a turn"
     np.testing.assert_allclose(poses.matrices[0], CAMERA, atol=1e-12)
     point = np.array([10.0, 20.0, 30.0])
     for degrees, matrix in zip(range(0, 360, 30), poses.matrices, strict=True):
@@ -29,7 +30,3 @@ def test_a_point_of_the_turned_part_is_where_the_turned_camera_sees_it() -> None
 def test_what_is_no_turntable_is_refused(text: str) -> None:
     with pytest.raises(InputError, match="is not a turntable"):
         turntable_poses(CAMERA, text, CENTRE)
-
-
-def test_a_part_of_a_turn_has_both_ends() -> None:
-    assert len(turntable_poses(CAMERA, "z:0:90:30", CENTRE)) == 4

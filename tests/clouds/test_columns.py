@@ -10,7 +10,7 @@ import pytest
 import pyvista as pv
 from numpy.testing import assert_allclose
 
-from iriftrace.clouds.columns import axis_of, is_corrected
+from iriftrace.clouds.columns import axis_of
 from iriftrace.clouds.read import read_cloud
 from iriftrace.core.errors import InputError, IriftraceWarning
 
@@ -47,6 +47,11 @@ def write(
         ("x_true,y_true,z_true,x,y,z", [3, 4, 5, 0, 1, 2], ","),
         ("x,y,z,x.1,y.1,z.1", [0, 1, 2, 3, 4, 5], ","),
         ("POINT_X;POINT_Y;POINT_Z;", [0, 1, 2], ";"),
+        ("id;Z [mm];Y [mm];X [mm]", [9, 2, 1, 0], ";"),
+        ('"Y","X","Z"', [1, 0, 2], ","),
+        ("//X Y Z", [0, 1, 2], " "),
+        (",x,y,z", [9, 0, 1, 2], ","),
+        ("z,y,x\n", [2, 1, 0], ","),
         ("Scan 12 January", [0, 1, 2], " "),
         ("measured on Tuesday by the night shift", [0, 1, 2, 3], " "),
     ],
@@ -241,10 +246,10 @@ def test_a_cloud_that_cloudcompare_saved_again_is_refused(tmp_path: Path) -> Non
         read_cloud(tmp_path / "cc.ply")
 
 
-def test_names_of_other_corrections_are_none() -> None:
-    assert is_corrected("Scalar_Correction_X")
-    assert not is_corrected("distortion_correction_x")
-    assert not is_corrected("# after correction for the lens")
+@pytest.mark.parametrize("name", ["distortion_correction_x", "after correction for the lens"])
+def test_names_of_other_corrections_are_none(name: str, tmp_path: Path) -> None:
+    cloud = write(tmp_path / "cloud.csv", f"x,y,z,{name}", [0, 1, 2, 3])
+    assert name in read_cloud(cloud).columns
 
 
 @pytest.mark.parametrize("name", ["index", "intensity", "Deviation[mm]", "R", "Point ID"])
@@ -253,15 +258,36 @@ def test_other_quantities_are_no_coordinates_of_points(name: str) -> None:
     assert axis is None or axis.what
 
 
-def test_points_at_zero_were_not_measured(tmp_path: Path) -> None:
-    """Sensors write their own origin for pixels without a point."""
+@pytest.mark.parametrize(("value", "are"), [(0.0, r"exactly \(0, 0, 0\)"), (np.nan, "not finite")])
+def test_pixels_without_a_point_are_left_out(tmp_path: Path, value: float, are: str) -> None:
+    """Organised clouds have a row for every pixel; sensors write their own origin, or NaN."""
     rows = POINTS[:, :3].copy()
-    rows[[2, 5]] = 0.0
+    rows[[2, 5]] = value
     rows[7, :2] = 0.0
     np.savetxt(tmp_path / "cloud.xyz", rows, "%.17g")
-    with pytest.warns(IriftraceWarning, match=r"2 of 20 points .* \(0, 0, 0\).*left out"):
+    with pytest.warns(IriftraceWarning, match=f"2 of 20 points .* {are}.*left out"):
         read = read_cloud(tmp_path / "cloud.xyz").points
     np.testing.assert_array_equal(read, np.delete(rows, [2, 5], axis=0))
+    np.savetxt(tmp_path / "empty.xyz", np.full((4, 3), value))
+    with pytest.raises(InputError, match="no point that is finite"):
+        read_cloud(tmp_path / "empty.xyz")
+
+
+@pytest.mark.parametrize(
+    ("unit", "decimals", "single", "warned"),
+    [("mm", 3, False, True), ("mm", 3, True, True), ("m", 6, False, True), ("mm", 4, True, False)],
+)
+def test_rounding_to_a_micrometre_is_noticed(
+    unit: str, decimals: int, single: bool, warned: bool, tmp_path: Path
+) -> None:
+    """In whatever unit, and behind the rounding of single precision."""
+    points = (POINTS[:, :3] / (1000.0 if unit == "m" else 1.0)).round(decimals)
+    cloud = tmp_path / "cloud.xyz"
+    np.savetxt(cloud, points.astype(np.float32) if single else points, "%.17g")
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        read_cloud(cloud, length_unit=unit)
+    assert bool(said) is warned
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from iriftrace.core.errors import IriftraceWarning
 from iriftrace.features.relations import relations, value_key
 from iriftrace.features.table import feature_table
 from iriftrace.part.part import Part, part_of_mesh
-from iriftrace.triangulation.region_table import region_table
+from iriftrace.triangulation.statistics import region_table
 
 
 def box() -> Part:

@@ -376,18 +376,18 @@ def test_stability_by_hand() -> None:
 
 
 @settings(max_examples=30)
-@given(tables(), st.sampled_from([0.5, 0.9]))
-def test_stability_is_what_ranking_anew_gives(table: dict[str, list[float]], share: float) -> None:
+@given(tables())
+def test_stability_is_what_ranking_anew_gives(table: dict[str, list[float]]) -> None:
     plan = rank(table)
-    found = stability(plan, share)
+    found = stability(plan)
     for name in METRICS:
-        for side, factor in enumerate((1 - share, 1 + share)):
+        for side, factor in enumerate((0.5, 1.5)):
             weights = Criteria().weights
             weights[name] *= factor
             score = rank(table, **weights).score
             assert found.ranks[name][side] == 1 + np.count_nonzero(score < score[plan.best] - 1e-12)
             assert score[found.winners[name][side]] == pytest.approx(score.min(), abs=1e-12)
-    corners = np.stack(np.meshgrid(*[(1 - share, 1 + share)] * 4), axis=-1).reshape(-1, 4)
+    corners = np.stack(np.meshgrid(*[(0.5, 1.5)] * 4), axis=-1).reshape(-1, 4)
     rivals = set()
     for corner in corners:
         weights = dict(zip(METRICS, corner * list(Criteria().weights.values()), strict=True))
@@ -406,8 +406,6 @@ def test_a_winner_by_a_hair_is_not_stable() -> None:
     assert found.winners["displacement"] == (1, 0)
     assert found.ranks["coverage"] == (1, 2)
     assert found.worst_rank == 2
-    with pytest.raises(InputError, match="vary by 1"):
-        stability(plan, 1)
     # A weight of zero stays zero.
     alone = stability(rank_poses(table, Criteria(1, 0, 0, 0)))
     assert alone.ranks == {"displacement": (1, 1)}
@@ -484,11 +482,7 @@ def test_a_winner_that_sees_far_less_is_not_clear() -> None:
     with pytest.warns(IriftraceWarning, match="axial, lateral"):
         plan = rank_poses(table, Criteria(0.5, 0.1, 0.2, 0.2, percentile=100))
     assert plan.score == pytest.approx([0.1, 0.1025, 0.2, 0.5])
-    found = close_alternative(plan)
-    assert found is not None
-    assert found.pose == 1
-    assert found.behind == pytest.approx(0.0025)
-    assert (found.best_coverage, found.coverage) == (0.04, 0.4)
+    assert close_alternative(plan) == 1
 
 
 @pytest.mark.parametrize(

@@ -89,12 +89,17 @@ def test_another_study_is_never_replaced(tmp_path: Path) -> None:
     run_cases(out, REQUEST, 5, square)
     with pytest.raises(InputError, match="study of other files or options"):
         run_cases(out, {**REQUEST, "count": 6}, 6, square)
-    (tmp_path / "text.nc").write_text("no netCDF")
-    with pytest.raises(InputError, match="is not a study"):
-        run_cases(tmp_path / "text.nc", REQUEST, 5, square)
+    text = tmp_path / "text.nc"
+    text.write_text("somebody's work")
+    with pytest.raises(InputError, match="already exists and is not a study"):
+        run_cases(text, REQUEST, 5, square)
+    assert text.read_text() == "somebody's work"
+    assert not journal_of(text).exists()
 
 
-def test_the_journal_of_another_study_is_refused(tmp_path: Path) -> None:
+def test_a_journal_is_of_one_study_and_of_one_program(tmp_path: Path) -> None:
+    """Somebody forgot the first terminal; or it was killed after the result was written."""
+
     def stop(number: int) -> dict[str, Any]:
         if number:
             raise KeyboardInterrupt
@@ -105,6 +110,16 @@ def test_the_journal_of_another_study_is_refused(tmp_path: Path) -> None:
         run_cases(out, REQUEST, 5, stop)
     with pytest.raises(InputError, match="belongs to a study of other"):
         run_cases(out, {**REQUEST, "count": 6}, 6, square)
+    with (
+        open_journal(Work("study", "files", out, fingerprint(REQUEST), 5)),
+        pytest.raises(InputError, match="Another program is writing"),
+    ):
+        run_cases(out, REQUEST, 5, square)
+    left = journal_of(out).read_bytes()
+    run_cases(out, REQUEST, 5, square)
+    journal_of(out).write_bytes(left)
+    run_cases(out, REQUEST, 5, square)
+    assert [path.name for path in tmp_path.iterdir()] == ["squares.nc"]
 
 
 def test_structured_rows_come_back_and_strangers_files_are_left_alone(tmp_path: Path) -> None:

@@ -19,9 +19,7 @@ from distributed import CancelledError, KilledWorker, LocalCluster
 from iriftrace.camera.orbit import Orbit, orbit_poses
 from iriftrace.camera.pose_set import PoseSet
 from iriftrace.core.errors import InputError, SetupError
-from iriftrace.scene.load import load_scene
 from iriftrace.scene.loaded import LoadedScene
-from iriftrace.scenes import folder_of
 from iriftrace.sweep import workers as sweep_workers
 from iriftrace.sweep.pose import PoseTask, source_of
 from iriftrace.sweep.sweep import run_sweep
@@ -32,14 +30,8 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*every second shell")
 
 
 @pytest.fixture(scope="module")
-def scene(variant: str) -> LoadedScene:
-    return load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.1}, variant=variant)
-
-
-@pytest.fixture(scope="module")
-def poses(scene: LoadedScene) -> PoseSet:
+def poses(scene: LoadedScene, orbit: Orbit) -> PoseSet:
     """Twelve views of the cylinder, and one from within it."""
-    orbit = Orbit(centre=scene.part.centre, semi_axes_mm=(310.0, 238.5, 238.5))
     matrices = np.array(orbit_poses(orbit, np.linspace(0, 90, 4), (-40.0, 0.0, 40.0)).matrices)
     inside = matrices[:1].copy()
     inside[0, :3, 3] = scene.part.centre

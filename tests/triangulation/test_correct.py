@@ -18,7 +18,6 @@ from attrs import evolve
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import Distortion
 from iriftrace.camera.pose import look_at
-from iriftrace.clouds.read import read_cloud
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.features.fit import fit_feature
 from iriftrace.field.read import read_field
@@ -216,18 +215,6 @@ def test_the_diameter_comes_out_as_it_is(scan: Scan, scene: LoadedScene) -> None
     assert 1e3 * abs(corrected - cold) < 0.02
 
 
-@ONCE
-def test_a_saved_correction_can_be_undone(scan: Scan, scene: LoadedScene, tmp_path: Path) -> None:
-    found = correct(scan.points, scene, *DEVICES, system=scan.system)
-    cloud, numbers = found.save(tmp_path / "corrected.vtp")
-    read = pv.read(cloud)
-    added = np.column_stack([read[f"correction_{axis}"] for axis in "xyz"])
-    np.testing.assert_allclose(read.points - added, scan.points, rtol=0, atol=1e-12)
-    np.testing.assert_array_equal(read["status"], found.status)
-    table = json.loads(numbers.read_text())
-    assert table["points"]["corrected"] == (found.status == 0).sum()
-
-
 @pytest.mark.parametrize("what", ["scan", "correction"])
 def test_ply_and_vtp_hold_the_same_numbers(
     scan: Scan, scene: LoadedScene, what: str, tmp_path: Path
@@ -247,71 +234,9 @@ def test_ply_and_vtp_hold_the_same_numbers(
     field = f"field: {saved.provenance['assumptions']['field_origin']}"
     assert vtp.field_data["field"].tolist() == [field]
     assert f"comment {field}\n".encode() in (tmp_path / "cloud.ply").read_bytes()
-
-
-@pytest.mark.parametrize(
-    ("unit", "decimals", "single", "warned"),
-    [("mm", 3, False, True), ("mm", 3, True, True), ("m", 6, False, True), ("mm", 4, True, False)],
-)
-def test_rounding_to_a_micrometre_is_noticed(
-    unit: str, decimals: int, single: bool, warned: bool, tmp_path: Path
-) -> None:
-    """In whatever unit, and behind the rounding of single precision."""
-    points = np.random.default_rng(1).uniform(-100, 100, (50, 3))
-    points = (points / (1000.0 if unit == "m" else 1.0)).round(decimals)
-    cloud = tmp_path / "cloud.xyz"
-    np.savetxt(cloud, points.astype(np.float32) if single else points, fmt="%.17g")
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
-        read_cloud(cloud, length_unit=unit)
-    assert bool(said) is warned
-
-
-def test_pixels_without_a_point_are_left_out(tmp_path: Path) -> None:
-    """Organised clouds have a row for every pixel, measured or not."""
-    points = np.random.default_rng(1).uniform(-100, 100, (50, 3))
-    rows = points.copy()
-    rows[[3, 17]] = np.nan
-    cloud, empty = tmp_path / "cloud.xyz", tmp_path / "empty.xyz"
-    np.savetxt(cloud, rows, fmt="%.17g")
-    with pytest.warns(IriftraceWarning, match="2 of 50 points .* left out"):
-        read = read_cloud(cloud).points
-    np.testing.assert_array_equal(read, np.delete(points, [3, 17], axis=0))
-    np.savetxt(empty, np.full((4, 3), np.nan))
-    with pytest.raises(InputError, match="no point that is finite"):
-        read_cloud(empty)
-
-
-@pytest.mark.parametrize(
-    ("header", "columns"),
-    [
-        ("x,y,z", [0, 1, 2]),
-        ("id;Z [mm];Y [mm];X [mm]", [9, 2, 1, 0]),
-        ('"Y","X","Z"', [1, 0, 2]),
-        ("//X Y Z", [0, 1, 2]),
-        (",x,y,z", [9, 0, 1, 2]),
-        ("a measured cloud", [0, 1, 2]),
-        ("z,y,x\n", [2, 1, 0]),
-    ],
-)
-def test_named_columns_are_the_coordinates(header: str, columns: list[int], tmp_path: Path) -> None:
-    """Whatever their order and what stands beside them; without names the first three are."""
-    points = np.random.default_rng(1).uniform(-100, 100, (20, 10))
-    mark = ";" if ";" in header else "," if "," in header else " "
-    cloud = tmp_path / "cloud.csv"
-    np.savetxt(cloud, points[:, columns], fmt="%.17g", delimiter=mark, header=header, comments="")
-    np.testing.assert_array_equal(read_cloud(cloud).points, points[:, :3])
-
-
-@ONCE
-@pytest.mark.parametrize("ending", [".ply", ".vtp"])
-def test_a_corrected_cloud_is_not_corrected_again(
-    scan: Scan, scene: LoadedScene, ending: str, tmp_path: Path
-) -> None:
-    found = correct(scan.points, scene, *DEVICES, system=scan.system)
-    cloud, _ = found.save(tmp_path / f"corrected{ending}")
-    with pytest.raises(InputError, match="corrected already"):
-        read_cloud(cloud)
+    counts = json.loads((tmp_path / "cloud.json").read_text())["points"]
+    status = saved.status
+    assert counts["measured" if what == "scan" else "corrected"] == (status == 0).sum()
 
 
 @ONCE

@@ -19,7 +19,7 @@ from iriftrace.scene.load import load_scene
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import slab
-from iriftrace.triangulation.intersection import nearest_point, on_plane
+from iriftrace.triangulation.devices import nearest_point, on_plane
 from iriftrace.triangulation.measure import measure
 from iriftrace.triangulation.scan import Scan, ScanStatus
 from validation.inputs.scene_rays import loaded

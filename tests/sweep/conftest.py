@@ -1,0 +1,20 @@
+"""The bundled cylinder at a tenth of its resolution, and the orbit around it."""
+
+from __future__ import annotations
+
+import pytest
+
+from iriftrace.camera.orbit import Orbit
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scenes import folder_of
+
+
+@pytest.fixture(scope="module")
+def scene(variant: str) -> LoadedScene:
+    return load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.1}, variant=variant)
+
+
+@pytest.fixture(scope="module")
+def orbit(scene: LoadedScene) -> Orbit:
+    return Orbit(centre=scene.part.centre, semi_axes_mm=(310.0, 238.5, 238.5))
