@@ -139,7 +139,8 @@ def plan_pairs(
     try:
         part = swept_part(dataset)
     except InputError as error:
-        raise InputError(f"Pairs cannot be ranked without the part's file: {error}.") from error
+        why = str(error).rstrip(".")
+        raise InputError(f"Pairs cannot be ranked without the part's file: {why}.") from error
     region = feature_region(feature, criteria, part) if feature else criteria.region
     areas = np.array(part.face_areas)
     areas[~in_region(region, np.arange(len(areas)), part)] = 0.0

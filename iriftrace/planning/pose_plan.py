@@ -84,9 +84,10 @@ def plan(
         try:
             swept = load_swept_scene(dataset, summary.plan.best)
         except InputError as error:
+            why = str(error).rstrip(".")
             raise InputError(
                 "The best pose cannot be refined, because its scene cannot be rendered again: "
-                f"{error}."
+                f"{why}."
             ) from error
         refined = refine_pose(
             dataset, summary.plan, swept, evaluations=evaluations, progress=progress

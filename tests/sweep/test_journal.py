@@ -166,3 +166,14 @@ def test_a_damaged_piece_is_named(tmp_path: Path, column: str) -> None:
     connection.close()
     with pytest.raises(InputError, match=r"is damaged \(piece 0: "):
         _read_piece(work)
+
+
+def test_a_damaged_journal_is_refused(tmp_path: Path) -> None:
+    work = Work("sweep", "poses", tmp_path / "a.nc", "request", 2)
+    with pytest.raises(KeyboardInterrupt), open_journal(work) as journal:
+        journal.add(Piece(0, {"pose": 0}))
+        raise KeyboardInterrupt
+    file = journal_of(work.output)
+    file.write_bytes(b"nonsense" + file.read_bytes()[8:])
+    with pytest.raises(InputError, match="is damaged"), open_journal(work):
+        pass

@@ -286,12 +286,18 @@ def test_changed_mesh_makes_another_sweep(
     other_scene: LoadedScene, poses: PoseSet, tmp_path: Path
 ) -> None:
     """The XML is the same, but a resumed sweep would mix poses of two fields."""
+
+    def stop(done: int, total: int) -> None:
+        if done == 1:
+            raise KeyboardInterrupt
+
     path = tmp_path / "a.nc"
-    run_sweep(other_scene, poses.take([1]), path)
+    with pytest.raises(KeyboardInterrupt):
+        run_sweep(other_scene, poses.take([1, 2]), path, progress=stop)
     mesh = other_scene.path.parent / "shells" / "shell_03.ply"
     mesh.write_bytes(mesh.read_bytes() + b"\0")
-    with pytest.raises(InputError, match="holds a sweep of other"):
-        run_sweep(other_scene, poses.take([1]), path)
+    with pytest.raises(InputError, match="belongs to a sweep of other"):
+        run_sweep(other_scene, poses.take([1, 2]), path)
 
 
 def test_surface_carries_the_maps(
