@@ -1,9 +1,7 @@
-"""The commands ``iriftrace measure`` and ``correct``: clouds through hot air, and without it."""
+"""The command ``iriftrace measure``: the cloud that two devices measure through hot air."""
 
 from __future__ import annotations
 
-import math
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -12,8 +10,6 @@ from cyclopts import Parameter
 from iriftrace.cli.console import drawn, say, working
 from iriftrace.cli.options import (
     Flag,
-    Fraction,
-    celsius,
     check_input,
     check_kept,
     check_numbers,
@@ -29,13 +25,9 @@ from iriftrace.cli.triangulation_text import (
     say_relations,
     um,
 )
-from iriftrace.core.errors import InputError
-from iriftrace.core.plain import JsonObject
 
 if TYPE_CHECKING:
-    from iriftrace.part.growth import Growth
     from iriftrace.scene.loaded import LoadedScene
-    from iriftrace.triangulation.correction import Correction
     from iriftrace.triangulation.scan import Scan
 
 
@@ -76,19 +68,6 @@ Gate = Annotated[
         "left out as outliers; none fits all points."
     ),
 ]
-
-
-def _read_kelvins(text: str, option: str) -> float:
-    try:
-        kelvins = float(text.strip().removesuffix("K"))
-    except ValueError:
-        kelvins = math.nan
-    if not 0.0 <= kelvins < 1000.0:
-        raise InputError(f'{option} is "{text}"; give a temperature difference such as 10 K.')
-    return kelvins
-
-
-Kelvins = Annotated[float | None, word_parameter("NUMBER K", _read_kelvins)]
 
 
 def check_cloud_output(output: Path, example: str) -> None:
@@ -209,185 +188,3 @@ def _say_errors(scan: Scan) -> None:
         )
     if scan.system == "stereo":
         say(f"The two lines miss each other by {um(values['gap_mm']['median'])} (median).")
-
-
-def correct(
-    cloud: Path,
-    scene: Path,
-    *,
-    output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("corrected.vtp"),
-    length_unit: str | None = None,
-    columns: str | None = None,
-    cloud_to_part: Path | None = None,
-    in_cloud_frame: Flag = False,
-    system: System = None,
-    phase: Phase = None,
-    feature: Features = None,
-    gate: Gate = 3.5,
-    field_uncertainty: Fraction = 0.0,
-    expansion_uncertainty: Fraction | None = None,
-    temperature_uncertainty: Kelvins = None,
-    trace: TraceOptions = TraceOptions(),
-    figures: bool = True,
-) -> None:
-    """Remove the refraction error from a measured cloud.
-
-    Correct each scan by itself, before it is merged with others. The scene has the two devices
-    where they stood. The correction of each point is written as well. For an ensemble of fields
-    the correction is the mean over its members, and its scatter is an uncertainty.
-
-    Example: ``iriftrace correct scan.vtp scene/scene.xml -o corrected.vtp --feature cylinder``
-
-    Parameters
-    ----------
-    cloud
-        Measured points: .ply, .stl, .obj, .vtp, .e57, .xyz, .asc, .txt, .csv or .pts.
-    scene
-        The scene's XML file.
-    output
-        The corrected cloud, .vtp, .ply, .e57, .asc, .xyz, .txt or .csv, in mm in the scene's frame:
-        all rows of the measured cloud in their order, with their further columns and the correction
-        of each; its numbers (.json) are written next to it.
-    length_unit
-        Unit of the cloud; by default that in the names of its columns, metre for an .e57, else mm.
-    columns
-        Columns x, y and z of a text file, .ply or .vtp, by name or by number from 1: "Actual
-        X,Actual Y,Actual Z" or "2,3,4". By default those whose names are x, y and z.
-    cloud_to_part
-        Text file of a 4 x 4 rigid motion from the cloud's frame, in mm, to the scene's.
-    in_cloud_frame
-        Write the corrected points in the frame and unit of the measured cloud.
-    field_uncertainty
-        Standard uncertainty of the field, as a fraction of the air's contrast in refractive index,
-        "5 %"; that of the corrections is the same fraction of them.
-    expansion_uncertainty, temperature_uncertainty
-        Standard uncertainties of the part's thermal expansion, "2 %", and of its temperature,
-        "10 K", for sizes at 20 degC. The scene has both values (iriftrace scene --expansion).
-    figures
-        Draw the corrections, and the deviation from the part, into a .png next to the output.
-    """
-    from iriftrace.clouds.read import read_cloud
-    from iriftrace.features.table import check_choices
-    from iriftrace.geometry.transform import apply, parse_transform, rigid_motion
-    from iriftrace.scene.file import require_scene
-    from iriftrace.triangulation.correct import correct as take_out
-
-    check_input(cloud, scene, cloud_to_part)
-    require_scene(scene)
-    check_cloud_output(output, "corrected.vtp")
-    check_kept(output, cloud)
-    check_numbers(output, "iriftrace.correction")
-    chosen = None if columns is None else columns.split(",")
-    read = read_cloud(cloud, length_unit=length_unit, columns=chosen)
-    motion = None
-    if cloud_to_part is not None:
-        motion = rigid_motion(parse_transform(str(cloud_to_part)), str(cloud_to_part))
-    points = read.points if motion is None else apply(motion, read.points)
-    loaded = trace.load(scene)
-    check_kept(output, loaded.part.path)
-    check_choices(feature or (), loaded.part)
-    with working("Correcting"):
-        found = take_out(
-            points, loaded, system=system, phase=phase, field_uncertainty=field_uncertainty
-        )
-    doubts = {"u_expansion": expansion_uncertainty, "u_temperature_k": temperature_uncertainty}
-    features = found.features(loaded.part, feature or (), gate, **doubts)
-    related = found.relations(loaded.part, features, **doubts)
-    regions = found.regions(loaded.part)
-    files: tuple[Path, ...] = found.save(
-        output, features, regions, related, cloud=read, motion=motion, in_cloud_frame=in_cloud_frame
-    )
-    if figures:
-        from iriftrace.figures.scan import correction_figure
-
-        figure = partial(correction_figure, found, loaded.part, loaded.camera)
-        files = (*files, drawn(figure, output.with_suffix(".png")))
-    values = found.as_dict()
-    _say_counts(values)
-    say_features(features, "corrected", gate, found.state.synthetic)
-    say_relations(related, "corrected", found.state.synthetic)
-    print_regions(regions, "Refraction error along the normal by region, removed")
-    _say_expansion(found.growth, features)
-    _say_uncertainty(found, values)
-    say_field(found.provenance)
-    say("Files: " + ", ".join(map(str, files)))
-
-
-def _say_unsteadiness(unsteadiness: float | None, known: bool) -> None:
-    """State whether the uncertainties include that of a field that is not steady."""
-    if unsteadiness is None:
-        say(
-            "The field is NOT STEADY and does not state how much it changes, which is missing from "
-            "U: use several states of it (iriftrace scene --member)."
-        )
-    elif unsteadiness and known:
-        say(
-            f"The field is NOT STEADY: U includes {unsteadiness:.2g} of the air's contrast "
-            "(standard uncertainty) for it."
-        )
-
-
-def _say_expansion(growth: Growth | None, features: list[JsonObject]) -> None:
-    """State the temperature for which sizes hold, and uncertainties missing at another one."""
-    references = [row["at_reference"] for row in features if "at_reference" in row]
-    if growth is None and any(row["size_mm"]["corrected"] for row in features):
-        say(
-            "Sizes hold at the temperature that the part had when it was measured; for those at 20 "
-            "degC make the scene with --expansion and --hot-temperature."
-        )
-    if any(row["expansion_uncertainty_mm"] is None for row in references):
-        say(
-            f"The sizes at {celsius(references[0]['temperature_k'])} state no uncertainty of "
-            "expansion and temperature: give both --expansion-uncertainty and "
-            "--temperature-uncertainty."
-        )
-
-
-def _say_counts(values: JsonObject) -> None:
-    """State how many points are corrected, and why the others are not."""
-    counts, error = values["points"], values["error_mm"]
-    say(
-        f"{counts['corrected']:,} of {counts['measured']:,} points are corrected, by "
-        f"{um(error['median'])} (median; 95th percentile {um(error['p95'])}). Not corrected are "
-        f"{counts['far_from_part']:,} far from the part (table, clamps, outliers) or on its "
-        f"outline, {counts['hidden']:,} hidden from a device, {counts['outside_view']:,} behind a "
-        f"device or beyond its lens, {counts['several_images']:,} with several images, "
-        f"{counts['outside_field']:,} seen through no hot air, {counts['lost']:,} whose rays were "
-        f"lost on the way and {counts['uncertain']:,} whose correction is less than its "
-        "uncertainty. As measured, the cloud lies "
-        f"{um(values['to_part_mm']['median'])} from the part (median; 95th percentile "
-        f"{um(values['to_part_mm']['p95'])})."
-    )
-
-
-def _say_uncertainty(found: Correction, values: JsonObject) -> None:
-    """State what the uncertainties contain, or why there is none."""
-    if found.state.synthetic:
-        say(
-            "The air is synthetic, so that the corrections of sizes have no uncertainty: use a "
-            "flow solution (iriftrace field simulate)."
-        )
-    elif found.u_normal is None:
-        say(
-            "No uncertainty of the correction is stated, because that of the field is not known: "
-            'give --field-uncertainty "5 %", or a scene of several states of the air (iriftrace '
-            "scene --member)."
-        )
-    if found.u_normal is not None:
-        say(
-            "Standard uncertainty of the correction along the normal: "
-            f"{um(values['u_normal_mm']['median'])} (median). That of the air follows from the "
-            "uncertainty of the field, that of the fit from the scatter of the points; systematic "
-            "errors of the sensor, the shells and the mesh are not included."
-        )
-    _say_unsteadiness(found.state.unsteadiness, known=bool(found.u_contrast))
-    if found.weights is not None and found.weights.covariance is not None:
-        say(
-            f"The weights of {len(found.weights.weights)} fields were fitted to measured shifts; U "
-            "includes their covariance and the residual of the fit."
-        )
-    elif found.weights is not None:
-        say(
-            f"It rests on the scatter of {len(found.weights.weights)} fields; k allows for so few "
-            "by Student's t."
-        )
