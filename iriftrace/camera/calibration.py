@@ -105,9 +105,15 @@ class Calibration:
         focus_mm: tuple[float, float] = (0.0, math.inf),
         matrix: ArrayLike | None = None,
     ) -> Camera:
-        """The calibrated camera with pixels of a width, mm; the rest as in `iriftrace.Camera`.
+        """The calibrated camera.
 
-        The height of a pixel follows from the two focal lengths, which belong to one lens.
+        Parameters
+        ----------
+        pixel_size_mm : float, mm
+            Width of a pixel. Its height follows from the two focal lengths, which belong to one
+            lens.
+        focus_mm, matrix
+            As in :class:`iriftrace.camera.camera.Camera`.
         """
         if not 0 < pixel_size_mm < LARGEST_PIXEL_MM:
             raise InputError(

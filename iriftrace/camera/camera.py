@@ -259,10 +259,17 @@ class Camera:
         )
 
     def rays(self, pixels: ArrayLike | None = None) -> tuple[FloatArray, FloatArray]:
-        """Rays through image positions: origins and unit directions, (n, 3) arrays, mm, world.
+        """Rays through image positions.
 
-        Positions (n, 2), px, have a pixel's centre at whole numbers; by default they are every
-        pixel's centre, row by row.
+        Parameters
+        ----------
+        pixels : (n, 2) array, px, optional
+            Positions in the picture, a pixel's centre at whole numbers; by default every
+            pixel's centre, row by row.
+
+        Returns
+        -------
+        origins, directions : (n, 3) arrays, mm and unit vectors, world
         """
         if pixels is None:
             position = self._pixel_centres()
@@ -300,10 +307,17 @@ class Camera:
         return rotated
 
     def project(self, points: ArrayLike) -> FloatArray:
-        """Image positions (n, 2), px, of world points (n, 3), mm; the first pixel's centre is 0, 0.
+        """Image positions of world points.
 
-        NaN for points that are not in front of a pinhole camera, or so far outside the picture that
-        the distortion is not defined.
+        Parameters
+        ----------
+        points : (n, 3) array, mm, world
+
+        Returns
+        -------
+        (n, 2) array, px
+            The centre of the first pixel is (0, 0). NaN for points that are not in front of a
+            pinhole camera, or so far outside the picture that the distortion is not defined.
         """
         local = self.to_camera(points)
         if self.projection == "orthographic":

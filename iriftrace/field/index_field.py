@@ -148,10 +148,18 @@ class IndexField:
         return self.air.ambient_refractivity
 
     def sample(self, points: ArrayLike) -> FloatArray:
-        """Refractivity n - 1, (m,), at points (m, 3), mm, world, interpolated in the cells by VTK.
+        """Refractivity between the points of the grid, interpolated in the cells by VTK.
 
-        NaN outside the data, and for a few points in 100,000 in the gaps between cells with bent
-        faces.
+        Parameters
+        ----------
+        points : (m, 3) array_like
+            mm, world.
+
+        Returns
+        -------
+        (m,) array
+            n - 1; NaN outside the data, and for a few points in 100,000 that lie in the gaps
+            between cells with bent faces.
         """
         places = pv.PolyData(np.atleast_2d(np.asarray(points, dtype=np.float64)))
         found = places.sample(self.grid, tolerance=_ON_FACE_MM)

@@ -210,9 +210,16 @@ class AovImage:
     def part_from(self, path: str | Path | None = None) -> Part:
         """Read the part in the picture, in the world's frame.
 
-        `path` is where the part's file is now; by default where it was when the image was rendered.
-        Raises InputError if the header does not name the part, its file is missing, or it is not
-        the file that was rendered, so that its face numbers would not fit.
+        Parameters
+        ----------
+        path
+            Where the part's file is now; by default where it was when the image was rendered.
+
+        Raises
+        ------
+        InputError
+            The header does not name the part, its file is missing, or it is not the file that was
+            rendered, so that its face numbers would not fit.
         """
         self.require(*_NEEDED)
         named = self.header["part"]
@@ -244,12 +251,24 @@ class AovImage:
             )
 
     def vector(self, name: str, where: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
-        """Components of one quantity, (height, width, 3) array; two for ``shift.px``.
+        """Components of one quantity as columns of an array.
 
-        It is ``straight``, ``refracted``, ``displacement`` (mm, world) or ``shift.px`` (pixels);
-        for an ensemble also ``displacement.std`` and ``shift.px.std``. With a (height, width) mask
-        `where`, those of its n pixels, (n, 3). Raises InputError if there is no vector of this
-        name.
+        Parameters
+        ----------
+        name
+            ``straight``, ``refracted``, ``displacement`` (mm, world) or ``shift.px`` (pixels); for
+            an ensemble also ``displacement.std`` and ``shift.px.std``.
+        where
+            (height, width) mask of the n pixels to return; all by default.
+
+        Returns
+        -------
+        (height, width, 3) array, or (n, 3) with a mask; two components for ``shift.px``.
+
+        Raises
+        ------
+        InputError
+            There is no vector of this name.
         """
         keys = [key for key in (f"{name}.{c}" for c in "XYZ") if key in self.channels]
         planes = [self.channels[key] for key in keys]
@@ -266,13 +285,24 @@ class AovImage:
 
 
 def write_exr(path: str | Path, image: AovImage, *, rgb: str | None = None) -> None:
-    """Write an AOV image as OpenEXR (scan lines, RLE, float32); complete, or the old file stays.
+    """Write an AOV image as OpenEXR (scan lines, RLE, float32).
 
-    The image's header entries become string attributes ``iriftrace.<key>``: strings unchanged,
-    other values as JSON. The channels that `rgb`, a key of `RGB`, names are repeated as R, G and B,
-    which the header's entry ``rgb`` states; `read_exr` leaves them out. Raises InputError if there
-    is no such key, a pixel is NaN or infinite, a header value is not plain JSON, or the file cannot
-    be written.
+    Parameters
+    ----------
+    path
+        Name of the file; an existing one is replaced when the new one is complete.
+    image
+        The image. Its header entries become string attributes ``iriftrace.<key>``: strings
+        unchanged, other values as JSON.
+    rgb
+        A key of `RGB`: its channels are repeated as R, G and B, which the header's entry ``rgb``
+        states. `read_exr` leaves them out.
+
+    Raises
+    ------
+    InputError
+        There is no such key, a pixel is NaN or infinite, a header value is not plain JSON, or the
+        file cannot be written.
     """
     _refuse_not_finite(image, "cannot be written")
     header = {"compression": OpenEXR.RLE_COMPRESSION, "type": OpenEXR.scanlineimage}
@@ -296,8 +326,10 @@ def write_exr(path: str | Path, image: AovImage, *, rgb: str | None = None) -> N
 def read_exr(path: str | Path) -> AovImage:
     """Read an AOV image that `write_exr` wrote.
 
-    InputError if the file is missing, damaged, not OpenEXR, not from iriftrace, or of a newer
-    schema.
+    Raises
+    ------
+    InputError
+        The file is missing, damaged, not OpenEXR, not from iriftrace, or of a newer schema.
     """
     name = str(path)
     if not Path(path).is_file():

@@ -53,12 +53,29 @@ class Coverage:
 def seen_areas(
     image: AovImage, part: Part, include: Collection[int] = (Status.GOOD,)
 ) -> FloatArray:
-    """Area of each face that one pose sees, (m,) array, mm^2, for combining poses in Python.
+    """Area of each face that one pose sees, for combining poses in Python.
 
-    At most `part.face_areas`. For one pose the metrics have the sums over the faces. The area of a
-    face that several poses see together is at least the largest of their values, and at most their
-    sum and the face's area. `include` are the status codes of the rays that count; 0 and 5 are
-    possible. Raises InputError if it names rays without a displacement, or a ray has no face.
+    For one pose the metrics have the sums over the faces. The area of a face that several poses see
+    together is at least the largest of their values, and at most their sum and the face's area.
+
+    Parameters
+    ----------
+    image
+        AOV image of the pose.
+    part
+        The part that the image shows.
+    include
+        Status codes of the rays that count; 0 and 5 are possible.
+
+    Returns
+    -------
+    (m,) array, mm^2
+        At most `part.face_areas`.
+
+    Raises
+    ------
+    InputError
+        `include` names rays without a displacement, or a ray has no face.
     """
     return pose_coverage(part, image.camera, rays_that_count(image, include)).face_footprints
 

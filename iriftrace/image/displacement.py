@@ -94,9 +94,19 @@ def signed_components(
 
 
 def displacement_map(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> DisplacementMap:
-    """Displacement of every pixel of a pose, as a whole and split at the line of sight.
+    """Displacement of every pixel, as a whole and split at the line of sight, for use in Python.
 
-    `include` are the codes of the rays that count; 0 and 5 are possible, others raise InputError.
+    Parameters
+    ----------
+    image
+        AOV image of one pose.
+    include
+        Codes of the rays that count; 0 and 5 are possible.
+
+    Raises
+    ------
+    InputError
+        `include` names rays without a displacement.
     """
     good = good_mask(image, include)
     sight = lines_of_sight(image.camera, image.vector("straight", good))
@@ -109,7 +119,15 @@ def displacement_map(image: AovImage, include: Collection[int] = (Status.GOOD,))
 def shift_map(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> ShiftMap:
     """Shift of every pixel: the position of its surface point with hot air minus that without.
 
-    `include` as for `displacement_map`.
+    Parameters
+    ----------
+    image, include
+        As for `displacement_map`.
+
+    Raises
+    ------
+    InputError
+        `include` names rays without a displacement.
     """
     good = good_mask(image, include)
     return ShiftMap(np.where(good[..., None], image.vector("shift.px"), 0.0), good)

@@ -267,7 +267,10 @@ def pose_metrics(
 def write_metrics(path: str | Path, metrics: PoseMetrics) -> None:
     """Write metrics as JSON; an existing file is replaced when the new one is complete.
 
-    Raises InputError if the folder does not exist, or a value is not plain JSON.
+    Raises
+    ------
+    InputError
+        The folder does not exist, or a value is not plain JSON.
     """
     try:
         text = json.dumps(metrics.as_dict(), indent=2, allow_nan=False, ensure_ascii=False)

@@ -32,14 +32,24 @@ _POINTS = ("straight.", "refracted.")
 def write_surface(path: str | Path, image: AovImage, part: Part) -> None:
     """Write the straight hits on the part as points, with the image's other channels.
 
-    The file is a .vtp or .ply; an existing one is replaced when the new one is complete. The part
-    is that in the picture, in the world's frame. Points are float64: the line through the pixel's
-    centre, cut with the plane of the face that it hits. Channels have the names and the float32
-    numbers of the EXR; in a .vtp, which supports vectors, ``displacement`` is one of X, Y and Z.
-    Where there is no displacement it is 0 and ``status.code`` states why. Units and assumptions are
-    field data of the .vtp and comments of the .ply.
+    Points are float64: the line through the pixel's centre, cut with the plane of the face that it
+    hits. Channels have the names and the float32 numbers of the EXR; in a .vtp, which supports
+    vectors, ``displacement`` is one of X, Y and Z. Where there is no displacement it is 0 and
+    ``status.code`` states why. Units and assumptions are field data of the .vtp and comments of the
+    .ply.
 
-    Raises InputError if the file has another ending or cannot be written.
+    Parameters
+    ----------
+    path
+        A .vtp or .ply; an existing file is replaced when the new one is complete.
+    image
+    part
+        The part in the picture, in the world's frame.
+
+    Raises
+    ------
+    InputError
+        The file has another ending or cannot be written.
     """
     target = Path(path)
     if target.suffix.lower() not in SUFFIXES:

@@ -161,10 +161,17 @@ class Part:
         return middle
 
     def transformed(self, matrix: ArrayLike) -> Part:
-        """The part transformed by a (4, 4) array, old to new coordinates, mm.
+        """The part transformed; a mirrored one keeps its outward orientation.
 
-        A mirrored one keeps its outward orientation. Raises InputError for a matrix that is not an
-        invertible affine one.
+        Parameters
+        ----------
+        matrix
+            (4, 4) array, old to new coordinates, mm.
+
+        Raises
+        ------
+        InputError
+            The matrix is not an invertible affine one.
         """
         affine = checked_matrix(matrix)
         mirrored = np.linalg.det(affine[:3, :3]) < 0
@@ -344,8 +351,12 @@ def save_part(part: Part, path: str | Path) -> None:
     """Write a part as binary PLY (float32, mm), or as STL, which many programs need.
 
     The PLY keeps the order of the faces and the regions: Mitsuba, trimesh and ParaView read the
-    file, and `read_part` restores the regions. Raises InputError if the name has another ending, or
-    the folder does not exist.
+    file, and `read_part` restores the regions.
+
+    Raises
+    ------
+    InputError
+        The name has another ending, or the folder does not exist.
     """
     regions = Regions(part.region_of_face, part.region_names)
     write_mesh_file(Path(path), part.vertices, part.faces, regions, part.growth, part.drawing)

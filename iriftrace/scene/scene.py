@@ -79,8 +79,16 @@ class Scene:
     def loaded(self) -> LoadedScene:
         """The scene in Mitsuba, ready to be traced; created on first use.
 
-        Raises InputError if field and part do not overlap, a device stands in the part or in hot
-        air, or both stand at one place. Warns if field and part do not fit together.
+        Raises
+        ------
+        InputError
+            Field and part do not overlap, a device stands in the part or in hot air, or both stand
+            at one place.
+
+        Warns
+        -----
+        IriftraceWarning
+            Field and part do not fit together.
         """
         if self.second is not None:
             refuse_one_place(self.camera, self.second)
@@ -121,10 +129,19 @@ class Scene:
     ) -> BuiltScene | BuiltEnsemble:
         """Write the scene's folder, as ``iriftrace scene`` does; `iriftrace.load_scene` reads it.
 
-        The path is that of the XML file; part, shells and field are written next to it. ``scale``
-        is the default of the file's parameter of that name, a factor on the resolution. Shells
-        farther than ``trim_mm`` outside the camera's view are left out; by default none. Raises as
-        :func:`iriftrace.build_scene`.
+        Parameters
+        ----------
+        path : path
+            The scene's XML file; part, shells and field are written next to it.
+        scale : float
+            Default of the file's parameter ``scale``, a factor on the resolution.
+        trim_mm : float, mm, optional
+            Shells farther than this outside the camera's view are left out; by default none.
+
+        Raises
+        ------
+        InputError
+            As :func:`iriftrace.build_scene`.
         """
         from iriftrace.scene.build import build_ensemble, build_scene
 

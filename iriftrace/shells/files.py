@@ -84,8 +84,15 @@ def save_shells(
 def load_shells(folder: str | Path) -> ShellStack:
     """Read the shells of a scene, or those that ``iriftrace shells`` wrote.
 
-    From the shells' folder, the folder of a scene with them, or the table ``shells.json`` itself.
-    Raises InputError if the table or a mesh is missing, damaged or of another kind.
+    Parameters
+    ----------
+    folder : path
+        The shells' folder, the folder of a scene with them, or the table ``shells.json`` itself.
+
+    Raises
+    ------
+    InputError
+        The table or a mesh is missing, damaged or of another kind.
     """
     path = Path(folder)
     if path.name != TABLE:

@@ -81,11 +81,22 @@ class ShellReport:
 def report_shells(
     stack: ShellStack, field: IndexField | None = None, part: Part | None = None
 ) -> tuple[ShellReport, ...]:
-    """Report on every shell of a stack, outermost first.
+    """Report on every shell of a stack.
 
     Distances are those of `iriftrace.geometry.query.Surface.gap`, which uses a subset of the
-    vertices of a large surface. A triangle counts as inside the part if its centre is. The field is
-    used to find where the data end, and so why a shell is open.
+    vertices of a large surface. A triangle counts as inside the part if its centre is.
+
+    Parameters
+    ----------
+    stack : ShellStack
+    field : IndexField, optional
+        Used to find where the data end, and so why a shell is open.
+    part : Part, optional
+
+    Returns
+    -------
+    tuple of ShellReport
+        Outermost first.
     """
     borders = _borders(field, part)
     surfaces = [Surface(shell.vertices, shell.faces) for shell in stack.shells]

@@ -274,13 +274,23 @@ class Correction:
     ) -> tuple[Path, Path]:
         """Write the corrected cloud, with what was added to each point, and its numbers (.json).
 
-        Rows of `features`, `regions` and `relations` are written with the numbers. With the cloud
-        whose `points` were corrected all of its rows are written in their order, with its further
-        columns; rows that were not measured are written unchanged. `motion` (4, 4), mm, is the
-        rigid motion from the cloud's frame to the scene's that was applied to it; `in_cloud_frame`
-        writes in the cloud's own frame and unit instead of in mm in the scene's frame.
+        Parameters
+        ----------
+        path : path
+        features, regions, related : sequences of dict
+            Rows of `features`, `regions` and `relations`, written with the numbers.
+        cloud : Cloud, optional
+            The cloud whose `points` were corrected: all of its rows are written in their order,
+            with its further columns. Rows that were not measured are written unchanged.
+        motion : (4, 4) array, mm, optional
+            Rigid motion from the frame of the cloud to that of the scene, which was applied to it.
+        in_cloud_frame : bool
+            Write the cloud in its own frame and unit instead of in mm in the scene's frame.
 
-        Raises InputError if the name ends in none of `iriftrace.clouds.write.WRITTEN`.
+        Raises
+        ------
+        InputError
+            If the name ends in none of `iriftrace.clouds.write.WRITTEN`.
         """
         moved = np.eye(4) if motion is None else motion
         unit = cloud.unit if cloud is not None and in_cloud_frame else "mm"

@@ -161,8 +161,12 @@ class Scan:
         about the cloud's centre c (Chen and Medioni, Image and Vision Computing 10 (1992) 145).
         Motions that no normal determines, such as that of a cylinder along its axis, are left at 0.
 
-        Returns translation (3,), mm, rotation (3,), rad, and errors along the normals (n,), mm,
-        after it.
+        Returns
+        -------
+        translation : (3,) array, mm
+        rotation : (3,) array, rad
+        error_normal : (n,) array, mm
+            After the alignment.
         """
         arm = self.true - self.true.mean(axis=0)
         motions = np.hstack((self.normal, np.cross(arm, self.normal)))
@@ -238,9 +242,18 @@ class Scan:
         regions: Sequence[RegionRow] = (),
         related: Sequence[JsonObject] = (),
     ) -> tuple[Path, Path]:
-        """Write the cloud and its numbers (.json), with rows of the other methods if given.
+        """Write the cloud and, next to it, its numbers (.json).
 
-        Raises InputError if the name ends in none of `iriftrace.clouds.write.WRITTEN`.
+        Parameters
+        ----------
+        path : path
+        features, acceptance, regions, related : sequences of dict
+            Written with the numbers.
+
+        Raises
+        ------
+        InputError
+            If the name ends in none of `iriftrace.clouds.write.WRITTEN`.
         """
         values = self.as_dict() | {
             "features": list(features),

@@ -71,7 +71,7 @@ Bend = Callable[[Point3d, Vector3d], Hits]
 """Where bent rays end, from their origins and directions."""
 
 Check = Callable[[Hits], tuple[Bool, Bool]]
-"""Whether the index along bent rays adds up, and whether they came from ambient air."""
+"""Masks of bent rays along which the index adds up, and of those that came from ambient air."""
 
 Project = Callable[[Point3d], tuple[Float64, Float64, Bool]]
 """Image position of points, px, and whether it means anything."""

@@ -287,7 +287,18 @@ class SyntheticAir:
         )
 
     def at(self, points: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Temperature (n,), K, and gradient (n, 3), K/mm, at points (n, 3), mm, off the part."""
+        """Temperature and its gradient.
+
+        Parameters
+        ----------
+        points : (n, 3) array_like, mm, world
+            Outside the part or on it.
+
+        Returns
+        -------
+        temperature : (n,) array, K
+        gradient : (n, 3) array, K/mm, world
+        """
         places = np.asarray(points, dtype=np.float64).reshape(-1, 3)
         distance, away = self.surface.distance_gradient(places)
         left = np.maximum(1.0 - distance / self.boundary_layer_mm, 0.0)

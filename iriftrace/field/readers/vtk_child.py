@@ -68,7 +68,7 @@ class Described(TypedDict, total=False):
 
 
 Answer = tuple[Described | None, list[str]]
-"""What was read, and names of what the file contains: times, or fields of an OpenFOAM case."""
+"""The data, and names of what the file contains: times, or fields of an OpenFOAM case."""
 
 
 class _Reader(Protocol):

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from iriftrace.field.readers.vtk_child import Arrays, Cells, Described
 
 Data = pv.DataSet | pv.MultiBlock
-"""What a file holds: one data set, or a tree of blocks."""
+"""Content of a file: one data set, or a tree of blocks."""
 
 SUFFIXES = (".vtu", ".pvtu", ".vtk", ".vti", ".vtr", ".vts", ".vtp", ".vtm")
 """Suffixes of the files that `read_file` reads."""
