@@ -79,6 +79,12 @@ def variant(request: pytest.FixtureRequest) -> Iterator[str]:
         yield name
 
 
+@pytest.fixture
+def tmp_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder without the test's name, in which an expected message could be found."""
+    return tmp_path_factory.mktemp("t")
+
+
 @pytest.fixture(autouse=True)
 def _variant_is_the_one_asked_for(request: pytest.FixtureRequest) -> None:
     """A test that switched the variant and did not come back would spoil all that follow."""
