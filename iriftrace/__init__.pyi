@@ -105,12 +105,13 @@ from .sweep.store import read_sweep as read_sweep
 from .sweep.sweep import SweepOptions as SweepOptions
 from .sweep.sweep import run_sweep as run_sweep
 from .sweep.workers import pose_workers as pose_workers
+from .trace.member_fit import FittedView as FittedView
 from .trace.member_fit import MemberFit as MemberFit
-from .trace.member_fit import fit_members as fit_members
 from .trace.rays import RayHits as RayHits
 from .trace.rays import trace_rays as trace_rays
 from .trace.render import Rendering as Rendering
 from .trace.render import render_scene as render_scene
+from .trace.shift_fit import fit_members as fit_members
 from .trace.temperature_fit import fit_temperatures as fit_temperatures
 from .triangulation.correct import correct as correct
 from .triangulation.correction import Correction as Correction

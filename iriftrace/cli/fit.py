@@ -22,6 +22,7 @@ def fit(
     measured: Path,
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])],
+    view: list[tuple[Path, Path]] | None = None,
     scene: Path | None = None,
     noise: float | None = None,
     camera_motion: Flag = False,
@@ -48,6 +49,10 @@ def fit(
     output
         XML file of the weighted scene, in a folder of its own; the fit's numbers (fit.json) go
         next to it.
+    view
+        Scene and shifts of a further board or camera in the same air, with the same members
+        (--view BOARD_2 SHIFTS_2); repeatable. One view hardly sees how far a plume leans along its
+        own line of sight.
     scene
         Scene of the hot part with the same fields and the measuring devices, to be weighted; by
         default that of the board, in which the hot part replaces the board.
@@ -61,13 +66,14 @@ def fit(
     from iriftrace.scene.file import require_scene
     from iriftrace.scene.fitted import check_fitted_scene, write_fitted_scene
 
-    check_input(board, measured, scene)
-    for xml in (board, scene):
+    views = [(board, measured), *(view or [])]
+    check_input(*(file for pair in views for file in pair), scene)
+    for xml in (*(one for one, _ in views), scene):
         if xml is not None:
             require_scene(xml)
     check_output(output, "scene.xml", make=True)
     check_fitted_scene(scene or board, output)
-    found = _fitted(board, measured, noise, camera_motion, trace)
+    found = _fitted(views, noise, camera_motion, trace)
     _print_fit(found)
     found.require_contained()
     if not found.contained:
@@ -86,25 +92,29 @@ def fit(
 
 
 def _fitted(
-    board: Path, measured: Path, noise: float | None, camera_motion: bool, trace: TraceOptions
+    views: list[tuple[Path, Path]], noise: float | None, camera_motion: bool, trace: TraceOptions
 ) -> MemberFit:
     """Weights from temperatures in the air, or from shifts of dots."""
     from iriftrace.field.air_temperatures import is_air_temperatures, read_air_temperatures
     from iriftrace.image.measured_shift import read_measured_shift
-    from iriftrace.trace.member_fit import fit_members
+    from iriftrace.trace.shift_fit import fit_members
     from iriftrace.trace.temperature_fit import fit_temperatures
 
+    board, measured = views[0]
     if is_air_temperatures(measured):
-        options = {"--noise": noise, "--camera-motion": camera_motion or None}
+        options = {
+            "--noise": noise,
+            "--camera-motion": camera_motion or None,
+            "--view": views[1:] or None,
+        }
         refuse_given(options, f"is about shifts, but {measured} has temperatures; leave it out.")
         temperatures = read_air_temperatures(measured)
         loaded = trace.load(board)
         with working("Fitting the members"):
             return fit_temperatures(loaded, temperatures)
-    shifts = read_measured_shift(measured)
-    loaded = trace.load(board)
+    seen = [(trace.load(one), read_measured_shift(shifts)) for one, shifts in views]
     with working("Fitting the members"):
-        return fit_members(loaded, shifts, noise_px=noise, camera_motion=camera_motion)
+        return fit_members(*seen[0], others=seen[1:], noise_px=noise, camera_motion=camera_motion)
 
 
 _WHAT = {"px": "dots", "K": "temperatures"}
@@ -133,10 +143,16 @@ def _print_fit(found: MemberFit) -> None:
         f"{found.residual:.3g} {found.unit}, noise {found.noise:.3g} {found.unit}. Effective "
         f"number of members: {found.weights.effective:.3g}."
     )
-    if found.motion is not None:
-        moved, turned = 1e3 * found.motion[:3], 1e6 * found.motion[3:]
-        listed = ", ".join(f"{value:.3g}" for value in moved)
-        angles = ", ".join(f"{value:.3g}" for value in turned)
-        say(f"Camera between the pictures: moved by {listed} um, turned by {angles} urad.")
+    for one in found.views:
+        if len(found.views) > 1:
+            say(
+                f"{one.path}: residual {one.residual:.3g} {found.unit}, noise {one.noise:.3g} "
+                f"{found.unit}."
+            )
+        if one.motion is not None:
+            moved, turned = 1e3 * one.motion[:3], 1e6 * one.motion[3:]
+            listed = ", ".join(f"{value:.3g}" for value in moved)
+            angles = ", ".join(f"{value:.3g}" for value in turned)
+            say(f"Camera between the pictures: moved by {listed} um, turned by {angles} urad.")
     if found.contained:
         say(found.verdict)

@@ -9,7 +9,14 @@ from iriftrace.core.statistics import rms
 from iriftrace.field.air_temperatures import AirTemperatures
 from iriftrace.image.shift_mixture import ShiftMixture
 from iriftrace.scene.scene import AnyScene, loaded_scene
-from iriftrace.trace.member_fit import INDISTINCT, MemberFit, check_count, member_fit, members_in
+from iriftrace.trace.member_fit import (
+    INDISTINCT,
+    FittedView,
+    MemberFit,
+    check_count,
+    member_fit,
+    members_in,
+)
 from iriftrace.trace.provenance import provenance
 
 
@@ -64,8 +71,6 @@ def fit_temperatures(scene: AnyScene, temperatures: AirTemperatures) -> MemberFi
         unit="K",
         measured=rms(measured),
         dots={"measured": len(factor)},
-        provenance={
-            **provenance(loaded, loaded.camera),
-            "temperatures": {"path": temperatures.path, "sha256": temperatures.sha256},
-        },
+        views=(FittedView(temperatures.path, temperatures.sha256, found.residual, noise),),
+        provenance=provenance(loaded, loaded.camera),
     )

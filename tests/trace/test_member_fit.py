@@ -22,8 +22,10 @@ from iriftrace.image.shift_noise import shift_noise
 from iriftrace.scene.load import load_scene
 from iriftrace.triangulation.correct import CorrectionStatus
 from validation.inputs.leaning_air import (
+    ACROSS,
     BOARD,
     BOARD_CAMERA,
+    CAMERA_ACROSS,
     LEEWARD,
     UPRIGHT,
     along_normal,
@@ -142,10 +144,60 @@ def test_a_motion_of_the_camera_is_told_from_the_air(
     fit = iriftrace.fit_members(board, both, camera_motion=True)
     assert fit.ratio < 1.3
     assert fit.weights.weights @ LEANS == pytest.approx(0.3, abs=0.03)
-    assert fit.motion is not None
+    motion_found = fit.views[0].motion
+    assert motion_found is not None
     # A turn and a move across the view are seen as nearly the same shift: compare what is seen.
-    seen = interaction_matrix(BOARD_CAMERA, dots[nearest]) @ fit.motion
+    seen = interaction_matrix(BOARD_CAMERA, dots[nearest]) @ motion_found
     assert np.sqrt(np.mean((seen - moved) ** 2)) < 0.5 * NOISE < np.sqrt(np.mean(moved**2))
+
+
+def test_a_second_board_tells_the_direction(board: iriftrace.Scene, tmp_path: Path) -> None:
+    """The plume leans along the first camera's line of sight, too; the second looks across."""
+    family = [
+        leaning(lean, tmp_path, turn_deg=turn) for turn in (-20, 0, 20) for lean in (0.2, 0.4)
+    ]
+    true_air = leaning(0.3, tmp_path, turn_deg=10.0)
+    views = [
+        attrs.evolve(
+            board,
+            part=BOARD.part.transformed(to_world),
+            air=iriftrace.HotAir(family),
+            camera=camera,
+            engine="cells",
+        )
+        for to_world, camera in ((UPRIGHT, BOARD_CAMERA), (ACROSS, CAMERA_ACROSS))
+    ]
+    seen = [
+        measured_shifts(in_air(view, true_air), noise, to_world=to_world)
+        for view, noise, to_world in zip(
+            views, (NOISE, 0.6 * NOISE), (UPRIGHT, ACROSS), strict=True
+        )
+    ]
+    one = iriftrace.fit_members(views[0], seen[0])
+    both = iriftrace.fit_members(views[0], seen[0], others=[(views[1], seen[1])])
+    assert one.contained
+    assert both.ratio < 1.3
+    assert both.dots["measured"] == sum(len(shifts.places) for shifts in seen)
+    assert [view.noise for view in both.views] == pytest.approx([NOISE, 0.6 * NOISE], rel=0.15)
+    assert [view.residual / view.noise for view in both.views] == pytest.approx([1, 1], abs=0.2)
+
+    truth = attrs.evolve(of_part(board, iriftrace.HotAir(true_air)), engine="cells")
+    scan = iriftrace.measure(truth)
+
+    def left(fit: iriftrace.MemberFit) -> float:
+        air = iriftrace.HotAir(family, weights=fit.weights)
+        found = iriftrace.correct(scan.points, attrs.evolve(truth, air=air))
+        off = np.einsum("ij,ij->i", found.points - scan.true, scan.normal)
+        good = found.status == CorrectionStatus.CORRECTED
+        assert found.u_normal is not None
+        assert np.mean(np.abs(off[good]) <= 2.0 * found.u_normal[good]) >= 0.9
+        return float(np.sqrt(np.mean(off[good] ** 2)))
+
+    assert left(both) < 0.5 * left(one)
+    assert left(both) < 0.06 * float(np.sqrt(np.mean(scan.error_normal**2)))
+    others = attrs.evolve(views[1], air=iriftrace.HotAir(family[:4]))
+    with pytest.raises(InputError, match="other members than"):
+        iriftrace.fit_members(views[0], seen[0], others=[(others, seen[1])])
 
 
 def test_weights_are_the_least_squares_on_the_simplex() -> None:
@@ -243,5 +295,10 @@ def test_command(
     numbers = json.loads(corrected.with_suffix(".json").read_text())
     rows = numbers["ensemble"]["members"]
     assert [row["weight"] for row in rows] == pytest.approx(weights, abs=1e-9)
+    twice = ["--view", str(xml.path), str(tmp_path / "s.csv")]
+    assert main([*words, str(tmp_path / "twice" / "scene.xml"), *twice]) == 0
+    fit = json.loads((tmp_path / "twice" / "fit.json").read_text())
+    assert [row["weight"] for row in fit["members"]] == pytest.approx(weights, abs=1e-9)
+    assert len(fit["views"]) == 2
     assert main([*words, str(tmp_path / "board" / "other.xml")]) == 2
     assert "folder of its own" in " ".join(capsys.readouterr().err.split())

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pyvista as pv
+from attrs import evolve
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
@@ -22,6 +23,9 @@ from validation.inputs.hot_block import AMBIENT, HALF, block
 UPRIGHT = np.array(((1.0, 0, 0, 0), (0, 0, -1.0, 60.0), (0, 1.0, 0, 12.0), (0, 0, 0, 1.0)))
 """The board's frame to the world's: upright, 60 mm behind the block's middle, facing -y."""
 
+ACROSS = np.array(((0, 0, 1.0, -60.0), (1.0, 0, 0, 0), (0, 1.0, 0, 12.0), (0, 0, 0, 1.0)))
+"""The same for a board 60 mm beside the block, facing +x."""
+
 BOARD = Board((70.0, 70.0), 1.5)
 
 BOARD_CAMERA = Camera(
@@ -29,6 +33,12 @@ BOARD_CAMERA = Camera(
     sensor_mm=(6.0, 5.0),
     resolution=(2400, 2000),
     matrix=look_at((0.0, -130.0, 10.0), (0.0, 0.0, 10.0)),
+)
+
+CAMERA_ACROSS = evolve(
+    BOARD_CAMERA,
+    resolution=(1200, 1000),
+    matrix=look_at((130.0, 0.0, 10.0), (0.0, 0.0, 10.0)),
 )
 
 LEEWARD = tuple(
@@ -42,8 +52,8 @@ LEEWARD = tuple(
 )
 
 
-def leaning(lean: float, folder: Path, cells: int = 12) -> IndexField:
-    """Air whose plume drifts by `lean` mm towards +x for each mm of height.
+def leaning(lean: float, folder: Path, cells: int = 12, turn_deg: float = 0.0) -> IndexField:
+    """Air whose plume drifts by `lean` mm for each mm of height, towards +x or turned from there.
 
     The layer around the block falls off with the distance to it, and the plume is a Gaussian
     around its axis that grows with the height and ends inside the data.
@@ -55,11 +65,12 @@ def leaning(lean: float, folder: Path, cells: int = 12) -> IndexField:
     layer = np.exp(-distance / 3.0) * np.maximum(1.0 - distance / 11.0, 0.0)
     height = np.maximum(z - HALF, 0.0)
     radius = 4.0 + 0.05 * height
-    drift = x - lean * height
-    plume = height / (height + 4.0) * np.exp(-(drift**2 + y**2) / (2.0 * radius**2))
+    turn = np.radians(turn_deg)
+    off = (x - lean * np.cos(turn) * height) ** 2 + (y - lean * np.sin(turn) * height) ** 2
+    plume = height / (height + 4.0) * np.exp(-off / (2.0 * radius**2))
     plume *= np.maximum(1.0 - (height / 34.0) ** 2, 0.0)
     grid.point_data["T"] = AMBIENT + 700.0 * layer + 450.0 * plume
-    file = folder / f"lean_{lean:g}.vtu"
+    file = folder / f"lean_{lean:g}_{turn_deg:g}.vtu"
     grid.save(file)
     return read_field(file)
 
