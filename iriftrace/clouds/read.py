@@ -81,8 +81,8 @@ def read_cloud(
     numbers names x, y and z (``X [mm]``, ``Points:0``, ``x_mm``), or the first three of a table
     without names; or three `columns` that are chosen by name, or by number from 1, as also those of
     a .ply, .pcd or .vtp. Rows of words and a count of the points in the first row are left out;
-    cells may be quoted or empty. The length unit is by default that in the names of the columns, metre of an
-    .e57, else mm; a .ply or .pcd may state it in a comment (``unit: m``).
+    cells may be quoted or empty. The length unit is by default that in the names of the columns, or
+    in a comment of a .ply or .pcd (``unit: m``), metre of an .e57, else mm.
 
     Raises InputError if the file cannot be read, has no points, was corrected already, or does not
     say which columns are x, y and z. Warned of are rows that were not measured, coordinates rounded
