@@ -23,12 +23,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from iriftrace.camera.pose_set import PoseSet, refuse_distorted
-from iriftrace.camera.pose_table import ANGLES, MATRIX, columns_of_table
+from iriftrace.camera.pose_table import ANGLES, MATRIX, columns_of_table, unlike_robot
+from iriftrace.camera.robot_poses import RobotName
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import array_in, whole_file
 from iriftrace.core.units import length_factor
-from iriftrace.geometry.transform import nearest_rotations
+from iriftrace.geometry.transform import checked_matrix, nearest_rotations, rigid_motion
 
 SCHEMA = "iriftrace.poses/1"
 
@@ -59,8 +60,16 @@ def from_convention(matrices: ArrayLike, name: str) -> FloatArray:
     return _with_axes(matrices, _axes(name).T)
 
 
-def read_poses(path: str | Path, convention: str = "opencv", *, length_unit: str = "mm") -> PoseSet:
-    """Read camera poses.
+def read_poses(
+    path: str | Path,
+    convention: str = "opencv",
+    *,
+    length_unit: str = "mm",
+    robot: RobotName | None = None,
+    hand_eye: ArrayLike | None = None,
+    base_to_part: ArrayLike | None = None,
+) -> PoseSet:
+    """Read poses of a camera, or of the robot that holds it.
 
     Parameters
     ----------
@@ -74,11 +83,22 @@ def read_poses(path: str | Path, convention: str = "opencv", *, length_unit: str
         others are ignored: ``m00`` ... ``m33`` (row, column), or ``x y z qx qy qz qw`` (origin,
         quaternion camera to world; also as ``tx``, ``x [m]``, ``pose.position.x``, ``q_w``), or
         ``x y z target_x target_y target_z`` (no roll, see `iriftrace.camera.pose_set.aimed`);
-        besides, ``azimuth_deg``, ``elevation_deg``, ``convention``, ``length_unit``.
+        or ``x y z`` with a robot's angles (see `iriftrace.camera.robot_poses`); besides,
+        ``azimuth_deg``, ``elevation_deg``, ``convention``, ``length_unit``.
     convention : str
         Axes of the camera in the file's matrices and quaternions, one of `CONVENTIONS`.
     length_unit : str
         Unit of the file's positions.
+    robot : str, optional
+        Robot that states the orientations, one of `iriftrace.camera.robot_poses.ROBOTS`. Needed
+        where several robots have the file's columns (``a b c``, ``rx ry rz``); columns without
+        names are then x, y, z and its angles.
+    hand_eye : (4, 4) array, mm, optional
+        Pose of the camera in the frame of the robot's flange, for files with poses of the flange:
+        OpenCV's ``R_cam2gripper`` and ``t_cam2gripper`` of ``calibrateHandEye``.
+    base_to_part : (4, 4) array, mm, optional
+        Rigid motion from the frame in which the file has its poses, such as the robot's base, to
+        the part's: OpenCV's ``R_base2world`` and ``t_base2world``.
 
     Returns
     -------
@@ -89,13 +109,13 @@ def read_poses(path: str | Path, convention: str = "opencv", *, length_unit: str
     Raises
     ------
     InputError
-        If the file cannot be read, is malformed, states another convention or unit, or a pose is
-        not a rigid motion.
+        If the file cannot be read, is malformed, states another convention or unit, does not say
+        which robot's angles it has, or a pose is not a rigid motion.
     """
     path = Path(path)
     _axes(convention)  # An unknown one is refused also where no matrix needs it.
     factor = length_factor(length_unit)
-    columns = _columns(path)
+    columns = _columns(path, robot)
     for name, given in (("convention", convention), ("length_unit", length_unit)):
         stated = columns.get(name, given)
         if stated != given:
@@ -106,9 +126,20 @@ def read_poses(path: str | Path, convention: str = "opencv", *, length_unit: str
     matrices = _stack(columns["matrices"], path)
     refuse_distorted(matrices, _LARGEST_ROUNDING, f" of {path}")
     matrices[:, :3, :3] = nearest_rotations(matrices[:, :3, :3])
-    if not columns.get("aimed", False):
-        matrices = from_convention(matrices, convention)
     matrices[:, :3, 3] *= factor
+    if columns.get("aimed", False):
+        if hand_eye is not None:
+            raise InputError(
+                f"{path} aims cameras at targets, but a hand-eye matrix belongs to poses of a "
+                "flange; leave it out (--hand-eye)."
+            )
+    else:
+        if hand_eye is not None:
+            matrices = matrices @ _hand_eye(hand_eye)
+        matrices = from_convention(matrices, convention)
+    if base_to_part is not None:
+        motion = rigid_motion(checked_matrix(base_to_part), "The motion from base to part")
+        matrices = motion @ matrices
     return PoseSet(matrices, *(_angles(columns, name, len(matrices), path) for name in ANGLES))
 
 
@@ -174,13 +205,26 @@ def _with_axes(matrices: ArrayLike, axes: FloatArray) -> FloatArray:
     return turned
 
 
-def _columns(path: Path) -> dict[str, object]:
+def _hand_eye(matrix: ArrayLike) -> FloatArray:
+    motion = rigid_motion(checked_matrix(matrix), "The hand-eye matrix")
+    distance = float(np.linalg.norm(motion[:3, 3]))
+    if 0.0 < distance < 1.0:
+        warn(
+            f"The hand-eye matrix has the camera {distance:.3g} mm from the flange, as if it were "
+            "in metres; write '# unit: m' into its file, or give it in mm."
+        )
+    return motion
+
+
+def _columns(path: Path, robot: RobotName | None) -> dict[str, object]:
     """What a file states of its poses, by name; ``aimed`` where they come from targets."""
     try:
         content = path.read_bytes()
     except OSError as error:
         raise InputError(f"cannot read poses from {path}: {error.strerror or error}.") from error
     kind = path.suffix.lower()
+    if robot is not None and kind in (".npy", ".json"):
+        raise unlike_robot(path, robot)
     if kind == ".npy":
         try:
             return {"matrices": array_in(content)}
@@ -194,7 +238,7 @@ def _columns(path: Path) -> dict[str, object]:
         raise InputError(
             f"{path} is not text; poses are read from {', '.join(_FORMATS)}."
         ) from None
-    return _object(text, path) if kind == ".json" else columns_of_table(text, path)
+    return _object(text, path) if kind == ".json" else columns_of_table(text, path, robot)
 
 
 def _object(text: str, path: Path) -> dict[str, object]:

@@ -12,6 +12,7 @@ from attrs import evolve, frozen
 from numpy.typing import NDArray
 
 from iriftrace.camera.pose_set import aimed
+from iriftrace.camera.robot_poses import ROBOTS, RobotName, robots_of
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.number_table import is_numbers
@@ -29,7 +30,15 @@ _FIELD = re.compile(
     rf"(?:(?:[ _/]+|(?=[\[(]))[\[(]?\s*(?P<unit>{'|'.join(LENGTH_UNITS)})\s*[\])]?)?"
 )
 """Names of origins and quaternions: "x", "tx", "pose.position.x", "x [m]"; "qw", "q_w"."""
-_NAMES = "m00 ... m33, or x, y, z with qx, qy, qz, qw, or x, y, z with target_x, target_y, target_z"
+_ANGLE = re.compile(
+    r"(?P<name>[abcoprtw]|r[xyz]|q[1-4])"
+    r"(?:(?:[ _]+|(?=[\[(]))[\[(]?\s*(?P<unit>deg|°|rad)\w*\s*[\])]?)?"
+)
+"""Names of a robot's angles: "a", "rx", "w [deg]", "rx_rad"."""
+_NAMES = (
+    "m00 ... m33, or x, y, z with qx, qy, qz, qw, with target_x, target_y, target_z, or with the "
+    "angles of a robot (such as a, b, c, of a KUKA)"
+)
 
 
 @frozen
@@ -51,11 +60,12 @@ class _Table:
         return self.cells[:, columns].astype(np.float64)
 
 
-def columns_of_table(text: str, path: Path) -> dict[str, object]:
+def columns_of_table(text: str, path: Path, robot: RobotName | None = None) -> dict[str, object]:
     """Columns of a text table of poses by name, as `iriftrace.camera.pose_files.read_poses` reads.
 
     ``matrices`` are (n, 4, 4); ``aimed`` is true for poses that came from targets, which are in
-    iriftrace's own convention.
+    iriftrace's own convention. With a `robot`, the orientations are in its columns; a table
+    without names that has as many columns is x, y, z and these.
     """
     split = [line.partition("#") for line in text.splitlines()]
     bare = [line.translate(_BRACKETS) if is_numbers(line) else line for line, _, _ in split]
@@ -89,10 +99,14 @@ def columns_of_table(text: str, path: Path) -> dict[str, object]:
     if any(map(_is_number, cells[0])):
         table = _Table(path, lines, cells)
         names = _header_in(remarks, len(cells[0]))
-        return stated | (_named(table, names) if names else {"matrices": _unnamed(table)})
+        if robot and not names and len(cells[0]) == 3 + len(ROBOTS[robot].columns):
+            names = [*_ORIGIN, *ROBOTS[robot].columns]
+        named = _named(table, names, robot) if names or robot else {"matrices": _unnamed(table)}
+        return stated | named
     if len(cells) == 1:
         raise InputError(f"{path} has a header but no pose below it; add one.")
-    return stated | _named(_Table(path, lines[1:], cells[1:]), [name.lower() for name in cells[0]])
+    names = [name.lower() for name in cells[0]]
+    return stated | _named(_Table(path, lines[1:], cells[1:]), names, robot)
 
 
 _BRACKETS = str.maketrans("", "", "[]")
@@ -108,7 +122,10 @@ def _header_in(remarks: Sequence[str], count: int) -> list[str]:
 
 
 def _known(name: str) -> tuple[str, str]:
-    """A column's name as it is known here, and the length unit that it states, or ""."""
+    """A column's name as it is known here, and the unit that it states, or ""."""
+    angle = _ANGLE.fullmatch(name.strip())
+    if angle:
+        return angle["name"], (angle["unit"] or "").replace("°", "deg")
     found = _FIELD.fullmatch(name.strip())
     if found is None:
         return name, ""
@@ -140,9 +157,10 @@ def _unnamed(table: _Table) -> FloatArray:
     )
 
 
-def _named(table: _Table, names: list[str]) -> dict[str, object]:
+def _named(table: _Table, names: list[str], robot: RobotName | None) -> dict[str, object]:
     header = ", ".join(names)
-    names, units = map(list, zip(*map(_known, names), strict=True))
+    known_names = [_known(name) for name in names]
+    names = [name for name, _ in known_names]
     twice = [name for name in (*MATRIX, *_ORIGIN, *_QUATERNION, *_TARGET) if names.count(name) > 1]
     if twice:
         raise InputError(f"{table.path} has the column {twice[0]} twice; remove one.")
@@ -152,13 +170,24 @@ def _named(table: _Table, names: list[str]) -> dict[str, object]:
 
     forms = [MATRIX, _ORIGIN + _QUATERNION, _ORIGIN + _TARGET]
     complete = [set(form) <= set(names) for form in forms]
-    if sum(complete) != 1:
+    if robot is None and not any(complete):
+        robot = _only_robot(names, table.path)
+    if robot is not None:
+        complete = [False, False, False]
+    elif sum(complete) != 1:
         fault = "describes poses twice" if any(complete) else "does not describe poses"
         raise InputError(
             f"The header of {table.path} ({header}) {fault}; name the columns {_NAMES}."
         )
     read: dict[str, object] = {"aimed": complete[2]}
-    if complete[0]:
+    if robot is not None:
+        orientation = ROBOTS[robot].columns
+        if not set(_ORIGIN + orientation) <= set(names):
+            raise unlike_robot(table.path, robot)
+        read["matrices"] = _from_robot(
+            columns(_ORIGIN), columns(orientation), robot, _units(known_names, orientation), table
+        )
+    elif complete[0]:
         read["matrices"] = columns(MATRIX).reshape(-1, 4, 4)
     elif complete[1]:
         read["matrices"] = _from_quaternions(columns(_ORIGIN), columns(_QUATERNION), table)
@@ -174,14 +203,57 @@ def _named(table: _Table, names: list[str]) -> dict[str, object]:
     for name in {"convention", "length_unit"} & set(names):
         stated = table.cells[:, names.index(name)]
         read[name] = ", ".join(sorted(set(stated.tolist())))
-    if any(units):
-        read["length_unit"] = ", ".join(sorted(filter(None, set(units))))
+    if units := _units(known_names, _ORIGIN + _TARGET):
+        read["length_unit"] = ", ".join(units)
     return read
+
+
+def _units(known_names: Sequence[tuple[str, str]], columns: Sequence[str]) -> list[str]:
+    """Units that the names of some columns state."""
+    return sorted({unit for name, unit in known_names if unit and name in columns})
+
+
+def _only_robot(names: Sequence[str], path: Path) -> RobotName | None:
+    """The robot whose columns these are; None for none, an InputError for several."""
+    robots = robots_of(names) if set(_ORIGIN) <= set(names) else []
+    if len(robots) > 1:
+        columns = dict.fromkeys(", ".join(ROBOTS[robot].columns) for robot in robots)
+        raise InputError(
+            f"{path} has orientations {' and '.join(columns)}, which differ between robots; say "
+            f"whose they are (--robot {', '.join(robots[:-1])} or {robots[-1]})."
+        )
+    return robots[0] if robots else None
+
+
+def unlike_robot(path: Path, robot: RobotName) -> InputError:
+    """The error of a file without the columns of a robot."""
+    return InputError(
+        f"{path} has no columns {', '.join(_ORIGIN + ROBOTS[robot].columns)}, in which poses of "
+        f"the robot ({robot}) are stated; name them in a first line, or leave out --robot."
+    )
+
+
+def _from_robot(
+    origins: FloatArray, values: FloatArray, robot: RobotName, units: list[str], table: _Table
+) -> FloatArray:
+    if ROBOTS[robot].rotation == "quaternion":
+        _check_quaternions(values, table)
+    if len(units) > 1:
+        raise InputError(f"{table.path} has angles in {' and '.join(units)}; write all in one.")
+    try:
+        return _posed(ROBOTS[robot].matrices(values, "".join(units)), origins)
+    except InputError as error:
+        raise InputError(f"{table.path}: {error}") from error
 
 
 def _from_quaternions(origins: FloatArray, quaternions: FloatArray, table: _Table) -> FloatArray:
     from scipy.spatial.transform import Rotation
 
+    _check_quaternions(quaternions, table)
+    return _posed(Rotation.from_quat(quaternions).as_matrix(), origins)
+
+
+def _check_quaternions(quaternions: FloatArray, table: _Table) -> None:
     lengths = np.linalg.norm(quaternions, axis=1)
     wrong = ~(np.abs(lengths - 1.0) < 1e-3)
     if wrong.any():
@@ -190,7 +262,10 @@ def _from_quaternions(origins: FloatArray, quaternions: FloatArray, table: _Tabl
             f"{table.path}, line {table.lines[number]}: the quaternion has length "
             f"{lengths[number]:g} instead of 1, so it is not a rotation; correct it."
         )
+
+
+def _posed(rotations: FloatArray, origins: FloatArray) -> FloatArray:
     matrices = np.tile(np.eye(4), (len(origins), 1, 1))
-    matrices[:, :3, :3] = Rotation.from_quat(quaternions).as_matrix()
+    matrices[:, :3, :3] = rotations
     matrices[:, :3, 3] = origins
     return matrices

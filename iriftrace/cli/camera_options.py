@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from attrs import frozen
 from cyclopts import Group, Parameter
 
+from iriftrace.camera.robot_poses import RobotName
 from iriftrace.cli.options import (
     Interval,
     Length,
@@ -270,6 +271,13 @@ class OrbitOptions:
         Camera axes in that file, opencv by default.
     length_unit
         Unit of the positions in that file, mm by default; robots often write m.
+    robot
+        Robot whose angles that file has, if its columns do not tell (a, b, c or rx, ry, rz).
+    hand_eye
+        For poses of a robot's flange: text file of the 4 x 4 pose of the camera in the flange's
+        frame, mm, as R_cam2gripper and t_cam2gripper of OpenCV's calibrateHandEye.
+    base_to_part
+        Text file of a 4 x 4 rigid motion, mm, from that file's frame (robot's base) to the scene's.
     """
 
     azimuth: str | None = None
@@ -284,6 +292,9 @@ class OrbitOptions:
     turntable: str | None = None
     convention: Literal["opencv", "mitsuba", "opengl", "ros"] | None = None
     length_unit: str | None = None
+    robot: RobotName | None = None
+    hand_eye: Path | None = None
+    base_to_part: Path | None = None
 
     @property
     def is_orbit(self) -> bool:
@@ -299,6 +310,7 @@ class OrbitOptions:
         from iriftrace.camera.orbit import Orbit, fibonacci_poses, orbit_poses, parse_range
         from iriftrace.camera.pose_files import read_poses
         from iriftrace.camera.turntable import turntable_poses
+        from iriftrace.geometry.transform import parse_transform
 
         self._refuse_contradictions()
         if self.poses is not None and self.turntable is not None:
@@ -307,7 +319,10 @@ class OrbitOptions:
             )
         if self.poses is not None:
             convention, unit = self.convention or "opencv", self.length_unit or "mm"
-            return {math.nan: read_poses(self.poses, convention, length_unit=unit)}
+            frames = {"hand_eye": self.hand_eye, "base_to_part": self.base_to_part}
+            read = {name: parse_transform(str(file)) for name, file in frames.items() if file}
+            poses = read_poses(self.poses, convention, length_unit=unit, robot=self.robot, **read)
+            return {math.nan: poses}
         if self.turntable is not None:
             centre = scene.part.centre
             return {math.nan: turntable_poses(scene.camera.matrix, self.turntable, centre)}
@@ -327,7 +342,13 @@ class OrbitOptions:
     def _refuse_contradictions(self) -> None:
         """Refuse options that would change nothing."""
         grid = {"--azimuth": self.azimuth, "--elevation": self.elevation}
-        of_a_file = {"--convention": self.convention, "--length-unit": self.length_unit}
+        of_a_file = {
+            "--convention": self.convention,
+            "--length-unit": self.length_unit,
+            "--robot": self.robot,
+            "--hand-eye": self.hand_eye,
+            "--base-to-part": self.base_to_part,
+        }
         if self.poses is None:
             refuse_given(
                 of_a_file,

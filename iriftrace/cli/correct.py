@@ -79,7 +79,7 @@ def correct(
     Parameters
     ----------
     cloud
-        Measured points: .ply, .stl, .obj, .vtp, .e57, .xyz, .asc, .txt, .csv or .pts.
+        Measured points: .ply, .pcd, .stl, .obj, .vtp, .e57, .xyz, .asc, .txt, .csv or .pts.
     scene
         The scene's XML file.
     output
@@ -87,9 +87,10 @@ def correct(
         all rows of the measured cloud in their order, with their further columns and the correction
         of each; its numbers (.json) are written next to it.
     length_unit
-        Unit of the cloud; by default that in the names of its columns, metre for an .e57, else mm.
+        Unit of the cloud; by default that which it states, metre for an .e57, else mm (a .pcd of a
+        robot is often in m).
     columns
-        Columns x, y and z of a text file, .ply or .vtp, by name or by number from 1: "Actual
+        Columns x, y and z of a text file, .ply, .pcd or .vtp, by name or by number from 1: "Actual
         X,Actual Y,Actual Z" or "2,3,4". By default those whose names are x, y and z.
     cloud_to_part
         Text file of a 4 x 4 rigid motion from the cloud's frame, in mm, to the scene's.

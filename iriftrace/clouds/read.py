@@ -24,7 +24,7 @@ from iriftrace.geometry.ply import read_ply
 
 TEXT = (".xyz", ".asc", ".txt", ".csv", ".pts")
 MESHES = (".ply", ".stl", ".obj")
-"""Endings that `read_cloud` knows, next to .vtp and .e57."""
+"""Endings that `read_cloud` knows, next to .vtp, .e57 and .pcd."""
 
 COARSE_DECIMALS = 3
 """Decimals of a millimetre that hide what hot air does, which is micrometres."""
@@ -49,7 +49,8 @@ class Cloud:
     measured: BoolArray  # (m,), rows that are points
     unit: str
     columns: Columns  # (m,) each: further numbers, such as colours, intensities and normals
-    remarks: tuple[str, ...] = ()  # lines ``obj_info`` of a .ply: how its rows make a grid
+    # Lines ``obj_info`` of a .ply: how its rows make a grid, as also those of a .pcd.
+    remarks: tuple[str, ...] = ()
 
     @property
     def points(self) -> FloatArray:
@@ -79,9 +80,9 @@ def read_cloud(
     Text files have a point in each row. Its coordinates are the columns that a line before the
     numbers names x, y and z (``X [mm]``, ``Points:0``, ``x_mm``), or the first three of a table
     without names; or three `columns` that are chosen by name, or by number from 1, as also those of
-    a .ply or .vtp. Rows of words and a count of the points in the first row are left out; cells may
-    be quoted or empty. The length unit is by default that in the names of the columns, metre of an
-    .e57, else mm.
+    a .ply, .pcd or .vtp. Rows of words and a count of the points in the first row are left out;
+    cells may be quoted or empty. The length unit is by default that in the names of the columns, or
+    in a comment of a .ply or .pcd (``unit: m``), metre of an .e57, else mm.
 
     Raises InputError if the file cannot be read, has no points, was corrected already, or does not
     say which columns are x, y and z. Warned of are rows that were not measured, coordinates rounded
@@ -170,10 +171,15 @@ def _rows(
         from iriftrace.clouds.e57 import read_e57
 
         points, columns = read_e57(file)
+    elif kind == ".pcd":
+        from iriftrace.clouds.pcd import read_pcd
+
+        pcd = read_pcd(file)
+        points, columns, remarks, unit = pcd.points, pcd.columns, pcd.remarks, pcd.length_unit
     elif kind in MESHES:
         points, columns, remarks, unit = _mesh_rows(file, kind)
     else:
-        known = ", ".join((*MESHES, ".vtp", ".e57", *TEXT))
+        known = ", ".join((*MESHES, ".vtp", ".e57", ".pcd", *TEXT))
         raise InputError(f"{file} is not a cloud of a supported format; give {known}.")
     refuse_corrected(file, columns)
     named = _single(columns)

@@ -245,7 +245,7 @@ NINE = "x,y,z,qx,qy,qz,qw"
         (f"{NINE}\n0,0,0,0,0,0,nan", "line 2: the quaternion has length nan"),
         (f"{NINE}\n0,inf,0,0,0,0,1", "Pose 1 of .* not finite"),
         (f"{NINE},x\n0,0,0,0,0,0,1,0", "has the column x twice"),
-        ("x,y,z,rx,ry,rz\n0,0,0,0,0,0", "does not describe poses; name the columns"),
+        ("x,y,z,roll,pitch,yaw\n0,0,0,0,0,0", "does not describe poses; name the columns"),
         (
             f"{NINE},target_x,target_y,target_z\n0,0,0,0,0,0,1,1,1,1",
             "describes poses twice; name the columns",

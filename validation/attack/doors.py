@@ -292,6 +292,9 @@ def _cloud(name: str) -> Callable[[Path], object]:
             with pye57.E57(str(folder / name), mode="w") as file:
                 columns = zip("XYZ", points.T / 1e3, strict=True)
                 file.write_scan_raw({f"cartesian{axis}": values for axis, values in columns})
+        elif name.endswith(".pcd"):
+            head = "FIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nWIDTH 60\nDATA binary\n"
+            (folder / name).write_bytes(head.encode() + points.tobytes())
         elif name.endswith(".asc"):
             np.savetxt(folder / name, points)
         elif name.endswith(".stl"):
@@ -417,7 +420,7 @@ DOORS = (
     ),
     Door("sweep netCDF", _sweep, lambda folder: read_sweep(folder / "sweep.nc").load(), ("*.nc",)),
     Door("study netCDF", _study, lambda folder: read_study(folder / "study.nc")),
-    *(_cloud_door(ending) for ending in ("ply", "stl", "asc", "vtp", "e57")),
+    *(_cloud_door(ending) for ending in ("ply", "stl", "asc", "vtp", "e57", "pcd")),
     Door("measured shift, EXR", _shift_map, _shift("shift.exr")),
     Door("measured shift, npy", _shift_array, _shift("shift.npy")),
     Door("measured shift, csv", _markers, _shift("shift.csv")),

@@ -1,0 +1,96 @@
+"""Orientations as the controllers of robots state them.
+
+Next to x, y and z, each maker has its own three angles, a rotation vector or a quaternion:
+
+===============  ==============  =====================================================
+robot            columns         rotation, flange to base
+===============  ==============  =====================================================
+abb              q1 q2 q3 q4     quaternion, its scalar part first
+fanuc            w p r           Rz(r) Ry(p) Rx(w), degrees
+kawasaki         o a t           Rz(o) Ry(a) Rz(t), degrees
+kuka             a b c           Rz(a) Ry(b) Rx(c), degrees
+mitsubishi       a b c           Rz(c) Ry(b) Rx(a), degrees
+staubli          rx ry rz        Rx(rx) Ry(ry) Rz(rz), degrees
+universal        rx ry rz        rotation vector (axis times angle), radians
+yaskawa          rx ry rz        Rz(rz) Ry(ry) Rx(rx), degrees
+===============  ==============  =====================================================
+
+Sources: Basler, rc_cube manual, appendix "Pose formats" (docs.baslerweb.com); for Staubli RoboDK's
+``robomath.Staubli_2_Pose``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from attrs import frozen
+
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
+
+RobotName = Literal[
+    "abb", "fanuc", "kawasaki", "kuka", "mitsubishi", "staubli", "universal", "yaskawa"
+]
+
+
+@frozen
+class RobotFormat:
+    """How a robot's controller states an orientation.
+
+    `rotation` is a sequence of axes of `scipy.spatial.transform.Rotation.from_euler` (capitals:
+    each about the axes that the one before has turned), "vector" or "quaternion".
+    """
+
+    columns: tuple[str, ...]
+    rotation: str
+    angle_unit: str = "deg"
+
+    def matrices(self, values: FloatArray, angle_unit: str = "") -> FloatArray:
+        """Rotations (n, 3, 3) of the values (n, 3 or 4) in the columns.
+
+        `angle_unit` is "deg", "rad" or "" for the controller's own. Raises InputError for a
+        rotation vector that is longer than a turn.
+        """
+        # Imported when needed, because the command line only needs the names of robots.
+        from scipy.spatial.transform import Rotation
+
+        degrees = (angle_unit or self.angle_unit) == "deg"
+        if self.rotation == "quaternion":
+            rotations = Rotation.from_quat(np.roll(values, -1, axis=1))
+        elif self.rotation == "vector":
+            longest = np.linalg.norm(values, axis=1).max()
+            if longest > (_TURN_DEG if degrees else math.radians(_TURN_DEG)):
+                raise InputError(
+                    f"a rotation vector has the length {longest:.4g} {'deg' if degrees else 'rad'},"
+                    " which is more than a turn; if these are angles, name the robot that has them."
+                )
+            rotations = Rotation.from_rotvec(values, degrees=degrees)
+        else:
+            rotations = Rotation.from_euler(self.rotation, values, degrees=degrees)
+        return np.asarray(rotations.as_matrix())
+
+
+_TURN_DEG = 361.0
+"""Length of a rotation vector by which a full turn is surely exceeded."""
+
+_RX_RY_RZ = ("rx", "ry", "rz")
+
+ROBOTS: dict[RobotName, RobotFormat] = {
+    "abb": RobotFormat(("q1", "q2", "q3", "q4"), "quaternion"),
+    "fanuc": RobotFormat(("w", "p", "r"), "xyz"),
+    "kawasaki": RobotFormat(("o", "a", "t"), "ZYZ"),
+    "kuka": RobotFormat(("a", "b", "c"), "ZYX"),
+    "mitsubishi": RobotFormat(("a", "b", "c"), "xyz"),
+    "staubli": RobotFormat(_RX_RY_RZ, "XYZ"),
+    "universal": RobotFormat(_RX_RY_RZ, "vector", "rad"),
+    "yaskawa": RobotFormat(_RX_RY_RZ, "xyz"),
+}
+"""Formats by the names of `RobotName`."""
+
+
+def robots_of(names: Sequence[str]) -> list[RobotName]:
+    """Robots whose orientations have their columns among some names."""
+    return [name for name, robot in ROBOTS.items() if set(robot.columns) <= set(names)]

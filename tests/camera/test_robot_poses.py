@@ -1,0 +1,202 @@
+"""Poses of robots: each maker's angles, the flange's camera, the robot's base."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from iriftrace.camera.pose import look_at
+from iriftrace.camera.pose_files import read_poses
+from iriftrace.camera.robot_poses import ROBOTS
+from iriftrace.cli.camera_options import OrbitOptions
+from iriftrace.core.errors import InputError, IriftraceWarning
+
+FIRST, SECOND, THIRD = 31.0, -47.5, 112.25
+
+
+def elementary(axis, degrees):
+    """Rotation about a coordinate axis, from the sine and cosine."""
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    return {
+        "x": np.array(((1, 0, 0), (0, c, -s), (0, s, c))),
+        "y": np.array(((c, 0, s), (0, 1, 0), (-s, 0, c))),
+        "z": np.array(((c, -s, 0), (s, c, 0), (0, 0, 1))),
+    }[axis]
+
+
+def product(*turns):
+    return np.linalg.multi_dot([elementary(axis, degrees) for axis, degrees in turns])
+
+
+# The makers' own products, with their first, second and third angle.
+CARDAN = product(("z", THIRD), ("y", SECOND), ("x", FIRST))
+PRODUCTS = {
+    "fanuc": ("w,p,r", CARDAN),
+    "yaskawa": ("rx,ry,rz", CARDAN),
+    "mitsubishi": ("a,b,c", CARDAN),
+    "kuka": ("a,b,c", product(("z", FIRST), ("y", SECOND), ("x", THIRD))),
+    "staubli": ("rx,ry,rz", product(("x", FIRST), ("y", SECOND), ("z", THIRD))),
+    "kawasaki": ("o,a,t", product(("z", FIRST), ("y", SECOND), ("z", THIRD))),
+}
+
+
+def written(folder, text, name="poses.csv"):
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("robot", PRODUCTS)
+def test_angles_are_those_of_the_maker(tmp_path, robot):
+    columns, rotation = PRODUCTS[robot]
+    path = written(tmp_path, f"x,y,z,{columns}\n1.5,-2,3,{FIRST},{SECOND},{THIRD}\n")
+    matrix = read_poses(path, robot=robot).matrices[0]
+    assert_allclose(matrix[:3, :3], rotation, atol=1e-15)
+    assert_array_equal(matrix[:3, 3], (1.5, -2, 3))
+    radians = ",".join(f"{math.radians(angle):.17g}" for angle in (FIRST, SECOND, THIRD))
+    names = ",".join(f"{name} [rad]" for name in columns.split(","))
+    path = written(tmp_path, f"X [m],Y [m],Z [m],{names}\n0.0015,-.002,.003,{radians}\n")
+    in_radians = read_poses(path, robot=robot, length_unit="m").matrices[0]
+    assert_allclose(in_radians, matrix, atol=1e-15)
+
+
+def test_a_tool_that_points_down(tmp_path):
+    # KUKA's pose of a tool that looks at the table: A 90, B 0, C 180.
+    path = written(tmp_path, "X;Y;Z;A;B;C\n0;0;500;90;0;180\n")
+    axes = read_poses(path, robot="kuka").matrices[0, :3, :3]
+    assert_allclose(axes.T, ((0, 1, 0), (1, 0, 0), (0, 0, -1)), atol=1e-15)
+
+
+def test_a_rotation_vector_turns_about_its_axis_by_its_length(tmp_path):
+    # A third of a turn about the room's diagonal moves x to y, y to z and z to x.
+    entry = 2.0 * math.pi / 3.0 / math.sqrt(3.0)
+    path = written(tmp_path, f"x y z rx ry rz\n0 0 0 {entry} {entry} {entry}\n")
+    axes = read_poses(path, robot="universal").matrices[0, :3, :3]
+    assert_allclose(axes.T, ((0, 1, 0), (0, 0, 1), (1, 0, 0)), atol=1e-15)
+    path = written(tmp_path, "x y z rx_deg ry_deg rz_deg\n0 0 0 0 0 90\n")
+    axes = read_poses(path, robot="universal").matrices[0, :3, :3]
+    assert_allclose(axes.T, ((0, 1, 0), (-1, 0, 0), (0, 0, 1)), atol=1e-15)
+
+
+def test_quaternions_of_abb_have_the_scalar_first(tmp_path):
+    path = written(tmp_path, "x,y,z,q1,q2,q3,q4\n1,2,3,0.8,0.6,0,0\n")
+    named = written(tmp_path, "x,y,z,qw,qx,qy,qz\n1,2,3,0.8,0.6,0,0\n", "named.csv")
+    assert_allclose(read_poses(path).matrices, read_poses(named).matrices, atol=1e-15)
+
+
+@pytest.mark.parametrize("robot", ["abb", "fanuc", "kawasaki"])
+def test_columns_that_one_robot_has_need_no_name(tmp_path, robot):
+    values = "1,0,0,0" if robot == "abb" else f"{FIRST},{SECOND},{THIRD}"
+    path = written(tmp_path, f"x,y,z,{','.join(ROBOTS[robot].columns)}\n1,2,3,{values}\n")
+    assert_array_equal(read_poses(path).matrices, read_poses(path, robot=robot).matrices)
+
+
+def test_columns_without_names_are_the_robots(tmp_path):
+    named = written(tmp_path, f"x,y,z,a,b,c\n1,2,3,{FIRST},{SECOND},{THIRD}\n")
+    bare = written(tmp_path, f"1 2 3 {FIRST} {SECOND} {THIRD}\n", "bare.txt")
+    expected = read_poses(named, robot="kuka").matrices
+    assert_array_equal(read_poses(bare, robot="kuka").matrices, expected)
+
+
+def test_a_quaternion_next_to_a_robots_angles_counts_without_a_robot(tmp_path):
+    path = written(tmp_path, "x,y,z,qx,qy,qz,qw,rx,ry,rz\n0,0,0,0,0,0,1,90,0,0\n")
+    assert_array_equal(read_poses(path).matrices[0], np.eye(4))
+    turned = read_poses(path, robot="yaskawa").matrices[0]
+    assert_allclose(turned[:3, :3], elementary("x", 90.0), atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "robot", "message"),
+    [
+        ("x,y,z,a,b,c\n0,0,0,1,2,3", None, r"orientations a, b, c, which.*kuka or mitsubishi\)\."),
+        (
+            "x,y,z,rx,ry,rz\n0,0,0,1,2,3",
+            None,
+            r"orientations rx, ry, rz, which .* \(--robot staubli, universal or yaskawa\)\.",
+        ),
+        # A log of Universal Robots with its joints.
+        (
+            "x,y,z,rx,ry,rz,q1,q2,q3,q4,q5,q6\n0,0,0,1,2,3,1,2,3,4,5,6",
+            None,
+            "orientations q1, q2, q3, q4 and rx, ry, rz",
+        ),
+        ("x,y,z,w,p,r\n0,0,0,1,2,3", "kuka", "no columns x, y, z, a, b, c, in which poses of"),
+        ("x,y,a,b,c\n0,0,1,2,3", "kuka", "no columns x, y, z, a, b, c"),
+        ("0 0 0 1 2 3 4", "kuka", "no columns x, y, z, a, b, c"),
+        ("0 0 0 90 0 180", "universal", "length 201.2 rad, which is more than a turn"),
+        ("x,y,z,a [deg],b [rad],c [rad]\n0,0,0,1,2,3", "kuka", "angles in deg and rad"),
+        ("x,y,z,q1,q2,q3,q4\n0,0,0,1,1,0,0", None, "line 2: the quaternion has length 1.41421"),
+        ("0 0 0 nan 0 180", "kuka", "Pose 1 of .* not finite"),
+        ("0 0 0 inf 0 180", "universal", "not finite|more than a turn"),
+    ],
+)
+def test_files_that_do_not_fit_the_robot(tmp_path, text, robot, message):
+    path = written(tmp_path, text)
+    with pytest.raises(InputError, match=message) as caught:
+        read_poses(path, robot=robot)
+    assert str(path) in str(caught.value)
+
+
+def test_matrices_need_no_robot(tmp_path):
+    np.save(tmp_path / "poses.npy", np.eye(4))
+    with pytest.raises(InputError, match="no columns x, y, z, w, p, r"):
+        read_poses(tmp_path / "poses.npy", robot="fanuc")
+
+
+# The camera is 80 mm beside the flange and turned by a quarter about its axis.
+HAND_EYE = np.array(((0, -1, 0, 80), (1, 0, 0, 0), (0, 0, 1, 25), (0, 0, 0, 1.0)))
+
+
+def test_the_camera_of_a_flange_that_looks_down(tmp_path):
+    path = written(tmp_path, "x,y,z,w,p,r\n0.6,0,0.5,180,0,0\n")
+    camera = read_poses(path, length_unit="m", hand_eye=HAND_EYE).matrices[0]
+    # The flange's x stays x, its y and z are turned round: 80 mm along x and 25 mm downwards.
+    assert_allclose(camera[:3, 3], (680, 0, 475), atol=1e-12)
+    assert_allclose(camera[:3, :3].T, ((0, -1, 0), (-1, 0, 0), (0, 0, -1)), atol=1e-15)
+    # The base stands 680 mm before the part, at its height, and is turned by half.
+    base_to_part = np.diag((-1.0, -1.0, 1.0, 1.0))
+    base_to_part[0, 3] = 680.0
+    placed = read_poses(path, length_unit="m", hand_eye=HAND_EYE, base_to_part=base_to_part)
+    above = look_at((0, 0, 475), (0, 0, 0), (0, -1, 0))
+    assert_allclose(placed.matrices[0, :3, 2:], above[:3, 2:], atol=1e-12)
+    assert_allclose(placed.matrices[0], base_to_part @ camera, atol=1e-12)
+
+
+def test_the_hand_eye_matrix_has_the_cameras_axes_of_the_convention(tmp_path):
+    path = written(tmp_path, "x,y,z,w,p,r\n600,10,500,180,5,0\n")
+    as_opencv = read_poses(path, hand_eye=HAND_EYE).matrices
+    as_opengl = read_poses(path, "opengl", hand_eye=HAND_EYE @ np.diag((1, -1, -1, 1))).matrices
+    assert_allclose(as_opengl, as_opencv, atol=1e-12)
+
+
+def test_matrices_of_frames_that_are_wrong(tmp_path):
+    path = written(tmp_path, "x,y,z,w,p,r\n600,10,500,180,5,0\n")
+    for name in ("hand_eye", "base_to_part"):
+        with pytest.raises(InputError, match="is not a rigid motion"):
+            read_poses(path, **{name: np.diag((2.0, 2.0, 2.0, 1.0))})
+        with pytest.raises(InputError, match="is the matrix transposed"):
+            read_poses(path, **{name: HAND_EYE.T})
+    in_metres = HAND_EYE.copy()
+    in_metres[:3, 3] /= 1000.0
+    with pytest.warns(IriftraceWarning, match="camera 0.0838 mm from the flange, as if"):
+        read_poses(path, hand_eye=in_metres)
+    path = written(tmp_path, "x,y,z,target_x,target_y,target_z\n1,2,3,0,0,0\n")
+    with pytest.raises(InputError, match="aims cameras at targets"):
+        read_poses(path, hand_eye=HAND_EYE)
+
+
+def test_options_of_a_sweep(tmp_path):
+    path = written(tmp_path, "X,Y,Z,A,B,C\n0.6,0,0.5,0,0,180\n")
+    motion = written(tmp_path, "# unit: m\n0 -1 0 0.08\n1 0 0 0\n0 0 1 0.025\n0 0 0 1\n", "he.txt")
+    base = written(tmp_path, "1 0 0 -680\n0 1 0 0\n0 0 1 0\n0 0 0 1\n", "base.txt")
+    options = OrbitOptions(
+        poses=path, length_unit="m", robot="kuka", hand_eye=motion, base_to_part=base
+    )
+    (poses,) = options.pose_sets(None).values()
+    assert_allclose(poses.origins, [(0, 0, 475)], atol=1e-12)
+    for name, value in (("robot", "kuka"), ("hand_eye", motion), ("base_to_part", base)):
+        with pytest.raises(InputError, match=f"--{name.replace('_', '-')} .* list of poses"):
+            OrbitOptions(**{name: value}).pose_sets(None)
