@@ -14,6 +14,11 @@ ENGINES = {
 """Engines that can be requested, with their descriptions."""
 
 
+def may_use_field(engine: str) -> bool:
+    """True if a requested engine bends rays by the field's own cells, or may come to do so."""
+    return engine != "shells"
+
+
 class Bending(StrEnum):
     """Where rays are bent; the value stands in headers and files."""
 

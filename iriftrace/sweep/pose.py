@@ -11,7 +11,7 @@ from pathlib import Path
 from attrs import frozen
 
 from iriftrace.camera.camera import Camera
-from iriftrace.core.engines import AUTO
+from iriftrace.core.engines import AUTO, may_use_field
 from iriftrace.core.errors import InputError, without_warnings
 from iriftrace.core.files import sha256_of
 from iriftrace.field.path_data import FIELD_FILE
@@ -71,8 +71,7 @@ def source_of(
     with runtime.using(variant), without_warnings():
         # Warned of when the scene is loaded.
         files = _files(path, variables)
-        if engine != "shells":
-            # The cells engine may need the field file next to the scene.
+        if may_use_field(engine):
             files = (*files, *_field_files(path, variables))
     contents = {str(file.resolve()): sha256_of(file) for file in files}
     content = [sha256_of(path), *(contents[str(file.resolve())] for file in files)]
