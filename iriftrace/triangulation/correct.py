@@ -82,6 +82,16 @@ _DOUBTFUL = {
     "cloud (--cloud-to-part).",
 }
 
+_NOT_CORRECTED = {
+    CorrectionStatus.FAR_FROM_PART: "are far from the part",
+    CorrectionStatus.HIDDEN: "are hidden from a device",
+    CorrectionStatus.OUTSIDE_VIEW: "lie behind a device or beyond its lens",
+    CorrectionStatus.SEVERAL_IMAGES: "have several images",
+    CorrectionStatus.OUTSIDE_FIELD: "are seen through no hot air that is known",
+    CorrectionStatus.LOST: "have rays that were lost on the way",
+    CorrectionStatus.UNCERTAIN: "have a correction less than its uncertainty",
+}
+
 
 def correct(
     points: ArrayLike,
@@ -263,15 +273,16 @@ def _refuse_none(status: IntArray, measured: FloatArray, part: Part) -> None:
     """Raise InputError if no point can be corrected."""
     if (status == CorrectionStatus.CORRECTED).any():
         return
-    counts = CorrectionStatus.counts(status)
+    counts = {code: int((status == code).sum()) for code in _NOT_CORRECTED}
+    listed = ", ".join(f"{n:,} {_NOT_CORRECTED[code]}" for code, n in counts.items() if n)
+    if counts[CorrectionStatus.UNCERTAIN] > 0.5 * len(status):
+        raise InputError(
+            f"None of the {len(status):,} points can be corrected: {listed}. The members' air is "
+            "too different from one another, or from what was measured; add members that are "
+            "closer to the air, or find their weights with a board (iriftrace fit)."
+        )
     raise InputError(
-        f"None of the {len(status):,} points can be corrected: {counts['far_from_part']:,} are "
-        f"far from the part, {counts['hidden']:,} hidden from a device, "
-        f"{counts['outside_view']:,} behind a device or beyond its lens, "
-        f"{counts['several_images']:,} have several images, {counts['outside_field']:,} are "
-        f"seen through no hot air that is known, {counts['lost']:,} have rays that were lost on "
-        f"the way, and for {counts['uncertain']:,} the correction "
-        "is less than its uncertainty; the cloud is "
+        f"None of the {len(status):,} points can be corrected: {listed}; the cloud is "
         f"{_across(measured):.3g} mm across and the part {_across(part.bounds):.3g} mm: "
         "check its unit (--length-unit), its frame (--cloud-to-part) and where the scene has "
         "the devices."
