@@ -11,7 +11,7 @@ import numpy as np
 from attrs import evolve, field, frozen
 
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.statistics import rms
 from iriftrace.image.shift_mixture import MOST_OUTLIERS, ShiftMixture
@@ -20,6 +20,9 @@ from iriftrace.scene.loaded import LoadedEnsemble, LoadedScene
 from iriftrace.scene.member_weights import MemberWeights
 
 SCHEMA = "iriftrace.fit/2"
+
+FEWEST = 4
+"""Number of members below which the uncertainty of their weights does not hold."""
 
 DOUBTFUL = 2.0
 """Residual, as a multiple of the noise, from which on the members are not the measured air."""
@@ -188,6 +191,11 @@ def member_fit(
     provenance: JsonObject,
 ) -> MemberFit:
     """Assemble the results of a fit; attributes as of `MemberFit`."""
+    if len(members) < FEWEST:
+        warn(
+            f"The uncertainty of weights knows only the air between the {len(members)} members; "
+            f"give at least {FEWEST}, such as two speeds of two directions of the draught."
+        )
     covariance = found.covariance(noise)
     fitted = MemberWeights(found.weights, covariance).rows
     return MemberFit(

@@ -24,7 +24,7 @@ from validation.inputs.leaning_air import (
 )
 
 SCRIPT = Path(__file__).parents[2] / "docs" / "examples" / "board_shifts.py"
-LEANS = (0.2, 0.4)
+LEANS = (0.1, 0.2, 0.4, 0.5)
 CAMERA = BOARD_CAMERA.scaled(0.6)
 BOARD_TREE = cKDTree(BOARD.centres[:, :2])
 
