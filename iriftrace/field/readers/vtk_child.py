@@ -167,8 +167,10 @@ def _output(reader: _Reader) -> Described | None:
     return _described(reader.GetOutput())
 
 
-def read_case(path: str, time: str) -> Answer:
+def read_case(path: str, time: str, region: str) -> Answer:
     """One time of an OpenFOAM case, and the names of the fields that VTK found there.
+
+    `region` is the name of a region in ``constant``; "" reads the case's own mesh.
 
     VTK warns about much that is harmless in a case; the caller checks what was read.
     """
@@ -181,7 +183,11 @@ def read_case(path: str, time: str) -> Answer:
     reader.SetSkipZeroTime(False)
     reader.SetCreateCellToPoint(False)
     reader.UpdateInformation()
-    reader.EnableAllPatchArrays()
+    for k in range(reader.GetNumberOfPatchArrays()):
+        # Such as "patch/wall", or "/air/patch/wall" of a region.
+        name = reader.GetPatchArrayName(k)
+        of_region = name.split("/")[1] if name.startswith("/") else ""
+        reader.SetPatchArrayStatus(name, of_region == region)
     reader.EnableAllCellArrays()
     reader.SetTimeValue(float(time))
     reader.Update()

@@ -77,18 +77,18 @@ def read_times(path: Path, reader: str, which: str | int | None) -> tuple[Data, 
     return _read(path, path.stat().st_size, reader, which)
 
 
-def read_case(folder: Path, time: str) -> tuple[Data, list[str]]:
+def read_case(folder: Path, time: str, region: str = "") -> tuple[Data, list[str]]:
     """Blocks of one time of an OpenFOAM case, and the names of the fields that VTK found in it."""
-    parts = (folder / "constant/polyMesh", folder / time)
+    parts = (folder / "constant" / region / "polyMesh", folder / time / region)
     size = sum(file.stat().st_size for part in parts for file in part.rglob("*"))
-    return _read(folder, size, "read_case", time)
+    return _read(folder, size, "read_case", time, region)
 
 
-def _read(path: Path, size: int, reader: str, option: str | int | None) -> tuple[Data, list[str]]:
+def _read(path: Path, size: int, reader: str, *options: str | int | None) -> tuple[Data, list[str]]:
     """Answer of a reader of `vtk_child` for a file, with its data set checked."""
     try:
         described, names = read_in_child(
-            f"iriftrace.field.readers.vtk_child:{reader}", size, str(path.absolute()), option
+            f"iriftrace.field.readers.vtk_child:{reader}", size, str(path.absolute()), *options
         )
         data = _checked(described)
         return pv.MultiBlock() if data is None else data, names
