@@ -30,6 +30,9 @@ SUFFIXES = (".vtu", ".pvtu", ".vtk", ".vti", ".vtr", ".vts", ".vtp", ".vtm")
 
 _NAMED = re.compile(rb"""(?:file|Source)\s*=\s*["']([^"']+)["']""")
 
+_CONTENT = re.compile(rb">([^<>]{1,999})<")
+"""Content of an XML element that can name a file and a path in it, such as ``air.h5:/T``."""
+
 _SIZES = {
     **{0: 0, 1: 1, 3: 2, 5: 3, 8: 4, 9: 4, 10: 4, 11: 8, 12: 8, 13: 6, 14: 5, 15: 10, 16: 12},
     **{21: 3, 22: 6, 23: 8, 24: 10, 25: 20, 26: 15, 27: 13, 28: 9, 29: 27, 30: 6, 31: 12, 32: 18},
@@ -75,6 +78,14 @@ def read_ensight(path: Path, time: str) -> Data:
 def read_times(path: Path, reader: str, which: str | int | None) -> tuple[Data, list[str]]:
     """Blocks of one state by a reader of `vtk_child`, and all times; None for these alone."""
     return _read(path, path.stat().st_size, reader, which)
+
+
+def read_xdmf(path: Path, step: int | None) -> tuple[Data, list[str]]:
+    """Grids of one step of an XDMF file, and all times; None for these alone."""
+    texts = {text.partition(b":")[0].strip() for text in _CONTENT.findall(path.read_bytes())}
+    named = (path.parent / os.fsdecode(text) for text in texts)
+    size = path.stat().st_size + sum(file.stat().st_size for file in named if os.path.isfile(file))
+    return _read(path, size, "read_xdmf", step)
 
 
 def read_case(folder: Path, time: str, region: str = "") -> tuple[Data, list[str]]:
