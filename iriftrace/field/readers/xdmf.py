@@ -42,5 +42,5 @@ def _meshes(data: Data) -> pv.MultiBlock:
 def _same_cells(one: pv.DataSet, other: pv.DataSet) -> bool:
     """True for grids with equal points and cells."""
     # Only unstructured grids list their cells.
-    cells = (getattr(grid, "cells", None) for grid in (one, other))
-    return np.array_equal(one.points, other.points) and np.array_equal(*cells)
+    mine, theirs = (getattr(grid, "cells", ()) for grid in (one, other))
+    return np.array_equal(one.points, other.points) and np.array_equal(mine, theirs)
