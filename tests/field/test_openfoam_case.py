@@ -336,7 +336,7 @@ DAMAGE = {
     "an enthalpy": (ENTHALPY, r"states the dimensions \[0 2 -2 0 0 0 0\], which are not those"),
     "packed and plain": (twice, r"both T and T\.gz"),
     "no mesh": (remove("constant/polyMesh"), "has no mesh"),
-    "regions": (regions, "the regions air; convert the air with `foamToVTK -region air`"),
+    "regions": (regions, r"the regions air, of which none are fluid.*such as .*constant/air\."),
     "collated": (collated, "collated format.*reconstructPar"),
     "no times": (no_times, "no time folder with results"),
     "no temperature": (remove("2.5/T"), "no array that looks like a temperature.*are p"),

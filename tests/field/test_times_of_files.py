@@ -1,4 +1,4 @@
-"""CGNS and Exodus, which VTK alone reads: the field is that of VTK's own format, with its times."""
+"""CGNS, Exodus and XDMF, which VTK alone reads: fields as in VTK's own format, and times."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ from numpy.testing import assert_allclose
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.read import read_field
 from iriftrace.field.readers.members import member_at, members
-from validation.field_files import cgns, exodus
+from validation.field_files import cgns, exodus, xdmf
 from validation.inputs import hot_block
 
-FORMATS = pytest.mark.parametrize(("kind", "name"), [(cgns, "air.cgns"), (exodus, "air.e")])
+FORMATS = pytest.mark.parametrize(
+    ("kind", "name"), [(cgns, "air.cgns"), (exodus, "air.e"), (xdmf, "air.xdmf")]
+)
 
 
 @pytest.mark.parametrize(
@@ -27,6 +29,8 @@ FORMATS = pytest.mark.parametrize(("kind", "name"), [(cgns, "air.cgns"), (exodus
         (exodus, "air.e", "T", "hexahedra"),
         (exodus, "air.ex2", "T", "tetrahedra"),
         (exodus, "air.EXO", "T", "hexahedra"),
+        (xdmf, "air.xdmf", "T", "hexahedra"),
+        (xdmf, "air.xmf", "T", "tetrahedra"),
     ],
 )
 def test_the_field_is_that_of_vtk(
@@ -88,3 +92,26 @@ def test_cgns_has_values_at_cells_and_units(tmp_path: Path) -> None:
         other = cgns.write(tmp_path / "other.cgns", grid, units=wrong)
         with pytest.raises(InputError, match=said):
             read_field(other)
+
+
+@pytest.mark.filterwarnings("ignore:.*2 states")
+def test_functions_of_fenics_are_on_one_mesh(tmp_path: Path) -> None:
+    """Its files have a grid for the mesh and one for each function, with the mesh in each."""
+    grid = hot_block.air(6)
+    kelvin = np.asarray(grid["T"])
+    grid["velocity"] = np.outer(kelvin - hot_block.AMBIENT, (0.0, 0.001, 0.002))
+    path = xdmf.write(tmp_path / "air.xdmf", grid, [(2.0, kelvin)])
+    field = read_field(path, member=0, flow=True)
+    assert field.grid.volume == pytest.approx((2 * hot_block.OUTER) ** 3 - 12.0**3)
+    excess = field.temperature_k - hot_block.AMBIENT
+    assert_allclose(field.flow.velocity, np.outer(excess, (0.0, 0.001, 0.002)), atol=1e-9)
+
+
+def test_values_of_xdmf_without_their_file(tmp_path: Path) -> None:
+    path = xdmf.write(tmp_path / "air.xdmf", hot_block.air(6))
+    path.write_text(path.read_text().replace("air.h5:/T/0", "air.h5:/T/1"))
+    with pytest.raises(InputError, match="cannot be read"):
+        read_field(path)
+    path.with_suffix(".h5").unlink()
+    with pytest.raises(InputError, match="cannot be read"):
+        read_field(path)

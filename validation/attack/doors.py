@@ -37,7 +37,7 @@ from iriftrace.studies.study import SCHEMA as STUDY_SCHEMA
 from iriftrace.studies.study import read_study
 from iriftrace.sweep.journal import Piece, Work, journal_of, open_journal
 from iriftrace.sweep.store import read_sweep
-from validation.field_files import cgns, comsol, ensight, exodus
+from validation.field_files import cgns, comsol, ensight, exodus, xdmf
 from validation.field_files.openfoam import write_case
 from validation.field_files.openfoam_mesh import Patch
 from validation.inputs import hot_block, stereo_files
@@ -361,6 +361,11 @@ DOORS = (
         "CGNS",
         lambda folder: cgns.write(folder / "air.cgns", hot_block.air(_CELLS)),
         _field("air.cgns"),
+    ),
+    Door(
+        "XDMF",
+        lambda folder: xdmf.write(folder / "air.xdmf", hot_block.air(_CELLS)),
+        _field("air.xdmf"),
     ),
     Door("OpenFOAM case", _case, _field("case")),
     Door("COMSOL text", _comsol("air.txt", " "), _scattered("air.txt"), ("air.txt",)),

@@ -16,7 +16,7 @@ from attrs import evolve, frozen
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import check_readable
-from iriftrace.field.readers import cgns, comsol, ensight, exodus, openfoam, vtk_files
+from iriftrace.field.readers import cgns, comsol, ensight, exodus, openfoam, vtk_files, xdmf
 from iriftrace.field.readers.states import Contents, State
 
 
@@ -33,6 +33,7 @@ _READERS: dict[str, Reader] = {
     **dict.fromkeys((".case", ".encas"), ensight),
     **dict.fromkeys((".e", ".ex2", ".exo"), exodus),
     ".cgns": cgns,
+    **dict.fromkeys((".xdmf", ".xmf"), xdmf),
     **dict.fromkeys((".foam", ".openfoam"), openfoam),
     **dict.fromkeys((".txt", ".csv", ".dat"), comsol),
 }

@@ -1,4 +1,8 @@
-"""Read one time of an OpenFOAM case: a folder or .foam file, whole or decomposed."""
+"""Read one time of an OpenFOAM case: a folder or .foam file, whole or decomposed.
+
+A case of conjugate heat transfer has a mesh for each region, ``constant/<region>/polyMesh``; its
+fluid region is read. The folder ``constant/<region>`` in place of the case's chooses another.
+"""
 
 from __future__ import annotations
 
@@ -26,6 +30,8 @@ _NO_VALUES = re.compile(r"processor.*|symmetry.*|wedge|empty|.*cyclic.*", re.IGN
 _BINARY = re.compile(rb"\bformat\s+binary")
 _DIRECTIVE = re.compile(rb"\$\w|(?:^|\s)#\s*[a-z]+")
 _DIMENSIONS = re.compile(rb"^\s*dimensions\s*\[([^\]]*)\]", re.MULTILINE)
+_FLUIDS = re.compile(r"\bfluid\s*\(([^()]*)\)")
+_COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 _PATCH = re.compile(r"(?P<name>[^\s{}();]+)\s*\{[^{}]*?\btype\s+(?P<kind>\w+)\s*;")
 
 
@@ -36,6 +42,7 @@ class _Case:
     folder: Path
     pieces: tuple[Path, ...]
     times: tuple[str, ...]
+    region: str  # "" for a case with one mesh
 
     @property
     def states(self) -> list[State]:
@@ -52,7 +59,7 @@ def read(path: Path, member: int | None, *, flow: bool = False) -> Contents:
     case = _case(path)
     number = state_number(case.states, member, path)
     time = case.times[number]
-    pieces = [_piece(piece, time, flow) for piece in case.pieces]
+    pieces = [_piece(piece, time, case.region, flow) for piece in case.pieces]
     # Cell arrays of scalars and, if asked for, of the vectors that describe the air's motion.
     names = [
         name
@@ -77,25 +84,61 @@ def read(path: Path, member: int | None, *, flow: bool = False) -> Contents:
     files = (
         file
         for piece in case.pieces
-        for part in (piece / "constant/polyMesh", piece / time)
+        for part in (_mesh(piece, case.region), piece / time / case.region)
         for file in part.rglob("*")
         if file.is_file()
     )
+    region = f"region {case.region}, " if case.region else ""
     return Contents(
         data=joined(pieces, names),
         sha256=sha256_of_list(sorted(files), case.folder),
         states=case.states,
         length_unit="m",
-        origin=f"OpenFOAM{_solver(case.folder)}, t = {time} s",
+        origin=f"OpenFOAM{_solver(case.folder)}, {region}t = {time} s",
     )
 
 
 def is_case(folder: Path) -> bool:
-    """True for the folder of an OpenFOAM case, reconstructed or decomposed."""
-    return any(
-        (folder / name).exists()
-        for name in ("system/controlDict", "constant/polyMesh", "processor0/constant/polyMesh")
-    )
+    """True for the folder of an OpenFOAM case, reconstructed or decomposed, or of a region."""
+    names = ("system/controlDict", "constant/polyMesh", "processor0/constant/polyMesh")
+    return any((folder / name).exists() for name in names) or _is_region(folder)
+
+
+def _is_region(folder: Path) -> bool:
+    """True for a folder ``constant/<region>`` of a case with meshes of regions."""
+    constant = folder.absolute().parent
+    return constant.name == "constant" and folder.absolute().name in _regions(constant.parent)
+
+
+def _regions(case: Path) -> list[str]:
+    """Names of the regions that have meshes of their own."""
+    meshes = (p.glob("constant/*/polyMesh") for p in (case, case / "processor0"))
+    return sorted({mesh.parent.name for found in meshes for mesh in found})
+
+
+def _fluid_region(case: Path) -> str:
+    """The fluid region of a case, "" if it has results on a mesh of its own; else InputError."""
+    regions = _regions(case)
+    pieces = (case, *processor_folders(case)[:1])
+    own = [time for p in pieces if _mesh(p).is_dir() for time in _times(p)]
+    # A case that was split into regions keeps its mesh and initial values.
+    if not regions or any(float(time) > 0.0 for time in own):
+        return ""
+    properties = case / "constant/regionProperties"
+    if properties.is_file():
+        stated = _FLUIDS.search(_COMMENT.sub("", properties.read_text(errors="replace")))
+        fluids = stated[1].split() if stated else []
+    else:
+        places = [(r, p / time / r) for r in regions for p in pieces for time in _times(p, r)]
+        fluids = sorted({r for r, place in places if any(place.glob(f"{VELOCITY}*"))})
+    if len(fluids) != 1:
+        raise InputError(
+            f"The case {case} has the regions {', '.join(regions)}, of which "
+            f"{' and '.join(fluids) or 'none'} are fluid, but only one can be read; give the "
+            "folder of the region with the air instead of the case's, such as "
+            f"{case / 'constant' / (fluids or regions)[0]}."
+        )
+    return fluids[0]
 
 
 def processor_folders(case: Path) -> list[Path]:
@@ -125,9 +168,13 @@ def _case(path: Path) -> _Case:
     folder = path
     if not path.is_dir():
         folder = path.parent.parent if path.name == "controlDict" else path.parent
+    if _is_region(folder):
+        folder, region = folder.absolute().parent.parent, folder.absolute().name
+    else:
+        region = _fluid_region(folder)
     processors = processor_folders(folder)
-    whole = _times(folder) if (folder / "constant/polyMesh").is_dir() else ()
-    apart = _times(processors[0]) if processors else ()
+    whole = _times(folder, region) if _mesh(folder, region).is_dir() else ()
+    apart = _times(processors[0], region) if processors else ()
     if whole and (float(whole[-1]) > 0.0 or not apart):
         if apart and float(apart[-1]) > float(whole[-1]):
             warn(
@@ -135,34 +182,33 @@ def _case(path: Path) -> _Case:
                 f"processors continue to t = {apart[-1]}; run reconstructPar to read later times.",
                 stacklevel=5,
             )
-        return _Case(folder, (folder,), whole)
+        return _Case(folder, (folder,), whole, region)
     if apart:
-        return _Case(folder, tuple(processors), apart)
+        return _Case(folder, tuple(processors), apart, region)
     if any(p.is_dir() for p in folder.glob("processors*")):
         raise InputError(
             f"The case {folder} is decomposed in OpenFOAM's collated format, which cannot be read "
             "here; run reconstructPar first."
         )
-    if not (folder / "constant/polyMesh").is_dir() and not processors:
-        meshes = sorted(p.parent.name for p in folder.glob("constant/*/polyMesh"))
-        if meshes:
-            raise InputError(
-                f"The case {folder} has no mesh of its own but the regions {', '.join(meshes)}; "
-                f"convert the air with `foamToVTK -region {meshes[0]}` and read its .vtm."
-            )
-        raise InputError(f"The case {folder} has no mesh (constant/polyMesh); mesh it first.")
+    if not _mesh(folder, region).is_dir() and not processors:
+        raise InputError(f"The case {folder} has no mesh ({_mesh(Path(), region)}); mesh it first.")
     raise InputError(
         f"The case {folder} has no time folder with results, so there is no field; run the solver, "
         "or reconstructPar."
     )
 
 
-def _times(folder: Path) -> tuple[str, ...]:
+def _mesh(folder: Path, region: str = "") -> Path:
+    """Folder of the mesh of a case, or of one of its regions."""
+    return folder / "constant" / region / "polyMesh"
+
+
+def _times(folder: Path, region: str = "") -> tuple[str, ...]:
     """Names of the time folders with files in them, in the order of time, 0 only if alone."""
     names = tuple(
         entry.name
         for entry in time_folders(folder).values()
-        if any(file.is_file() for file in entry.iterdir())
+        if any(file.is_file() for file in (entry / region).glob("*"))
     )
     return tuple(name for name in names if float(name) != 0.0) or names
 
@@ -176,37 +222,40 @@ def _solver(folder: Path) -> str:
     return f" {found[1]}" if found else ""
 
 
-def _piece(folder: Path, time: str, flow: bool) -> Piece:
-    """Cells and patches of one folder with a polyMesh."""
-    data, named = read_case(folder, time)
+def _piece(folder: Path, time: str, region: str, flow: bool) -> Piece:
+    """Cells and patches of one folder with a polyMesh, or of a region in it."""
+    data, named = read_case(folder, time, region)
     blocks = blocks_by_name(data)
+    # VTK returns a block for each region of a case that has any.
+    blocks = blocks_by_name(blocks.get(region or "defaultRegion", data))
+    place = folder / time / region
     grid = blocks.get("internalMesh")
     if not isinstance(grid, pv.UnstructuredGrid) or not grid.n_cells:
         raise InputError(
-            f"The mesh of the case {folder} cannot be read; is constant/polyMesh complete?"
+            f"The mesh of the case {folder} cannot be read; is {_mesh(Path(), region)} complete?"
         )
-    files = [file.name for file in (folder / time).iterdir()]
+    files = [file.name for file in place.iterdir()]
     there = {name.removesuffix(".gz") for name in files}
     twice = {name for name in there if {name, f"{name}.gz"} <= set(files) and quantity_of(name)}
     if twice:
         raise InputError(
-            f"{folder / time} has both {min(twice)} and {min(twice)}.gz, of which OpenFOAM reads "
+            f"{place} has both {min(twice)} and {min(twice)}.gz, of which OpenFOAM reads "
             "the first; remove the one that is out of date."
         )
-    empty = {file.name for file in (folder / time).iterdir() if not file.stat().st_size}
+    empty = {file.name for file in place.iterdir() if not file.stat().st_size}
     # VTK ignores an empty file as if it did not exist.
     damaged = there.intersection(n for n in (*named, *empty) if quantity_of(n))
     damaged = damaged.difference(grid.cell_data)
     if damaged:
-        file = folder / time / min(damaged)
+        file = place / min(damaged)
         why = "a solver that was stopped leaves such files"
         text = file.read_bytes() if file.is_file() else b""
         if _DIRECTIVE.search(text) and not _BINARY.search(text):
             why = "it has variables or directives ($ or #), and a solver writes files without them"
         raise InputError(f"The file {file} cannot be read; {why}, so choose another time (--time).")
     if TEMPERATURE in there:
-        _refuse_other_dimensions(folder / time / TEMPERATURE)
-    kinds = _patch_kinds(folder)
+        _refuse_other_dimensions(place / TEMPERATURE)
+    kinds = _patch_kinds(_mesh(folder, region))
     patches = {
         name: mesh
         for name, mesh in blocks_by_name(blocks.get("boundary")).items()
@@ -215,7 +264,7 @@ def _piece(folder: Path, time: str, flow: bool) -> Piece:
     walls = frozenset(name for name, kind in kinds.items() if "wall" in kind.lower())
     piece = split_piece(grid, patches, walls)
     names = frozenset(name for name in there.intersection(grid.cell_data) if quantity_of(name))
-    set_values_of_gradients(piece, folder / time, names)
+    set_values_of_gradients(piece, place, names)
     for mesh in (grid, *patches.values()) if flow else ():
         arrays = mesh.cell_data
         if VELOCITY in arrays and TEMPERATURE in arrays:
@@ -237,9 +286,9 @@ def _refuse_other_dimensions(file: Path) -> None:
         )
 
 
-def _patch_kinds(folder: Path) -> dict[str, str]:
+def _patch_kinds(mesh: Path) -> dict[str, str]:
     """Types of the patches by name, from ``polyMesh/boundary``."""
-    raw = unpacked(folder / "constant/polyMesh/boundary")
-    text = re.sub(r"//.*|/\*.*?\*/", "", raw.decode(errors="replace"))
+    raw = unpacked(mesh / "boundary")
+    text = _COMMENT.sub("", raw.decode(errors="replace"))
     text = re.sub(r"FoamFile\s*\{.*?\}", "", text, flags=re.S)
     return {found["name"]: found["kind"] for found in _PATCH.finditer(text)}

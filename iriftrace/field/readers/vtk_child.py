@@ -73,6 +73,7 @@ Answer = tuple[Described | None, list[str]]
 
 class _Reader(Protocol):
     def Update(self) -> object: ...
+    def UpdateTimeStep(self, time: float) -> object: ...
     def GetOutput(self) -> model.vtkDataObject | None: ...
 
 
@@ -141,9 +142,21 @@ def read_cgns(path: str, time: str | None) -> Answer:
     reader.EnableAllBases()
     reader.EnableAllPointArrays()
     reader.EnableAllCellArrays()
-    if time:
-        reader.UpdateTimeStep(float(time))
-    return _output(reader), names
+    return _output(reader, time), names
+
+
+def read_xdmf(path: str, step: int | None) -> Answer:
+    """One step of an XDMF file, and its times; only the times if `step` is None."""
+    from vtkmodules.vtkIOXdmf2 import vtkXdmfReader
+
+    reader = vtkXdmfReader()
+    reader.SetFileName(path)
+    names = _times(reader)
+    if not reader.GetNumberOfGrids():
+        raise ValueError("VTK finds no grid of XDMF in it")
+    if step is None:
+        return None, names
+    return _output(reader, names[step] if names else ""), names
 
 
 def _times(reader: vtkAlgorithm) -> list[str]:
@@ -154,11 +167,11 @@ def _times(reader: vtkAlgorithm) -> list[str]:
     return [repr(float(time)) for time in times]
 
 
-def _output(reader: _Reader) -> Described | None:
-    """Data set that a reader has read; raises ValueError with its first message if it failed."""
+def _output(reader: _Reader, time: str = "") -> Described | None:
+    """Data set of a reader, of one time if given; raises ValueError with its first message."""
     window = vtkStringOutputWindow()
     vtkOutputWindow.SetInstance(window)
-    reader.Update()
+    reader.UpdateTimeStep(float(time)) if time else reader.Update()
     _, error, text = window.GetOutput().partition("ERROR: ")
     if error:
         # Without the location in VTK's source and the reader's address.
@@ -167,8 +180,10 @@ def _output(reader: _Reader) -> Described | None:
     return _described(reader.GetOutput())
 
 
-def read_case(path: str, time: str) -> Answer:
+def read_case(path: str, time: str, region: str) -> Answer:
     """One time of an OpenFOAM case, and the names of the fields that VTK found there.
+
+    `region` is the name of a region in ``constant``; "" reads the case's own mesh.
 
     VTK warns about much that is harmless in a case; the caller checks what was read.
     """
@@ -181,7 +196,11 @@ def read_case(path: str, time: str) -> Answer:
     reader.SetSkipZeroTime(False)
     reader.SetCreateCellToPoint(False)
     reader.UpdateInformation()
-    reader.EnableAllPatchArrays()
+    for k in range(reader.GetNumberOfPatchArrays()):
+        # Such as "patch/wall", or "/air/patch/wall" of a region.
+        name = reader.GetPatchArrayName(k)
+        of_region = name.split("/")[1] if name.startswith("/") else ""
+        reader.SetPatchArrayStatus(name, of_region == region)
     reader.EnableAllCellArrays()
     reader.SetTimeValue(float(time))
     reader.Update()
@@ -250,11 +269,14 @@ def _mesh(data: model.vtkDataSet) -> Described | None:
         data.GetDimensions(dimensions)
         return {"kind": "structured", "dimensions": dimensions, "points": _points(data)}
     if isinstance(data, model.vtkUnstructuredGrid):
+        types = data.GetCellTypesArray()
+        if types is None:  # in VTK 9.6 and later if all cells have one type
+            types = data.GetCellTypes()
         described: Described = {
             "kind": "unstructured",
             "points": _points(data),
             "cells": [_cells(data.GetCells())],
-            "types": _array(data.GetCellTypesArray()),
+            "types": np.asarray(_array(types)),
         }
         if data.GetPolyhedronFaces() is not None:
             described["faces"] = _cells(data.GetPolyhedronFaces())

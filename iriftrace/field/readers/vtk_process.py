@@ -30,6 +30,9 @@ SUFFIXES = (".vtu", ".pvtu", ".vtk", ".vti", ".vtr", ".vts", ".vtp", ".vtm")
 
 _NAMED = re.compile(rb"""(?:file|Source)\s*=\s*["']([^"']+)["']""")
 
+_CONTENT = re.compile(rb">([^<>]{1,999})<")
+"""Content of an XML element that can name a file and a path in it, such as ``air.h5:/T``."""
+
 _SIZES = {
     **{0: 0, 1: 1, 3: 2, 5: 3, 8: 4, 9: 4, 10: 4, 11: 8, 12: 8, 13: 6, 14: 5, 15: 10, 16: 12},
     **{21: 3, 22: 6, 23: 8, 24: 10, 25: 20, 26: 15, 27: 13, 28: 9, 29: 27, 30: 6, 31: 12, 32: 18},
@@ -77,18 +80,26 @@ def read_times(path: Path, reader: str, which: str | int | None) -> tuple[Data, 
     return _read(path, path.stat().st_size, reader, which)
 
 
-def read_case(folder: Path, time: str) -> tuple[Data, list[str]]:
+def read_xdmf(path: Path, step: int | None) -> tuple[Data, list[str]]:
+    """Grids of one step of an XDMF file, and all times; None for these alone."""
+    texts = {text.partition(b":")[0].strip() for text in _CONTENT.findall(path.read_bytes())}
+    named = (path.parent / os.fsdecode(text) for text in texts)
+    size = path.stat().st_size + sum(file.stat().st_size for file in named if os.path.isfile(file))
+    return _read(path, size, "read_xdmf", step)
+
+
+def read_case(folder: Path, time: str, region: str = "") -> tuple[Data, list[str]]:
     """Blocks of one time of an OpenFOAM case, and the names of the fields that VTK found in it."""
-    parts = (folder / "constant/polyMesh", folder / time)
+    parts = (folder / "constant" / region / "polyMesh", folder / time / region)
     size = sum(file.stat().st_size for part in parts for file in part.rglob("*"))
-    return _read(folder, size, "read_case", time)
+    return _read(folder, size, "read_case", time, region)
 
 
-def _read(path: Path, size: int, reader: str, option: str | int | None) -> tuple[Data, list[str]]:
+def _read(path: Path, size: int, reader: str, *options: str | int | None) -> tuple[Data, list[str]]:
     """Answer of a reader of `vtk_child` for a file, with its data set checked."""
     try:
         described, names = read_in_child(
-            f"iriftrace.field.readers.vtk_child:{reader}", size, str(path.absolute()), option
+            f"iriftrace.field.readers.vtk_child:{reader}", size, str(path.absolute()), *options
         )
         data = _checked(described)
         return pv.MultiBlock() if data is None else data, names
