@@ -197,6 +197,7 @@ def _without_gaps(table: _Table, names: dict[str, Column], path: Path) -> _Table
     """The table without points that have no results, and without cells at such points."""
     telling = [k for k, name in enumerate(names) if quantity_of(name) is not None]
     missing = np.asarray(np.isnan(table.values[:, telling or slice(None)]).any(axis=1))
+    missing |= np.isnan(table.points).any(axis=1)
     if not missing.any():
         return table
     if missing.all():

@@ -16,7 +16,13 @@ from attrs import evolve, frozen
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
-from iriftrace.core.number_table import is_numbers, numbers, separator_of
+from iriftrace.core.number_table import (
+    closed_by,
+    is_numbers,
+    numbers,
+    separator_of,
+    with_gaps,
+)
 from iriftrace.core.units import LENGTH_UNITS, stated_length_unit
 from iriftrace.field.readers.states import Column, column_of
 
@@ -32,11 +38,13 @@ _TECPLOT = re.compile(r"\s*(?:TITLE|VARIABLES)\s*=", re.IGNORECASE)
 
 # A key is followed by a sign of any kind or, before a single word, by blanks.
 _SET = r"\s*\"?\s*(?:[:;,=\t]|(?<=\s)(?=[^\s(]+$))"
+_NODES = ("nodes", *"knoten nœuds noeuds nodi nodos 节点 節點 ノード 노드".split())
 _ENTRY = re.compile(
-    r"[%#]*\s*\"?(?P<key>Model|Version|Date|Dimension|Nodes|Elements|Expressions|Description"
-    rf"|Length[ _]units?){_SET}\s*(?P<value>.*)",
+    rf"[%#]*\s*\"?(?P<key>Model|Version|Date|Dimension|{'|'.join(_NODES)}|Elements|Expressions"
+    rf"|Description|Length[ _]units?){_SET}\s*(?P<value>.*)",
     re.IGNORECASE,
 )
+_LONE_VALUE = re.compile(r"[%#][^:：;,=]*[:：;,=]\s*\"?(?P<value>[^\s\",;]+)[\s\",;]*")
 _KIND = re.compile(rf"[%#]\s*(?P<word>Coordinates|Elements|Data|Grid)\b(?!{_SET})", re.IGNORECASE)
 _DATA_TITLE = re.compile(r"[%#]\s*Data\s*(?:\((?P<inside>.*)\))?\s*", re.IGNORECASE)
 _PADDED = re.compile(r"\s{2,}|\t")
@@ -101,7 +109,7 @@ class TextFile:
         """Unit of the coordinates, where the header states it."""
         text = self.entries.get("length unit", "").strip("[]() ")
         remarks = (line for line in self.sections[0].comments if line.startswith(("%", "#")))
-        text = text or next(filter(None, map(stated_length_unit, remarks)), "")
+        text = text or next(filter(None, map(_stated_unit, remarks)), "")
         return {"µm": "um", "μm": "um", '"': "inch"}.get(text, text) or None
 
     def origin(self, state: str) -> str:
@@ -168,7 +176,9 @@ def text_file(path: Path) -> TextFile:
     comments: list[str] = []
     for line in filter(None, map(str.strip, text.splitlines())):
         # The comment mark may stand in the quotation marks of the first word.
-        line = re.sub(r'^"\s*([%#]+)\s*', r'\1 "', line)
+        line = with_gaps(re.sub(r'^"\s*([%#]+)\s*', r'\1 "', line))
+        if line[0] in "%#" and not line.strip('%#" ,;\t'):
+            continue
         if line.startswith(("%", "#")) or (not sections and not is_numbers(line)):
             comments.append(line)
         elif comments or not sections:
@@ -192,6 +202,7 @@ def text_file(path: Path) -> TextFile:
     for line in (line for section in sections for line in section.comments):
         if found := _ENTRY.match(line):
             key = re.sub("length.unit.*", "length unit", found["key"].lower())
+            key = "nodes" if key in _NODES else key
             # Spreadsheet programs fill all rows up to the same number of columns.
             entries.setdefault(key, found["value"].rstrip(" ,;\t").strip('" '))
     file = TextFile(path, entries, sections)
@@ -202,6 +213,12 @@ def text_file(path: Path) -> TextFile:
             "revolve or extrude them to a 3D dataset in COMSOL and export that."
         )
     return file
+
+
+def _stated_unit(remark: str) -> str:
+    """Length unit in a remark, whose key may be of any language (``% Längeneinheit: m``); or ""."""
+    alone = None if _ENTRY.match(remark) else _LONE_VALUE.fullmatch(remark)
+    return stated_length_unit(remark) or (LENGTH_UNITS.get(alone["value"], "") if alone else "")
 
 
 def _text_of(comment: str) -> str:
@@ -218,7 +235,8 @@ def spreadsheet_columns(file: TextFile) -> list[Column]:
             "temperature cannot be identified; export it with its header."
         )
     separator = file.separator
-    count = len(first.rows[0].strip(separator or " ").split(separator))
+    rows = [row for section in file.sections for row in section.rows]
+    count = len(first.rows[0].split(separator)) - closed_by(rows, separator)
     names = _names(_text_of(first.titles[-1]), count, separator)
     units = [name.strip("[]() ") for name in names]
     if len(first.titles) > 1 and sum(unit.casefold() in LENGTH_UNITS for unit in units) == 3:

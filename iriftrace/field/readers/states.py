@@ -80,9 +80,16 @@ def column_of(text: str) -> Column:
 
 
 def states_of(columns: Iterable[Column]) -> list[State]:
-    """States of columns in the order in which they first appear, or one without a name."""
+    """States of columns, or one without a name.
+
+    By their times if each has another one, else in the order in which they first appear.
+    """
     labels = dict.fromkeys(column.state for column in columns if column.state)
-    return [(label, time_in(label)) for label in labels or ("",)]
+    states = [(label, time_in(label)) for label in labels or ("",)]
+    times = [time for _, time in states if time is not None]
+    if len(set(times)) == len(states):
+        states.sort(key=lambda state: state[1] or 0.0)
+    return states
 
 
 def states_at(times: Iterable[str]) -> list[State]:
