@@ -65,20 +65,20 @@ def test_an_empty_comment_below_the_names_is_not_a_row_of_names(tmp_path: Path) 
 @pytest.mark.parametrize("first", [True, False])
 def test_points_without_a_value_are_left_out(tmp_path: Path, gap: str, first: bool) -> None:
     kelvin: list[object] = list(KELVIN.tolist())
-    kelvin[0 if first else 5] = gap
+    kelvin[0 if first else -1] = gap
     path = table(tmp_path / "f.csv", ["% Length unit: m"], kelvin)
     with pytest.warns(IriftraceWarning, match=rf"NaN\) at 1 of {len(POINTS)} points"):
         field = read_field(path)
     assert field.grid.n_points == len(POINTS) - 1
-    assert field.temperature_k.min() == pytest.approx(AMBIENT)
+    assert np.isfinite(field.refractivity).all()
 
 
 def test_the_latest_time_is_not_the_last_column(tmp_path: Path) -> None:
-    columns = {f"T (K) @ t={t}": KELVIN + t for t in (60, 10, 0)}
+    columns = {f"T (K) @ t={t}": KELVIN + t for t in (1, 0.5, 0)}
     path = comsol.sectionwise(tmp_path / "f.txt", POINTS, TETRAHEDRA, columns)
     latest = member_at(path, "latest")
-    assert latest.time == 60.0
-    with pytest.warns(IriftraceWarning, match="the last one, t=60,"):
-        assert read_field(path).temperature_k.min() == pytest.approx(AMBIENT + 60)
+    assert latest.time == 1.0
+    with pytest.warns(IriftraceWarning, match="the last one, t=1,"):
+        assert read_field(path).temperature_k.min() == pytest.approx(AMBIENT + 1)
     field = read_field(path, member=latest.index)
-    assert field.temperature_k.min() == pytest.approx(AMBIENT + 60)
+    assert field.temperature_k.min() == pytest.approx(AMBIENT + 1)

@@ -44,7 +44,7 @@ _ENTRY = re.compile(
     rf"|Description|Length[ _]units?){_SET}\s*(?P<value>.*)",
     re.IGNORECASE,
 )
-_LONE_VALUE = re.compile(r"[%#][^:：;,=]*[:：;,=]\s*\"?(?P<value>[^\s\",;]+)[\s\",;]*")
+_LONE_VALUE = re.compile(r"[%#][^:\uff1a;,=]*[:\uff1a;,=]\s*\"?(?P<value>[^\s\",;]+)[\s\",;]*")
 _KIND = re.compile(rf"[%#]\s*(?P<word>Coordinates|Elements|Data|Grid)\b(?!{_SET})", re.IGNORECASE)
 _DATA_TITLE = re.compile(r"[%#]\s*Data\s*(?:\((?P<inside>.*)\))?\s*", re.IGNORECASE)
 _PADDED = re.compile(r"\s{2,}|\t")
