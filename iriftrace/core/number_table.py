@@ -37,6 +37,14 @@ def with_gaps(line: str) -> str:
     return filled if is_row else line
 
 
+def header_and_rows(text: str) -> tuple[str, list[str]]:
+    """The last line before the first row of numbers, "" of none, and the lines from there on."""
+    lines = [line for line in text.splitlines() if line.strip()]
+    rows = (k for k, line in enumerate(lines) if line.lstrip()[0] not in "#%" and is_numbers(line))
+    first = next(rows, len(lines))
+    return lines[first - 1] if first else "", lines[first:]
+
+
 def header_columns(line: str) -> dict[str, str]:
     """Names of the columns of a header, as in ``x [m]; T (degC)``, and their units, "" of none.
 

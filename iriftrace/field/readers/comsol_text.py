@@ -16,6 +16,7 @@ from attrs import evolve, frozen
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
+from iriftrace.core.files import text_in
 from iriftrace.core.number_table import (
     closed_by,
     is_numbers,
@@ -165,13 +166,9 @@ class TextFile:
 
 def text_file(path: Path) -> TextFile:
     """Read a text export and split it; raises InputError if it is not a table in 3D."""
-    raw = path.read_bytes()
-    if b"\0" in raw[:4096]:
+    text = text_in(path)
+    if "\0" in text[:4096]:
         raise InputError(f"{path} is not text; export it again as a text file in UTF-8.")
-    try:
-        text = raw.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = raw.decode("latin-1")
     sections: list[Section] = []
     comments: list[str] = []
     for line in filter(None, map(str.strip, text.splitlines())):
@@ -272,8 +269,9 @@ def _names(line: str, count: int, separator: str | None) -> list[str]:
         names = [name for name in _PADDED.split(line) if name]
         if len(names) == count:
             return names
-        if len(line.split()) == count and not re.search(r"[(\[@]", line):
-            return line.split()
+        words = line.split()
+        if len(words) == count and not any(word[0] in "([@" for word in words):
+            return words
         # A name longer than its column is followed by a single blank.
         words = line.split(None, 3)
         return words[:3] + (_NAMED.findall(words[3]) if len(words) > 3 else [])

@@ -20,6 +20,11 @@ _STATE = re.compile(r"(?P<name>.*?\S)[\s_]*@[\s_]*(?P<state>\S.*)")
 _UNIT = re.compile(r"(?P<name>.*?\S)[\s_]+\((?P<unit>(?:[^()]|\([^()]*\))+)\)")
 # As in files of CFD-Post and others; a function's argument is not in such brackets.
 _UNIT_IN_SQUARES = re.compile(r"(?P<name>.*?\S)[\s_]*\[(?P<unit>[^\[\]]+)\]")
+_GLUED_UNIT = re.compile(r"(?P<name>[^()]+)\((?P<unit>K|°[CF]|deg[CF]|um|mm|cm|m|kg/m\^?3)\)")
+"""Units of other programs; ``aveop1(T)`` is a function."""
+
+_UNIT_AFTER = re.compile(r"(?P<name>.*\S)[_\s](?P<unit>deg[CF]|celsius|kelvin)", re.IGNORECASE)
+
 _TIME = re.compile(r"(?:^|[\s,])t\s*=\s*(?P<time>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
 
 State = tuple[str, float | None]
@@ -74,7 +79,8 @@ def column_of(text: str) -> Column:
         name = found["name"]
         state = re.sub(r"([,:;])[\s_]*", r"\1 ", found["state"]).strip()
     unit = None
-    if found := _UNIT.fullmatch(name) or _UNIT_IN_SQUARES.fullmatch(name):
+    forms = (_UNIT, _UNIT_IN_SQUARES, _GLUED_UNIT, _UNIT_AFTER)
+    if found := next(filter(None, (form.fullmatch(name) for form in forms)), None):
         name, unit = found["name"], found["unit"].strip()
     return Column(name, unit, state)
 
