@@ -82,3 +82,43 @@ def test_the_latest_time_is_not_the_last_column(tmp_path: Path) -> None:
         assert read_field(path).temperature_k.min() == pytest.approx(AMBIENT + 1)
     field = read_field(path, member=latest.index)
     assert field.temperature_k.min() == pytest.approx(AMBIENT + 1)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        "x [mm] y [mm] z [mm] T [K]",
+        "x(mm) y(mm) z(mm) T(K)",
+        "x_mm y_mm z_mm T_kelvin",
+        "x_mm y_mm z_mm static-temperature_kelvin",
+    ],
+)
+def test_names_between_blanks(tmp_path: Path, names: str) -> None:
+    path = tmp_path / "f.txt"
+    rows = np.column_stack([POINTS, KELVIN]).tolist()
+    path.write_text("\n".join([names, *(" ".join(map(repr, row)) for row in rows)]))
+    field = read_field(path)
+    assert field.grid.volume == pytest.approx(1000.0)
+    assert field.temperature_k.max() == pytest.approx(KELVIN.max())
+
+
+def test_static_and_total_temperature(tmp_path: Path) -> None:
+    path = tmp_path / "f.csv"
+    rows = np.column_stack([POINTS, KELVIN + 5.0, KELVIN]).tolist()
+    names = "x_mm,y_mm,z_mm,total-temperature [K],static-temperature [K]"
+    path.write_text("\n".join([names, *(",".join(map(repr, row)) for row in rows)]))
+    assert read_field(path).temperature_k.max() == pytest.approx(KELVIN.max())
+
+
+def test_a_function_of_the_temperature_keeps_its_brackets(tmp_path: Path) -> None:
+    columns = {"comp1.aveop1(T) (K)": KELVIN + 9.0, "T (K)": KELVIN}
+    path = comsol.sectionwise(tmp_path / "f.txt", POINTS, TETRAHEDRA, columns)
+    assert read_field(path).source.array == "T"
+
+
+def test_sections_with_titles_of_another_language_are_named(tmp_path: Path) -> None:
+    path = comsol.sectionwise(tmp_path / "f.txt", POINTS, TETRAHEDRA, {"T (K)": KELVIN})
+    text = path.read_text().replace("% Coordinates", "% Koordinaten").replace("% Data", "% Daten")
+    path.write_text(text.replace("% Elements (", "% Elemente ("))
+    with pytest.raises(InputError, match=r"titles \(% Koordinaten, .* with COMSOL in English"):
+        read_field(path)

@@ -241,6 +241,12 @@ def spreadsheet_columns(file: TextFile) -> list[Column]:
         above = _names(_text_of(first.titles[-2]), count, separator)
         if len(above) == len(units):
             names = [f"{name} [{unit}]" for name, unit in zip(above, units, strict=True)]
+    if len(names) != count and len(file.sections) > 1:
+        titles = ", ".join(section.titles[-1] for section in file.sections if section.titles)
+        raise InputError(
+            f"{file.path} has {len(file.sections)} sections of numbers whose titles ({titles}) are "
+            "not those of COMSOL in English; export a spreadsheet, or with COMSOL in English."
+        )
     if len(names) != count:
         raise InputError(
             f"The header of {file.path} names {len(names)} columns, but its rows have {count}, so "
@@ -269,7 +275,7 @@ def _names(line: str, count: int, separator: str | None) -> list[str]:
         names = [name for name in _PADDED.split(line) if name]
         if len(names) == count:
             return names
-        words = line.split()
+        words = re.sub(r"\s+(?=\[)", "", line).split()
         if len(words) == count and not any(word[0] in "([@" for word in words):
             return words
         # A name longer than its column is followed by a single blank.
