@@ -48,6 +48,7 @@ _SPELLINGS = {
     "°c": "degC",
     "fahrenheit": "degF",
     "°f": "degF",
+    "r": "degR",
     "kg/m3": "kg/m^3",
     "g/cm3": "g/cm^3",
 }

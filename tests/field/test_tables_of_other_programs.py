@@ -102,6 +102,11 @@ def test_names_between_blanks(tmp_path: Path, names: str) -> None:
     assert field.temperature_k.max() == pytest.approx(KELVIN.max())
 
 
+def test_rankine(tmp_path: Path) -> None:
+    path = comsol.sectionwise(tmp_path / "f.txt", POINTS, TETRAHEDRA, {"T (R)": 1.8 * KELVIN})
+    assert read_field(path).temperature_k.max() == pytest.approx(KELVIN.max())
+
+
 def test_static_and_total_temperature(tmp_path: Path) -> None:
     path = tmp_path / "f.csv"
     rows = np.column_stack([POINTS, KELVIN + 5.0, KELVIN]).tolist()
