@@ -200,13 +200,14 @@ def without_scalars(values: CalibrationValues) -> CalibrationValues:
     if scalars:
         content[PINHOLE[0]] = pinhole
     named = values.named(DISTORTION)
-    inside = isinstance(named, Mapping) and "data" not in named
-    source = evolve(values, content=named) if inside else values
+    source = values
+    if isinstance(named, Mapping) and "data" not in named:
+        source = evolve(values, content=named)
     lens = {name: source.named((name,)) for name in _LENS_SCALARS}
     # k1 to k4 without p1 are those of a fisheye lens.
     brown = isinstance(lens["k1"], int | float) and (lens["k4"] is None or lens["p1"] is not None)
     several = scalars or isinstance(lens["k2"], int | float)
-    if brown and (inside or (named is None and several)):
+    if brown and (source is not values or (named is None and several)):
         content[DISTORTION[0]] = [0.0 if value is None else value for value in lens.values()]
     return evolve(values, content=content)
 

@@ -16,6 +16,8 @@ _FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[-+]?\d)")
 _QUOTED = re.compile(r"\"([^\",;]*)\"")
 _LETTERS = re.compile(r"[A-DF-Za-df-z_]")
 _GAP = re.compile(r"(?<![^\s,;\"])(?:null|none|#?n/?a|-+)(?![^\s,;\"])", re.IGNORECASE)
+_MAYBE_GAP = re.compile(r"[nN]|-(?![\d.])")
+_EMPTY_CELL = re.compile(r"[,;]\s*(?:[,;]|$)|^\s*[,;]")
 _COLUMN = re.compile(r"\s*(?P<name>[^\[(]*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
 
 
@@ -32,7 +34,7 @@ def with_exponents(line: str) -> str:
 
 def with_gaps(line: str) -> str:
     """A row of numbers with nan in place of null (CFD-Post), N/A and dashes; other lines as is."""
-    filled = _GAP.sub("nan", line)
+    filled = _GAP.sub("nan", line) if _MAYBE_GAP.search(line) else line
     is_row = filled != line and is_numbers(filled) and re.search(r"\d", line)
     return filled if is_row else line
 
@@ -100,5 +102,7 @@ def _filled(rows: Sequence[str], separator: str) -> list[str]:
     """Rows without separators at the end of all, and with nan in empty cells."""
     if closed_by(rows, separator):
         rows = [row.rstrip().removesuffix(separator) for row in rows]
+    if not any(_EMPTY_CELL.search(row) for row in rows):
+        return list(rows)
     empty = re.compile(rf"(?:^|(?<={separator}))\s*(?={separator}|$)")
     return [empty.sub("nan", row) for row in rows]

@@ -208,9 +208,9 @@ def _joined(data: Data, path: Path) -> pv.UnstructuredGrid:
             "air volume; export the solver's volume mesh."
         )
     joined = blocks[0]
-    names = [{str(name) for name in block.array_names} for block in blocks]
-    if any(names) and not set.intersection(*names):
-        listed = "; ".join(", ".join(sorted(some)) or "none" for some in names)
+    arrays_of = [{str(name) for name in block.array_names} for block in blocks]
+    if any(arrays_of) and not set.intersection(*arrays_of):
+        listed = "; ".join(", ".join(sorted(some)) or "none" for some in arrays_of)
         raise InputError(
             f"{path} has {len(blocks)} blocks without an array in common ({listed}); export the "
             "blocks of the air alone, or with one name for the temperature."

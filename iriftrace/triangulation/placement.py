@@ -47,7 +47,9 @@ def _placed(
         metres = motion.copy()
         metres[:3, 3] *= 1e3
         motions |= {
-            "the inverse of the matrix in --cloud-to-part": np.linalg.inv(motion),
+            "the inverse of the matrix in --cloud-to-part": np.asarray(
+                np.linalg.inv(motion), dtype=np.float64
+            ),
             "the translation in --cloud-to-part in m (write it in mm)": metres,
             "no --cloud-to-part": None,
         }

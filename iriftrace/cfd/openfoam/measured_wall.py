@@ -162,7 +162,7 @@ def _table(path: Path) -> tuple[pv.PolyData, str | None, dict[str, str]]:
     return data, length_unit_of(file) if named else None, stated
 
 
-def _without_gaps(data: pv.PolyData, name: str, path: Path) -> pv.PolyData:
+def _without_gaps(data: pv.DataSet, name: str, path: Path) -> pv.DataSet:
     """The points of a table at which there is a temperature, with a warning about others."""
     missing = np.isnan(data.point_data[name]) | np.isnan(data.points).any(axis=1)
     if not missing.any() or missing.all():
