@@ -17,8 +17,8 @@ from attrs import evolve, frozen
 from numpy.typing import ArrayLike
 
 from iriftrace.camera.calibration_file import CalibrationValues, calibration_content, folded
-from iriftrace.camera.calibration_matlab import matlab_camera
-from iriftrace.camera.calibration_pixels import check_pixels
+from iriftrace.camera.calibration_matlab import is_matlab, matlab_camera
+from iriftrace.camera.calibration_pixels import check_order, check_pixels
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import Distortion
 from iriftrace.core.arrays import FloatArray
@@ -61,6 +61,7 @@ PROJECTION = ("P", "projection_matrix")
 LENS = ("distortion_model", "camera_model")
 FISHEYE = ("fisheye_model", "fisheye")
 _VIEWS = ("extrinsic_parameters",)
+_OF_A_POSE = re.compile("extrinsic|pose|world|position|orientation")
 _PINHOLE_SCALARS = ("fx", "fy", "cx", "cy")
 _LENS_SCALARS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 _RADTAN = ("radtan", "radial-tangential", "radial_tangential", "radialtangential")
@@ -163,7 +164,15 @@ def read_calibration(path: str | Path, *, length_mm: float | None = None) -> Cal
     _refuse_two_cameras(values)
     if length_mm is None:
         length_mm = length_factor(values.length_unit or "mm")
-    return calibration_of(values, length_mm)
+    calibration = calibration_of(values, length_mm)
+    unread = [name for name in map(str, values.content) if _OF_A_POSE.search(folded(name))]
+    if unread and calibration.matrix is None and not calibration.views and not is_matlab(values):
+        warn(
+            f"The calibration {path} has {', '.join(unread)}, which is not read as the camera's "
+            "pose; write rvec and tvec (or R and T), from the part's frame to the camera's.",
+            stacklevel=2,
+        )
+    return calibration
 
 
 def calibration_of(values: CalibrationValues, length_mm: float) -> Calibration:
@@ -185,13 +194,21 @@ def calibration_of(values: CalibrationValues, length_mm: float) -> Calibration:
 
 def without_scalars(values: CalibrationValues) -> CalibrationValues:
     """Values with `intrinsics` and coefficients in place of fx, fy, cx, cy and k1, k2, p1 ..."""
+    content = dict(values.content)
     pinhole = [values.named((name,)) for name in _PINHOLE_SCALARS]
-    lens = [values.named((name,)) for name in _LENS_SCALARS]
-    if not all(isinstance(value, int | float) for value in pinhole):
-        return values
-    content = {**values.content, PINHOLE[0]: pinhole}
-    if isinstance(lens[0], int | float) and values.named(DISTORTION) is None:
-        content[DISTORTION[0]] = [0.0 if value is None else value for value in lens]
+    scalars = all(isinstance(value, int | float) for value in pinhole)
+    if scalars:
+        content[PINHOLE[0]] = pinhole
+    named = values.named(DISTORTION)
+    source = values
+    if isinstance(named, Mapping) and "data" not in named:
+        source = evolve(values, content=named)
+    lens = {name: source.named((name,)) for name in _LENS_SCALARS}
+    # k1 to k4 without p1 are those of a fisheye lens.
+    brown = isinstance(lens["k1"], int | float) and (lens["k4"] is None or lens["p1"] is not None)
+    several = scalars or isinstance(lens["k2"], int | float)
+    if brown and (source is not values or (named is None and several)):
+        content[DISTORTION[0]] = [0.0 if value is None else value for value in lens.values()]
     return evolve(values, content=content)
 
 
@@ -229,7 +246,7 @@ def exact_rotation(values: CalibrationValues, matrix: FloatArray) -> FloatArray:
     if np.linalg.det(matrix) < 0 or off > LARGEST_ROUNDING:
         raise values.wrong(
             "its rotation does not turn, but stretches or mirrors (lengths change by up to "
-            f"{100 * off:.2g} %); give a rotation"
+            f"{100 * off:.2g} %); give a rotation, with four digits or more"
         )
     if off > 1e-6:
         warn(
@@ -315,6 +332,7 @@ def _distortion(values: CalibrationValues) -> Distortion:
             "calibrate with cv2.calibrateCamera; if not, add distortion_model: plumb_bob.",
             stacklevel=4,
         )
+    check_order(values, numbers)
     try:
         return Distortion.of_sequence(numbers[:8])
     except InputError as error:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
 from attrs import evolve
 
 from iriftrace.camera.calibration_file import CalibrationValues
@@ -16,6 +17,9 @@ from iriftrace.core.arrays import FloatArray
 
 _RADIAL, _TANGENTIAL = ("RadialDistortion",), ("TangentialDistortion",)
 _OLD_MATRIX, _MATRIX = ("IntrinsicMatrix",), ("K",)
+_FOCAL, _CENTRE, _SKEW = ("FocalLength",), ("PrincipalPoint",), ("Skew",)
+"""Those of cameraIntrinsics."""
+
 _SIZE = ("ImageSize",)
 _ROTATION, _TRANSLATION = ("RotationOfCamera2",), ("TranslationOfCamera2",)
 _UNITS = {
@@ -41,6 +45,10 @@ def matlab_camera(values: CalibrationValues) -> CalibrationValues:
     radial, tangential = values.array(_RADIAL, (2, 3)), values.array(_TANGENTIAL, (2,))
     if values.named(_MATRIX) is not None:
         matrix = values.array(_MATRIX, (9,)).reshape(3, 3).copy()
+    elif values.named(_FOCAL) is not None:
+        matrix = np.diag((*values.array(_FOCAL, (2,)), 1.0))
+        matrix[:2, 2] = values.array(_CENTRE, (2,))
+        matrix[0, 1] = values.array(_SKEW, (1,))[0] if values.named(_SKEW) is not None else 0.0
     else:
         matrix = values.array(_OLD_MATRIX, (9,)).reshape(3, 3).T.copy()
     matrix[:2, 2] -= 1.0
@@ -49,6 +57,7 @@ def matlab_camera(values: CalibrationValues) -> CalibrationValues:
         values,
         content={
             "camera_matrix": matrix,
+            "distortion_model": "brown",
             "distortion_coefficients": (*radial[:2], *tangential, *radial[2:]),
             "image_width": width,
             "image_height": height,

@@ -1,4 +1,5 @@
-"""Camera matrices that do not belong to pictures of the size that a calibration states."""
+"""Camera matrices that do not belong to pictures of the size that a calibration states, and
+distortion coefficients in another order than OpenCV's."""
 
 from __future__ import annotations
 
@@ -10,6 +11,21 @@ from iriftrace.core.errors import warn
 
 SHORTEST_FOCAL = 0.15
 """Fraction of a picture's width: lenses without fisheye see less than 147 degrees."""
+
+LARGEST_TANGENTIAL = 0.03
+"""Larger p1 and p2 than those of lenses, which move points by a few pixels."""
+
+
+def check_order(values: CalibrationValues, coefficients: FloatArray) -> None:
+    """Warn of a p1 or p2 so large that it is rather k3."""
+    p1, p2 = (*coefficients, 0.0, 0.0, 0.0, 0.0)[2:4]
+    if max(abs(p1), abs(p2)) > LARGEST_TANGENTIAL:
+        warn(
+            f"{values.called} has the tangential distortion p1 = {p1:g}, p2 = {p2:g}, more than "
+            "lenses have; if its coefficients are k1, k2, k3, p1, p2, write them in OpenCV's order "
+            "k1, k2, p1, p2, k3.",
+            stacklevel=5,
+        )
 
 
 def check_pixels(values: CalibrationValues, matrix: FloatArray, size: IntArray) -> None:

@@ -91,6 +91,14 @@ class StereoCalibration:
         """Angle between the axes of the two cameras, degrees."""
         return float(np.degrees(np.arccos(np.clip(self.rotation[2, 2], -1.0, 1.0))))
 
+    @property
+    def side(self) -> str:
+        """Where camera 2 stands, such as "to the right of", as camera 1 sees it."""
+        centre = -self.rotation.T @ self.translation_mm
+        axis = int(np.abs(centre).argmax())
+        sides = ("to the left of", "to the right of"), ("above", "below"), ("behind", "in front of")
+        return sides[axis][int(centre[axis] > 0.0)]
+
     def placed(self, matrix: FloatArray) -> tuple[Calibration, Calibration]:
         """Both calibrations with their poses, where camera 1 has the pose (4, 4), to world, mm."""
         rotation = matrix[:3, :3].T

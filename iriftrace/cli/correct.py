@@ -110,6 +110,7 @@ def correct(
     from iriftrace.geometry.transform import apply, parse_transform, rigid_motion
     from iriftrace.scene.file import require_scene
     from iriftrace.triangulation.correct import correct as take_out
+    from iriftrace.triangulation.placement import remedy
 
     check_input(cloud, scene, cloud_to_part)
     require_scene(scene)
@@ -125,10 +126,17 @@ def correct(
     loaded = trace.load(scene)
     check_kept(output, loaded.part.path)
     check_choices(feature or (), loaded.part)
-    with working("Correcting"):
-        found = take_out(
-            points, loaded, system=system, phase=phase, field_uncertainty=field_uncertainty
-        )
+    try:
+        with working("Correcting"):
+            found = take_out(
+                points, loaded, system=system, phase=phase, field_uncertainty=field_uncertainty
+            )
+    except InputError:
+        if advice := remedy(read.points, read.unit, motion, loaded.part):
+            raise InputError(
+                f"{cloud} does not lie on the part, but would with {advice}."
+            ) from None
+        raise
     doubts = {"u_expansion": expansion_uncertainty, "u_temperature_k": temperature_uncertainty}
     features = found.features(loaded.part, feature or (), gate, **doubts)
     related = found.relations(loaded.part, features, **doubts)

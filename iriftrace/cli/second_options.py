@@ -199,7 +199,8 @@ class StereoOptions:
             cameras.append(camera)
         say(
             f"Stereo calibration: baseline {stereo.baseline_mm:.5g} mm (T read in "
-            f"{stereo.length_unit}), {stereo.angle_deg:.3g} deg between the axes."
+            f"{stereo.length_unit}), {stereo.angle_deg:.3g} deg between the axes, camera 2 "
+            f"{stereo.side} camera 1."
         )
         return cameras[0], cameras[1]
 

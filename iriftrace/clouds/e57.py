@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from iriftrace.clouds.columns import refuse_corrected
 from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray
 from iriftrace.core.child import ChildError, read_in_child
 from iriftrace.core.errors import InputError
@@ -22,6 +23,9 @@ _COLUMNS = {
     "column_index": ("columnIndex", np.uint16),
 }
 """Names of further columns here; their names and types in E57."""
+
+_CORRECTED = "correction_x, correction_y, correction_z added"
+"""Name of the scan of a corrected cloud, whose columns E57 cannot hold."""
 
 
 def check_e57(path: Path) -> None:
@@ -38,13 +42,15 @@ def read_e57(path: Path) -> tuple[FloatArray, dict[str, AnyArray]]:
 
     And by name the columns (n,) of `_COLUMNS` that it has. The standard's unit is the metre; some
     programs write mm. Points that the file marks as invalid are left out; those at the scanner's
-    origin are NaN.
+    origin are NaN. A cloud that was corrected already is refused.
     """
     check_e57(path)
     try:
         columns = read_in_child(f"{__name__}:read_scan", path.stat().st_size, str(path))
     except ChildError as error:
         raise InputError(f"{path} cannot be read ({error}); export the cloud again.") from error
+    if columns.pop("corrected").any():
+        refuse_corrected(path, [_CORRECTED])
     return columns.pop("points"), columns
 
 
@@ -55,12 +61,13 @@ def read_scan(path: str) -> dict[str, AnyArray]:
     try:
         file = pye57.E57(path)
         scans = file.scan_count
-        scan, origin = {}, None
+        scan, origin, name = {}, None, ""
         if scans == 1:
             scan = file.read_scan(
                 0, intensity=True, colors=True, row_column=True, ignore_missing_fields=True
             )
             origin = file.get_header(0).translation
+            name = file.data3d[0]["name"].value() if file.data3d[0].isDefined("name") else ""
     except pye57.libe57.E57Exception as error:
         # Where in its own source the library noticed comes after four asterisks.
         raise ValueError(str(error).partition("****")[0].strip()) from error
@@ -74,7 +81,7 @@ def read_scan(path: str) -> dict[str, AnyArray]:
     # Not measured, like (0, 0, 0) in a file without poses.
     rows[(rows == origin).all(axis=1)] = np.nan
     further = {name: scan[theirs] for name, (theirs, _) in _COLUMNS.items() if theirs in scan}
-    return {"points": rows, **further}
+    return {"points": rows, "corrected": np.array([name == _CORRECTED]), **further}
 
 
 def write_e57(
@@ -95,4 +102,4 @@ def write_e57(
     if not measured.all():
         data["cartesianInvalidState"] = (~measured).astype(np.int8)
     with whole_file(path) as partial, pye57.E57(str(partial), mode="w") as file:
-        file.write_scan_raw(data)
+        file.write_scan_raw(data, name=_CORRECTED if "correction_x" in columns else None)

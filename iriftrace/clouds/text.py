@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import codecs
 import csv
 import re
 from collections import Counter
@@ -20,6 +19,7 @@ from iriftrace.clouds.columns import (
 )
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
+from iriftrace.core.files import text_in
 from iriftrace.core.number_table import is_numbers, numbers, separator_of, with_exponents
 
 _WORD = "nan"
@@ -39,7 +39,7 @@ def read_table(
     and words are NaN; columns of words are left out with a warning. A count of the points in the
     first row is left out; one that is wrong is warned of.
     """
-    lines = [_REMARK.sub("", line) for line in _text(file).splitlines()]
+    lines = [_REMARK.sub("", line) for line in text_in(file).splitlines()]
     rows = _rows(lines)
     # A header is before the first row; words after it are in cells.
     worded = not rows or len(rows) < _filled(lines, rows[0]) or bool(_DATE.search(rows[-1]))
@@ -171,18 +171,6 @@ def _cells(rows: Sequence[str]) -> tuple[Sequence[str], str | None, bool]:
         bare = [row.rstrip(" ").removesuffix(separator) for row in bare]
     empty = re.compile(rf"(?:^|(?<={separator})) *(?={separator}|$)")
     return [empty.sub("nan", row) for row in bare], separator, last_is_empty
-
-
-def _text(file: Path) -> str:
-    """A text file, of Unicode or of Western Windows, without the end mark of DOS."""
-    content = file.read_bytes()
-    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return content.decode("utf-16", errors="replace")
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = content.decode("cp1252", errors="replace")
-    return text.rstrip("\x1a").replace("\u2212", "-")  # the sign of a minus in print
 
 
 def _counts_rows(column: FloatArray) -> bool:

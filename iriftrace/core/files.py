@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import hashlib
 import io
 import math
@@ -73,6 +74,18 @@ def check_readable(path: Path) -> None:
             pass
     except OSError as error:
         raise InputError(f"Cannot read {path}: {error.strerror or error}.") from error
+
+
+def text_in(path: Path) -> str:
+    """Text of a file: of Unicode or of Western Windows, without the end mark of DOS."""
+    content = path.read_bytes()
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return content.decode("utf-16", errors="replace")
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = content.decode("cp1252", errors="replace")
+    return text.rstrip("\x1a").replace("\u2212", "-")  # the sign of a minus in print
 
 
 MOST_PACKED = 100

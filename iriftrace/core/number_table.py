@@ -15,6 +15,9 @@ _DECIMAL_COMMA = re.compile(r"\d,\d")
 _FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[-+]?\d)")
 _QUOTED = re.compile(r"\"([^\",;]*)\"")
 _LETTERS = re.compile(r"[A-DF-Za-df-z_]")
+_GAP = re.compile(r"(?<![^\s,;\"])(?:null|none|#?n/?a|-+)(?![^\s,;\"])", re.IGNORECASE)
+_MAYBE_GAP = re.compile(r"[nN]|-(?![\d.])")
+_EMPTY_CELL = re.compile(r"[,;]\s*(?:[,;]|$)|^\s*[,;]")
 _COLUMN = re.compile(r"\s*(?P<name>[^\[(]*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
 
 
@@ -27,6 +30,21 @@ def is_numbers(line: str) -> bool:
 def with_exponents(line: str) -> str:
     """A line with Fortran's exponents, 1.5D+02, in the usual form."""
     return _FORTRAN.sub("e", line)
+
+
+def with_gaps(line: str) -> str:
+    """A row of numbers with nan in place of null (CFD-Post), N/A and dashes; other lines as is."""
+    filled = _GAP.sub("nan", line) if _MAYBE_GAP.search(line) else line
+    is_row = filled != line and is_numbers(filled) and re.search(r"\d", line)
+    return filled if is_row else line
+
+
+def header_and_rows(text: str) -> tuple[str, list[str]]:
+    """The last line before the first row of numbers, "" of none, and the lines from there on."""
+    lines = [line for line in text.splitlines() if line.strip()]
+    rows = (k for k, line in enumerate(lines) if line.lstrip()[0] not in "#%" and is_numbers(line))
+    first = next(rows, len(lines))
+    return lines[first - 1] if first else "", lines[first:]
 
 
 def header_columns(line: str) -> dict[str, str]:
@@ -56,16 +74,16 @@ def separator_of(row: str) -> str | None:
 def numbers(rows: Sequence[str], separator: str | None, path: Path, what: str) -> FloatArray:
     """Rows, without comments and empty lines, as an array (rows, columns).
 
-    `separator` is that of `separator_of`, `what` names the rows in messages ("coordinates").
+    `separator` is that of `separator_of`, `what` names the rows in messages ("coordinates"). Empty
+    cells are NaN, but for those at the end of all rows.
     Raises InputError if a row has other columns than the first, or an entry is not a number.
     """
     lines = [_QUOTED.sub(r"\1", with_exponents(row)) for row in rows]
     if separator != "," and any(_DECIMAL_COMMA.search(row) for row in lines):
         lines = [row.replace(",", ".") for row in lines]
     try:
-        # A delimiter at the end of the first row is at the end of all.
-        if separator is not None and lines[0].rstrip().endswith(separator):
-            lines = [row.rstrip().removesuffix(separator) for row in lines]
+        if separator is not None:
+            lines = _filled(lines, separator)
         return np.loadtxt(lines, delimiter=separator, comments=None, ndmin=2)
     except ValueError as error:
         text = str(error).split(";")[0]
@@ -73,3 +91,18 @@ def numbers(rows: Sequence[str], separator: str | None, path: Path, what: str) -
             f"The {what} in {path} cannot be read as numbers ({text}); the file may be cut short "
             "or hold complex values or signs between thousands, so export plain numbers again."
         ) from None
+
+
+def closed_by(rows: Sequence[str], separator: str | None) -> bool:
+    """Whether all rows end with a separator, after which there is no column."""
+    return separator is not None and all(row.rstrip().endswith(separator) for row in rows)
+
+
+def _filled(rows: Sequence[str], separator: str) -> list[str]:
+    """Rows without separators at the end of all, and with nan in empty cells."""
+    if closed_by(rows, separator):
+        rows = [row.rstrip().removesuffix(separator) for row in rows]
+    if not any(_EMPTY_CELL.search(row) for row in rows):
+        return list(rows)
+    empty = re.compile(rf"(?:^|(?<={separator}))\s*(?={separator}|$)")
+    return [empty.sub("nan", row) for row in rows]

@@ -26,7 +26,8 @@ LENGTH_UNITS = {
 """Length units by the names that files give them."""
 
 _STATED_UNIT = re.compile(
-    r"(?<![^\W_])(?:units?|einheit(?:en)?)(?:\s*[:=]\s*[\[(]?|\s+(?:in\s+)?)(?!in\s)([a-zµμ]+)"
+    r"(?<![^\W_])(?:units?|einheit(?:en)?)(?:\s+of\s+length)?"
+    r"(?:\s*[:=]\s*[\[(]?|\s+(?:in\s+)?|\s*[\[(])(?!in\s+[a-zµμ])([a-zµμ]+)"
     r"|\b(?:coordinates|positions|koordinaten)\s+(?:are\s+)?in\s+([a-zµμ]+)",
     re.IGNORECASE,
 )

@@ -9,8 +9,8 @@ from attrs import frozen
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import check_readable, sha256_of
-from iriftrace.core.number_table import header_columns, numbers, separator_of
+from iriftrace.core.files import check_readable, sha256_of, text_in
+from iriftrace.core.number_table import header_and_rows, header_columns, numbers, separator_of
 from iriftrace.core.units import ZERO_CELSIUS_K, length_factor, parse_quantity
 
 COLUMNS = ("x", "y", "z", "T")
@@ -43,9 +43,8 @@ class AirTemperatures:
 
 
 def is_air_temperatures(path: Path) -> bool:
-    """True if the first line of a file names the columns of `read_air_temperatures`."""
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
-        return set(COLUMNS) <= set(_columns(file.readline(10_000)))
+    """True if the header of a file names the columns of `read_air_temperatures`."""
+    return set(COLUMNS) <= set(_columns(header_and_rows(text_in(path))[0]))
 
 
 def _columns(header: str) -> dict[str, str]:
@@ -73,8 +72,7 @@ def read_air_temperatures(path: str | Path) -> AirTemperatures:
     """
     file = Path(path)
     check_readable(file)
-    text = file.read_text(encoding="utf-8-sig", errors="replace")
-    header, *rows = [line for line in text.splitlines() if line.strip()] or [""]
+    header, rows = header_and_rows(text_in(file))
     columns = _columns(header)
     missing = [name for name in COLUMNS if name not in columns]
     if missing or not rows:

@@ -23,7 +23,7 @@ QUANTITIES = ("temperature", "index", "density")
 
 # Names as solvers write them, in lower case and without a unit in brackets.
 _EXACT = {
-    "temperature": ("t", "temp", "temperature", "static_temperature"),
+    "temperature": ("t", "temp", "temperature", "static_temperature", "static-temperature"),
     "index": ("n", "index", "ior", "ri", "refractive_index", "index_of_refraction", "refractivity"),
     "density": ("rho", "density"),
 }
@@ -48,6 +48,7 @@ _SPELLINGS = {
     "°c": "degC",
     "fahrenheit": "degF",
     "°f": "degF",
+    "r": "degR",
     "kg/m3": "kg/m^3",
     "g/cm3": "g/cm^3",
 }

@@ -209,6 +209,13 @@ def _joined(data: Data, path: Path) -> pv.UnstructuredGrid:
             "air volume; export the solver's volume mesh."
         )
     joined = blocks[0]
+    arrays_of = [{str(name) for name in block.array_names} for block in blocks]
+    if any(arrays_of) and not set.intersection(*arrays_of):
+        listed = "; ".join(", ".join(sorted(some)) or "none" for some in arrays_of)
+        raise InputError(
+            f"{path} has {len(blocks)} blocks without an array in common ({listed}); export the "
+            "blocks of the air alone, or with one name for the temperature."
+        )
     if len(blocks) > 1:
         joined = pv.MultiBlock(blocks).combine(merge_points=True, tolerance=0.0)
     elif path.suffix.lower() == ".pvtu":

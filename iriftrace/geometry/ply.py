@@ -48,7 +48,10 @@ def read_ply(path: Path) -> PlyMesh:
     plain_head = _CAPITAL_AXIS.sub(lambda axis: axis[0].lower(), head)
     with path.open("rb") as file:
         data = file if plain_head == head else io.BytesIO(plain_head + file.read()[len(head) :])
-        mesh = trimesh.load(data, file_type="ply", process=False)
+        # Without textures, whose seams would double vertices and whose pictures may be missing.
+        mesh = trimesh.load(
+            data, file_type="ply", process=False, skip_materials=True, fix_texture=False
+        )
     raw = mesh.metadata.get("_ply_raw", {})
     # A file of no vertices is an empty scene to trimesh.
     vertices = np.array(getattr(mesh, "vertices", ()), dtype=np.float64).reshape(-1, 3)

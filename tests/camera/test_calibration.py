@@ -130,8 +130,8 @@ def test_poses(tmp_path: Path) -> None:
 
 def test_more_coefficients_than_are_modelled(tmp_path: Path) -> None:
     """Thin prisms and tilt must be zero; eight coefficients are all that is left then."""
-    zero = plain(tmp_path / "a.json", distortion_coefficients=[0.1] * 8 + [0.0] * 6)
-    assert read_calibration(zero).distortion.coefficients == (0.1,) * 8
+    zero = plain(tmp_path / "a.json", distortion_coefficients=[0.02] * 8 + [0.0] * 6)
+    assert read_calibration(zero).distortion.coefficients == (0.02,) * 8
     prism = plain(tmp_path / "b.json", distortion_coefficients=[0.1] * 8 + [1e-3, 0, 0, 0])
     with pytest.raises(InputError, match="12 distortion coefficients with thin prism or tilt"):
         read_calibration(prism)

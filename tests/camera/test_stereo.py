@@ -206,3 +206,23 @@ def test_axes_that_cannot_be_of_a_sensor(tmp_path: Path) -> None:
     degrees = np.array([0.03, 3.0, -0.05])
     with pytest.raises(InputError, match=r"172 degrees apart, .* rotation vector in degrees"):
         read_stereo_calibration(_of_opencv(tmp_path / "degrees.json", degrees))
+
+
+@pytest.mark.parametrize(
+    ("translation", "side"),
+    [
+        ((-200.0, 5.0, 40.0), "to the right of"),
+        ((200.0, 5.0, 40.0), "to the left of"),
+        ((5.0, -200.0, 40.0), "below"),
+        ((5.0, 200.0, 40.0), "above"),
+    ],
+)
+def test_where_camera_2_stands(
+    tmp_path: Path, translation: tuple[float, float, float], side: str
+) -> None:
+    matrix, lens = [[3650, 0, 1223.5], [0, 3650, 1023.5], [0, 0, 1]], [0, 0, 0, 0, 0]
+    values = {"M1": matrix, "M2": matrix, "D1": lens, "D2": lens, "R": np.eye(3).tolist()}
+    size = {"image_width": 2448, "image_height": 2048}
+    path = tmp_path / "stereo.json"
+    path.write_text(json.dumps({**values, **size, "T": translation}))
+    assert read_stereo_calibration(path).side == side

@@ -13,7 +13,7 @@ from iriftrace.cfd.openfoam.case import Case, natural_case, symmetric_case
 from iriftrace.cfd.openfoam.measured_wall import MeasuredWall, read_measured_wall
 from iriftrace.cfd.openfoam.wall import measured_wall, wall_temperature
 from iriftrace.cli import main
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.part.part import Part, save_part
 
 
@@ -33,7 +33,10 @@ def table(part: Part, file: Path, header: str, scale: float = 1.0, zero: float =
 @pytest.mark.parametrize(
     ("header", "scale", "zero", "units"),
     [
-        ("x,y,z,T", 1.0, 0.0, (None, None)),
+        ("x,y,z,T", 1.0, 0.0, (None, "K")),
+        ("x_mm,y_mm,z_mm,T_degC", 1.0, 273.15, (None, None)),
+        ("# of a thermogram\nx(m),y(m),z(m),T(K)", 1e-3, 0.0, (None, None)),
+        ("x,y,z,T\nmm,mm,mm,K", 1.0, 0.0, (None, None)),
         ("x [mm],y [mm],z [mm],T [K]", 1.0, 0.0, (None, None)),
         ("X (m), Y (m), Z (m), T (degC)", 1e-3, 273.15, (None, None)),
         ("x,y,z,Temperature", 1e-3, 273.15, ("m", "degC")),
@@ -55,12 +58,13 @@ def test_units_are_those_of_header_or_option(
 def test_table_without_header_and_with_more_columns(cylinder: Part, tmp_path: Path) -> None:
     file = tmp_path / "t.csv"
     np.savetxt(file, np.column_stack((cylinder.face_centres, ramp(cylinder.face_centres))))
-    assert read_measured_wall(file).kelvins == pytest.approx(ramp(cylinder.face_centres))
+    kelvins = read_measured_wall(file, None, "K").kelvins
+    assert kelvins == pytest.approx(ramp(cylinder.face_centres))
     rows = "1;0;0;0;900;0.8\n2;1;0;0;910;0.8\n"
-    file.write_text("id;x;y;z;T;emissivity\n" + rows, "utf-8-sig")
+    file.write_text("id;x;y;z;T (K);emissivity\n" + rows, "utf-8-sig")
     assert read_measured_wall(file).kelvins.tolist() == [900.0, 910.0]
     file.write_text("0,0,0,900\n1,0,0,910\n", "utf-8-sig")
-    assert read_measured_wall(file).points.tolist() == [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
+    assert read_measured_wall(file, None, "K").points.tolist() == [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
 
 
 def test_points_give_the_nearest_and_triangles_what_lies_between(cylinder: Part) -> None:
@@ -80,14 +84,14 @@ def test_surface_of_a_finite_element_solution(cylinder: Part, tmp_path: Path, su
     faces: Any = cylinder.faces
     mesh: Any = pv.PolyData.from_regular_faces(cylinder.vertices, faces)
     mesh = mesh.cast_to_unstructured_grid() if suffix == "vtu" else mesh
-    mesh.point_data["T"] = ramp(np.asarray(mesh.points))
+    mesh.point_data["T [K]"] = ramp(np.asarray(mesh.points))
     mesh.save(tmp_path / f"t.{suffix}")
     found = read_measured_wall(tmp_path / f"t.{suffix}")
     assert found.faces is not None
     places = cylinder.face_centres
     assert found.at(places) == pytest.approx(ramp(places), abs=0.01)
     mesh.clear_data()
-    mesh.cell_data["T"] = ramp(places)
+    mesh.cell_data["T [K]"] = ramp(places)
     mesh.save(tmp_path / f"t.{suffix}")
     along_x = np.ptp(np.asarray(cylinder.vertices)[cylinder.faces][:, :, 0], axis=1).max()
     off = read_measured_wall(tmp_path / f"t.{suffix}").kelvins - ramp(cylinder.vertices)
@@ -96,7 +100,7 @@ def test_surface_of_a_finite_element_solution(cylinder: Part, tmp_path: Path, su
 
 def test_case_has_the_temperatures_of_the_file(cylinder: Part, tmp_path: Path) -> None:
     """The hottest sets the time, the ramp spoils the symmetry along x, a mirror is refused."""
-    wall = measured_wall(read_measured_wall(table(cylinder, tmp_path / "t.csv", "x,y,z,T")))
+    wall = measured_wall(read_measured_wall(table(cylinder, tmp_path / "t.csv", "x,y,z,T [K]")))
     case = natural_case(cylinder, wall, resolution="coarse", mirrors="y")
     assert isinstance(case, Case)
     assert case.wall.hottest == pytest.approx(ramp(cylinder.face_centres).max())
@@ -126,12 +130,12 @@ def test_faces_far_from_any_point_are_named(cylinder: Part) -> None:
     ("content", "units", "message"),
     [
         ("x,y,z\n0,0,0\n1,1,1\n", (None, None), "no array that looks like temperature"),
-        ("x,y,T\n0,0,900\n", (None, None), "columns x, y, T"),
+        ("x,y,T\n0,0,900\n", (None, None), "but has x, y, T"),
         ("x,y,z,T\n", (None, None), "no rows of numbers"),
         ("x,y,z,T\n0,0,0,nan\n", (None, None), "not a finite number"),
-        ("x,y,z,T\n0,0,zero,900\n", (None, None), "cannot be read as numbers"),
-        ("x [m],y [m],z [m],T\n0,0,0,900\n", ("mm", None), "coordinates in m, but"),
-        ("x [m],y [mm],z [m],T\n0,0,0,900\n", (None, None), "several units"),
+        ("x,y,z,T\n1,1,1,900\n0,0,zero,900\n", (None, None), "cannot be read as numbers"),
+        ("x [m],y [m],z [m],T [K]\n0,0,0,900\n", ("mm", None), "coordinates in m, but"),
+        ("x [m],y [mm],z [m],T [K]\n0,0,0,900\n", (None, None), "several units"),
         ("x,y,z,T [K]\n0,0,0,900\n", (None, "degC"), "states that 'T' is in K"),
         ("x,y,z,T [bar]\n0,0,0,900\n", (None, None), "not a unit of temperature"),
     ],
@@ -153,7 +157,7 @@ def test_command_line(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     save_part(cylinder, "part.ply")
-    table(cylinder, Path("t.csv"), "x,y,z,T")
+    table(cylinder, Path("t.csv"), "x,y,z,T [K]")
     words = ["field", "simulate", "part.ply", "-o", "case", "--write-only"]
     assert main([*words, "--wall-temperature-from=t.csv"]) == 0
     assert "wall from t.csv: " in " ".join(capsys.readouterr().out.split())
@@ -167,3 +171,20 @@ def test_command_line(
     ):
         assert main([*words, *options]) == 2
         assert message.lower() in " ".join(capsys.readouterr().err.split()).lower()
+
+
+def test_a_unit_of_temperature_that_is_not_stated_is_warned_of(
+    cylinder: Part, tmp_path: Path
+) -> None:
+    file = table(cylinder, tmp_path / "t.csv", "x,y,z,T")
+    with pytest.warns(IriftraceWarning, match=r"read in K: \d+ to \d+ degC; state it"):
+        assert read_measured_wall(file).kelvins == pytest.approx(ramp(cylinder.face_centres))
+
+
+def test_points_that_a_thermogram_does_not_have_are_left_out(tmp_path: Path) -> None:
+    file = tmp_path / "t.csv"
+    file.write_text("x;y;z;T [°C]\n0;0;0;900,5\n1;0;0;\n2;0;0;NaN\n3;0;0;910\n", "cp1252")
+    with pytest.warns(IriftraceWarning, match="no temperature at 2 of 4 points"):
+        found = read_measured_wall(file)
+    assert found.kelvins.tolist() == [1173.65, 1183.15]
+    assert found.points[:, 0].tolist() == [0.0, 3.0]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from iriftrace.clouds.e57 import read_e57
+from iriftrace.clouds.e57 import read_scan
 from iriftrace.clouds.read import Cloud, read_cloud
 from iriftrace.clouds.write import WRITTEN
 from iriftrace.core.errors import InputError
@@ -65,7 +65,8 @@ def test_every_row_comes_back_in_its_place(ending: str, tmp_path: Path) -> None:
     expected = ROWS.copy()
     expected[measured.measured] -= found.error @ MOTION[:3, :3]
     if ending == ".e57":
-        rows, columns = read_e57(path)
+        columns = read_scan(str(path))
+        rows = columns["points"]
         expected = expected[measured.measured]
         np.testing.assert_allclose(1e3 * rows, expected, atol=8e-6)
         np.testing.assert_array_equal(columns["red"], COLOURS[0][measured.measured])

@@ -90,3 +90,14 @@ def test_missing_library_is_named_with_the_command_that_installs_it(
     monkeypatch.setattr(e57, "find_spec", lambda _: None)
     with pytest.raises(InputError, match=r"pip install 'iriftrace\[e57\]'"):
         read_cloud(write(tmp_path / "c.e57"))
+
+
+def test_a_corrected_cloud_is_refused(tmp_path: Path) -> None:
+    """E57 cannot hold the columns of the correction; the name of the scan tells."""
+    measured = np.ones(len(POINTS), dtype=bool)
+    path = tmp_path / "corrected.e57"
+    e57.write_e57(path, POINTS / 1e3, measured, {"correction_x": POINTS[:, 0]})
+    with pytest.raises(InputError, match="is corrected already"):
+        read_cloud(path)
+    e57.write_e57(tmp_path / "plain.e57", POINTS / 1e3, measured, {"true_x": POINTS[:, 0]})
+    assert len(read_cloud(tmp_path / "plain.e57").rows) == len(POINTS)

@@ -18,11 +18,13 @@ from iriftrace.field.air_temperatures import is_air_temperatures, read_air_tempe
         "X [mm]\tY [mm]\tZ [mm]\tTemperature [°C]\tU [K]\n1,5\t2,0\t3,0\t100,0\t4,0\n",
         "x (m);y (m);z (m);T;U\n0,0015;0,002;0,003;373,15;4\n",
         "# x y z T U\n1.5 2 3 373.15 4\n",
+        "# thermocouples, hall 3\n# 2025-03-04\n\nx,y,z,T (degC),U\n1.5,2,3,100,4\n",
     ],
 )
-def test_names_and_units(tmp_path: Path, text: str) -> None:
+@pytest.mark.parametrize("encoding", ["utf-8", "cp1252", "utf-16"])
+def test_names_and_units(tmp_path: Path, text: str, encoding: str) -> None:
     path = tmp_path / "air.csv"
-    path.write_text(text, encoding="utf-8")
+    path.write_text(text, encoding=encoding)
     assert is_air_temperatures(path)
     found = read_air_temperatures(path)
     assert_allclose(found.places, [(1.5, 2.0, 3.0)])

@@ -7,7 +7,7 @@ import pytest
 import pyvista as pv
 from numpy.testing import assert_allclose, assert_array_equal
 
-from iriftrace.core.errors import IriftraceWarning
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.read import read_field
 from validation.inputs.field_grids import AMBIENT, box, saved, solid
 
@@ -65,6 +65,15 @@ def test_blocks_are_joined_where_they_touch(tmp_path):
     field = read_field(tmp_path / "two.vtm")
     assert field.grid.n_points == 9 * 5 * 5
     assert field.wall.n_cells == 0
+
+
+def test_blocks_with_other_names_for_the_temperature(tmp_path):
+    """VTK joins what all blocks have, and would leave nothing."""
+    left, right = solid(), solid().translate((10.0, 0.0, 0.0))
+    right.rename_array("T", "Tsolid")
+    pv.MultiBlock([left, right]).save(tmp_path / "two.vtm")
+    with pytest.raises(InputError, match=r"2 blocks without an array in common .*T.*; .*Tsolid"):
+        read_field(tmp_path / "two.vtm")
 
 
 def test_higher_order_cells_keep_their_corners(tmp_path):

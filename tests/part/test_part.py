@@ -288,11 +288,12 @@ def test_gltf_is_in_metres_by_its_standard(tmp_path: Path, suffix: str) -> None:
 
 
 @pytest.mark.parametrize("binary", [False, True])
-def test_an_stl_states_its_unit_in_its_header(tmp_path: Path, binary: bool) -> None:
+@pytest.mark.parametrize("name", ["inch", "in"])
+def test_an_stl_states_its_unit_in_its_header(tmp_path: Path, binary: bool, name: str) -> None:
     mesh = trimesh.creation.box((2.0, 3.0, 4.0))
     path = tmp_path / "box.stl"
     content = mesh.export(file_type="stl" if binary else "stl_ascii")
-    header = b"solid UNITS=inch"
+    header = f"solid UNITS={name}".encode()
     if binary:
         path.write_bytes(header.ljust(80) + content[80:])
     else:

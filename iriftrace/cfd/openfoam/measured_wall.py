@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cached_property
 from pathlib import Path
 
@@ -11,11 +12,13 @@ from attrs import frozen
 from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import FloatArray, IntArray, as_float64
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import check_readable, sha256_of
-from iriftrace.core.number_table import header_columns, is_numbers, numbers, separator_of
-from iriftrace.core.units import length_factor
+from iriftrace.core.units import ZERO_CELSIUS_K, length_factor
 from iriftrace.field.arrays import choose_array, finite_values, to_kelvin
+from iriftrace.field.readers.comsol import length_unit_of
+from iriftrace.field.readers.comsol_text import AXES, spreadsheet_columns, text_file
+from iriftrace.field.readers.states import Column
 from iriftrace.field.readers.vtk_process import read_file
 from iriftrace.geometry.query import Surface
 from iriftrace.part.part import Part
@@ -117,50 +120,58 @@ def read_measured_wall(
             f"{path} states coordinates in {unit}, but --wall-length-unit is {length_unit}; leave "
             "the option out, or correct the file."
         )
-    points = as_float64(data.points) * length_factor(length_unit or unit or "mm")
     choice = choose_array(data, None, "temperature", str(path))
+    data = _without_gaps(data, choice.name, path) if suffix in _TABLES else data
+    points = as_float64(data.points) * length_factor(length_unit or unit or "mm")
     if choice.name not in data.point_data:
         data = data.cell_data_to_point_data()
     values = finite_values(data.point_data, choice.name, str(path))
     if not np.isfinite(points).all():
         raise InputError(f"{path} has coordinates that are not finite numbers; export them again.")
     units = stated if stated and choice.name in stated else None
-    return MeasuredWall(
-        path=str(path),
-        sha256=sha256_of(path),
-        points=points,
-        kelvins=to_kelvin(values, choice, units, temperature_unit, str(path)),
-        faces=faces,
-    )
+    kelvins = to_kelvin(values, choice, units, temperature_unit, str(path))
+    if not (units or temperature_unit or re.search(r"[(\[]", choice.name)):
+        warn(
+            f"{path} does not state the unit of {choice.name!r}, which is read in K: "
+            f"{kelvins.min() - ZERO_CELSIUS_K:.0f} to {kelvins.max() - ZERO_CELSIUS_K:.0f} degC; "
+            "state it (--wall-temperature-unit K or degC).",
+            stacklevel=3,
+        )
+    return MeasuredWall(str(path), sha256_of(path), points, kelvins, faces)
 
 
 def _table(path: Path) -> tuple[pv.PolyData, str | None, dict[str, str]]:
     """Points with the columns of a table, the unit of their coordinates, and those of columns."""
-    lines = [line for line in path.read_text("utf-8-sig", "replace").splitlines() if line.strip()]
-    columns = dict.fromkeys(("x", "y", "z", "T"), "")
-    if lines and not is_numbers(lines[0].lstrip("#%")):
-        columns = header_columns(lines[0])
-        lines = lines[1:]
-    names = list(columns)
-    stated = {name: unit for name, unit in columns.items() if unit}
-    rows = [line for line in lines if line.lstrip()[0] not in "#%"]
-    if not rows:
-        raise InputError(f"{path} has no rows of numbers; export x, y, z and T.")
-    values = numbers(rows, separator_of(rows[0]), path, "temperatures")
-    places = [next((i for i, n in enumerate(names) if n.lower() == axis), -1) for axis in "xyz"]
-    if values.shape[1] != len(names) or -1 in places:
+    file = text_file(path)
+    rows = [row for section in file.sections for row in section.rows]
+    values = file.numbers(rows, "temperatures")
+    named = bool(file.sections[0].titles)
+    columns = [Column(name, None, "") for name in (*AXES, "T")]
+    columns = spreadsheet_columns(file) if named else columns
+    if values.shape[1] != len(columns):
         raise InputError(
-            f"{path} has the columns {', '.join(names)} and {values.shape[1]} numbers in a row; "
-            "give x, y, z and T, with a header that names them if there are more."
+            f"{path} has {values.shape[1]} columns without names; give x, y, z and T, or a header "
+            "that names them."
         )
-    units = {stated[names[i]] for i in places if names[i] in stated}
-    if len(units) > 1:
-        raise InputError(
-            f"{path} states several units of its coordinates ({', '.join(sorted(units))}); "
-            "write all of them in one."
-        )
-    data = pv.PolyData(values[:, places])
+    names = [column.name for column in columns]
+    data = pv.PolyData(values[:, [names.index(axis) for axis in AXES]])
     for number, name in enumerate(names):
-        if number not in places:
+        if name not in AXES:
             data.point_data[name] = values[:, number]
-    return data, units.pop() if units else None, stated
+    stated = {column.name: column.unit for column in columns if column.unit}
+    return data, length_unit_of(file) if named else None, stated
+
+
+def _without_gaps(data: pv.DataSet, name: str, path: Path) -> pv.DataSet:
+    """The points of a table at which there is a temperature, with a warning about others."""
+    missing = np.isnan(data.point_data[name]) | np.isnan(data.points).any(axis=1)
+    if not missing.any() or missing.all():
+        return data
+    warn(
+        f"{path} has no temperature at {np.count_nonzero(missing)} of {len(missing)} points, which "
+        "are left out.",
+        stacklevel=4,
+    )
+    kept = pv.PolyData(data.points[~missing])
+    kept.point_data[name] = data.point_data[name][~missing]
+    return kept

@@ -73,14 +73,14 @@ def read(path: Path, member: int | None) -> Contents:
         data=grid,
         sha256=sha256_of(path),
         states=listed,
-        length_unit=_length_unit(file),
+        length_unit=length_unit_of(file),
         units={name: column.unit or "" for name, column in names.items()},
         origin=file.origin(label),
         scattered=table.cells is None,
     )
 
 
-def _length_unit(file: TextFile) -> str | None:
+def length_unit_of(file: TextFile) -> str | None:
     """Unit of the coordinates in the header and in their names; InputError if these differ."""
     units = [file.length_unit] if file.length_unit else []
     if file.layout == "spreadsheet":
@@ -197,6 +197,7 @@ def _without_gaps(table: _Table, names: dict[str, Column], path: Path) -> _Table
     """The table without points that have no results, and without cells at such points."""
     telling = [k for k, name in enumerate(names) if quantity_of(name) is not None]
     missing = np.asarray(np.isnan(table.values[:, telling or slice(None)]).any(axis=1))
+    missing |= np.isnan(table.points).any(axis=1)
     if not missing.any():
         return table
     if missing.all():

@@ -16,7 +16,14 @@ from attrs import evolve, frozen
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
-from iriftrace.core.number_table import is_numbers, numbers, separator_of
+from iriftrace.core.files import text_in
+from iriftrace.core.number_table import (
+    closed_by,
+    is_numbers,
+    numbers,
+    separator_of,
+    with_gaps,
+)
 from iriftrace.core.units import LENGTH_UNITS, stated_length_unit
 from iriftrace.field.readers.states import Column, column_of
 
@@ -32,11 +39,13 @@ _TECPLOT = re.compile(r"\s*(?:TITLE|VARIABLES)\s*=", re.IGNORECASE)
 
 # A key is followed by a sign of any kind or, before a single word, by blanks.
 _SET = r"\s*\"?\s*(?:[:;,=\t]|(?<=\s)(?=[^\s(]+$))"
+_NODES = ("nodes", *"knoten nœuds noeuds nodi nodos 节点 節點 ノード 노드".split())
 _ENTRY = re.compile(
-    r"[%#]*\s*\"?(?P<key>Model|Version|Date|Dimension|Nodes|Elements|Expressions|Description"
-    rf"|Length[ _]units?){_SET}\s*(?P<value>.*)",
+    rf"[%#]*\s*\"?(?P<key>Model|Version|Date|Dimension|{'|'.join(_NODES)}|Elements|Expressions"
+    rf"|Description|Length[ _]units?){_SET}\s*(?P<value>.*)",
     re.IGNORECASE,
 )
+_LONE_VALUE = re.compile(r"[%#][^:\uff1a;,=]*[:\uff1a;,=]\s*\"?(?P<value>[^\s\",;]+)[\s\",;]*")
 _KIND = re.compile(rf"[%#]\s*(?P<word>Coordinates|Elements|Data|Grid)\b(?!{_SET})", re.IGNORECASE)
 _DATA_TITLE = re.compile(r"[%#]\s*Data\s*(?:\((?P<inside>.*)\))?\s*", re.IGNORECASE)
 _PADDED = re.compile(r"\s{2,}|\t")
@@ -101,7 +110,7 @@ class TextFile:
         """Unit of the coordinates, where the header states it."""
         text = self.entries.get("length unit", "").strip("[]() ")
         remarks = (line for line in self.sections[0].comments if line.startswith(("%", "#")))
-        text = text or next(filter(None, map(stated_length_unit, remarks)), "")
+        text = text or next(filter(None, map(_stated_unit, remarks)), "")
         return {"µm": "um", "μm": "um", '"': "inch"}.get(text, text) or None
 
     def origin(self, state: str) -> str:
@@ -157,18 +166,16 @@ class TextFile:
 
 def text_file(path: Path) -> TextFile:
     """Read a text export and split it; raises InputError if it is not a table in 3D."""
-    raw = path.read_bytes()
-    if b"\0" in raw[:4096]:
+    text = text_in(path)
+    if "\0" in text[:4096]:
         raise InputError(f"{path} is not text; export it again as a text file in UTF-8.")
-    try:
-        text = raw.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = raw.decode("latin-1")
     sections: list[Section] = []
     comments: list[str] = []
     for line in filter(None, map(str.strip, text.splitlines())):
         # The comment mark may stand in the quotation marks of the first word.
-        line = re.sub(r'^"\s*([%#]+)\s*', r'\1 "', line)
+        line = with_gaps(re.sub(r'^"\s*([%#]+)\s*', r'\1 "', line))
+        if line[0] in "%#" and not line.strip('%#" ,;\t'):
+            continue
         if line.startswith(("%", "#")) or (not sections and not is_numbers(line)):
             comments.append(line)
         elif comments or not sections:
@@ -192,6 +199,7 @@ def text_file(path: Path) -> TextFile:
     for line in (line for section in sections for line in section.comments):
         if found := _ENTRY.match(line):
             key = re.sub("length.unit.*", "length unit", found["key"].lower())
+            key = "nodes" if key in _NODES else key
             # Spreadsheet programs fill all rows up to the same number of columns.
             entries.setdefault(key, found["value"].rstrip(" ,;\t").strip('" '))
     file = TextFile(path, entries, sections)
@@ -202,6 +210,12 @@ def text_file(path: Path) -> TextFile:
             "revolve or extrude them to a 3D dataset in COMSOL and export that."
         )
     return file
+
+
+def _stated_unit(remark: str) -> str:
+    """Length unit in a remark, whose key may be of any language (``% Längeneinheit: m``); or ""."""
+    alone = None if _ENTRY.match(remark) else _LONE_VALUE.fullmatch(remark)
+    return stated_length_unit(remark) or (LENGTH_UNITS.get(alone["value"], "") if alone else "")
 
 
 def _text_of(comment: str) -> str:
@@ -218,7 +232,8 @@ def spreadsheet_columns(file: TextFile) -> list[Column]:
             "temperature cannot be identified; export it with its header."
         )
     separator = file.separator
-    count = len(first.rows[0].strip(separator or " ").split(separator))
+    rows = [row for section in file.sections for row in section.rows]
+    count = len(first.rows[0].split(separator)) - closed_by(rows, separator)
     names = _names(_text_of(first.titles[-1]), count, separator)
     units = [name.strip("[]() ") for name in names]
     if len(first.titles) > 1 and sum(unit.casefold() in LENGTH_UNITS for unit in units) == 3:
@@ -226,6 +241,12 @@ def spreadsheet_columns(file: TextFile) -> list[Column]:
         above = _names(_text_of(first.titles[-2]), count, separator)
         if len(above) == len(units):
             names = [f"{name} [{unit}]" for name, unit in zip(above, units, strict=True)]
+    if len(names) != count and len(file.sections) > 1:
+        titles = ", ".join(section.titles[-1] for section in file.sections if section.titles)
+        raise InputError(
+            f"{file.path} has {len(file.sections)} sections of numbers whose titles ({titles}) are "
+            "not those of COMSOL in English; export a spreadsheet, or with COMSOL in English."
+        )
     if len(names) != count:
         raise InputError(
             f"The header of {file.path} names {len(names)} columns, but its rows have {count}, so "
@@ -254,8 +275,9 @@ def _names(line: str, count: int, separator: str | None) -> list[str]:
         names = [name for name in _PADDED.split(line) if name]
         if len(names) == count:
             return names
-        if len(line.split()) == count and not re.search(r"[(\[@]", line):
-            return line.split()
+        words = re.sub(r"\s+(?=\[)", "", line).split()
+        if len(words) == count and not any(word[0] in "([@" for word in words):
+            return words
         # A name longer than its column is followed by a single blank.
         words = line.split(None, 3)
         return words[:3] + (_NAMED.findall(words[3]) if len(words) > 3 else [])

@@ -72,3 +72,11 @@ def _refuse_unread(path: Path, text: str) -> None:
                 f"{path} names a file by a folder ({value.strip()}); put its files next to it and "
                 "name them without folders."
             )
+        words = value.replace("change_coords_only", "").strip().strip('"').split()
+        if words and re.match(r"model|(scalar|vector|tensor \w+) per (node|element)", key):
+            name = words[-1].strip('"')
+            # Asterisks are digits of a time step.
+            if not any(path.parent.glob(name.replace("*", "?"))):
+                raise InputError(
+                    f"{path} names {name}, which is not next to it; copy all its files."
+                )

@@ -160,8 +160,8 @@ def cells_outside(grid: pv.UnstructuredGrid, part: Part | None, path: str) -> In
     inside[near] = buried
     if inside.all():
         raise InputError(
-            f"All points in {path} lie in the part {part.path}; check the length units and the "
-            "transforms of field and part."
+            f"All points in {path} lie in the part {part.path}; check the length units "
+            "(--field-length-unit, --length-unit) and the transforms of field and part."
         )
     return np.flatnonzero(~inside)
 

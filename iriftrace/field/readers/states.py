@@ -20,6 +20,11 @@ _STATE = re.compile(r"(?P<name>.*?\S)[\s_]*@[\s_]*(?P<state>\S.*)")
 _UNIT = re.compile(r"(?P<name>.*?\S)[\s_]+\((?P<unit>(?:[^()]|\([^()]*\))+)\)")
 # As in files of CFD-Post and others; a function's argument is not in such brackets.
 _UNIT_IN_SQUARES = re.compile(r"(?P<name>.*?\S)[\s_]*\[(?P<unit>[^\[\]]+)\]")
+_GLUED_UNIT = re.compile(r"(?P<name>[^()]+)\((?P<unit>K|°[CF]|deg[CF]|um|mm|cm|m|kg/m\^?3)\)")
+"""Units of other programs; ``aveop1(T)`` is a function."""
+
+_UNIT_AFTER = re.compile(r"(?P<name>.*\S)[_\s](?P<unit>deg[CF]|celsius|kelvin)", re.IGNORECASE)
+
 _TIME = re.compile(r"(?:^|[\s,])t\s*=\s*(?P<time>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
 
 State = tuple[str, float | None]
@@ -74,15 +79,23 @@ def column_of(text: str) -> Column:
         name = found["name"]
         state = re.sub(r"([,:;])[\s_]*", r"\1 ", found["state"]).strip()
     unit = None
-    if found := _UNIT.fullmatch(name) or _UNIT_IN_SQUARES.fullmatch(name):
+    forms = (_UNIT, _UNIT_IN_SQUARES, _GLUED_UNIT, _UNIT_AFTER)
+    if found := next(filter(None, (form.fullmatch(name) for form in forms)), None):
         name, unit = found["name"], found["unit"].strip()
     return Column(name, unit, state)
 
 
 def states_of(columns: Iterable[Column]) -> list[State]:
-    """States of columns in the order in which they first appear, or one without a name."""
+    """States of columns, or one without a name.
+
+    By their times if each has another one, else in the order in which they first appear.
+    """
     labels = dict.fromkeys(column.state for column in columns if column.state)
-    return [(label, time_in(label)) for label in labels or ("",)]
+    states = [(label, time_in(label)) for label in labels or ("",)]
+    times = [time for _, time in states if time is not None]
+    if len(set(times)) == len(states):
+        states.sort(key=lambda state: state[1] or 0.0)
+    return states
 
 
 def states_at(times: Iterable[str]) -> list[State]:

@@ -1,0 +1,67 @@
+"""Names of coefficients, poses and MATLAB's intrinsics in calibrations that are nearly OpenCV's."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from iriftrace.camera.calibration import read_calibration
+from iriftrace.core.errors import InputError, IriftraceWarning
+from validation.inputs.calibration_files import COEFFICIENTS, plain
+
+COEFFICIENTS_BY_NAME = dict(zip(("k1", "k2", "p1", "p2", "k3"), COEFFICIENTS.tolist(), strict=True))
+
+
+@pytest.mark.parametrize(
+    "lens", [COEFFICIENTS_BY_NAME, {"distortion_coefficients": COEFFICIENTS_BY_NAME}]
+)
+def test_coefficients_by_their_names_next_to_a_camera_matrix(
+    tmp_path: Path, lens: dict[str, object]
+) -> None:
+    path = plain(tmp_path / "a.json", **({"distortion_coefficients": None} | lens))
+    read = read_calibration(path).distortion.coefficients
+    assert read[:5] == tuple(COEFFICIENTS.tolist())
+
+
+def test_k1_to_k4_alone_are_not_read_as_brown_conrady(tmp_path: Path) -> None:
+    lens = {"k1": 0.1, "k2": 0.01, "k3": 0.0, "k4": 0.0}
+    path = plain(tmp_path / "a.json", distortion_coefficients=None, **lens)
+    with pytest.raises(InputError, match="distortion_coefficients is missing"):
+        read_calibration(path)
+
+
+def test_a_k3_in_the_place_of_p1_is_noticed(tmp_path: Path) -> None:
+    other_order = [-0.08, 0.11, 0.2, 0.0004, -0.0002]
+    path = plain(tmp_path / "a.json", distortion_coefficients=other_order)
+    with pytest.warns(IriftraceWarning, match="if its coefficients are k1, k2, k3, p1, p2"):
+        read_calibration(path)
+
+
+@pytest.mark.parametrize("name", ["extrinsics", "extrinsic_matrix", "camera_pose", "T_world_cam"])
+def test_a_pose_that_is_not_read_is_named(tmp_path: Path, name: str) -> None:
+    path = plain(tmp_path / "a.json", **{name: np.eye(4).tolist()})
+    with pytest.warns(IriftraceWarning, match=f"{name}, which is not read as the camera's pose"):
+        assert read_calibration(path).matrix is None
+
+
+def test_camera_intrinsics_of_matlab(tmp_path: Path) -> None:
+    """Focal length and principal point apart; two radial coefficients are not a fisheye lens's."""
+    content = {
+        "FocalLength": [3650.0, 3651.0],
+        "PrincipalPoint": [1224.5, 1024.5],
+        "ImageSize": [2048, 2448],
+        "RadialDistortion": [-0.08, 0.11],
+        "TangentialDistortion": [0.0004, -0.0002],
+        "Skew": 0,
+    }
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps(content))
+    calibration = read_calibration(path)
+    assert calibration.focal_px == (3650.0, 3651.0)
+    assert calibration.centre_px == (1223.5, 1023.5)
+    path.write_text(json.dumps(content | {"Skew": 2.0}))
+    with pytest.raises(InputError, match="skew 2"):
+        read_calibration(path)

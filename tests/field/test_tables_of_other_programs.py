@@ -1,0 +1,129 @@
+"""Tables of COMSOL in other languages, with missing values, and with times in another order."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.field.read import read_field
+from iriftrace.field.readers.members import member_at
+from validation.field_files import comsol
+from validation.inputs.field_grids import AMBIENT, box
+
+POINTS = np.asarray(box().points, dtype=np.float64)
+TETRAHEDRA = np.asarray(box().triangulate().cell_connectivity).reshape(-1, 4)
+KELVIN = AMBIENT + 50.0 * POINTS[:, 0]
+
+HEADERS = [
+    ("Knoten", "Längeneinheit"),
+    ("Nœuds", "Unité de longueur"),
+    ("节点", "长度单位"),
+    ("ノード", "長さの単位"),
+]
+
+
+def table(path: Path, header: list[str], kelvin: list[object], separator: str = ",") -> Path:
+    """POINTS in metres with a column T (K)."""
+    rows = [[*point, value] for point, value in zip(POINTS / 1e3, kelvin, strict=True)]
+    names = separator.join(("x", "y", "z", "T (K)"))
+    lines = [separator.join(str(cell) for cell in row) for row in rows]
+    path.write_text("\n".join([*header, f"% {names}", *lines]) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("mark", [":     ", ";", ","])
+@pytest.mark.parametrize(("nodes", "unit"), HEADERS)
+def test_the_header_may_be_of_another_language(
+    tmp_path: Path, nodes: str, unit: str, mark: str
+) -> None:
+    header = [f"% {nodes}{mark}{len(POINTS)}", f"% {unit}{mark}m"]
+    path = table(tmp_path / "f.csv", header, KELVIN.tolist())
+    field = read_field(path)
+    assert field.source.length_unit == "m"
+    assert field.grid.volume == pytest.approx(1000.0)
+    lines = path.read_text(encoding="utf-8").splitlines()
+    path.write_text("\n".join(lines[:-5]), encoding="utf-8")
+    with pytest.raises(InputError, match=f"counts {len(POINTS)} nodes, but the file has"):
+        read_field(path)
+
+
+def test_a_value_that_is_no_unit_of_length_is_none(tmp_path: Path) -> None:
+    header = ["% Description: m", "% Modell: teil.mph"]
+    assert read_field(table(tmp_path / "f.csv", header, KELVIN.tolist())).source.length_unit == "mm"
+
+
+def test_an_empty_comment_below_the_names_is_not_a_row_of_names(tmp_path: Path) -> None:
+    path = table(tmp_path / "f.csv", ["% Length unit: m"], KELVIN.tolist())
+    path.write_text(path.read_text().replace("T (K)\n", "T (K)\n%\n"))
+    assert read_field(path).grid.volume == pytest.approx(1000.0)
+
+
+@pytest.mark.parametrize("gap", ["null", "N/A", "#N/A", "--", "", "NaN"])
+@pytest.mark.parametrize("first", [True, False])
+def test_points_without_a_value_are_left_out(tmp_path: Path, gap: str, first: bool) -> None:
+    kelvin: list[object] = list(KELVIN.tolist())
+    kelvin[0 if first else -1] = gap
+    path = table(tmp_path / "f.csv", ["% Length unit: m"], kelvin)
+    with pytest.warns(IriftraceWarning, match=rf"NaN\) at 1 of {len(POINTS)} points"):
+        field = read_field(path)
+    assert field.grid.n_points == len(POINTS) - 1
+    assert np.isfinite(field.refractivity).all()
+
+
+def test_the_latest_time_is_not_the_last_column(tmp_path: Path) -> None:
+    columns = {f"T (K) @ t={t}": KELVIN + t for t in (1, 0.5, 0)}
+    path = comsol.sectionwise(tmp_path / "f.txt", POINTS, TETRAHEDRA, columns)
+    latest = member_at(path, "latest")
+    assert latest.time == 1.0
+    with pytest.warns(IriftraceWarning, match="the last one, t=1,"):
+        assert read_field(path).temperature_k.min() == pytest.approx(AMBIENT + 1)
+    field = read_field(path, member=latest.index)
+    assert field.temperature_k.min() == pytest.approx(AMBIENT + 1)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        "x [mm] y [mm] z [mm] T [K]",
+        "x(mm) y(mm) z(mm) T(K)",
+        "x_mm y_mm z_mm T_kelvin",
+        "x_mm y_mm z_mm static-temperature_kelvin",
+    ],
+)
+def test_names_between_blanks(tmp_path: Path, names: str) -> None:
+    path = tmp_path / "f.txt"
+    rows = np.column_stack([POINTS, KELVIN]).tolist()
+    path.write_text("\n".join([names, *(" ".join(map(repr, row)) for row in rows)]))
+    field = read_field(path)
+    assert field.grid.volume == pytest.approx(1000.0)
+    assert field.temperature_k.max() == pytest.approx(KELVIN.max())
+
+
+def test_rankine(tmp_path: Path) -> None:
+    path = comsol.sectionwise(tmp_path / "f.txt", POINTS, TETRAHEDRA, {"T (R)": 1.8 * KELVIN})
+    assert read_field(path).temperature_k.max() == pytest.approx(KELVIN.max())
+
+
+def test_static_and_total_temperature(tmp_path: Path) -> None:
+    path = tmp_path / "f.csv"
+    rows = np.column_stack([POINTS, KELVIN + 5.0, KELVIN]).tolist()
+    names = "x_mm,y_mm,z_mm,total-temperature [K],static-temperature [K]"
+    path.write_text("\n".join([names, *(",".join(map(repr, row)) for row in rows)]))
+    assert read_field(path).temperature_k.max() == pytest.approx(KELVIN.max())
+
+
+def test_a_function_of_the_temperature_keeps_its_brackets(tmp_path: Path) -> None:
+    columns = {"comp1.aveop1(T) (K)": KELVIN + 9.0, "T (K)": KELVIN}
+    path = comsol.sectionwise(tmp_path / "f.txt", POINTS, TETRAHEDRA, columns)
+    assert read_field(path).source.array == "T"
+
+
+def test_sections_with_titles_of_another_language_are_named(tmp_path: Path) -> None:
+    path = comsol.sectionwise(tmp_path / "f.txt", POINTS, TETRAHEDRA, {"T (K)": KELVIN})
+    text = path.read_text().replace("% Coordinates", "% Koordinaten").replace("% Data", "% Daten")
+    path.write_text(text.replace("% Elements (", "% Elemente ("))
+    with pytest.raises(InputError, match=r"titles \(% Koordinaten, .* with COMSOL in English"):
+        read_field(path)
