@@ -22,14 +22,8 @@ from iriftrace.scene.ensemble import (
     read_members,
     write_members,
 )
-from iriftrace.scene.write import (
-    BLOCKER_FILE,
-    PART_FILE,
-    refuse_edited,
-    remove_stale_blockers,
-    sealed,
-    written_together,
-)
+from iriftrace.scene.write import remove_stale_blockers, written_together
+from iriftrace.scene.xml import BLOCKER_FILE, PART_FILE, refuse_edited, sealed
 
 SHELLS_TABLE = "shells.json"
 

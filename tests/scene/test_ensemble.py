@@ -36,7 +36,7 @@ from iriftrace.scene import loaded as loaded_members
 from iriftrace.scene.ensemble import read_members
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.member_weights import MemberWeights
-from iriftrace.scene.write_ensemble import MemberAir, write_ensemble_scene
+from iriftrace.scene.write import MemberAir, write_ensemble_scene
 from iriftrace.scenes.analytic import slab, slab_heights
 from iriftrace.sweep.sweep import run_sweep
 from iriftrace.trace.pose_image import EnsembleStatistics

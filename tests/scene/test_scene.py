@@ -24,6 +24,7 @@ from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.write import write_scene
+from iriftrace.scene.xml import SceneSettings
 from iriftrace.scenes.analytic import concentric_cylinders, slab
 from iriftrace.shells.stack import ShellStack
 from iriftrace.shells.table import AirStatement
@@ -155,7 +156,12 @@ def test_defaults_of_the_parameters_are_written(
     tmp_path: Path, contents: tuple[Part, ShellStack]
 ) -> None:
     xml = write_scene(
-        tmp_path, *contents, CAMERA, name="half.xml", scale=0.5, normals="facet", paraview=False
+        tmp_path,
+        *contents,
+        CAMERA,
+        SceneSettings(scale=0.5, normals="facet"),
+        name="half.xml",
+        paraview=False,
     )
     assert xml == tmp_path / "half.xml"
     loaded = load_scene(xml)

@@ -31,6 +31,7 @@ from iriftrace.image.measured_shift import read_measured_shift
 from iriftrace.part.part import read_part, save_part
 from iriftrace.scene.build import build_scene
 from iriftrace.scene.load import load_scene
+from iriftrace.scene.xml import SceneSettings
 from iriftrace.shells.files import load_shells
 from iriftrace.shells.imported import import_shells
 from iriftrace.studies.study import SCHEMA as STUDY_SCHEMA
@@ -200,7 +201,12 @@ def _scene(folder: Path) -> None:
     field, part = hot_block.save(folder)
     hot_block.air(_CELLS).save(field)
     build_scene(
-        read_field(field), read_part(part), _camera(), folder / "scene/scene.xml", layers=2, scale=1
+        read_field(field),
+        read_part(part),
+        _camera(),
+        folder / "scene/scene.xml",
+        SceneSettings(scale=1.0),
+        layers=2,
     )
     field.unlink()
     part.unlink()
