@@ -63,8 +63,7 @@ def views_of(dataset: xr.Dataset, faces: int) -> list[PoseView]:
             "A camera with parallel rays has no place from which to triangulate; sweep with a "
             "focal length."
         )
-    count = dataset.sizes["pose"]
-    scenes = dataset["scene"].values.astype(str) if "scene" in dataset else np.full(count, "")
+    scenes = dataset["scene"].values.astype(str)
     views = []
     for pose, matrix in enumerate(dataset["matrix"].values):
         seen = sightings_of(dataset, pose)

@@ -135,7 +135,7 @@ def plan_pairs(
             f"The angles {low:g}:{high:g} are not a range of triangulation; give the smaller one "
             "first, such as 15:45."
         )
-    ranked_region(dataset, ["rays_good"], criteria.region)
+    ranked_region(dataset, criteria.region)
     try:
         part = swept_part(dataset)
     except InputError as error:

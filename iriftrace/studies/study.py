@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from importlib.metadata import version
@@ -15,8 +14,8 @@ from attrs import asdict, evolve, field, frozen
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import AnyArray
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import check_readable, whole_file
-from iriftrace.core.netcdf import check_netcdf
+from iriftrace.core.files import whole_file
+from iriftrace.core.netcdf import check_netcdf, json_attributes, read_netcdf
 from iriftrace.core.plain import JsonObject, plain
 from iriftrace.field.index_field import IndexField
 from iriftrace.image.differences import Hits, compare, displacement_statistics, hits_of
@@ -322,13 +321,9 @@ def _dataset(study: Study, entries: Sequence[Entry]) -> xr.Dataset:
         coords["reference"] = np.array(study.references, dtype=object)
     else:
         attrs["repeats"] = REPEATS
-    plain = {
-        key: value if isinstance(value, str | int | float) else json.dumps(value)
-        for key, value in attrs.items()
-    }
     known = SIZES | DIFFERENCES if study.references else TIMES
     columns = {name: _column(study, entries, name, *known[name]) for name in known}
-    return xr.Dataset(columns, coords, plain).transpose("mode", axis.name, ...)
+    return xr.Dataset(columns, coords, json_attributes(attrs)).transpose("mode", axis.name, ...)
 
 
 def _column(
@@ -354,23 +349,7 @@ def read_study(path: str | Path) -> xr.Dataset:
     InputError
         If the file is missing, not netCDF, or of another program.
     """
-    import xarray as xr
-
-    if not Path(path).is_file():
-        raise InputError(f"There is no study {path}; `iriftrace study` writes one.")
-    check_readable(Path(path))
-    check_netcdf(Path(path))
-    try:
-        with xr.open_dataset(path, engine="h5netcdf") as file:
-            dataset: xr.Dataset = file.load()
-    except Exception as error:  # xarray decodes what a damaged file states, with any error
-        raise InputError(f"{path} is not a netCDF file ({error}); give a study.") from error
-    if dataset.attrs.get("schema") != SCHEMA:
-        raise InputError(
-            f"{path} has schema {dataset.attrs.get('schema')!r} instead of {SCHEMA!r}, so it is "
-            "not a study of this version of iriftrace; run the study again."
-        )
-    return dataset
+    return read_netcdf(Path(path), "study", SCHEMA)
 
 
 def is_study(path: str | Path) -> bool:

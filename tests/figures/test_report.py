@@ -34,7 +34,11 @@ POSES = orbit_poses(Orbit((0.0, 0.0, 0.0), (300.0, 200.0, 200.0)), [0.0, 45.0], 
 
 def sweep() -> xr.Dataset:
     table = sweep_table(
-        [1e-3, 2e-3, 3e-3, 4e-3], [0.04, 0.4, 0.3, 0.2], [0.1, 0.2, 0.1, 0.3], [0.3, 0.2, 0.1, 0.3]
+        [1e-3, 2e-3, 3e-3, 4e-3],
+        [0.04, 0.4, 0.3, 0.2],
+        [0.1, 0.2, 0.1, 0.3],
+        [0.3, 0.2, 0.1, 0.3],
+        poses=POSES,
     )
     counts = {Status.GOOD: 1000, Status.MISSED: 3000, Status.OUT_OF_FOCUS: 500}
     for status in Status:
@@ -44,10 +48,6 @@ def sweep() -> xr.Dataset:
     table["rays_hit"] = (("pose", "region"), np.array([[1500], [1500], [1500], [50]]))
     table["rays_open_boundary"] = ("pose", np.array([61, 0, 0, 0]))
     table["triangles_in_view"] = ("pose", np.full(4, 77))
-    table["matrix"] = (("pose", "row", "column"), POSES.matrices)
-    table["azimuth"] = ("pose", POSES.azimuth_deg)
-    table["elevation"] = ("pose", POSES.elevation_deg)
-    table["distance"] = ("pose", np.linalg.norm(POSES.origins, axis=1))
     table.attrs.update(
         version="9.8.7",
         variant="llvm_ad_mono",
@@ -61,6 +61,7 @@ def sweep() -> xr.Dataset:
                 "focal_length_mm": 10.0,
                 "sensor_mm": [6.7, 5.6],
                 "resolution": [240, 200],
+                "distortion": None,
                 "focus_mm": [50.0, None],
             }
         ),

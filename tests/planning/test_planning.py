@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.image.aov_image import Status
 from iriftrace.planning.criteria import METRICS, THE_PAPERS, Criteria
 from iriftrace.planning.rank import pareto_front, rank_poses, score_of
 from iriftrace.planning.stability import close_alternative, stability
@@ -302,8 +301,6 @@ def test_wrong_options_are_refused(options: dict[str, Any], words: str) -> None:
 def test_other_files_are_refused() -> None:
     with pytest.raises(InputError, match="not a sweep of iriftrace: coverage is missing"):
         rank_poses(five().drop_vars("coverage"))
-    with pytest.raises(InputError, match="not a sweep of iriftrace: displacement_p95"):
-        rank_poses(xr.Dataset())
     with pytest.raises(InputError, match="not a sweep of iriftrace: region"):
         pareto_front(five().drop_vars("region"))
     with pytest.raises(InputError, match="no poses"):
@@ -512,26 +509,12 @@ def test_the_default_is_the_displacement_below_which_nearly_all_rays_stay() -> N
     assert rank_poses(table, evolve(THE_PAPERS, **alone)).best == 1
 
 
-def with_views(table: xr.Dataset) -> xr.Dataset:
-    """What a summary tells of a sweep besides its metrics."""
-    count = table.sizes["pose"]
-    for status in Status:
-        if status is not Status.GOOD:
-            table[f"rays_{status.key}"] = (("pose", "region"), np.zeros((count, 1), dtype=int))
-    table["triangles_in_view"] = ("pose", np.zeros(count, dtype=int))
-    table["matrix"] = (("pose", "row", "column"), np.tile(np.eye(4), (count, 1, 1)))
-    for name in ("azimuth", "elevation", "distance"):
-        table[name] = ("pose", np.arange(count, dtype=float))
-    return table
-
-
 def test_other_winners_are_said_where_they_differ() -> None:
     count = 5
     table = five()
     for name, values in (("mean", [7, 1, 10, 12, 6]), ("p95", [7, 12, 10, 1, 6])):
         table = changed(table, f"displacement_{name}", values)
     table = changed(table, "displacement_median", [np.nan] * count)
-    table = with_views(table)
     found = summarise(table, Criteria(1, 0, 0, 0))
     assert found.other_winners == {"mean": 1}
     text = other_statistics_text(found)
@@ -545,23 +528,23 @@ def test_a_best_pose_that_sees_little_is_told() -> None:
     criteria = Criteria(0.5, 0.1, 0.2, 0.2, percentile=100)
     table = sweep_table([1.0, 1.5, 2.0], [0.04, 0.4, 0.4], [1, 1, 1], [1, 1, 1])
     with pytest.warns(IriftraceWarning, match="axial, lateral"):
-        text = alternative_text(summarise(with_views(table), criteria))
+        text = alternative_text(summarise(table, criteria))
     assert text is not None
     assert "sees 4.0 % of the part, another one 40.0 %" in text
 
 
 def test_the_least_error_is_named_where_another_pose_is_the_best() -> None:
     table = sweep_table([1.0, 2.0, 9.0], [0.1, 0.8, 0.8], [3, 1, 1], [3, 1, 1])
-    weighed = summarise(with_views(table))
+    weighed = summarise(table)
     assert weighed.plan.best == 1
     text = least_error_text(weighed)
     assert text is not None
     assert "Pose 0 has the least 95th-percentile displacement" in text
     assert "sees 10 % of the part instead of 80 %" in text
-    alone = summarise(with_views(table), Criteria(criterion="displacement"))
+    alone = summarise(table, Criteria(criterion="displacement"))
     assert alone.plan.order.tolist() == [0, 1, 2]
     assert least_error_text(alone) is None
-    enough = summarise(with_views(table), Criteria(criterion="displacement", min_coverage=0.5))
+    enough = summarise(table, Criteria(criterion="displacement", min_coverage=0.5))
     assert enough.plan.best == 1
 
 

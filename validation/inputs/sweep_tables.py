@@ -7,17 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
+from iriftrace.camera.pose_set import PoseSet
+from iriftrace.image.aov_image import Status
 from iriftrace.planning.summary import summarise
-
-METRIC_VARIABLES = [
-    *(f"displacement_{statistic}" for statistic in ("mean", "median", "p95")),
-    "coverage",
-    *(
-        f"{direction}_resolution{reading}"
-        for direction in ("axial", "lateral")
-        for reading in ("", "_nn3d", "_nnxy")
-    ),
-]
+from iriftrace.sweep.measures import metric_variables
+from iriftrace.sweep.store import pose_variables, to_dataset
 
 
 def sweep_table(
@@ -26,23 +20,42 @@ def sweep_table(
     axial: Sequence[float],
     lateral: Sequence[float],
     rays_good: Sequence[int] | int = 1000,
+    poses: PoseSet | None = None,
 ) -> xr.Dataset:
-    """A sweep with one region, ``part``; all statistics alike, unnamed readings unknown (NaN)."""
+    """A sweep with one region, ``part``, and a face that no pose sees.
+
+    All statistics are alike, other readings unknown (NaN), other counts of rays 0. Poses aim at
+    the origin.
+    """
     count = len(displacement)
-    columns = {name: np.full(count, np.nan) for name in METRIC_VARIABLES}
-    for statistic in ("mean", "median", "p95"):
-        columns[f"displacement_{statistic}"] = np.asarray(displacement, dtype=float)
-    columns["coverage"] = np.asarray(coverage, dtype=float)
-    columns["axial_resolution"] = np.asarray(axial, dtype=float)
-    columns["lateral_resolution"] = np.asarray(lateral, dtype=float)
-    columns["rays_good"] = np.broadcast_to(np.asarray(rays_good, dtype=np.int64), (count,))
-    return xr.Dataset(
+    known = {
+        **dict.fromkeys(("displacement_mean", "displacement_median"), displacement),
+        "displacement_p95": displacement,
+        **dict.fromkeys(("coverage", "coverage_area"), coverage),
+        "axial_resolution": axial,
+        "lateral_resolution": lateral,
+        **{f"rays_{status.key}": 0 for status in Status},
+        "rays_good": rays_good,
+    }
+    variables = metric_variables([{"metrics": None, "failure": ""}] * count, count, [])
+    for name, values in known.items():
+        variables[name][1][:, 0] = values
+    texts = np.array([""] * count, dtype=object)
+    places = PoseSet(np.tile(np.eye(4), (count, 1, 1))) if poses is None else poses
+    table = to_dataset(
         {
-            **{name: (("pose", "region"), values[:, None]) for name, values in columns.items()},
-            "failure": ("pose", np.array([""] * count, dtype=object)),
+            **variables,
+            **pose_variables(places, (0.0, 0.0, 0.0)),
+            "exr": ("pose", texts),
+            "scene": ("pose", texts),
+            "warned": ("pose", np.zeros(count, dtype="i1")),
+            "triangles_in_view": ("pose", np.zeros(count, dtype=int)),
+            **{name: ("pose", np.full(count, np.nan)) for name in ("focal_length", "stand_off")},
         },
-        coords={"region": ["part"]},
+        [],
+        {},
     )
+    return with_faces(table, [[]] * count, [1.0])
 
 
 summary_of = summarise
@@ -50,12 +63,9 @@ summary_of = summarise
 
 def two_regions(part: xr.Dataset, other: xr.Dataset, name: str) -> xr.Dataset:
     """The first table as ``part``, the second one as another region of the same poses."""
-    failure = part["failure"]
-    joined = xr.concat(
-        [part.drop_vars("failure"), other.drop_vars("failure").assign_coords(region=[name])],
-        dim="region",
-    )
-    return joined.assign(failure=failure)
+    regional = [key for key, values in part.items() if "region" in values.dims]
+    joined = xr.concat([part[regional], other[regional].assign_coords(region=[name])], dim="region")
+    return part.drop_dims("region").merge(joined)
 
 
 Sighting = tuple[int, int, float, float]
@@ -81,7 +91,7 @@ def with_faces(
     np.minimum.at(best, faces, incidence)
     with np.errstate(invalid="ignore"):
         mean = moved / np.bincount(faces, rays, minlength=count)
-    return table.assign(
+    return table.drop_dims(("face", "sighting"), errors="ignore").assign(
         sightings=("pose", np.array([len(pose) for pose in sightings], dtype="i8")),
         sighting_face=("sighting", faces),
         sighting_rays=("sighting", rays),
