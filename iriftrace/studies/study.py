@@ -246,8 +246,7 @@ def run_study(study: Study, path: str | Path, progress: Progress | None = None) 
 
 def picture(scene: Scene) -> Hits:
     """Trace the picture of a scene of one field."""
-    stack = scene.air.states[0].shells
-    return hits_of(rendered(scene).image, len(stack.shells), stack.triangles)
+    return hits_of(rendered(scene).image)
 
 
 Entry = JsonObject
@@ -264,8 +263,9 @@ def _compared(study: Study) -> Callable[[Mode, int], Entry]:
         scene = study.case(mode, position)
         if scene is None:
             return {}
-        hits = picture(scene)
-        del scene
+        hits, stack = picture(scene), scene.air.states[0].shells
+        of_stack = {"shells": len(stack.shells), "triangles": stack.triangles}
+        del scene, stack
         good, rays = int(hits.good.sum()), len(hits.good)
         if good < FEWEST_RAYS:
             raise InputError(
@@ -278,9 +278,8 @@ def _compared(study: Study) -> Callable[[Mode, int], Entry]:
             reference(study.modes[0] if name in CELLS else mode, name) for name in study.references
         ]
         pairs = [{} if other is None else compare(hits, other).as_dict() for other in others]
-        return displacement_statistics(hits) | {
-            name: [pair.get(name) for pair in pairs] for name in DIFFERENCES
-        }
+        differences = {name: [pair.get(name) for pair in pairs] for name in DIFFERENCES}
+        return displacement_statistics(hits) | of_stack | differences
 
     return measure
 
