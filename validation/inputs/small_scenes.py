@@ -78,6 +78,15 @@ def nested_spheres(
     return shapes
 
 
+def ball_in_shells(folder: Path) -> dict[str, Any]:
+    """A ball of 10 mm in three closed shells of hot air."""
+    indices = (1.000272, 1.00024, 1.00021, 1.00018)
+    return {
+        "part": part(folder, sphere(10.0)),
+        **nested_spheres(folder, (20.0, 16.0, 13.0), indices),
+    }
+
+
 def film(width: int = 48, height: int = 40, **more: Any) -> dict[str, Any]:
     """The film that first_hit needs."""
     return {
