@@ -40,11 +40,11 @@ from iriftrace.figures.sweep_space import (
 from iriftrace.image.aov_image import Status
 from iriftrace.part.part import Part
 from iriftrace.planning.criteria import Criteria
-from iriftrace.planning.summary import SweepSummary
+from iriftrace.planning.summary import SweepSummary, summarise
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.faces import face_maps_of, faces_seen
 from iriftrace.sweep.reload import Surroundings, surroundings_of
-from validation.inputs.sweep_tables import summary_of, sweep_table, with_faces
+from validation.inputs.sweep_tables import sweep_table, with_faces
 
 ORBIT = Orbit((0.0, 0.0, 0.0), (200.0, 150.0, 150.0))
 # 4 azimuths at 3 elevations, and one pose at each pole.
@@ -81,7 +81,7 @@ def sweep(poses: PoseSet = GRID, empty: tuple[int, ...] = EMPTY, **attributes: A
 
 @pytest.fixture(scope="module")
 def summary() -> SweepSummary:
-    return summary_of(sweep())
+    return summarise(sweep())
 
 
 def legend_of(figure: Figure) -> list[str]:
@@ -100,7 +100,7 @@ def test_poses_at_several_distances_are_drawn_over_them() -> None:
     table["stand_off"] = ("pose", lengths)
     moved = table["displacement_p95"]
     table = table.assign(displacement_p25=0.2 * moved, displacement_p75=0.6 * moved)
-    summary = summary_of(table)
+    summary = summarise(table)
     figure = map_figure(summary, summary.displacement)
     (axes,) = all_axes(figure)
     line = next(line for line in axes.lines if len(line.get_xdata()) == 3)
@@ -112,13 +112,13 @@ def test_poses_at_several_distances_are_drawn_over_them() -> None:
         assert {0.2, 0.6} <= set(inside.tolist())
     assert "Distance" in axes.get_xlabel()
     assert "Quartiles of the displacement of all rays" in legend_of(figure)
-    assert not summary_of(sweep()).is_one_direction
+    assert not summarise(sweep()).is_one_direction
 
 
 def test_poses_that_were_warned_of_are_crossed(summary: SweepSummary) -> None:
     table = sweep()
     table["warned"] = ("pose", np.where(np.isin(np.arange(len(GRID)), (3, 5)), 2, 0).astype("i1"))
-    warned = summary_of(table)
+    warned = summarise(table)
     for draw in (rays_figure, pareto_figure, lambda s: map_figure(s, s.score)):
         for one, expected in ((summary, 0), (warned, 2)):
             figure = draw(one)
@@ -158,7 +158,7 @@ def test_only_rays_that_occur_are_counted(summary: SweepSummary) -> None:
 
 
 def test_poses_with_few_hits_have_no_number() -> None:
-    few = summary_of(sweep(), Criteria(min_hits=1005))
+    few = summarise(sweep(), Criteria(min_hits=1005))
     assert np.flatnonzero(~few.displacement.known).tolist() == [0, 1, 2, 3, 4, 6]
     assert "6 without a rank" in few.subtitle
 
@@ -186,13 +186,13 @@ def test_the_pole_stands_for_all_azimuths(summary: SweepSummary) -> None:
     ids=["a hole", "all around", "one azimuth", "one elevation"],
 )
 def test_other_poses_are_no_grid(poses: PoseSet) -> None:
-    assert summary_of(sweep(poses, empty=())).grid(np.arange(len(poses))) is None
+    assert summarise(sweep(poses, empty=())).grid(np.arange(len(poses))) is None
 
 
 def test_poses_without_angles_get_those_of_their_line_of_sight() -> None:
     """A camera on +y that looks at the origin has azimuth 90 degrees; straight above, 0 and 90."""
     poses = orbit_poses(ORBIT, [0.0, 90.0], [0.0, 90.0])
-    found = summary_of(sweep(PoseSet(poses.matrices), empty=()))
+    found = summarise(sweep(PoseSet(poses.matrices), empty=()))
     assert found.azimuth == pytest.approx([0.0, 90.0, 0.0])
     assert found.elevation == pytest.approx([0.0, 0.0, 90.0])
     assert found.angles_of == "of the line of sight"
@@ -200,9 +200,9 @@ def test_poses_without_angles_get_those_of_their_line_of_sight() -> None:
 
 def test_a_table_of_something_else_is_refused() -> None:
     with pytest.raises(InputError, match="matrix is missing"):
-        summary_of(sweep().drop_vars("matrix"))
+        summarise(sweep().drop_vars("matrix"))
     with pytest.raises(InputError, match="None of the 14 poses"):
-        summary_of(sweep(empty=tuple(range(14))))
+        summarise(sweep(empty=tuple(range(14))))
 
 
 # What is drawn -----------------------------------------------------------------------------------
@@ -228,7 +228,7 @@ def test_a_constant_metric_can_be_drawn() -> None:
     data = sweep()
     data["coverage"][:] = 0.25
     with pytest.warns(UserWarning, match="coverage"):
-        found = summary_of(data)
+        found = summarise(data)
     low, high = all_axes(map_figure(found, found.coverage))[0].collections[0].get_clim()
     assert low < 25 < high
 
@@ -303,7 +303,7 @@ def test_other_focal_lengths_get_panels_of_their_own() -> None:
     twice = joined([GRID, GRID])
     data = sweep(twice, empty=())
     data["focal_length"] = ("pose", np.repeat([8.0, 12.0], 14))
-    found = summary_of(data)
+    found = summarise(data)
     assert list(found.series) == ["focal length 8 mm", "focal length 12 mm"]
     first, second, _ = all_axes(map_figure(found, found.displacement))
     for axes, members in ((first, np.arange(14)), (second, np.arange(14, 28))):
@@ -317,7 +317,7 @@ def test_other_focal_lengths_get_panels_of_their_own() -> None:
 def test_of_several_at_one_place_the_best_is_shown() -> None:
     """The second series has larger displacements, so the first one is the better everywhere."""
     twice = joined([GRID, GRID])
-    found = summary_of(sweep(twice, empty=()), Criteria(1, 0, 0, 0))
+    found = summarise(sweep(twice, empty=()), Criteria(1, 0, 0, 0))
     shown = best_at_each_place(found)
     assert shown.tolist() == [True] * 14 + [False] * 14
 
@@ -350,7 +350,7 @@ def faces_sweep(**more: Any) -> xr.Dataset:
 
 
 def test_faces_hit_are_counted_pose_by_pose() -> None:
-    found = summary_of(faces_sweep())
+    found = summarise(faces_sweep())
     assert found.faces.tolist() == [3, 2, 1, *[0] * 11]
     upper, faces, triangles = all_axes(rays_figure(found))
     assert faces.get_ylabel() == "Faces of the part hit"
@@ -390,7 +390,7 @@ def test_faces_have_the_colours_of_their_numbers(meshes: Meshes) -> None:
     """Three colours of the map and the grey of the face that no pose sees, from both sides."""
     data = faces_sweep()
     _, times, _ = face_maps_of(data)
-    sweep_face_figure(summary_of(data), TETRAHEDRON, times)
+    sweep_face_figure(summarise(data), TETRAHEDRON, times)
     coloured = [mesh.cell_data["colour"] for mesh, look in meshes if look.get("rgb")]
     seen = colormaps["viridis"](times.values[:3] / 3.0)[:, :3]
     expected = np.rint(255 * np.concatenate((seen, [(201 / 255,) * 3])))
@@ -398,7 +398,7 @@ def test_faces_have_the_colours_of_their_numbers(meshes: Meshes) -> None:
     for colours in coloured:
         np.testing.assert_array_equal(colours, expected)
     with pytest.raises(InputError, match="4 faces and the sweep 3"):
-        sweep_face_figure(summary_of(data), TETRAHEDRON, evolve(times, values=np.ones(3)))
+        sweep_face_figure(summarise(data), TETRAHEDRON, evolve(times, values=np.ones(3)))
 
 
 # In space ----------------------------------------------------------------------------------------
@@ -467,7 +467,7 @@ def test_drawing_leaves_pyplot_alone() -> None:
 
 
 def test_scattered_poses_are_all_there() -> None:
-    found = summary_of(sweep(fibonacci_poses(ORBIT, 30)))
+    found = summarise(sweep(fibonacci_poses(ORBIT, 30)))
     axes = all_axes(map_figure(found, found.coverage))[0]
     dots = axes.collections[0].get_offsets()
     marks = [line for line in axes.lines if line.get_markerfacecolor() == "none"]
@@ -476,7 +476,7 @@ def test_scattered_poses_are_all_there() -> None:
 
 def test_a_single_pose_can_be_drawn(tmp_path: Path) -> None:
     with pytest.warns(UserWarning, match="do not differ"):
-        one = summary_of(sweep(GRID.take([5]), empty=()))
+        one = summarise(sweep(GRID.take([5]), empty=()))
     assert len(sweep_charts(one)) == 9
     figure = sweep_scene_figure(one, one.displacement, Surroundings())
     write_figure(figure, tmp_path / "scene.png")

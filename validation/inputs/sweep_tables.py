@@ -9,7 +9,6 @@ import xarray as xr
 
 from iriftrace.camera.pose_set import PoseSet
 from iriftrace.image.aov_image import Status
-from iriftrace.planning.summary import summarise
 from iriftrace.sweep.measures import metric_variables
 from iriftrace.sweep.store import pose_variables, to_dataset
 
@@ -56,9 +55,6 @@ def sweep_table(
         {},
     )
     return with_faces(table, [[]] * count, [1.0])
-
-
-summary_of = summarise
 
 
 def two_regions(part: xr.Dataset, other: xr.Dataset, name: str) -> xr.Dataset:
