@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from iriftrace.camera.orbit import Orbit, orbit_poses
 from iriftrace.camera.pose_set import PoseSet
 from iriftrace.image.aov_image import Status
 from iriftrace.sweep.measures import metric_variables
@@ -100,3 +103,38 @@ def with_faces(
         face_displacement=("face", mean.astype("f4")),
         face_incidence=("face", np.where(seen > 0, best, np.nan).astype("f4")),
     )
+
+
+ORBIT = Orbit((0.0, 0.0, 0.0), (200.0, 150.0, 150.0))
+# 4 azimuths at 3 elevations, and one pose at each pole.
+AZIMUTHS, ELEVATIONS = np.linspace(0, 90, 4), np.linspace(-90, 90, 5)
+GRID = orbit_poses(ORBIT, AZIMUTHS, ELEVATIONS)
+EMPTY = (0, 6)
+"""Poses without numbers: the lower pole and one in the middle."""
+
+
+def known_sweep(
+    poses: PoseSet = GRID, empty: tuple[int, ...] = EMPTY, **attributes: Any
+) -> xr.Dataset:
+    """A sweep with known numbers: pose i has a displacement of 1.5**i um."""
+    count = len(poses)
+    number = np.arange(count)
+    table = sweep_table(
+        1e-3 * 1.5**number,
+        0.1 + 0.3 * number / count,
+        0.2 + 0.01 * np.cos(number),
+        0.3 + 0.01 * np.sin(number),
+        poses=poses,
+    )
+    counts = {status: 10 * (status + 1) * (number + 1) for status in Status}
+    counts[Status.GOOD] = 1000 + number
+    counts[Status.GAVE_UP] = 0 * number
+    for status, rays in counts.items():
+        rays[list(empty)] = -1
+        table[f"rays_{status.key}"] = (("pose", "region"), rays[:, None])
+    table["triangles_in_view"] = ("pose", np.where(counts[Status.GOOD] < 0, -1, 500 + number))
+    for name, variable in table.items():
+        if "region" in variable.dims and variable.dtype == np.float64:
+            table[name][list(empty)] = np.nan
+    table.attrs.update({key: json.dumps(value) for key, value in attributes.items()})
+    return table
