@@ -17,9 +17,9 @@ from iriftrace.image.aov_image import CHANNELS
 from iriftrace.plugins.calibrated_camera import sensor_of
 from iriftrace.plugins.kernels.projection import flip_axes
 from iriftrace.plugins.kernels.vertex_table import aligned
+from validation.inputs.cameras import camera_at
 from validation.inputs.small_scenes import (
     camera,
-    camera_in_numpy,
     channels,
     film,
     nested_spheres,
@@ -74,7 +74,7 @@ def test_hits_lie_where_the_closed_form_has_them(shapes: dict[str, Any]) -> None
     displacement and path length follow from the hits."""
     mesh = sphere(10.0)
     pixels = channels(scene(shapes))
-    described = camera_in_numpy()
+    described = camera_at()
     origins, directions = (v.reshape(40, 48, 3) for v in described.rays())
     hit = pixels["part.face"] > 0
     face = pixels["part.face"][hit].astype(int) - 1
@@ -103,7 +103,7 @@ def test_shift_is_the_pixels_centre_less_the_projection_of_the_refracted_hit(
 ) -> None:
     """By the NumPy camera; the ball is a lens, so the part appears larger: shifts point outward."""
     pixels = channels(scene(lens))
-    described = camera_in_numpy()
+    described = camera_at()
     good = pixels["status.code"] == 0
     centres = np.stack(np.meshgrid(np.arange(48), np.arange(40)), axis=-1)[good]
     expected = centres - described.project(vector(pixels, "refracted")[good])
@@ -181,7 +181,7 @@ def test_report_counts_and_describes(shapes: dict[str, Any]) -> None:
     assert report["counts"]["triangles_in_view"] == 3 * 1280
     assert Camera.from_dict(report["camera"]).resolution == (48, 40)
     assert set(report["time_s"]) == {"straight", "refracted", "channels"}
-    away = sensor_of(camera_in_numpy((0.0, -100.0, 0.0), (0.0, -200.0, 0.0)))
+    away = sensor_of(camera_at((0.0, -100.0, 0.0), (0.0, -200.0, 0.0)))
     assert loaded.integrator().image(loaded, away)[1]["counts"]["triangles_in_view"] == 0
 
 
@@ -199,7 +199,7 @@ def test_second_pose_compiles_no_kernel(shapes: dict[str, Any], kernel_history: 
         integrator.image(loaded, sensor)
 
     look(loaded.sensors()[0])
-    look(sensor_of(camera_in_numpy((3.0, -90.0, 5.0))))
+    look(sensor_of(camera_at((3.0, -90.0, 5.0))))
     first = kernel_history()
     assert len(first) >= 20
     parameters = mi.traverse(loaded)
@@ -207,9 +207,9 @@ def test_second_pose_compiles_no_kernel(shapes: dict[str, Any], kernel_history: 
     parameters.update()
     look(loaded.sensors()[0])
     # Nothing hit, and back; another focus interval.
-    integrator.image(loaded, sensor_of(camera_in_numpy((0.0, -90.0, 0.0), (0.0, -99.0, 0.0))))
+    integrator.image(loaded, sensor_of(camera_at((0.0, -90.0, 0.0), (0.0, -99.0, 0.0))))
     for x in range(5):
-        look(sensor_of(camera_in_numpy((-70.0, 5.0 * x, 60.0), focus_mm=(10.0 + x, 500.0))))
+        look(sensor_of(camera_at((-70.0, 5.0 * x, 60.0), focus_mm=(10.0 + x, 500.0))))
     launched = kernel_history()
     # Seven poses of some nine: one writes all channels, and not one each.
     assert 40 <= len(launched) <= 80
@@ -288,7 +288,7 @@ def test_surroundings_of_a_sensor(
     shapes: dict[str, Any], origin: tuple[float, float, float], where: str | None
 ) -> None:
     loaded = scene(shapes)
-    sensor = sensor_of(camera_in_numpy().at(look_at(origin, (0.0, 50.0, 0.0))))
+    sensor = sensor_of(camera_at().at(look_at(origin, (0.0, 50.0, 0.0))))
     assert loaded.integrator().surroundings(loaded, sensor) == where
 
 

@@ -13,13 +13,13 @@ from iriftrace.image.aov_image import CHANNELS, Status
 from iriftrace.part.part import part_of_mesh
 from iriftrace.scenes.analytic import concentric_cylinders, slab
 from iriftrace.trace.rays import trace_rays
+from validation.inputs.cameras import camera_at
 from validation.inputs.scene_rays import loaded
 from validation.inputs.small_scenes import (
     AMBIENT,
     HOT,
     ball_in_shells,
     camera,
-    camera_in_numpy,
     channels,
     film,
     nested_spheres,
@@ -40,7 +40,7 @@ def status(pixels: dict[str, np.ndarray]) -> np.ndarray:
 
 def impact_parameter() -> np.ndarray:
     """(40, 48) array, mm: distance of each pixel's straight ray from the origin."""
-    origins, directions = camera_in_numpy().rays()
+    origins, directions = camera_at().rays()
     return np.linalg.norm(np.cross(origins, directions), axis=1).reshape(40, 48)
 
 
@@ -81,7 +81,7 @@ def test_blocked_by_another_object(tmp_path: Path) -> None:
     pixels = channels(scene({**ball_in_shells(tmp_path), "fixture": board}))
     codes = status(pixels)
     # The board is 8 mm high, its near face 49.5 mm away: +-4 mm there are +-8.08 mm at the ball.
-    _, directions = camera_in_numpy().rays()
+    _, directions = camera_at().rays()
     at_board = (directions[:, (0, 2)] / directions[:, 1:2] * 49.5).reshape(40, 48, 2)
     behind = (np.abs(at_board) < (15, 4)).all(axis=-1)
     np.testing.assert_array_equal(codes[behind], Status.BLOCKED)
@@ -280,7 +280,7 @@ def test_open_boundary_counts_rays_that_enter_through_the_open_end(tmp_path: Pat
     pixels = dict(zip(CHANNELS, np.array(tensor), strict=True))
     good = status(pixels) == Status.GOOD
     assert Status.INDEX_MISMATCH not in status(pixels)
-    origins, directions = (v.reshape(40, 48, 3) for v in camera_in_numpy(place).rays())
+    origins, directions = (v.reshape(40, 48, 3) for v in camera_at(place).rays())
     share = (30.0 - origins[..., 0]) / directions[..., 0]
     at_end = origins + share[..., None] * directions
     radius = np.hypot(at_end[..., 1], at_end[..., 2])

@@ -10,8 +10,8 @@ import pytest
 
 from iriftrace.core.errors import InputError
 from iriftrace.plugins.film import camera_of
+from validation.inputs.cameras import camera_at
 from validation.inputs.small_scenes import (
-    camera_in_numpy,
     channels,
     film,
     scene,
@@ -54,7 +54,7 @@ def test_stock_perspective_sensor_gives_the_same_hits(shapes: dict[str, Any]) ->
         np.testing.assert_allclose(
             stock[f"shift.px.{axis}"][clear], own[f"shift.px.{axis}"][clear], atol=1e-8, rtol=0.01
         )
-    _, directions = camera_in_numpy().rays()
+    _, directions = camera_at().rays()
     skipped = (1.0 / directions[:, 1]).reshape(40, 48)
     np.testing.assert_allclose(
         (own["path.length"] - stock["path.length"])[clear], skipped[clear], atol=2e-4

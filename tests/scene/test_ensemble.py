@@ -15,7 +15,6 @@ import xarray as xr
 from numpy.testing import assert_allclose, assert_array_equal
 
 from iriftrace.air.refractivity import Air
-from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.camera.pose_set import PoseSet
 from iriftrace.core.errors import InputError, IriftraceWarning
@@ -29,17 +28,13 @@ from iriftrace.scenes.analytic import slab, slab_heights
 from iriftrace.sweep.sweep import run_sweep
 from iriftrace.trace.rays import trace_rays
 from iriftrace.trace.render import render_scene
+from validation.inputs.cameras import camera_at
 from validation.inputs.shell_fields import scaled
 
 SHARES = np.array((-0.09, -0.07, -0.04, -0.01, 0.0, 0.02, 0.03, 0.05, 0.08, 0.11))
 """How much more the index differs from ambient in each of ten members than in the undisturbed."""
 
-SLANTED = Camera(
-    focal_length_mm=10.0,
-    sensor_mm=(6.0, 5.0),
-    resolution=(30, 24),
-    matrix=look_at((60.0, -40.0, 90.0), (0.0, 0.0, 0.0)),
-)
+SLANTED = camera_at((60.0, -40.0, 90.0), resolution=(30, 24))
 
 
 def write_slab(folder: Path, airs: Any) -> tuple[Path, tuple[FieldMember, ...]]:

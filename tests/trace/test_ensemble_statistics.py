@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from iriftrace.camera.camera import Camera
-from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import (
     CHANNELS,
@@ -25,14 +23,10 @@ from iriftrace.image.aov_image import (
 from iriftrace.image.ray_statistics import Statistics, ensemble_metrics
 from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.trace.pose_image import EnsembleStatistics
+from validation.inputs.cameras import camera_at
 from validation.oracles.aov_by_hand import make_image, plate
 
-CAMERA = Camera(
-    focal_length_mm=10.0,
-    sensor_mm=(6.0, 5.0),
-    resolution=(24, 20),
-    matrix=look_at((0.0, -100.0, 0.0), (0.0, 0.0, 0.0)),
-)
+CAMERA = camera_at((0.0, -100.0, 0.0), resolution=(24, 20))
 PLATE = plate((20.0, 0, 0), (0, 0, 18.0), (0, 0, 0))
 
 

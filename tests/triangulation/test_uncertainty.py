@@ -14,8 +14,6 @@ import pyvista as pv
 from attrs import evolve
 
 from iriftrace.air.refractivity import Air
-from iriftrace.camera.camera import Camera
-from iriftrace.camera.pose import look_at
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
 from iriftrace.field.source import FieldFacts, FieldKind
@@ -32,18 +30,14 @@ from iriftrace.triangulation.field_state import field_state
 from iriftrace.triangulation.measure import measure
 from iriftrace.triangulation.scan import ScanStatus
 from validation.inputs import hot_block
+from validation.inputs.cameras import camera_at
 from validation.inputs.shell_fields import scaled
 
 SHARES = np.array((-0.1, 0.0, 0.15))
 """How much more the index differs from ambient in each member than in the undisturbed."""
 
 CAMERA, PROJECTOR = (
-    Camera(
-        focal_length_mm=20.0,
-        sensor_mm=(6.0, 5.0),
-        resolution=(30, 25),
-        matrix=look_at((x, 1.0, 150.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
-    )
+    camera_at((x, 1.0, 150.0), up=(0.0, 1.0, 0.0), focal_length_mm=20.0, resolution=(30, 25))
     for x in (-60.0, 40.0)
 )
 TWO = SceneSettings(scale=1.0, second=PROJECTOR)

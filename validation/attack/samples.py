@@ -14,7 +14,6 @@ import pyvista as pv
 import trimesh
 
 from iriftrace.camera.camera import Camera
-from iriftrace.camera.pose import look_at
 from iriftrace.camera.pose_files import write_poses
 from iriftrace.camera.pose_set import PoseSet
 from iriftrace.cli import main
@@ -30,6 +29,7 @@ from validation.field_files.openfoam import write_case
 from validation.field_files.openfoam_mesh import Patch
 from validation.inputs import hot_block
 from validation.inputs.calibration_files import COEFFICIENTS, PLAIN
+from validation.inputs.cameras import camera_at
 
 CELLS = 6
 """Cells along an edge of the small field, enough for every branch of each reader."""
@@ -141,12 +141,8 @@ def mesh(name: str) -> Callable[[Path], object]:
 
 
 def camera() -> Camera:
-    return Camera(
-        focal_length_mm=20.0,
-        sensor_mm=(6.0, 5.0),
-        resolution=(12, 10),
-        focus_mm=(50.0, 250.0),
-        matrix=look_at((60.0, -45.0, 70.0), (0.0, 0.0, 0.0)),
+    return camera_at(
+        (60.0, -45.0, 70.0), focal_length_mm=20.0, resolution=(12, 10), focus_mm=(50.0, 250.0)
     )
 
 

@@ -12,8 +12,6 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from iriftrace.camera.camera import Camera
-from iriftrace.camera.pose import look_at
 from iriftrace.image.aov_image import CHANNELS
 from iriftrace.shells.files import write_shell
 
@@ -119,22 +117,6 @@ def camera(
         "film": film or globals()["film"](),
         **more,
     }
-
-
-def camera_in_numpy(
-    origin: tuple[float, float, float] = (0.0, -100.0, 0.0),
-    target: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    resolution: tuple[int, int] = (48, 40),
-    **more: Any,
-) -> Camera:
-    """The same camera, described without Mitsuba."""
-    return Camera(
-        focal_length_mm=10.0,
-        sensor_mm=(6.0, 5.0),
-        resolution=resolution,
-        matrix=look_at(origin, target),
-        **more,
-    )
 
 
 def scene(shapes: dict[str, Any], sensor: Any = None, **integrator: Any) -> Any:
