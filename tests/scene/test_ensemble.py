@@ -31,6 +31,8 @@ from iriftrace.trace.render import render_scene
 from validation.inputs.cameras import camera_at
 from validation.inputs.shell_fields import scaled
 
+pytestmark = pytest.mark.usefixtures("variant")
+
 SHARES = np.array((-0.09, -0.07, -0.04, -0.01, 0.0, 0.02, 0.03, 0.05, 0.08, 0.11))
 """How much more the index differs from ambient in each of ten members than in the undisturbed."""
 
@@ -53,7 +55,6 @@ def ten(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_slab(tmp_path_factory.mktemp("ten"), airs_of(*SHARES, layers=5))[0]
 
 
-@pytest.mark.usefixtures("variant")
 def test_shells_and_parts_of_others_are_noticed(ten: Path, tmp_path: Path) -> None:
     """In the member that is traced; all know the part that stands beside the scene."""
     scene = shutil.copytree(ten.parent, tmp_path / "copy") / ten.name
@@ -80,7 +81,6 @@ def slab_offsets(heights: np.ndarray, layers: np.ndarray, sine: np.ndarray) -> n
 
 
 @pytest.mark.filterwarnings("ignore:Hits of this view")
-@pytest.mark.usefixtures("variant")
 def test_mean_and_scatter_agree_with_the_closed_form(ten: Path) -> None:
     """Each pixel against Snell's law in plane layers, and against the linear formula.
 
@@ -118,7 +118,6 @@ def test_mean_and_scatter_agree_with_the_closed_form(ten: Path) -> None:
     assert_allclose(scatter, SHARES.std(ddof=1) * undisturbed, rtol=2e-3)
 
 
-@pytest.mark.usefixtures("variant")
 def test_one_member_alone_is_an_ordinary_scene(ten: Path) -> None:
     """Also for plain Mitsuba, where the first one is the default."""
     alone = load_scene(ten, {"member": 10})
@@ -137,7 +136,6 @@ def test_one_member_alone_is_an_ordinary_scene(ten: Path) -> None:
     assert [shape.id() for shape in shapes] == ["part", *(f"shell_{k:02d}" for k in range(1, 6))]
 
 
-@pytest.mark.usefixtures("variant")
 def test_straight_rays_are_traced_once(ten: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from iriftrace.plugins.kernels import bundle
 
@@ -150,7 +148,6 @@ def test_straight_rays_are_traced_once(ten: Path, monkeypatch: pytest.MonkeyPatc
     assert len(calls) == 1
 
 
-@pytest.mark.usefixtures("variant")
 def test_members_that_do_not_fit_are_loaded_again(
     ten: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -166,7 +163,6 @@ def test_members_that_do_not_fit_are_loaded_again(
     assert len(scene.ensemble._kept) == 2
 
 
-@pytest.mark.usefixtures("variant")
 def test_results_name_every_field(ten: Path) -> None:
     rendering = render_scene(ten)
     header = rendering.image.header
@@ -186,7 +182,6 @@ def test_results_name_every_field(ten: Path) -> None:
         assert region["ensemble"]["members"] == 10
 
 
-@pytest.mark.usefixtures("variant")
 def test_free_rays_want_one_member(ten: Path) -> None:
     with pytest.raises(InputError, match="ensemble of 10 fields"):
         trace_rays(ten, [[0, 0, 100.0]], [[0, 0, -1.0]])
@@ -195,7 +190,6 @@ def test_free_rays_want_one_member(ten: Path) -> None:
 Spoil = Callable[[Path], Any]
 
 
-@pytest.mark.usefixtures("variant")
 @pytest.mark.parametrize(
     ("spoil", "variables", "message"),
     [
@@ -253,7 +247,6 @@ def _poses() -> PoseSet:
     return PoseSet(matrices=np.stack([look_at(place, (0.0, 0.0, 0.0)) for place in places]))
 
 
-@pytest.mark.usefixtures("variant")
 def test_sweep_has_the_scatter_of_each_pose(ten: Path, tmp_path: Path) -> None:
     """As each pose rendered alone; an interrupted sweep goes on and ends the same."""
     scene = load_scene(ten)
@@ -290,7 +283,6 @@ def test_sweep_has_the_scatter_of_each_pose(ten: Path, tmp_path: Path) -> None:
     plain.close()
 
 
-@pytest.mark.usefixtures("variant")
 def test_a_changed_member_is_another_sweep(tmp_path: Path) -> None:
     """The fingerprint covers every member's files, also those with nothing but indices."""
 

@@ -31,6 +31,8 @@ from iriftrace.shells.table import AirStatement
 from iriftrace.trace.render import render_scene
 from validation.inputs.small_scenes import sphere
 
+pytestmark = pytest.mark.usefixtures("variant")
+
 CAMERA = Camera(
     focal_length_mm=10.123456789,
     sensor_mm=(6.7, 5.6),
@@ -74,7 +76,6 @@ def assert_equal(found: Camera, expected: Camera, tolerance: float = 1e-9) -> No
         assert getattr(found, name) == getattr(expected, name), name
 
 
-@pytest.mark.usefixtures("variant")
 def test_camera_in_is_camera_out(xml: Path) -> None:
     """To 1e-9, through a lookat in a text file; the pixels' rays to 1e-9 px then."""
     found = camera_of(load_scene(xml))
@@ -111,7 +112,6 @@ def test_any_pose_survives_the_xml(
     assert_equal(loaded, camera)
 
 
-@pytest.mark.usefixtures("variant")
 def test_unlimited_focus_stays_unlimited(tmp_path: Path, contents: tuple[Part, ShellStack]) -> None:
     camera = evolve(CAMERA, focus_mm=(0.0, np.inf))
     xml = write_scene(tmp_path, *contents, camera, paraview=False)
@@ -119,7 +119,6 @@ def test_unlimited_focus_stays_unlimited(tmp_path: Path, contents: tuple[Part, S
     assert camera_of(load_scene(xml)).focus_mm == (0.0, np.inf)
 
 
-@pytest.mark.usefixtures("variant")
 def test_part_and_shells_in_are_part_and_shells_out(
     xml: Path, contents: tuple[Part, ShellStack]
 ) -> None:
@@ -143,7 +142,6 @@ def test_part_and_shells_in_are_part_and_shells_out(
     assert loaded.normals == "gradient"
 
 
-@pytest.mark.usefixtures("variant")
 def test_parameters_of_the_file(xml: Path) -> None:
     """-D scale and normals, as numbers or as text."""
     loaded = load_scene(xml, {"scale": 0.25, "normals": "facet"})
@@ -152,7 +150,6 @@ def test_parameters_of_the_file(xml: Path) -> None:
     assert camera_of(load_scene(xml, {"scale": "0.5"})).resolution == (76, 64)
 
 
-@pytest.mark.usefixtures("variant")
 def test_defaults_of_the_parameters_are_written(
     tmp_path: Path, contents: tuple[Part, ShellStack]
 ) -> None:
@@ -173,7 +170,6 @@ def test_defaults_of_the_parameters_are_written(
     assert loaded.integrator.bending == "layers"
 
 
-@pytest.mark.usefixtures("variant")
 def test_a_scene_is_freed_with_the_last_that_has_it(xml: Path) -> None:
     """Mitsuba's scene and its integrator hold each other; a notebook loads many."""
     loaded = load_scene(xml)
@@ -187,7 +183,6 @@ def test_a_scene_is_freed_with_the_last_that_has_it(xml: Path) -> None:
     assert tables() is None
 
 
-@pytest.mark.usefixtures("variant")
 def test_camera_can_be_moved_by_hand(xml: Path, edit: Edit) -> None:
     """Through the lookat that the file shows."""
     edit('origin="[^"]*"', 'origin="0, -150, 90"')
@@ -197,7 +192,6 @@ def test_camera_can_be_moved_by_hand(xml: Path, edit: Edit) -> None:
     np.testing.assert_allclose(camera_of(load_scene(xml)).matrix, expected, atol=1e-12)
 
 
-@pytest.mark.usefixtures("variant")
 def test_shells_can_be_dropped_by_hand(xml: Path, edit: Edit) -> None:
     """One shell less is one crossing less for every ray, and each keeps its own indices."""
     whole = render_scene(load_scene(xml, {"scale": 0.25})).image
@@ -213,7 +207,6 @@ def test_shells_can_be_dropped_by_hand(xml: Path, edit: Edit) -> None:
     np.testing.assert_array_equal(fewer.channels["path.crossings"][good], 3)
 
 
-@pytest.mark.usefixtures("variant")
 def test_shells_and_parts_of_other_scenes_are_noticed(xml: Path, tmp_path: Path) -> None:
     """A finer cylinder fits the air and has as many shells, so nothing else would tell."""
     finer = concentric_cylinders(4, sections=80)
@@ -238,7 +231,6 @@ def test_shells_and_parts_of_other_scenes_are_noticed(xml: Path, tmp_path: Path)
     assert sum("is not the part" in str(one.message) for one in told) == 1
 
 
-@pytest.mark.usefixtures("variant")
 def test_a_shell_of_another_folder_is_noticed(xml: Path, tmp_path: Path, edit: Edit) -> None:
     """Though it has the same name, the same indices and a table of its own."""
     finer = concentric_cylinders(4, sections=80)
@@ -250,7 +242,6 @@ def test_a_shell_of_another_folder_is_noticed(xml: Path, tmp_path: Path, edit: E
         assert load_scene(xml).index_rule.startswith("edited: 1 of 4")
 
 
-@pytest.mark.usefixtures("variant")
 @pytest.mark.parametrize(
     ("key", "value"),
     [
@@ -269,7 +260,6 @@ def test_a_damaged_table_is_named(xml: Path, key: str, value: object) -> None:
         load_scene(xml)
 
 
-@pytest.mark.usefixtures("variant")
 def test_part_can_be_placed_by_hand(xml: Path, edit: Edit) -> None:
     """The part that the metrics use moves with Mitsuba's."""
     placed = '<transform name="to_world"><translate x="1" y="2" z="3"/></transform>'
@@ -282,7 +272,6 @@ def test_part_can_be_placed_by_hand(xml: Path, edit: Edit) -> None:
     np.testing.assert_array_equal(loaded.part_to_world[:3, 3], (1, 2, 3))
 
 
-@pytest.mark.usefixtures("variant")
 def test_writing_again_replaces_and_removes_what_is_stale(
     tmp_path: Path, contents: tuple[Part, ShellStack]
 ) -> None:
@@ -295,7 +284,6 @@ def test_writing_again_replaces_and_removes_what_is_stale(
     assert files == ["shell_01.ply", "shell_02.ply", "shells.json"]
 
 
-@pytest.mark.usefixtures("variant")
 def test_folder_can_be_moved(tmp_path: Path, xml: Path) -> None:
     """All names in the file are relative to it."""
     moved = xml.parent.rename(tmp_path / "else where")
@@ -335,7 +323,6 @@ def test_folder_that_cannot_be_made_is_named(
         ('name="focus_near"', 'name="focus_ner"', 'unreferenced property.*"focus_ner"'),
     ],
 )
-@pytest.mark.usefixtures("variant")
 def test_broken_files_are_refused_in_one_line(
     xml: Path, edit: Edit, old: str, new: str, message: str
 ) -> None:
@@ -365,7 +352,6 @@ def test_broken_files_are_refused_in_one_line(
         ),
     ],
 )
-@pytest.mark.usefixtures("variant")
 def test_scenes_that_cannot_be_traced_are_refused(
     xml: Path, edit: Edit, old: str, new: str, unused: str, message: str
 ) -> None:
@@ -376,7 +362,6 @@ def test_scenes_that_cannot_be_traced_are_refused(
         load_scene(xml)
 
 
-@pytest.mark.usefixtures("variant")
 def test_scene_without_shells_loads(xml: Path, edit: Edit) -> None:
     """A part alone is a legitimate scene: nothing is displaced."""
     edit('<shape type="ply" id="shell_.*?</shape>', "")
@@ -386,7 +371,6 @@ def test_scene_without_shells_loads(xml: Path, edit: Edit) -> None:
     assert render_scene(loaded).image.channels["displacement.norm"].max() < 1e-9
 
 
-@pytest.mark.usefixtures("variant")
 def test_part_of_any_mesh_round_trips(tmp_path: Path) -> None:
     """A sphere has one region; Mitsuba's faces keep their numbers."""
     mesh = sphere(12.0, 2)
