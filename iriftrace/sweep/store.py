@@ -189,14 +189,14 @@ def read_sweep(path: str | Path) -> xr.Dataset:
 
 def check_sweep(dataset: xr.Dataset) -> None:
     """Raise InputError unless a dataset has a pose, and the variables that every sweep has."""
+    if dataset.sizes.get("pose") == 0:
+        raise InputError("The sweep has no poses, so there is nothing to rank; run it again.")
     missing = [name for name in _OF_EVERY_SWEEP if name not in dataset]
     if missing:
         raise InputError(
             f"This is not a sweep of iriftrace: {missing[0]} is missing; give the file that "
             "`iriftrace sweep` wrote."
         )
-    if dataset.sizes["pose"] == 0:
-        raise InputError("The sweep has no poses, so there is nothing to rank; run it again.")
 
 
 def scene_of(dataset: xr.Dataset) -> tuple[Path | None, str]:
