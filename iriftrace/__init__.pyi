@@ -91,8 +91,9 @@ from .scene.load import load_scene as load_scene
 from .scene.loaded import LoadedScene as LoadedScene
 from .scene.member_weights import MemberWeights as MemberWeights
 from .scene.scene import Scene as Scene
+from .scene.write import MemberAir as MemberAir
 from .scene.write import write_scene as write_scene
-from .scene.write_ensemble import MemberAir as MemberAir
+from .scene.xml import SceneSettings as SceneSettings
 from .shells.contour import contour_shells as contour_shells
 from .shells.files import load_shells as load_shells
 from .shells.imported import import_shells as import_shells

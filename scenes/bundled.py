@@ -14,7 +14,8 @@ from attrs import evolve
 
 from iriftrace.field.read import read_field
 from iriftrace.part.part import read_part
-from iriftrace.scene.write import PART_FILE, write_scene
+from iriftrace.scene.write import write_scene
+from iriftrace.scene.xml import PART_FILE, SceneSettings
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import concentric_cylinders, slab
 from iriftrace.scenes.components import (
@@ -69,9 +70,8 @@ def write_bundled(folder: str | Path) -> list[Path]:
                 part,
                 stack,
                 camera,
-                scale=SCALE,
+                SceneSettings(scale=SCALE, notes=NOTES[name]),
                 report=report,
-                notes=NOTES[name],
                 paraview=False,
                 field=field if name == "cylinder" else None,
             )
@@ -87,11 +87,13 @@ def write_plate(folder: Path, wall_k: float = HOT_PLATE_K) -> Path:
         board,
         contour_shells(field),
         scene_camera((200.0, 6.0, 50.0), (0.0, 6.0, 50.0), (50.0, 450.0)),
-        scale=SCALE,
-        notes={"time": "steady", "symmetry": "similarity solution"},
+        SceneSettings(
+            scale=SCALE,
+            notes={"time": "steady", "symmetry": "similarity solution"},
+            blockers=(plate,),
+        ),
         paraview=False,
         field=field,
-        blockers=(plate,),
     )
 
 
@@ -105,7 +107,8 @@ def write_fringe(folder: Path, cylinder: Path) -> Path:
         scene_camera(origin, (0.0, 0.0, 0.0), (50.0, 450.0)) for origin in FRINGE_DEVICES_MM
     )
     part = read_part(cylinder / PART_FILE)
-    return write_beside(folder / FRINGE_SCENE, cylinder, part, camera, SCALE, projector)
+    settings = SceneSettings(scale=SCALE, second=projector)
+    return write_beside(folder / FRINGE_SCENE, cylinder, part, camera, settings)
 
 
 def write_components(folder: str | Path, fields: Mapping[str, Path]) -> list[Path]:

@@ -20,7 +20,8 @@ from iriftrace.part.part import Part, save_part
 from iriftrace.part.shapes.bevel_gear import TOOTH, bevel_gear
 from iriftrace.part.shapes.cylinder import hybrid_cylinder
 from iriftrace.part.shapes.wishbone import wishbone
-from iriftrace.scene.write import PART_FILE, SHELLS_FOLDER, scene_xml, shell_shapes, write_scene
+from iriftrace.scene.write import SHELLS_FOLDER, write_scene
+from iriftrace.scene.xml import PART_FILE, SceneSettings, scene_xml, shell_shapes
 from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.decimate import decimate
 from iriftrace.shells.files import load_shells
@@ -103,9 +104,11 @@ def write_component(folder: Path, name: str, field_path: Path) -> Path:
         part,
         stack,
         component.camera(),
-        scale=component.scale,
+        SceneSettings(
+            scale=component.scale,
+            notes={"time": component.time, "symmetry": component.symmetry},
+        ),
         report=report_shells(stack, read_field(field_path), part),
-        notes={"time": component.time, "symmetry": component.symmetry},
         paraview=False,
     )
 
@@ -115,7 +118,7 @@ def write_tooth(folder: Path, gear: Path) -> Path:
     part = bevel_gear(tooth=TOOTH_NUMBER)
     middle = tooth_centre(part)
     camera = scene_camera(tuple(middle + _TOOTH_VIEW_MM), tuple(middle), (50.0, 250.0))
-    return write_beside(folder / TOOTH_SCENE, gear, part, camera, SCALE)
+    return write_beside(folder / TOOTH_SCENE, gear, part, camera, SceneSettings(scale=SCALE))
 
 
 def write_beside(
@@ -123,8 +126,7 @@ def write_beside(
     other: Path,
     part: Part,
     camera: Camera,
-    scale: float,
-    second: Camera | None = None,
+    settings: SceneSettings,
 ) -> Path:
     """Write a scene beside another one, in whose shells its part lies; returns the XML file.
 
@@ -139,7 +141,7 @@ def write_beside(
     origin = stack.source.origin if stack.source else ""
     xml = target / "scene.xml"
     with whole_file(xml) as temporary:
-        text = scene_xml(camera, scale, "gradient", shapes, f"Field: {origin}", second=second)
+        text = scene_xml(camera, settings, shapes, f"Field: {origin}")
         temporary.write_text(text, encoding="utf-8")
     return xml
 

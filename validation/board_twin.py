@@ -31,6 +31,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.part.shapes.board import Board
 from iriftrace.triangulation.correction import CorrectionStatus
+from validation.inputs.cameras import camera_at
 from validation.inputs.leaning_air import measured_shifts
 
 BOARD = Board((240.0, 240.0), 3.5)
@@ -38,11 +39,12 @@ BOARD = Board((240.0, 240.0), 3.5)
 TO_WORLD = np.array(((0, 0, 1.0, -235.0), (1.0, 0, 0, 0), (0, 1.0, 0, 60.0), (0, 0, 0, 1.0)))
 """The board stands across the cylinder's axis, 150 mm behind its end."""
 
-BOARD_CAMERA = iriftrace.Camera(
+BOARD_CAMERA = camera_at(
+    (400.0, 0.0, 60.0),
+    (0.0, 0.0, 60.0),
     focal_length_mm=25.0,
     sensor_mm=(12.0, 12.0),
     resolution=(3000, 3000),
-    matrix=iriftrace.look_at((400.0, 0.0, 60.0), (0.0, 0.0, 60.0)),
 )
 
 DEVICE = iriftrace.Camera(focal_length_mm=25.0, sensor_mm=(8.0, 6.4), resolution=(120, 96))

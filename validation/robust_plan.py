@@ -25,14 +25,12 @@ import iriftrace
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.planning.criteria import Criteria
 from iriftrace.planning.rank import ranked_quietly, score_of
+from validation.inputs.cameras import camera_at
 
 DISTANCE = 400.0  # mm
 
-CAMERA = iriftrace.Camera(
-    focal_length_mm=16.0,
-    sensor_mm=(8.0, 6.4),
-    resolution=(100, 80),
-    matrix=iriftrace.look_at((0.0, -DISTANCE, 0.0), (0.0, 0.0, 0.0)),
+CAMERA = camera_at(
+    (0.0, -DISTANCE, 0.0), focal_length_mm=16.0, sensor_mm=(8.0, 6.4), resolution=(100, 80)
 )
 
 AZIMUTHS, ELEVATIONS = range(0, 360, 30), range(0, 91, 15)

@@ -23,8 +23,9 @@ camera = iriftrace.load_scene(folder / "scene.xml").camera.scaled(0.06)
 def hits_with(layers: int) -> tuple[np.ndarray, np.ndarray]:
     """Refracted hits (height, width, 3) in mm, and which rays are good."""
     with tempfile.TemporaryDirectory() as temporary:
+        settings = iriftrace.SceneSettings(scale=1.0)
         built = iriftrace.build_scene(
-            field, part, camera, f"{temporary}/scene.xml", layers=layers, scale=1.0
+            field, part, camera, f"{temporary}/scene.xml", settings, layers=layers
         )
         image = iriftrace.render_scene(iriftrace.load_scene(built.path)).image
     return image.vector("refracted"), image.channels["status.code"] == 0

@@ -380,8 +380,7 @@ class Camera:
         try:
             near, far = values["focus_mm"]
             focal = values["focal_length_mm"]
-            # Files of earlier versions have no distortion.
-            distortion = values.get("distortion")
+            distortion = values["distortion"]
             return cls(
                 projection=values["projection"],
                 focal_length_mm=math.nan if focal is None else focal,

@@ -307,9 +307,14 @@ class OrbitOptions:
 
     def pose_sets(self, scene: LoadedScene) -> dict[float, PoseSet]:
         """Poses by the stand-off (mm) of their orbit, NaN for any other poses."""
-        from iriftrace.camera.orbit import Orbit, fibonacci_poses, orbit_poses, parse_range
+        from iriftrace.camera.orbit import (
+            Orbit,
+            fibonacci_poses,
+            orbit_poses,
+            parse_range,
+            turntable_poses,
+        )
         from iriftrace.camera.pose_files import read_poses
-        from iriftrace.camera.turntable import turntable_poses
         from iriftrace.geometry.transform import parse_transform
 
         self._refuse_contradictions()

@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from iriftrace.field.readers.members import Member
     from iriftrace.part.part import Part
     from iriftrace.part.uneven_growth import Temperatures
-    from iriftrace.scene.build import SceneSettings
-    from iriftrace.scene.write_ensemble import MemberAir
+    from iriftrace.scene.write import MemberAir
+    from iriftrace.scene.xml import SceneSettings
     from iriftrace.shells.stack import ShellStack
 
 
@@ -145,7 +145,7 @@ def scene(
     from iriftrace.field.readers.members import chosen_members
     from iriftrace.part.part import read_part
     from iriftrace.scene.build import build_scene
-    from iriftrace.scene.write import refuse_edited
+    from iriftrace.scene.xml import SceneSettings, refuse_edited
 
     if not field_options.isosurfaces:
         check_order(field, part)
@@ -172,23 +172,20 @@ def scene(
             "the same manner; leave out --isosurfaces or --member."
         )
     place = devices_of(camera_options, second_options, stereo_options, measured)
-    settings: SceneSettings = {
-        "wall_temperature_k": part_options.hot.single,
-        "trim_mm": trim,
-        "scale": scale,
-        "normals": normals,
-        "inside_hit": inside_hit,
-        "notes": field_options.notes() | shell_options.notes(),
-        "blockers": blockers,
-    }
+    wall_k = part_options.hot.single
 
-    def devices(volume: IndexField | None, stack: ShellStack) -> Camera:
-        """The camera; a second device and bodies of the field are added to the settings."""
-        blockers.extend(_bodies_of(field, volume, blocker or []))
-        camera, second = place(volume, stack)
+    def devices(volume: IndexField | None, stack: ShellStack) -> tuple[Camera, SceneSettings]:
+        """The camera, and the settings of the scene's file."""
+        settings = SceneSettings(
+            scale=scale,
+            normals=normals,
+            inside_hit=inside_hit,
+            notes=field_options.notes() | shell_options.notes(),
+            blockers=(*blockers, *_bodies_of(field, volume, blocker or [])),
+        )
+        camera, settings = place(settings, volume, stack)
         camera.scaled(scale)  # refuses a scale that leaves no pixel
-        settings.update(second)
-        return camera
+        return camera, settings
 
     if len(states) > len(fields) and field_options.time is None:
         warn(
@@ -202,14 +199,23 @@ def scene(
             volume = field_options.read(one.path, air.air(), measured, one.index)
             return shell_options.build(volume), volume
 
-        _ensemble(states, measured, output, devices, cut, settings)
+        _ensemble(states, measured, output, devices, cut, wall_k, trim)
         return
     # Without --time the reader of the file states which of several states it is.
     number = states[0].index if states and field_options.time is not None else None
     stack, volume = _stack(field, measured, air, field_options, shell_options, number)
-    camera = devices(volume, stack)
+    camera, settings = devices(volume, stack)
     with working("Comparing part and field, measuring the shells"):
-        built = build_scene(volume, measured, camera, output, shells=stack, **settings)
+        built = build_scene(
+            volume,
+            measured,
+            camera,
+            output,
+            settings,
+            shells=stack,
+            wall_temperature_k=wall_k,
+            trim_mm=trim,
+        )
     print_shells(built.shells, built.report, built.fit)
     _print_scene(output, camera, measured, settings)
 
@@ -265,13 +271,14 @@ def _ensemble(
     given: Sequence[Member],
     part: Part,
     output: Path,
-    devices: Callable[[IndexField | None, ShellStack], Camera],
+    devices: Callable[[IndexField | None, ShellStack], tuple[Camera, SceneSettings]],
     cut: Callable[[Member], tuple[ShellStack, IndexField]],
-    settings: SceneSettings,
+    wall_k: float | None,
+    trim: float | None,
 ) -> None:
     """Write the scene of several fields, each cut when it is needed, and print a summary."""
     from iriftrace.scene.build import build_ensemble, named
-    from iriftrace.scene.write_ensemble import MemberAir
+    from iriftrace.scene.write import MemberAir
 
     hottest_k: list[float] = []
     several_states = len(given) > len({one.path for one in given})
@@ -287,8 +294,16 @@ def _ensemble(
 
     fields = members()
     first = next(fields)
-    camera = devices(first.field, first.shells)
-    built = build_ensemble(chain((first,), fields), part, camera, output, **settings)
+    camera, settings = devices(first.field, first.shells)
+    built = build_ensemble(
+        chain((first,), fields),
+        part,
+        camera,
+        output,
+        settings,
+        wall_temperature_k=wall_k,
+        trim_mm=trim,
+    )
     cut_members = zip(built.members, built.reports, hottest_k, strict=True)
     print_table(
         f"Ensemble of {len(built.members)} fields",
@@ -318,16 +333,15 @@ def _print_scene(
     """Print the poses of a written scene's devices, the view, and the next command."""
     from iriftrace.cli.output import print_camera, print_view
 
-    print_camera(camera, settings["scale"])
+    print_camera(camera, settings.scale)
     remedy = (
         "change its place (--origin) or its --focus, or leave out both for a camera that sees all"
     )
     print_view(part, camera, remedy)
     say(f"Scene{of_what} written; now run:  {command_line('render', path)}")
-    second = settings.get("second")
-    if second is not None:
-        x, y, z = second.origin
+    if settings.second is not None:
+        x, y, z = settings.second.origin
         say(
-            f"Second device ({settings['second_id']}) at ({x:.1f}, {y:.1f}, {z:.1f}) mm; what both "
+            f"Second device ({settings.second_id}) at ({x:.1f}, {y:.1f}, {z:.1f}) mm; what both "
             f"measure:  {command_line('measure', path, '-o', path.with_name('scan.vtp'))}"
         )

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from attrs import frozen
+from attrs import evolve, frozen
 from cyclopts import Group, Parameter
 
 from iriftrace.cli.camera_options import (
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from iriftrace.core.arrays import FloatArray
     from iriftrace.field.index_field import IndexField
     from iriftrace.part.part import Part
-    from iriftrace.scene.build import SceneSettings
+    from iriftrace.scene.xml import SceneSettings
     from iriftrace.shells.stack import ShellStack
 
 SECOND = Group("Second device", sort_key=6)
@@ -218,7 +218,9 @@ class StereoOptions:
         return " and ".join(map(str, self.stereo_calibration or ()))
 
 
-Placing = Callable[["IndexField | None", "ShellStack"], tuple["Camera", "SceneSettings"]]
+Placing = Callable[
+    ["SceneSettings", "IndexField | None", "ShellStack"], tuple["Camera", "SceneSettings"]
+]
 
 
 def devices_of(
@@ -226,15 +228,16 @@ def devices_of(
 ) -> Placing:
     """Check the options, and return the function that places the camera and the second device.
 
-    The second device is that of `iriftrace.scene.build.build_scene`, ``second`` and ``second_id``;
-    empty without one.
+    It adds the second device, if there is one, to a scene's settings.
     """
     stereo = rig.read(first, second)
     two_devices = stereo is not None or second.given()
 
-    def place(field: IndexField | None, stack: ShellStack) -> tuple[Camera, SceneSettings]:
+    def place(
+        settings: SceneSettings, field: IndexField | None, stack: ShellStack
+    ) -> tuple[Camera, SceneSettings]:
         if not two_devices:
-            return first.camera(part, field, stack), {}
+            return first.camera(part, field, stack), settings
         from iriftrace.triangulation.devices import DEVICE_OF_SYSTEM
 
         if stereo is not None:
@@ -243,6 +246,6 @@ def devices_of(
             camera = first.camera(part, field, stack)
             device = second.device(first, camera, part, field, stack)
         system = second.system or ("fringe" if stereo is None else "stereo")
-        return camera, {"second": device, "second_id": DEVICE_OF_SYSTEM[system]}
+        return camera, evolve(settings, second=device, second_id=DEVICE_OF_SYSTEM[system])
 
     return place

@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import hashlib
 import io
+import json
 import math
 import os
 import zipfile
@@ -51,6 +52,15 @@ def write_whole(path: str | Path, text: str) -> None:
     """Write a text, UTF-8, as in `whole_file`."""
     with whole_file(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def write_json(path: str | Path, values: object) -> None:
+    """Write plain values as JSON, as in `whole_file`; InputError if one is none, such as NaN."""
+    try:
+        text = json.dumps(values, indent=2, allow_nan=False, ensure_ascii=False)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"the values for {path} are not plain JSON: {error}.") from error
+    write_whole(path, text + "\n")
 
 
 def sha256_of(path: Path) -> str:

@@ -1,15 +1,63 @@
-"""Check netCDF files in a child process before they are opened.
+"""NetCDF files of results: their attributes, and reading, after a check in a child process.
 
 HDF5 trusts the header of a file: a damaged file can make it run for ever or crash.
 """
 
 from __future__ import annotations
 
+import json
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from iriftrace.core.child import ChildError, read_in_child
 from iriftrace.core.errors import InputError
+from iriftrace.core.files import check_readable
+from iriftrace.core.plain import JsonObject
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def json_attributes(values: JsonObject) -> dict[str, str | int | float]:
+    """Attributes of a file; values that are not numbers or strings become JSON."""
+    return {
+        key: value if isinstance(value, str | int | float) else json.dumps(value)
+        for key, value in values.items()
+    }
+
+
+def read_netcdf(path: Path, kind: str, schema: str, *, left_in_file: str = "") -> xr.Dataset:
+    """Read a result of the command ``iriftrace KIND``.
+
+    Variables over the dimension `left_in_file` are read on use from the file, which stays open as
+    long as the dataset exists. Raises InputError if the file is missing, not netCDF, or not of the
+    schema.
+    """
+    import xarray as xr
+
+    if not path.is_file():
+        raise InputError(f"There is no {kind} {path}; `iriftrace {kind}` writes one.")
+    check_readable(path)
+    check_netcdf(path)
+    try:
+        dataset = xr.open_dataset(path, engine="h5netcdf")
+        for variable in dataset.variables.values():
+            if left_in_file not in variable.dims:
+                variable.load()
+    except Exception as error:  # xarray decodes what a damaged file states, with any error
+        raise InputError(
+            f"{path} is damaged or not a netCDF file ({error}); give a {kind}."
+        ) from error
+    stated = dataset.attrs.get("schema")
+    if not left_in_file or stated != schema:
+        dataset.close()
+    if stated != schema:
+        raise InputError(
+            f"{path} has schema {stated!r} instead of {schema!r}, so it is not a {kind} of this "
+            f"version of iriftrace; run the {kind} again."
+        )
+    return dataset
 
 
 def check_netcdf(path: Path) -> None:

@@ -89,6 +89,11 @@ class Fit:
     bare_of_region: dict[str, float] = Factory(dict)
 
     @property
+    def notes(self) -> dict[str, str]:
+        """Mismatches, as a note that every result states."""
+        return {"fit": " ".join(self.warnings)} if self.warnings else {}
+
+    @property
     def bare_regions(self) -> str:
         """The bare regions with their fractions as text; the five largest areas."""
         listed = [f"{name} {share:.0%}" for name, share in self.bare_of_region.items()]

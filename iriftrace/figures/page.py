@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from iriftrace.core.files import whole_file
+from iriftrace.core.files import write_whole
 from iriftrace.core.plain import JsonObject
 
 Rows = tuple[tuple[str, ...], ...]
@@ -23,8 +23,7 @@ def write_page(path: Path, template: str, **values: object) -> None:
         lstrip_blocks=True,
     )
     text = environment.get_template(template).render(**values)
-    with whole_file(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_whole(path, text)
 
 
 def name_of(file: JsonObject) -> str:

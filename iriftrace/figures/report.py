@@ -36,7 +36,6 @@ from iriftrace.planning.texts import (
     warned_text,
 )
 from iriftrace.sweep.diagnostics import setting_of
-from iriftrace.sweep.faces import has_faces
 from iriftrace.sweep.store import attribute, scene_of, traced_through_cells
 
 if TYPE_CHECKING:
@@ -189,22 +188,18 @@ def _limits(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
         f"{len(plan.unranked)} of {total} poses are not ranked; {failed} failed and {empty} see "
         f"fewer than {plan.criteria.min_hits} good rays of the part."
     ]
-    if "rays_open_boundary" in dataset:
-        passed = int(np.maximum(dataset["rays_open_boundary"].values, 0).sum())
-        seen = max(1, int(np.maximum(good, 0).sum()))
-        sentences.append(
-            f"{passed:,} good rays ({100 * passed / seen:.3g} %) pass an open end of the data, "
-            "where the plume beyond is not modelled."
-        )
-    if has_faces(dataset):
-        area = dataset["face_area"].values
-        unseen = area[dataset["face_times_seen"].values == 0].sum() / area.sum()
-        sentences.append(f"{100 * unseen:.1f} % of the part's area is seen by no pose.")
-    sentences.extend(plan.warnings)
-    sentences.append(
+    passed = int(np.maximum(dataset["rays_open_boundary"].values, 0).sum())
+    seen = max(1, int(np.maximum(good, 0).sum()))
+    area = dataset["face_area"].values
+    unseen = area[dataset["face_times_seen"].values == 0].sum() / area.sum()
+    sentences += [
+        f"{passed:,} good rays ({100 * passed / seen:.3g} %) pass an open end of the data, where "
+        "the plume beyond is not modelled.",
+        f"{100 * unseen:.1f} % of the part's area is seen by no pose.",
+        *plan.warnings,
         "The ranking compares the poses of this sweep only; a pose between them may be better "
-        "(iriftrace plan --refine)."
-    )
+        "(iriftrace plan --refine).",
+    ]
     return tuple(sentences)
 
 
@@ -242,7 +237,7 @@ def _rests_on(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
 def _setting_rows(dataset: xr.Dataset, summary: SweepSummary) -> Rows:
     scene, sha256 = scene_of(dataset)
     variables = attribute(dataset, "scene").get("variables") or {}
-    focal = np.unique(dataset["focal_length"].values) if "focal_length" in dataset else [0.0]
+    focal = np.unique(dataset["focal_length"].values)
     criteria = summary.plan.criteria
     least = f" and a coverage of {criteria.min_coverage:g}" if criteria.min_coverage else ""
     return (

@@ -7,7 +7,6 @@ explains, and the rest.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection
 from importlib.metadata import version
 from pathlib import Path
@@ -18,7 +17,7 @@ from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError, warn
-from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.core.files import sha256_of, write_json
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.statistics import spread
 from iriftrace.image.aov_image import AovImage, Status, read_exr
@@ -116,9 +115,7 @@ class Comparison:
 
     def save(self, path: str | Path) -> None:
         """Write the numbers as JSON, completely or not at all."""
-        text = json.dumps(self.as_dict(), indent=2, allow_nan=False, ensure_ascii=False)
-        with whole_file(path) as temporary:
-            temporary.write_text(text + "\n", encoding="utf-8")
+        write_json(path, self.as_dict())
 
 
 def compare(

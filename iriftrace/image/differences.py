@@ -21,9 +21,6 @@ class Hits:
     displacement: FloatArray  # (n, 3), mm, world: refracted minus straight hit; 0 without both
     good: BoolArray  # (n,) rays with status 0
     hit: BoolArray  # (n,) rays whose straight twin hits the part in focus
-    # Of the stack that bent the rays; 0 for the cells engine.
-    shells: int = 0
-    triangles: int = 0
 
 
 @frozen
@@ -48,7 +45,7 @@ class Differences:
         return asdict(self)
 
 
-def hits_of(image: AovImage, shells: int = 0, triangles: int = 0) -> Hits:
+def hits_of(image: AovImage) -> Hits:
     """Extract the data for a comparison from a picture."""
     status = image.status.ravel()
     away = (Status.MISSED, Status.OUT_OF_FOCUS, Status.BLOCKED, Status.ONLY_REFRACTED)
@@ -56,8 +53,6 @@ def hits_of(image: AovImage, shells: int = 0, triangles: int = 0) -> Hits:
         displacement=image.vector("displacement").reshape(-1, 3).astype(np.float64),
         good=status == Status.GOOD,
         hit=~np.isin(status, away),
-        shells=shells,
-        triangles=triangles,
     )
 
 
@@ -101,6 +96,4 @@ def displacement_statistics(hits: Hits) -> dict[str, float | int]:
         **{f"displacement_{name}": size for name, size in sizes.items()},
         "rays_good": int(hits.good.sum()),
         "rays_lost": int((hits.hit & ~hits.good).sum()),
-        "shells": hits.shells,
-        "triangles": hits.triangles,
     }

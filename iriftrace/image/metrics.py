@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
-from iriftrace.core.files import whole_file
+from iriftrace.core.files import write_json
 from iriftrace.core.plain import JsonObject
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.coverage import Coverage, pose_coverage
@@ -272,12 +271,7 @@ def write_metrics(path: str | Path, metrics: PoseMetrics) -> None:
     InputError
         The folder does not exist, or a value is not plain JSON.
     """
-    try:
-        text = json.dumps(metrics.as_dict(), indent=2, allow_nan=False, ensure_ascii=False)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"the metrics for {path} are not plain JSON: {error}.") from error
-    with whole_file(path) as temporary:
-        temporary.write_text(text + "\n", encoding="utf-8")
+    write_json(path, metrics.as_dict())
 
 
 def _values(image: AovImage, part: Part, rays: PoseRays, nearest: bool) -> dict[str, FloatArray]:

@@ -158,9 +158,9 @@ def face_maps(sightings: Iterable[FaceSightings], part: Part) -> Variables:
 def sightings_of(dataset: xr.Dataset, pose: int) -> FaceSightings:
     """Sightings of one pose of a sweep; only its own rows are read from the file.
 
-    Raises InputError if the sweep has no such pose, or no face data.
+    Raises InputError if the sweep has no such pose.
     """
-    ends = np.cumsum(_counts(dataset))
+    ends = np.cumsum(dataset[COUNTS].values)
     if not 0 <= pose < len(ends):
         raise InputError(
             f"The sweep has no pose {pose}; its {len(ends)} poses are numbered from 0."
@@ -199,7 +199,7 @@ def seen_by_pose(
             f"With at least {min_rays} rays, faces that no ray hits would count as seen; give 1 or "
             "more."
         )
-    poses = len(_counts(dataset))
+    poses = dataset.sizes["pose"]
     seen = np.zeros((poses, dataset.sizes["face"]), dtype=np.bool_)
     for pose in range(poses):
         found = sightings_of(dataset, pose)
@@ -210,13 +210,3 @@ def seen_by_pose(
         )
         seen[pose, found.face[enough]] = True
     return seen
-
-
-def _counts(dataset: xr.Dataset) -> NDArray[np.int64]:
-    columns = {f"sighting_{name}" for name in COLUMNS}
-    if COUNTS not in dataset or "face" not in dataset.sizes or not columns <= set(dataset):
-        raise InputError(
-            "The sweep does not say which faces each pose sees, because an earlier version of "
-            "iriftrace or another program wrote it; run it again."
-        )
-    return np.asarray(dataset[COUNTS].values, dtype=np.int64)

@@ -11,15 +11,13 @@ from attrs import evolve
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.planning.criteria import Criteria
+from iriftrace.sweep.store import check_sweep
 
 if TYPE_CHECKING:
     import xarray as xr
 
 ROBUST = 2.0
 """Number of standard deviations over an ensemble's members that are added by default."""
-
-
-_DIMENSIONS = {"pose", "region"}
 
 
 def name_of(name: str, criteria: Criteria) -> str:
@@ -90,7 +88,7 @@ def rankable(
     """
     region = criteria.region
     variables = metric_variables(criteria)
-    column = ranked_region(dataset, [*variables.values(), "rays_good"], region)
+    column = ranked_region(dataset, region)
     metrics = {name: np.abs(values_of(dataset, v, column)) for name, v in variables.items()}
     if criteria.robust:
         metrics["displacement"] += scatter_added(dataset, criteria)
@@ -132,15 +130,13 @@ def _poor_poses(
     """Poses that failed or see too little, with the reason."""
     min_hits, min_coverage = criteria.min_hits, criteria.min_coverage
     good_rays = values_of(dataset, "rays_good", column).tolist()
-    unknown = [""] * len(good_rays)
-    failures = dataset["failure"].to_numpy().tolist() if "failure" in dataset else unknown
+    failures = dataset["failure"].to_numpy().tolist()
     together = criteria.criterion != "displacement"
     points = values_of(dataset, "points_measured", column).tolist() if together else None
     reasons = {}
     seen = coverage.tolist()
     for pose, (failure, rays) in enumerate(zip(failures, good_rays, strict=True)):
-        # Text that was never written comes back from some writers as NaN or None.
-        if failure and isinstance(failure, str):
+        if failure:
             reasons[pose] = f"failed: {failure}"
         elif not rays >= 0:
             reasons[pose] = "not traced"
@@ -158,20 +154,13 @@ def _poor_poses(
 def scatter_added(dataset: xr.Dataset, criteria: Criteria) -> FloatArray:
     """Addition to the displacement of all poses for the scatter over an ensemble's members, mm."""
     variable = scatter_variable(criteria)
-    column = ranked_region(dataset, [variable], criteria.region)
+    column = ranked_region(dataset, criteria.region)
     return np.asarray((criteria.robust or 0.0) * values_of(dataset, variable, column))
 
 
-def ranked_region(dataset: xr.Dataset, variables: list[str], region: str) -> int:
-    """Number of a region in a sweep, which must have some variables of poses and regions."""
-    missing = [v for v in variables if v not in dataset or set(dataset[v].dims) != _DIMENSIONS]
-    if missing or "region" not in dataset.coords:
-        raise InputError(
-            f"This is not a sweep of iriftrace: {missing[0] if missing else 'region'} is missing; "
-            "give the file that `iriftrace sweep` wrote."
-        )
-    if dataset.sizes["pose"] == 0:
-        raise InputError("The sweep has no poses, so there is nothing to rank; run it again.")
+def ranked_region(dataset: xr.Dataset, region: str) -> int:
+    """Number of a region in a sweep; raises InputError for another dataset or region."""
+    check_sweep(dataset)
     names = [str(name) for name in dataset["region"].to_numpy()]
     if region not in names:
         raise InputError(f"The sweep has no region '{region}'; it has {', '.join(names)}.")

@@ -268,7 +268,7 @@ def plan_views(
     Faces beyond the limits do not count as seen. Poses with fewer good rays on the region than
     ``min_hits`` are not candidates. Fractions are those of the region's area.
     """
-    number = ranked_region(dataset, ["rays_good"], criteria.region)
+    number = ranked_region(dataset, criteria.region)
     seen = seen_by_pose(
         dataset, max_displacement_mm=limits.displacement_mm, max_incidence_deg=limits.incidence_deg
     )

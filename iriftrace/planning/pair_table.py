@@ -34,23 +34,26 @@ class PoseView:
     row: IntArray  # of each face in `seen`, -1 if it is not seen
 
 
-def pair_table(
-    views: Sequence[PoseView],
-    part: Part,
-    areas: FloatArray,
-    criteria: Criteria,
-    system: System,
-    feature: bool,
-    angles_deg: tuple[float, float],
-) -> FloatArray:
+@frozen(eq=False)
+class PairRequest:
+    """The part, and by what its pairs are ranked."""
+
+    part: Part
+    areas: FloatArray  # (m,), mm2, of the part's faces; 0 outside the region
+    region: str
+    criteria: Criteria
+    system: System
+    feature: str | None  # whose diameter counts, if there is one
+    angles_deg: tuple[float, float]  # range of angles that count as seen
+
+
+def pair_table(views: Sequence[PoseView], request: PairRequest) -> FloatArray:
     """Rows (n, 6) of the pairs with enough in common: both poses, and values of `quantities`."""
-    low, high = angles_deg
-    cosines = np.cos(np.radians((high, low)))
-    both = combinations if system == "stereo" else permutations
+    both = combinations if request.system == "stereo" else permutations
     rows = []
     for i, j in both(range(len(views)), 2):
         if views[i].scene == views[j].scene:
-            found = _pair(views[i], views[j], part, areas, cosines, criteria, system, feature)
+            found = _pair(views[i], views[j], request)
             if found is not None:
                 rows.append((i, j, *found))
     return np.array(rows)
@@ -63,8 +66,7 @@ def views_of(dataset: xr.Dataset, faces: int) -> list[PoseView]:
             "A camera with parallel rays has no place from which to triangulate; sweep with a "
             "focal length."
         )
-    count = dataset.sizes["pose"]
-    scenes = dataset["scene"].values.astype(str) if "scene" in dataset else np.full(count, "")
+    scenes = dataset["scene"].values.astype(str)
     views = []
     for pose, matrix in enumerate(dataset["matrix"].values):
         seen = sightings_of(dataset, pose)
@@ -76,23 +78,18 @@ def views_of(dataset: xr.Dataset, faces: int) -> list[PoseView]:
 
 
 def _pair(
-    one: PoseView,
-    other: PoseView,
-    part: Part,
-    areas: FloatArray,
-    cosines: FloatArray,
-    criteria: Criteria,
-    system: System,
-    of_diameter: bool,
+    one: PoseView, other: PoseView, request: PairRequest
 ) -> tuple[float, float, float, float] | None:
     """`error_mm`, `bias_mm`, `coverage` and `angle_deg`; None if a pair cannot be ranked."""
+    part, areas, criteria = request.part, request.areas, request.criteria
+    largest, smallest = np.cos(np.radians(request.angles_deg))
     face = one.seen.face[(other.row[one.seen.face] >= 0) & (areas[one.seen.face] > 0)]
     if len(face) == 0:
         return None
     points = part.face_centres[face]
     a, b = unit_vectors(points - one.camera.origin), unit_vectors(points - other.camera.origin)
     cosine = np.einsum("ij,ij->i", a, b)
-    within = (cosine >= cosines[0]) & (cosine <= cosines[1])
+    within = (cosine >= smallest) & (cosine <= largest)
     face, points, cosine = face[within], points[within], cosine[within]
     first, second = one.row[face], other.row[face]
     hits = min(one.seen.rays[first].sum(), other.seen.rays[second].sum())
@@ -100,14 +97,14 @@ def _pair(
     if hits < criteria.min_hits or coverage < criteria.min_coverage:
         return None
     offsets = one.seen.offset[first], other.seen.offset[second]
-    error = first_order_error(one.camera, other.camera, points, *offsets, system)
+    error = first_order_error(one.camera, other.camera, points, *offsets, request.system)
     along = np.einsum("ij,ij->i", error, part.face_normals[face])
     # A face has as many measured points as the camera has pixels there.
     rays = one.seen.rays[first].astype(np.float64)
     angle = float(np.degrees(np.arccos(_quantile(cosine, 0.5, rays))))
     bias = (
         first_order_size(points, part.face_normals[face], error, rays)
-        if of_diameter
+        if request.feature
         else _quantile(along, 0.5, rays)
     )
     return statistic_of(along, criteria, rays), bias, coverage, angle

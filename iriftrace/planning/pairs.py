@@ -14,7 +14,7 @@ from iriftrace.features.table import chosen_points, surface_kind
 from iriftrace.part.part import Part
 from iriftrace.planning.candidates import ranked_region
 from iriftrace.planning.criteria import STANDARD, Criteria
-from iriftrace.planning.pair_table import PoseView, pair_table, statistic_of, views_of
+from iriftrace.planning.pair_table import PairRequest, PoseView, pair_table, statistic_of, views_of
 from iriftrace.planning.rank import limits_of
 from iriftrace.sweep.reload import load_swept_scene, swept_part
 from iriftrace.sweep.store import WHOLE_PART
@@ -135,7 +135,7 @@ def plan_pairs(
             f"The angles {low:g}:{high:g} are not a range of triangulation; give the smaller one "
             "first, such as 15:45."
         )
-    ranked_region(dataset, ["rays_good"], criteria.region)
+    ranked_region(dataset, criteria.region)
     try:
         part = swept_part(dataset)
     except InputError as error:
@@ -144,8 +144,9 @@ def plan_pairs(
     region = feature_region(feature, criteria, part) if feature else criteria.region
     areas = np.array(part.face_areas)
     areas[~in_region(region, np.arange(len(areas)), part)] = 0.0
+    request = PairRequest(part, areas, region, criteria, system, feature, angles_deg)
     views = views_of(dataset, len(areas))
-    table = pair_table(views, part, areas, criteria, system, bool(feature), angles_deg)
+    table = pair_table(views, request)
     if not len(table):
         least = f", and {criteria.min_coverage:.1%} of its area" if criteria.min_coverage else ""
         raise InputError(
@@ -163,7 +164,7 @@ def plan_pairs(
     if confirm:
         best = order[:CONFIRMED].copy()
         pairs = table[best, :2].astype(np.int64)
-        exact, engine = _measured(dataset, views, pairs, part, criteria, system, feature, region)
+        exact, engine = _measured(dataset, views, pairs, request)
         # The measured pairs are ordered by their measured errors.
         values = table[best, 2:].T
         values[1 if feature else 0] = exact
@@ -192,11 +193,7 @@ def _measured(
     dataset: xr.Dataset,
     views: Sequence[PoseView],
     pairs: IntArray,
-    part: Part,
-    criteria: Criteria,
-    system: System,
-    feature: str | None,
-    region: str,
+    request: PairRequest,
 ) -> tuple[list[float], str]:
     """Errors of pairs (k, 2) by the exact solver, mm, and the engine that bent the rays."""
     exact, engine = [], ""
@@ -205,12 +202,13 @@ def _measured(
         scene = scenes.get(views[i].scene) or scene_of_pairs(dataset, i)
         scenes[views[i].scene] = scene
         try:
-            scan = measure(scene, views[i].camera, views[j].camera, system=system)
+            scan = measure(scene, views[i].camera, views[j].camera, system=request.system)
             engine = scan.provenance["engine"]
+            part, criteria = request.part, request.criteria
             exact.append(
-                size_error(scan, part, feature)
-                if feature
-                else statistic_along(scan, in_region(region, scan.face, part), criteria)
+                size_error(scan, part, request.feature)
+                if request.feature
+                else statistic_along(scan, in_region(request.region, scan.face, part), criteria)
             )
         except InputError as reason:
             raise InputError(

@@ -171,8 +171,6 @@ def _of_face_sizes(
     dataset: xr.Dataset, region: str, coverage: FloatArray, ranked: BoolArray
 ) -> list[str]:
     """A sentence if rays miss faces that a pose sees, or faces extend far beyond what it sees."""
-    if "coverage_area" not in dataset:
-        return []
     area = np.asarray(dataset["coverage_area"].sel(region=region).values, dtype=np.float64)
     hit, seen = (float(np.median(values[ranked])) for values in (coverage, area))
     if hit > seen + _BEYOND:

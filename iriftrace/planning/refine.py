@@ -6,7 +6,6 @@ It has small steps (a face of the part comes into view, a pixel leaves it) and n
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Mapping
 from importlib.metadata import version
@@ -21,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from iriftrace.camera.pose import look_at_of
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
-from iriftrace.core.files import whole_file
+from iriftrace.core.files import write_json
 from iriftrace.planning.candidates import metric_variables, scatter_variable
 from iriftrace.planning.rank import Plan, score_of
 from iriftrace.sweep.measures import ENSEMBLE, MEASURES, RIG
@@ -297,5 +296,4 @@ def write_search(
         "ranking": ranking,
         "scene": attribute(dataset, "scene"),
     }
-    with whole_file(path) as temporary:
-        temporary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    write_json(path, content)

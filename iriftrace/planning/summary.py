@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, get_args
 import numpy as np
 from attrs import evolve, frozen
 
-from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.image.aov_image import AovImage, Status, read_exr
@@ -54,8 +54,8 @@ class SweepSummary:
         Rays of each status that occurs and hit the part, by status; -1 where unknown.
     polygons : (n,) array
         Triangles of the air in view; -1 where unknown.
-    faces : (n,) array or None
-        Faces of the region that the pose sees; None if an older sweep does not state it.
+    faces : (n,) array
+        Faces of the region that the pose sees.
     varied : tuple of Varied
         Differences between the poses besides position and direction.
     front : (k,) array of int
@@ -66,7 +66,8 @@ class SweepSummary:
     warned : (n, m) array of bool
         Poses of which the sweep warned, for each of `iriftrace.sweep.warned.FLAGS`.
     quartiles : (n, 2) array or None
-        Quartiles of the displacement of each pose's rays, um; None for an older sweep.
+        Quartiles of the displacement of each pose's rays, um; None if the ranking is by another
+        error.
     other_winners : dict of int
         Number of the best pose by each other statistic of the displacement that the sweep has.
     scatter : Quantity or None
@@ -87,7 +88,7 @@ class SweepSummary:
     angles_of: str
     rays: dict[Status, IntArray]
     polygons: IntArray
-    faces: IntArray | None
+    faces: IntArray
     varied: tuple[Varied, ...]
     front: IntArray
     plan: Plan
@@ -181,13 +182,13 @@ def summarise(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> SweepSummar
     return SweepSummary(
         **{key: metric_quantity(plan, key, enough) for key in METRICS},
         score=score_quantity(plan),
-        matrices=np.asarray(_variable(dataset, "matrix"), dtype=np.float64),
-        distance=_variable(dataset, "distance"),
+        matrices=np.asarray(dataset["matrix"].values, dtype=np.float64),
+        distance=dataset["distance"].values,
         azimuth=azimuth,
         elevation=elevation,
         angles_of=angles_of,
         rays=_rays(view),
-        polygons=np.asarray(_variable(dataset, "triangles_in_view"), dtype=np.int64),
+        polygons=np.asarray(dataset["triangles_in_view"].values, dtype=np.int64),
         faces=faces_seen(dataset, criteria.region),
         varied=varied_of(dataset),
         front=pareto_front(dataset, criteria),
@@ -201,11 +202,8 @@ def summarise(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> SweepSummar
     )
 
 
-def _quartiles(view: xr.Dataset, enough: BoolArray) -> FloatArray | None:
-    names = ("displacement_p25", "displacement_p75")
-    if any(name not in view for name in names):
-        return None
-    found = 1e3 * np.stack([view[name].values for name in names], axis=1)
+def _quartiles(view: xr.Dataset, enough: BoolArray) -> FloatArray:
+    found = 1e3 * np.stack([view[f"displacement_{name}"].values for name in ("p25", "p75")], axis=1)
     return np.where(enough[:, None], found, np.nan)
 
 
@@ -220,29 +218,20 @@ def _other_winners(dataset: xr.Dataset, criteria: Criteria) -> dict[str, int]:
     return found
 
 
-def _variable(dataset: xr.Dataset, name: str) -> AnyArray:
-    if name not in dataset:
-        raise InputError(
-            f"This is not a sweep of iriftrace: {name} is missing; give the file that "
-            "`iriftrace sweep` wrote."
-        )
-    return np.asarray(dataset[name].values)
-
-
 def _angles(dataset: xr.Dataset) -> tuple[FloatArray, FloatArray, str]:
     """Angles of the orbit; of the line of sight for poses from another source."""
-    azimuth, elevation = (_variable(dataset, name) for name in ("azimuth", "elevation"))
+    azimuth, elevation = (dataset[name].values for name in ("azimuth", "elevation"))
     if np.isfinite(azimuth).all() and np.isfinite(elevation).all():
         return azimuth, elevation, "on the orbit"
     # Rounded, so that straight down is azimuth 0 and not the angle of two rounding errors.
-    x, y, z = 0.0 - np.round(_variable(dataset, "matrix")[:, :3, 2], 12).T
+    x, y, z = 0.0 - np.round(dataset["matrix"].values[:, :3, 2], 12).T
     across = np.degrees(np.arctan2(y, x))
     return across, np.degrees(np.arctan2(z, np.hypot(x, y))), "of the line of sight"
 
 
 def _rays(view: xr.Dataset) -> dict[Status, IntArray]:
     counts = {
-        status: np.asarray(_variable(view, f"rays_{status.key}"), dtype=np.int64)
+        status: np.asarray(view[f"rays_{status.key}"].values, dtype=np.int64)
         for status in Status
         if status is not Status.MISSED
     }
@@ -280,7 +269,7 @@ def extreme_images(
 
     images: dict[int, AovImage] = {}
     for name, pose in extreme_poses(summary).items():
-        file = str(dataset["exr"].values[pose]) if "exr" in dataset else ""
+        file = str(dataset["exr"].values[pose])
         if pose not in images and file and (folder / file).is_file():
             images[pose] = read_exr(folder / file)
         if pose not in images:

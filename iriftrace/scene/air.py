@@ -1,15 +1,16 @@
-"""Statements about a scene's air in its own files, and checks that they still hold."""
+"""Facts about a scene's air: what its files state, whether it still holds, and what is traced."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 from attrs import evolve
 
+from iriftrace.core.engines import Bending
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import structured
@@ -20,6 +21,9 @@ from iriftrace.shells.table import AirStatement, PartOrigin
 
 if TYPE_CHECKING:
     from iriftrace.plugins.kernels.tables import SceneTables
+
+Integrator = Any
+"""``first_hit`` or ``gradient_path``: their classes are created again for each variant."""
 
 
 def air_statement_of(file: SceneFile) -> AirStatement:
@@ -110,3 +114,47 @@ def stated_index_rule(
         "the air has other layers than the field requires; results state that it was edited."
     )
     return f"edited: {kept} of {len(listed)} {rule} shells, {len(pairs) - kept} others"
+
+
+class TracedAir(TypedDict):
+    """Attributes of a `LoadedScene` that describe its air."""
+
+    engine: str
+    normals: str
+    bending: Bending
+    index_rule: str
+    stated: AirStatement
+
+
+def traced_air(
+    integrator: Integrator,
+    stated: AirStatement,
+    name: str,
+    tables: SceneTables,
+    others: tuple[str, ...] = (),
+) -> TracedAir:
+    """The air of a scene; `others` are shells that are not those stated."""
+    if integrator.engine == "cells":
+        return {
+            "engine": "cells",
+            "normals": f"{integrator.gradient} gradient",
+            "bending": Bending.CELLS,
+            "index_rule": "none, linear in each tetrahedron",
+            "stated": statement_of_field(integrator.air.cells, stated, name),
+        }
+    return {
+        "engine": integrator.engine,
+        "normals": stated_normals(integrator.normals, tables),
+        "bending": _bending(integrator, tables),
+        "index_rule": stated_index_rule(name, stated, tables, others),
+        "stated": stated,
+    }
+
+
+def _bending(integrator: Integrator, tables: SceneTables) -> Bending:
+    """Where the shells bend rays."""
+    if integrator.bends_in_layers(tables):
+        return Bending.LAYERS
+    if integrator.bending == "layers" and integrator.normals == "gradient":
+        return Bending.SHELLS_WITHOUT_DERIVATIVES
+    return Bending.SHELLS

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING
 
 from attrs import evolve, field, frozen
 
 from iriftrace.core.errors import InputError, warn
 from iriftrace.field.part_fit import Fit, body_in_air, fit_part_to_field
 from iriftrace.scene.ensemble import FOLDER
-from iriftrace.scene.viewpoint import refuse_camera_inside, refuse_one_place
-from iriftrace.scene.write import PART_FILE, SCALE, SHELLS_FOLDER, refuse_edited, write_scene
-from iriftrace.scene.write_ensemble import MemberAir, write_ensemble_scene
+from iriftrace.scene.viewpoint import refuse_bad_places
+from iriftrace.scene.write import SHELLS_FOLDER, MemberAir, write_ensemble_scene, write_scene
+from iriftrace.scene.xml import PART_FILE, SceneSettings, refuse_edited
 from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.edit import trim_to_frustum
 from iriftrace.shells.report import ShellReport, report_shells
@@ -26,20 +26,6 @@ if TYPE_CHECKING:
     from iriftrace.part.part import Part
     from iriftrace.scene.ensemble import FieldMember
     from iriftrace.shells.stack import ShellStack
-
-
-class SceneSettings(TypedDict, total=False):
-    """Common parameters of `build_scene` and `build_ensemble`, besides part, camera and path."""
-
-    wall_temperature_k: float | None
-    trim_mm: float | None
-    scale: float
-    normals: str
-    inside_hit: str
-    notes: Mapping[str, str] | None
-    second: Camera | None
-    second_id: str
-    blockers: Sequence[Part]
 
 
 @frozen(eq=False)
@@ -93,19 +79,13 @@ def build_scene(
     part: Part,
     camera: Camera,
     path: str | Path,
+    settings: SceneSettings = SceneSettings(),
     *,
     shells: ShellStack | None = None,
     layers: int = 13,
     rule: str = "rim",
     wall_temperature_k: float | None = None,
     trim_mm: float | None = None,
-    scale: float = SCALE,
-    normals: str = "gradient",
-    inside_hit: str = "refract",
-    notes: Mapping[str, str] | None = None,
-    second: Camera | None = None,
-    second_id: str = "projector",
-    blockers: Sequence[Part] = (),
 ) -> BuiltScene:
     """Make a complete scene folder from field, part and camera, as ``iriftrace scene`` does.
 
@@ -119,6 +99,8 @@ def build_scene(
     path : path
         The scene's XML file; part, shells and field are written next to it. Its folder is created
         if it is missing.
+    settings : SceneSettings
+        By default those of one camera at half its resolution.
     shells : ShellStack, optional
         By default ``contour_shells(volume, layers, rule=rule)``.
     layers : int
@@ -129,22 +111,6 @@ def build_scene(
         Temperature of the hot part; if the field has another one at its wall, a warning is issued.
     trim_mm : float, mm, optional
         Shells farther than this outside the camera's view are left out; by default all are kept.
-    scale : float
-        Default of the scene's parameter ``scale``, a factor on the resolution.
-    normals : str
-        Default of the scene's parameter ``normals``: ``"gradient"`` or ``"facet"``.
-    inside_hit : str
-        ``"drop"`` gives up rays that meet a shell from its inside; see ``first_hit``.
-    notes : mapping of str, optional
-        Facts about the field, such as ``{"time": "snapshot"}``; stated in every result.
-    second : Camera, optional
-        The device with which points are triangulated (:func:`iriftrace.measure`), at its full
-        resolution.
-    second_id : str
-        Its id, which states its kind: ``"projector"``, ``"camera_2"`` or ``"laser"``.
-    blockers : sequence of Part
-        Bodies that only block the view, mm, world: supports; or the hot part, if `part` is a
-        board that is seen past it.
 
     Returns
     -------
@@ -167,30 +133,13 @@ def build_scene(
         if volume is None:
             raise InputError("A scene needs air that bends its rays; give a field, or shells.")
         shells = contour_shells(volume, layers, rule=rule)
-    fit = None
-    if volume is not None:
-        fit = fit_part_to_field(
-            volume, part, wall_temperature_k=wall_temperature_k, blockers=blockers
-        )
+    fit = _fit(volume, part, settings, wall_temperature_k)
+    if fit is not None:
         _warn(fit.warnings)
-        notes = {**(notes or {}), **_note_of(fit)}
-    bodies = (part, *blockers)
-    shells, report = _shells_for(camera, second, bodies, shells, volume, trim_mm)
+        settings = evolve(settings, notes={**settings.notes, **fit.notes})
+    shells, report = _shells_for(camera, part, settings, shells, volume, trim_mm)
     write_scene(
-        xml.parent,
-        part,
-        shells,
-        camera,
-        name=xml.name,
-        scale=scale,
-        normals=normals,
-        inside_hit=inside_hit,
-        report=report,
-        notes=notes,
-        field=volume,
-        second=second,
-        second_id=second_id,
-        blockers=blockers,
+        xml.parent, part, shells, camera, settings, name=xml.name, report=report, field=volume
     )
     return BuiltScene(xml, shells, report, fit)
 
@@ -200,16 +149,10 @@ def build_ensemble(
     part: Part,
     camera: Camera,
     path: str | Path,
+    settings: SceneSettings = SceneSettings(),
     *,
     wall_temperature_k: float | None = None,
     trim_mm: float | None = None,
-    scale: float = SCALE,
-    normals: str = "gradient",
-    inside_hit: str = "refract",
-    notes: Mapping[str, str] | None = None,
-    second: Camera | None = None,
-    second_id: str = "projector",
-    blockers: Sequence[Part] = (),
 ) -> BuiltEnsemble:
     """Make the scene of several fields of one part, for the mean and scatter of their results.
 
@@ -217,8 +160,7 @@ def build_ensemble(
     ----------
     members : iterable of MemberAir
         At least two, each with its field; one is in memory at a time.
-    part, camera, path, wall_temperature_k, trim_mm, scale, normals, inside_hit, notes, second,
-    second_id, blockers
+    part, camera, path, settings, wall_temperature_k, trim_mm
         See :func:`build_scene`.
 
     Returns
@@ -241,35 +183,17 @@ def build_ensemble(
 
     def checked() -> Iterator[MemberAir]:
         for member in members:
-            of_fit: dict[str, str] = {}
             with named(member.label):
                 air = member.field
-                if air is not None:
-                    fit = fit_part_to_field(
-                        air, part, wall_temperature_k=wall_temperature_k, blockers=blockers
-                    )
-                    told.update(dict.fromkeys(fit.warnings))
-                    of_fit = _note_of(fit)
-                shells, report = _shells_for(
-                    camera, second, (part, *blockers), member.shells, air, trim_mm
-                )
+                fit = _fit(air, part, settings, wall_temperature_k)
+                shells, report = _shells_for(camera, part, settings, member.shells, air, trim_mm)
+            if fit is not None:
+                told.update(dict.fromkeys(fit.warnings))
+                member = evolve(member, notes={**member.notes, **fit.notes})
             reports.append(report)
-            yield evolve(member, shells=shells, report=report, notes=of_fit)
+            yield evolve(member, shells=shells, report=report)
 
-    _, listed = write_ensemble_scene(
-        xml.parent,
-        part,
-        checked(),
-        camera,
-        name=xml.name,
-        scale=scale,
-        normals=normals,
-        inside_hit=inside_hit,
-        notes=notes,
-        second=second,
-        second_id=second_id,
-        blockers=blockers,
-    )
+    _, listed = write_ensemble_scene(xml.parent, part, checked(), camera, settings, name=xml.name)
     _warn(told)
     return BuiltEnsemble(xml, listed, tuple(reports))
 
@@ -304,33 +228,38 @@ def _place(path: str | Path, part: Part) -> Path:
     return xml
 
 
+def _fit(
+    volume: IndexField | None,
+    part: Part,
+    settings: SceneSettings,
+    wall_temperature_k: float | None,
+) -> Fit | None:
+    """How field and part lie relative to each other; None for ready-made shells."""
+    if volume is None:
+        return None
+    return fit_part_to_field(
+        volume, part, wall_temperature_k=wall_temperature_k, blockers=settings.blockers
+    )
+
+
 def _shells_for(
     camera: Camera,
-    second: Camera | None,
-    bodies: Sequence[Part],
+    part: Part,
+    settings: SceneSettings,
     shells: ShellStack,
     volume: IndexField | None,
     trim_mm: float | None,
 ) -> tuple[ShellStack, tuple[ShellReport, ...]]:
     """Shells for devices that stand neither in a body nor in hot air, and facts about them."""
-    if second is not None:
-        refuse_one_place(camera, second)
-        refuse_camera_inside(second.origin, bodies, shells, volume, "second device")
-        if trim_mm is not None:
-            raise InputError(
-                "Trimmed shells serve one camera only, and there is a second device; leave out "
-                "trim."
-            )
-    refuse_camera_inside(camera.origin, bodies, shells, volume)
+    if settings.second is not None and trim_mm is not None:
+        raise InputError(
+            "Trimmed shells serve one camera only, and there is a second device; leave out trim."
+        )
+    refuse_bad_places(camera, settings.second, (part, *settings.blockers), shells, volume)
     if trim_mm is not None:
         shells = trim_to_frustum(shells, camera, trim_mm)
-    hot = bodies[0] if volume is None else body_in_air(volume, bodies[0], bodies[1:])
+    hot = part if volume is None else body_in_air(volume, part, settings.blockers)
     return shells, report_shells(shells, volume, hot)
-
-
-def _note_of(fit: Fit) -> dict[str, str]:
-    """Misfits, as a note that every result states."""
-    return {"fit": " ".join(fit.warnings)} if fit.warnings else {}
 
 
 def _warn(messages: Iterable[str]) -> None:

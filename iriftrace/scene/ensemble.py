@@ -10,7 +10,7 @@ from pathlib import Path
 from attrs import field, frozen
 
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import whole_file
+from iriftrace.core.files import write_json
 from iriftrace.core.plain import JsonObject, plain, structured
 from iriftrace.field.source import FieldSource
 from iriftrace.scene.member_weights import MemberWeights
@@ -98,8 +98,7 @@ def read_members(scene: Path) -> tuple[FieldMember, ...]:
 def write_members(folder: Path, members: tuple[FieldMember, ...]) -> None:
     """Write the table that `read_members` reads into the folder of the members."""
     table = {"schema": SCHEMA, "members": [member.as_dict() for member in members]}
-    with whole_file(folder / TABLE) as temporary:
-        temporary.write_text(json.dumps(table, indent=2) + "\n", encoding="utf-8")
+    write_json(folder / TABLE, table)
 
 
 def members_of(scene: Path, values: Mapping[str, str]) -> tuple[FieldMember, ...]:

@@ -16,7 +16,6 @@ from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import check_readable
 from iriftrace.field.path_data import FIELD_FILE
 from iriftrace.geometry.ply import read_ply
-from iriftrace.scene.wavelength import WAVELENGTH, of_the_file
 from iriftrace.shells.hessian import PLY_COLUMNS
 
 if TYPE_CHECKING:
@@ -28,6 +27,9 @@ _HEAD = 100_000
 
 _DERIVATIVES = frozenset(f"{name}_1".encode() for name in PLY_COLUMNS)
 """Columns of a shell's file that have the derivatives of the index."""
+
+WAVELENGTH = "wavelength"
+"""Parameter of every scene, independent of its file."""
 
 SHELL_BSDFS = ("iso_shell", "dielectric")
 
@@ -188,6 +190,11 @@ def _check_variables(path: Path, values: Mapping[str, str]) -> None:
             f'{path} has <default name="{unneeded[0]}">, but nothing in it uses ${unneeded[0]}, so '
             "setting it would change nothing; remove it or use it."
         )
+
+
+def of_the_file(values: Mapping[str, str]) -> dict[str, str]:
+    """The parameters that belong to the scene file itself."""
+    return {name: value for name, value in values.items() if name != WAVELENGTH}
 
 
 def readable(error: Exception) -> str:

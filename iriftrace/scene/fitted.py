@@ -11,7 +11,7 @@ from pathlib import Path
 from attrs import evolve
 
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import sha256_of
+from iriftrace.core.files import sha256_of, write_json
 from iriftrace.core.plain import JsonObject
 from iriftrace.scene.ensemble import (
     FOLDER,
@@ -22,14 +22,8 @@ from iriftrace.scene.ensemble import (
     read_members,
     write_members,
 )
-from iriftrace.scene.write import (
-    BLOCKER_FILE,
-    PART_FILE,
-    refuse_edited,
-    remove_stale_blockers,
-    sealed,
-    written_together,
-)
+from iriftrace.scene.write import remove_stale_blockers, written_together
+from iriftrace.scene.xml import BLOCKER_FILE, PART_FILE, refuse_edited, sealed
 
 SHELLS_TABLE = "shells.json"
 
@@ -132,4 +126,4 @@ def _copy_member(scene: Path, number: int, building: Path, member: FieldMember) 
         }
         if table.get("part"):
             table["part"] |= {"sha256": sha256_of(building / PART_FILE), "source": PART_FILE}
-        file.write_text(json.dumps(table, indent=2) + "\n", encoding="utf-8")
+        write_json(file, table)

@@ -10,7 +10,7 @@ from attrs import frozen
 
 from iriftrace.core.errors import InputError
 from iriftrace.scene.member_weights import MemberWeights
-from iriftrace.scene.write_ensemble import MemberAir
+from iriftrace.scene.write import MemberAir
 
 if TYPE_CHECKING:
     from iriftrace.field.index_field import IndexField

@@ -20,17 +20,16 @@ from iriftrace.core.units import parse_quantity
 from iriftrace.field.path_data import FIELD_FILE
 from iriftrace.part.part import Part, part_of_mesh, read_part
 from iriftrace.runtime import variant as runtime
-from iriftrace.scene.air import air_statement_of, other_shells, warn_of_another_part
+from iriftrace.scene.air import air_statement_of, other_shells, traced_air, warn_of_another_part
 from iriftrace.scene.ensemble import MEMBER, members_of
-from iriftrace.scene.file import check_meshes, read_scene_file, readable
-from iriftrace.scene.integrators import (
+from iriftrace.scene.file import WAVELENGTH, check_meshes, of_the_file, read_scene_file, readable
+from iriftrace.scene.loaded import (
+    LoadedEnsemble,
+    LoadedScene,
     field_file,
     integrator_for,
     set_wavelength,
-    traced_air,
 )
-from iriftrace.scene.loaded import LoadedEnsemble, LoadedScene
-from iriftrace.scene.wavelength import WAVELENGTH, of_the_file, set_shells
 from iriftrace.shells.table import AirStatement
 
 if TYPE_CHECKING:
@@ -192,6 +191,32 @@ def from_mitsuba(scene: mi.Scene) -> LoadedScene:
         **_devices(sensors),
         **found,
     )
+
+
+def set_shells(scene: mi.Scene, factor: float) -> None:
+    """Multiply n - 1 on both sides of all shells of a Mitsuba scene, for another wavelength.
+
+    n - 1 of all the air, hot or not, is proportional to that of the ambient air (Gladstone and
+    Dale). The shells do not move, because each lies at one temperature.
+    """
+    from iriftrace.plugins.kernels.tables import shell_indices
+
+    shells = {}
+    for shape in scene.shapes():
+        bsdf = shape.bsdf()
+        if shell_indices(bsdf) is None:
+            continue
+        if not hasattr(bsdf, "ext_ior"):
+            raise InputError(
+                "The scene has shells with Mitsuba's dielectric, whose indices are not stated, so "
+                "they cannot be changed to another wavelength; use iso_shell."
+            )
+        # Several shapes may use one bsdf.
+        shells[id(bsdf)] = bsdf
+    for bsdf in shells.values():
+        bsdf.ext_ior = 1.0 + factor * (bsdf.ext_ior - 1.0)
+        bsdf.int_ior = 1.0 + factor * (bsdf.int_ior - 1.0)
+        bsdf.iso_ior = 1.0 + factor * (bsdf.iso_ior - 1.0)
 
 
 def _sensors(scene: mi.Scene, name: str) -> list[mi.Sensor]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,20 +14,16 @@ from attrs import Factory, evolve, field, frozen
 from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
-from iriftrace.core.engines import AUTO, Bending
+from iriftrace.core.engines import AUTO, ENGINES, Bending
 from iriftrace.core.errors import InputError, without_warnings
+from iriftrace.core.units import parse_quantity
 from iriftrace.field.path_data import FIELD_FILE, FieldCells, load_field_file
 from iriftrace.field.source import FieldSource
 from iriftrace.part.part import Part
 from iriftrace.runtime import variant as runtime
-from iriftrace.scene.ensemble import FieldMember, weights_of
-from iriftrace.scene.integrators import (
-    Integrator,
-    field_file,
-    integrator_for,
-    set_wavelength,
-    traced_air,
-)
+from iriftrace.scene.air import Integrator, traced_air
+from iriftrace.scene.ensemble import MEMBER, FieldMember, is_ensemble, member_folder, weights_of
+from iriftrace.scene.file import WAVELENGTH
 from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.shells.table import AirStatement
 
@@ -254,3 +250,47 @@ class LoadedEnsemble:
                     yield scene
                 finally:
                     scene.integrator.forget()
+
+
+def field_file(path: Path, values: Mapping[str, str]) -> Path:
+    """The cells engine's field next to a scene, or that of its member."""
+    folder = member_folder(path, values.get(MEMBER, "1")) if is_ensemble(path) else path.parent
+    return folder / FIELD_FILE
+
+
+def set_wavelength(integrator: Integrator, values: Mapping[str, str]) -> None:
+    """Set another wavelength than that of the cells engine's field, if requested."""
+    if WAVELENGTH in values:
+        integrator.wavelength_nm = parse_quantity(values[WAVELENGTH], "nm")
+
+
+def integrator_for(own: Integrator, engine: str, name: str, field_file: Path) -> Integrator:
+    """The scene's own integrator, or one for the requested engine."""
+    import mitsuba as mi
+
+    check_engine(engine)
+    if not hasattr(own, "image"):
+        raise InputError(
+            f"{name} has the integrator {own.class_name()}, which computes light and not hits; use "
+            '<integrator type="first_hit"/>.'
+        )
+    if engine in (AUTO, own.engine):
+        return own
+    # The two kinds of normals have counterparts: each kind converges to its gradient.
+    smooth = own.normals == "gradient" if engine == "cells" else own.gradient == "recovered"
+    if engine == "shells":
+        chosen = {"type": "first_hit", "normals": "gradient" if smooth else "facet"}
+    else:
+        chosen = {
+            "type": "gradient_path",
+            "field": str(field_file.resolve()),
+            "gradient": "recovered" if smooth else "constant",
+        }
+    return mi.load_dict({**chosen, "trace_all": own.trace_all})
+
+
+def check_engine(engine: str) -> None:
+    """Refuse an engine that does not exist."""
+    known = (AUTO, *ENGINES)
+    if engine not in known:
+        raise InputError(f"There is no engine {engine!r}; use one of {', '.join(known)}.")

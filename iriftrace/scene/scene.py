@@ -17,20 +17,19 @@ from iriftrace.core.engines import AUTO
 from iriftrace.core.errors import InputError, warn
 from iriftrace.part.part import Part
 from iriftrace.runtime import variant as runtime
+from iriftrace.scene.air import Integrator, traced_air
 from iriftrace.scene.ensemble import FieldMember
 from iriftrace.scene.hot_air import HotAir
-from iriftrace.scene.integrators import Integrator, check_engine, traced_air
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.loaded import LoadedEnsemble, LoadedScene
+from iriftrace.scene.load import load_scene, set_shells
+from iriftrace.scene.loaded import LoadedEnsemble, LoadedScene, check_engine
 from iriftrace.scene.objects import kept_camera, kept_part, mitsuba_scene
-from iriftrace.scene.viewpoint import refuse_camera_inside, refuse_one_place
-from iriftrace.scene.wavelength import set_shells
-from iriftrace.scene.write import SCALE
+from iriftrace.scene.viewpoint import refuse_bad_places
+from iriftrace.scene.xml import SCALE, SceneSettings
 
 if TYPE_CHECKING:
     from iriftrace.field.part_fit import Fit
     from iriftrace.field.path_data import FieldCells
-    from iriftrace.scene.build import BuiltEnsemble, BuiltScene, SceneSettings
+    from iriftrace.scene.build import BuiltEnsemble, BuiltScene
 
 
 @frozen(eq=False)
@@ -90,16 +89,12 @@ class Scene:
         IriftraceWarning
             Field and part do not fit together.
         """
-        if self.second is not None:
-            refuse_one_place(self.camera, self.second)
         for fit in filter(None, self._fits):
             for message in fit.warnings:
                 warn(message, stacklevel=2)
-        for device, name in ((self.camera, "camera"), (self.second, "second device")):
-            if device is not None:
-                bodies = (self.part, *self.blockers)
-                for state in self.air.states:
-                    refuse_camera_inside(device.origin, bodies, state.shells, state.field, name)
+        for state in self.air.states:
+            bodies = (self.part, *self.blockers)
+            refuse_bad_places(self.camera, self.second, bodies, state.shells, state.field)
         return _loaded(self)
 
     @cached_property
@@ -119,10 +114,10 @@ class Scene:
             for state in self.air.states
         )
 
-    def notes_of_fit(self, number: int) -> dict[str, str]:
-        """Misfits of one state of the air, as a note that every result states."""
+    def notes_of(self, number: int) -> dict[str, str]:
+        """Facts about one state of the air, which every result states."""
         fit = self._fits[number]
-        return {"fit": " ".join(fit.warnings)} if fit is not None and fit.warnings else {}
+        return {**self.air.notes, **(fit.notes if fit is not None else {})}
 
     def save(
         self, path: str | PathLike[str], *, scale: float = SCALE, trim_mm: float | None = None
@@ -145,23 +140,35 @@ class Scene:
         """
         from iriftrace.scene.build import build_ensemble, build_scene
 
-        settings: SceneSettings = {
-            "wall_temperature_k": self.air.wall_temperature_k,
-            "trim_mm": trim_mm,
-            "scale": scale,
-            "normals": self.air.normals,
-            "inside_hit": self.air.inside_hit,
-            "notes": self.air.notes,
-            "second": self.second,
-            "second_id": self.second_id,
-            "blockers": self.blockers,
-        }
-        if len(self.air.states) > 1:
-            members = (state.as_member() for state in self.air.states)
-            return build_ensemble(members, self.part, self.camera, Path(path), **settings)
-        one = self.air.states[0]
+        settings = SceneSettings(
+            scale=scale,
+            normals=self.air.normals,
+            inside_hit=self.air.inside_hit,
+            notes=self.air.notes,
+            second=self.second,
+            second_id=self.second_id,
+            blockers=self.blockers,
+        )
+        wall_k, states = self.air.wall_temperature_k, self.air.states
+        if len(states) > 1:
+            return build_ensemble(
+                (state.as_member() for state in states),
+                self.part,
+                self.camera,
+                Path(path),
+                settings,
+                wall_temperature_k=wall_k,
+                trim_mm=trim_mm,
+            )
         return build_scene(
-            one.field, self.part, self.camera, Path(path), shells=one.shells, **settings
+            states[0].field,
+            self.part,
+            self.camera,
+            Path(path),
+            settings,
+            shells=states[0].shells,
+            wall_temperature_k=wall_k,
+            trim_mm=trim_mm,
         )
 
 
@@ -188,7 +195,7 @@ def _one_state(scene: Scene, number: int) -> LoadedScene:
     started = time.perf_counter()
     part, camera = kept_part(scene.part), kept_camera(scene.camera)
     second = None if scene.second is None else kept_camera(scene.second)
-    notes = {**air.notes, **scene.notes_of_fit(number)}
+    notes = scene.notes_of(number)
     if len(air.states) > 1:
         notes["member"] = f"{number + 1}: {state.label}"
     stated = state.shells.stated(notes)

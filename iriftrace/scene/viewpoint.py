@@ -148,6 +148,25 @@ def part_view(part: Part, camera: Camera) -> PartView:
     return PartView(float(fraction[~seen].sum()), float(fraction[seen & ~sharp].sum()))
 
 
+def refuse_bad_places(
+    camera: Camera,
+    second: Camera | None,
+    bodies: Sequence[Part],
+    stack: ShellStack,
+    field: IndexField | None,
+) -> None:
+    """Refuse devices in a body or inside the outermost shell, and two at one place.
+
+    `bodies` are the part and the bodies that only block the view. Without a field, the closed
+    shells are used.
+    """
+    if second is not None:
+        refuse_one_place(camera, second)
+    for device, name in ((camera, "camera"), (second, "second device")):
+        if device is not None:
+            refuse_camera_inside(device.origin, bodies, stack, field, name)
+
+
 def refuse_camera_inside(
     origin: ArrayLike,
     bodies: Sequence[Part],

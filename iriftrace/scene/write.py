@@ -1,24 +1,41 @@
-"""Write scene folders: the XML file for Mitsuba and for editing by hand, part, shells, field."""
+"""Write scene folders: XML, part, and the shells and the field of one state of the air or several.
+
+The folder of an ensemble has one part, one camera, and the shells of every member.
+"""
 
 from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING
-from xml.sax.saxutils import quoteattr
 
-import numpy as np
+from attrs import Factory, evolve, frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
 from iriftrace.field.path_data import FIELD_FILE, save_field_file
 from iriftrace.part.part import Part, save_part
-from iriftrace.scene.objects import lookat
+from iriftrace.scene.ensemble import (
+    FOLDER,
+    INCLUDED,
+    MEMBER,
+    TABLE,
+    FieldMember,
+    weights_of,
+    write_members,
+)
+from iriftrace.scene.xml import (
+    BLOCKER_FILE,
+    PART_FILE,
+    SceneSettings,
+    included_xml,
+    scene_xml,
+    shell_shapes,
+)
 from iriftrace.shells.files import remove_stale, save_shells
 from iriftrace.shells.stack import ShellStack
 from iriftrace.shells.table import PartOrigin
@@ -27,18 +44,7 @@ if TYPE_CHECKING:
     from iriftrace.field.index_field import IndexField
     from iriftrace.shells.report import ShellReport
 
-
-PART_FILE = "part.ply"
-BLOCKER_FILE = "blocker_{}.ply"
-"""Names of the files of bodies that only block the view, by their number from 1."""
-
 SHELLS_FOLDER = "shells"
-
-SCALE = 0.5
-"""Default factor on a scene's resolution."""
-
-_SEAL = "<!-- No command replaces this file once it is changed. SHA-256 of the rest: "
-"""Start of the line that shows whether a file was edited."""
 
 
 def write_scene(
@@ -46,18 +52,12 @@ def write_scene(
     part: Part,
     shells: ShellStack,
     camera: Camera,
+    settings: SceneSettings = SceneSettings(scale=1.0),
     *,
     name: str = "scene.xml",
-    scale: float = 1.0,
-    normals: str = "gradient",
-    inside_hit: str = "refract",
     report: Sequence[ShellReport] | None = None,
-    notes: Mapping[str, str] | None = None,
     paraview: bool = True,
     field: IndexField | None = None,
-    second: Camera | None = None,
-    second_id: str = "projector",
-    blockers: Sequence[Part] = (),
 ) -> Path:
     """Write a complete scene folder: XML, part, shells and the data of the cells engine.
 
@@ -69,28 +69,16 @@ def write_scene(
     shells : ShellStack
     camera : Camera
         At its full resolution.
+    settings : SceneSettings
+        By default those of one camera at full resolution.
     name : str
         Name of the XML file.
-    scale : float
-        Default of the XML's parameter ``scale``, a factor on the resolution.
-    normals : str
-        Default of the XML's parameter ``normals``: ``"gradient"`` or ``"facet"``.
-    inside_hit : str
-        ``"drop"`` gives up rays that meet a shell from its inside; see ``first_hit``.
     report : sequence of ShellReport, optional
         Added to the shells' table.
-    notes : mapping of str, optional
-        Facts about the field, such as ``{"time": "snapshot"}``; stored next to the shells.
     paraview : bool
         Also write ``shells.vtm``.
     field : IndexField, optional
         Also written, as `field.npz`, for the cells engine.
-    second : Camera, optional
-        The device with which points are triangulated, at its full resolution.
-    second_id : str
-        Its id: ``"projector"``, ``"camera_2"`` or ``"laser"``.
-    blockers : sequence of Part
-        Bodies that only block the view.
 
     Returns
     -------
@@ -102,38 +90,181 @@ def write_scene(
     InputError
         If the folder cannot be written or a camera is not a pinhole camera.
     """
-    require_pinhole(camera, second)
+    _require_pinhole(camera, settings.second)
     target = Path(folder)
     with written_together(target) as building:
-        shapes = save_air(
+        shapes = _save_air(
             building,
             SHELLS_FOLDER,
             shells,
             field,
-            part=save_bodies(building, part, blockers),
+            part=_save_bodies(building, part, settings.blockers),
             report=report,
-            notes=notes,
+            notes=settings.notes,
             paraview=paraview,
         )
         origin = shells.source.origin if shells.source else ""
-        text = scene_xml(
-            camera,
-            scale,
-            normals,
-            shapes,
-            f"Field: {origin}" if origin else "",
-            inside_hit=inside_hit,
-            second=second,
-            second_id=second_id,
-            blockers=len(blockers),
-        )
+        text = scene_xml(camera, settings, shapes, f"Field: {origin}" if origin else "")
         (building / name).write_text(text, encoding="utf-8")
     remove_stale(target / SHELLS_FOLDER, shells, paraview)
-    remove_stale_blockers(target, len(blockers))
+    remove_stale_blockers(target, len(settings.blockers))
     return target / name
 
 
-def save_bodies(folder: Path, part: Part, blockers: Sequence[Part]) -> PartOrigin:
+@frozen(eq=False)
+class MemberAir:
+    """The air of one member, for writing.
+
+    Attributes
+    ----------
+    label : str
+        Distinguishes it from the others.
+    time : float or None
+        In the file's unit.
+    shells : ShellStack
+        With the field's source.
+    field : IndexField or None
+        For the cells engine.
+    report : sequence of ShellReport or None
+        Added to the shells' table; `iriftrace.build_ensemble` creates it.
+    notes : mapping of str
+        Stated in every result, in addition to the scene's.
+    weight : float
+        Weight relative to those of the other members; equal by default.
+    covariance : list of float or None
+        Row of the covariance of fitted weights.
+    """
+
+    label: str
+    time: float | None
+    shells: ShellStack
+    field: IndexField | None = None
+    report: Sequence[ShellReport] | None = None
+    notes: Mapping[str, str] = Factory(dict)
+    weight: float = 1.0
+    covariance: list[float] | None = None
+
+
+def write_ensemble_scene(
+    folder: str | Path,
+    part: Part,
+    members: Iterable[MemberAir],
+    camera: Camera,
+    settings: SceneSettings = SceneSettings(scale=1.0),
+    *,
+    name: str = "scene.xml",
+    paraview: bool = True,
+) -> tuple[Path, tuple[FieldMember, ...]]:
+    """Write a scene that is rendered once for every member.
+
+    ``-D member=3`` traces the third one alone, in plain Mitsuba too, where member 1 is the default.
+    `iriftrace.trace.render.render_scene` traces all of them when no member is chosen.
+
+    Parameters
+    ----------
+    folder, part, camera, settings, name, paraview
+        See `write_scene`.
+    members : iterable of MemberAir
+        At least two; one is in memory at a time.
+
+    Returns
+    -------
+    path : Path
+        The XML file.
+    members : tuple of FieldMember
+
+    Raises
+    ------
+    InputError
+        There are fewer than two members, one has no source, or the folder cannot be written or
+        other files in the place of the members.
+    """
+    _require_pinhole(camera, settings.second)
+    scene = Path(folder) / name
+    _refuse_files_of_others(scene.parent / FOLDER)
+    with written_together(scene.parent) as building:
+        (building / FOLDER).mkdir()
+        placed = _save_bodies(building, part, settings.blockers)
+        listed = tuple(
+            _write_member(building, number, member, placed, settings.notes, paraview)
+            for number, member in enumerate(members, start=1)
+        )
+        if len(listed) < 2:
+            raise InputError(
+                f"An ensemble of {len(listed)} field has no scatter; give at least two."
+            )
+        normalised = weights_of(listed).weights.tolist()
+        listed = tuple(evolve(m, weight=w) for m, w in zip(listed, normalised, strict=True))
+        write_members(building / FOLDER, listed)
+        origins = dict.fromkeys(m.source.origin for m in listed if m.source.origin)
+        remark = f"An ensemble of {len(listed)} fields; -D {MEMBER}=2 traces the second one alone"
+        text = scene_xml(
+            camera,
+            settings,
+            ["", f'    <include filename="{FOLDER}/${MEMBER}/{INCLUDED}"/>'],
+            ". ".join((remark, *origins)),
+            {MEMBER: "1"},
+        )
+        (building / name).write_text(text, encoding="utf-8")
+        # Members of an earlier, larger ensemble would be read as members of this one.
+        shutil.rmtree(scene.parent / FOLDER, ignore_errors=True)
+    remove_stale_blockers(scene.parent, len(settings.blockers))
+    return scene, listed
+
+
+def _refuse_files_of_others(folder: Path) -> None:
+    """Refuse a folder with other files, as the folder of the members is replaced as a whole."""
+    if not folder.exists():
+        return
+    names = {path.name for path in folder.iterdir()} if folder.is_dir() else {""}
+    if names and (TABLE not in names or not all(n.isdecimal() for n in names - {TABLE})):
+        raise InputError(
+            f"{folder} holds other files than those of an ensemble's scene, which would replace "
+            "them; give the scene a folder of its own."
+        )
+
+
+def _write_member(
+    scene: Path,
+    number: int,
+    member: MemberAir,
+    part: PartOrigin,
+    notes: Mapping[str, str],
+    paraview: bool,
+) -> FieldMember:
+    if member.shells.source is None:
+        raise InputError(
+            f"The shells of member {number} do not state the field they come from, which results "
+            "must name; make them from a field."
+        )
+    shapes = _save_air(
+        scene / FOLDER / str(number),
+        # Files are searched from the scene's folder, also those that an included file names.
+        f"{FOLDER}/{number}/{SHELLS_FOLDER}",
+        member.shells,
+        member.field,
+        part=part,
+        report=member.report,
+        notes={**notes, **member.notes, "member": f"{number}: {member.label}"},
+        paraview=paraview,
+    )
+    included = scene / FOLDER / str(number) / INCLUDED
+    included.write_text(included_xml(shapes), encoding="utf-8")
+    return FieldMember(
+        number, member.label, member.time, member.shells.source, member.weight, member.covariance
+    )
+
+
+def _require_pinhole(*cameras: Camera | None) -> None:
+    """Refuse cameras that ``calibrated_camera`` cannot represent."""
+    if any(camera is not None and camera.projection != "pinhole" for camera in cameras):
+        raise InputError(
+            "calibrated_camera is a pinhole camera; put an orthographic sensor into the XML by "
+            "hand."
+        )
+
+
+def _save_bodies(folder: Path, part: Part, blockers: Sequence[Part]) -> PartOrigin:
     """Write the part and the bodies that block the view; returns the part's file."""
     save_part(part, folder / PART_FILE)
     for number, blocker in enumerate(blockers, start=1):
@@ -179,7 +310,7 @@ def written_together(folder: Path) -> Iterator[Path]:
                 path.rmdir()
 
 
-def save_air(
+def _save_air(
     folder: Path,
     shown: str,
     shells: ShellStack,
@@ -187,7 +318,7 @@ def save_air(
     *,
     part: PartOrigin,
     report: Sequence[ShellReport] | None,
-    notes: Mapping[str, str] | None,
+    notes: Mapping[str, str],
     paraview: bool,
 ) -> list[str]:
     """Write the shells, and the field for the cells engine, of one state of the air.
@@ -201,171 +332,3 @@ def save_air(
     if field is not None:
         save_field_file(field, folder / FIELD_FILE)
     return shell_shapes(shells, [path for path in files if path.suffix == ".ply"], shown)
-
-
-def refuse_edited(xml: Path) -> None:
-    """Refuse to replace a scene's file that was written or edited by hand."""
-    if xml.is_file() and not _is_as_written(xml.read_text(encoding="utf-8", errors="replace")):
-        raise InputError(
-            f"{xml} was edited by hand, so it is not replaced; render it as it "
-            "is, name another output, or remove it."
-        )
-
-
-def _is_as_written(text: str) -> bool:
-    """True if a scene's XML has the check sum that `scene_xml` gave it."""
-    head, found, rest = text.partition(_SEAL)
-    return bool(found) and sealed(head, rest.partition("\n")[2]) == text
-
-
-def sealed(head: str, rest: str) -> str:
-    """Both pieces of a scene's XML with the check sum between them, which reveals edits."""
-    return f"{head}{_SEAL}{sha256((head + rest).encode()).hexdigest()} -->\n{rest}"
-
-
-def require_pinhole(*cameras: Camera | None) -> None:
-    """Refuse cameras that ``calibrated_camera`` cannot represent."""
-    if any(camera is not None and camera.projection != "pinhole" for camera in cameras):
-        raise InputError(
-            "calibrated_camera is a pinhole camera; put an orthographic sensor into the XML by "
-            "hand."
-        )
-
-
-def scene_xml(
-    camera: Camera,
-    scale: float,
-    normals: str,
-    shapes: Sequence[str],
-    remark: str = "",
-    parameters: Mapping[str, str] | None = None,
-    *,
-    inside_hit: str = "refract",
-    second: Camera | None = None,
-    second_id: str = "projector",
-    blockers: int = 0,
-) -> str:
-    """XML of a scene: integrator, camera, part and the shapes that bend the light.
-
-    `shapes` are the lines after the part: shells, or their include; `parameters` are further
-    parameters of the shapes, with defaults; `remark` is a comment at the top; `blockers` is the
-    number of bodies that only block the view. The rest is as for `write_scene`.
-    """
-    head = [
-        '<?xml version="1.0" encoding="utf-8"?>',
-        "<!-- Lengths in mm. Move the camera, drop a shell or set -D scale=..., then run",
-        "     iriftrace render on this file again. -->",
-        *([f"<!-- {remark.replace('--', '-').rstrip('-')} -->"] if remark else []),
-    ]
-    lines = [
-        '<scene version="3.0.0">',
-        f'    <default name="scale" value="{scale!r}"/>',
-        f'    <default name="normals" value={quoteattr(normals)}/>',
-        '    <default name="bending" value="layers"/>',
-        *(
-            f'    <default name="{name}" value={quoteattr(value)}/>'
-            for name, value in (parameters or {}).items()
-        ),
-        '    <boolean name="embree_use_robust_intersections" value="true"/>',
-        "",
-        '    <integrator type="first_hit">',
-        '        <string name="normals" value="$normals"/>',
-        '        <string name="bending" value="$bending"/>',
-        *(
-            [f'        <string name="inside_hit" value={quoteattr(inside_hit)}/>']
-            if inside_hit != "refract"
-            else []
-        ),
-        "    </integrator>",
-        "",
-        *sensor_lines(camera, "camera"),
-        *(sensor_lines(second, second_id) if second is not None else []),
-        *_body_lines("part", PART_FILE),
-        *(
-            line
-            for number in range(1, blockers + 1)
-            for line in _body_lines(f"blocker_{number}", BLOCKER_FILE.format(number))
-        ),
-    ]
-    return sealed("\n".join([*head, ""]), "\n".join([*lines, *shapes, "</scene>", ""]))
-
-
-def _body_lines(name: str, file: str) -> list[str]:
-    """Lines of an opaque body with an id and a file."""
-    return [
-        f'    <shape type="ply" id="{name}">',
-        f'        <string name="filename" value={quoteattr(file)}/>',
-        '        <boolean name="face_normals" value="true"/>',
-        '        <bsdf type="diffuse"/>',
-        "    </shape>",
-    ]
-
-
-def sensor_lines(camera: Camera, name: str) -> list[str]:
-    """Lines of a camera with the id `name`, followed by an empty one."""
-    near, far = camera.focus_mm
-    pose = {key: ", ".join(map(repr, vector)) for key, vector in lookat(camera).items()}
-    return [
-        f'    <sensor type="calibrated_camera" id="{name}">',
-        f'        <float name="focal_length" value="{camera.focal_length_mm!r}"/>',
-        f'        <float name="sensor_width" value="{camera.sensor_mm[0]!r}"/>',
-        f'        <float name="sensor_height" value="{camera.sensor_mm[1]!r}"/>',
-        f'        <float name="principal_point_x" value="{camera.principal_point_px[0] + 0.5!r}"/>',
-        f'        <float name="principal_point_y" value="{camera.principal_point_px[1] + 0.5!r}"/>',
-        *(
-            f'        <float name="{key}" value="{value!r}"/>'
-            for key, value in (camera.distortion.as_dict() if camera.distortion else {}).items()
-            if value
-        ),
-        f'        <float name="focus_near" value="{near!r}"/>',
-        *([f'        <float name="focus_far" value="{far!r}"/>'] if np.isfinite(far) else []),
-        '        <float name="scale" value="$scale"/>',
-        '        <transform name="to_world">',
-        f'            <lookat origin="{pose["origin"]}"',
-        f'                    target="{pose["target"]}"',
-        f'                    up="{pose["up"]}"/>',
-        "        </transform>",
-        '        <film type="hdrfilm">',
-        f'            <integer name="width" value="{camera.resolution[0]}"/>',
-        f'            <integer name="height" value="{camera.resolution[1]}"/>',
-        '            <string name="pixel_format" value="luminance"/>',
-        '            <string name="component_format" value="float32"/>',
-        '            <rfilter type="box"/>',
-        "        </film>",
-        "    </sensor>",
-        "",
-    ]
-
-
-def shell_shapes(stack: ShellStack, meshes: Sequence[Path], folder: str) -> list[str]:
-    """Lines of the shells, whose meshes lie in a folder relative to the scene's file."""
-    lines = []
-    for shell, mesh in zip(stack.shells, meshes, strict=True):
-        lines += [
-            "",
-            f'    <shape type="ply" id="{mesh.stem}">',
-            f'        <string name="filename" value={quoteattr(f"{folder}/{mesh.name}")}/>',
-            *(
-                ['        <boolean name="face_normals" value="true"/>']
-                if shell.normals is None
-                else []
-            ),
-            '        <bsdf type="iso_shell">',
-            f'            <float name="ext_ior" value="{float(1 + shell.ext)!r}"/>',
-            f'            <float name="int_ior" value="{float(1 + shell.int_)!r}"/>',
-            *(
-                [f'            <float name="iso_ior" value="{float(1 + shell.refractivity)!r}"/>']
-                if shell.off_the_middle
-                else []
-            ),
-            f'            <string name="layer" value="{shell.layer}"/>',
-            "        </bsdf>",
-            "    </shape>",
-        ]
-    return lines
-
-
-def included_xml(shapes: Sequence[str]) -> str:
-    """XML of a file that scenes include."""
-    head = ['<?xml version="1.0" encoding="utf-8"?>', '<scene version="3.0.0">']
-    return "\n".join([*head, *shapes, "</scene>", ""])

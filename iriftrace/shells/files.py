@@ -14,7 +14,7 @@ from attrs import evolve
 
 from iriftrace.core.arrays import AnyIntArray, Float32Array
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.core.files import sha256_of, whole_file, write_json, write_whole
 from iriftrace.core.plain import plain, structured
 from iriftrace.geometry import ply
 from iriftrace.geometry.triangles import polydata
@@ -76,8 +76,7 @@ def save_shells(
     table = plain(evolve(stated, shells=rows, part=part))
     for row, found in zip(table["shells"], report or (), strict=False):
         row |= found.as_dict()
-    with whole_file(folder / TABLE) as temporary:
-        temporary.write_text(json.dumps(table, indent=2) + "\n", encoding="utf-8")
+    write_json(folder / TABLE, table)
     return [*written, folder / TABLE]
 
 
@@ -225,8 +224,7 @@ def _write_paraview(folder: Path, stack: ShellStack) -> Path:
         file = quoteattr(f"{pieces.name}/{name}.vtp")
         lines.append(f'    <DataSet index="{i}" name="{name}" file={file}/>')
     lines += ["  </vtkMultiBlockDataSet>", "</VTKFile>"]
-    with whole_file(target) as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_whole(target, "\n".join(lines) + "\n")
     return target
 
 

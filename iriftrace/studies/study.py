@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from importlib.metadata import version
@@ -15,8 +14,8 @@ from attrs import asdict, evolve, field, frozen
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import AnyArray
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import check_readable, whole_file
-from iriftrace.core.netcdf import check_netcdf
+from iriftrace.core.files import whole_file
+from iriftrace.core.netcdf import check_netcdf, json_attributes, read_netcdf
 from iriftrace.core.plain import JsonObject, plain
 from iriftrace.field.index_field import IndexField
 from iriftrace.image.differences import Hits, compare, displacement_statistics, hits_of
@@ -247,8 +246,7 @@ def run_study(study: Study, path: str | Path, progress: Progress | None = None) 
 
 def picture(scene: Scene) -> Hits:
     """Trace the picture of a scene of one field."""
-    stack = scene.air.states[0].shells
-    return hits_of(rendered(scene).image, len(stack.shells), stack.triangles)
+    return hits_of(rendered(scene).image)
 
 
 Entry = JsonObject
@@ -265,8 +263,9 @@ def _compared(study: Study) -> Callable[[Mode, int], Entry]:
         scene = study.case(mode, position)
         if scene is None:
             return {}
-        hits = picture(scene)
-        del scene
+        hits, stack = picture(scene), scene.air.states[0].shells
+        of_stack = {"shells": len(stack.shells), "triangles": stack.triangles}
+        del scene, stack
         good, rays = int(hits.good.sum()), len(hits.good)
         if good < FEWEST_RAYS:
             raise InputError(
@@ -279,9 +278,8 @@ def _compared(study: Study) -> Callable[[Mode, int], Entry]:
             reference(study.modes[0] if name in CELLS else mode, name) for name in study.references
         ]
         pairs = [{} if other is None else compare(hits, other).as_dict() for other in others]
-        return displacement_statistics(hits) | {
-            name: [pair.get(name) for pair in pairs] for name in DIFFERENCES
-        }
+        differences = {name: [pair.get(name) for pair in pairs] for name in DIFFERENCES}
+        return displacement_statistics(hits) | of_stack | differences
 
     return measure
 
@@ -322,13 +320,9 @@ def _dataset(study: Study, entries: Sequence[Entry]) -> xr.Dataset:
         coords["reference"] = np.array(study.references, dtype=object)
     else:
         attrs["repeats"] = REPEATS
-    plain = {
-        key: value if isinstance(value, str | int | float) else json.dumps(value)
-        for key, value in attrs.items()
-    }
     known = SIZES | DIFFERENCES if study.references else TIMES
     columns = {name: _column(study, entries, name, *known[name]) for name in known}
-    return xr.Dataset(columns, coords, plain).transpose("mode", axis.name, ...)
+    return xr.Dataset(columns, coords, json_attributes(attrs)).transpose("mode", axis.name, ...)
 
 
 def _column(
@@ -354,23 +348,7 @@ def read_study(path: str | Path) -> xr.Dataset:
     InputError
         If the file is missing, not netCDF, or of another program.
     """
-    import xarray as xr
-
-    if not Path(path).is_file():
-        raise InputError(f"There is no study {path}; `iriftrace study` writes one.")
-    check_readable(Path(path))
-    check_netcdf(Path(path))
-    try:
-        with xr.open_dataset(path, engine="h5netcdf") as file:
-            dataset: xr.Dataset = file.load()
-    except Exception as error:  # xarray decodes what a damaged file states, with any error
-        raise InputError(f"{path} is not a netCDF file ({error}); give a study.") from error
-    if dataset.attrs.get("schema") != SCHEMA:
-        raise InputError(
-            f"{path} has schema {dataset.attrs.get('schema')!r} instead of {SCHEMA!r}, so it is "
-            "not a study of this version of iriftrace; run the study again."
-        )
-    return dataset
+    return read_netcdf(Path(path), "study", SCHEMA)
 
 
 def is_study(path: str | Path) -> bool:

@@ -44,13 +44,10 @@ class Varied:
 def varied_of(dataset: xr.Dataset) -> tuple[Varied, ...]:
     """Scene, focal length and stand-off, if they differ between the poses of a sweep."""
     found = []
-    if "scene" in dataset:
-        scenes = [str(name) for name in dataset["scene"].values]
-        if len(set(scenes)) > 1:
-            found.append(Varied("scene", "scene", "", tuple(_told_apart(scenes))))
+    scenes = [str(name) for name in dataset["scene"].values]
+    if len(set(scenes)) > 1:
+        found.append(Varied("scene", "scene", "", tuple(_told_apart(scenes))))
     for variable, name, short_name in _LENGTHS:
-        if variable not in dataset:
-            continue
         values = tuple(f"{value:g}" for value in dataset[variable].values.tolist())
         if len(set(values)) > 1:
             found.append(Varied(name, short_name, "mm", values))

@@ -35,15 +35,8 @@ class FaceMap:
     limits: Limits
 
 
-def has_faces(dataset: xr.Dataset) -> bool:
-    """True if a sweep has the faces that each pose sees; older ones do not."""
-    return COUNTS in dataset and "face_times_seen" in dataset
-
-
 def face_maps_of(dataset: xr.Dataset) -> tuple[FaceMap, ...]:
-    """Mean displacement, times seen and best incidence of each face; none for an older sweep."""
-    if not has_faces(dataset):
-        return ()
+    """Mean displacement, times seen and best incidence of each face; none if none is seen."""
     times = np.asarray(dataset["face_times_seen"].values, dtype=np.float64)
     times[times == 0] = np.nan
     if np.isnan(times).all():
@@ -75,10 +68,8 @@ def face_maps_of(dataset: xr.Dataset) -> tuple[FaceMap, ...]:
     )
 
 
-def faces_seen(dataset: xr.Dataset, region: str) -> IntArray | None:
-    """(n,) array: how many faces of a region each pose sees; None for an older sweep."""
-    if not has_faces(dataset):
-        return None
+def faces_seen(dataset: xr.Dataset, region: str) -> IntArray:
+    """(n,) array: how many faces of a region each pose sees."""
     counts = np.asarray(dataset[COUNTS].values, dtype=np.int64)
     number = [str(name) for name in dataset["region"].values].index(region)
     if number == 0:

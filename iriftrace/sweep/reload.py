@@ -94,11 +94,9 @@ def load_swept_scene(dataset: xr.Dataset, pose: int) -> SweptScene:
 
 def swept_camera(dataset: xr.Dataset, pose: int) -> Camera:
     """The camera of a pose, with its focal length if a sweep has several; not placed there."""
-    camera = attribute(dataset, "camera")
-    if "focal_length" in dataset:
-        focal = float(dataset["focal_length"].values[pose])
-        camera = {**camera, "focal_length_mm": focal if math.isfinite(focal) else None}
-    return Camera.from_dict(camera)
+    focal = float(dataset["focal_length"].values[pose])
+    length = focal if math.isfinite(focal) else None
+    return Camera.from_dict({**attribute(dataset, "camera"), "focal_length_mm": length})
 
 
 def _variant(swept: str | None) -> str:

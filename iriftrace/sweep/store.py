@@ -17,11 +17,12 @@ from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import BoolArray, Variables
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import check_readable, sha256_of, whole_file
-from iriftrace.core.netcdf import check_netcdf
+from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.core.netcdf import json_attributes, read_netcdf
 from iriftrace.core.plain import JsonObject
 from iriftrace.image.sightings import COLUMNS, COUNTS, ROW, FaceSightings
 from iriftrace.sweep.journal import journal_of
+from iriftrace.sweep.measures import MEASURES, OF_POSES, RAYS
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -42,6 +43,17 @@ PLACE = (
 
 SIGHTING = "sighting"
 """Dimension of the rows of all poses."""
+
+WARNED = "warned"
+"""Variable over ``pose`` with the flags of `iriftrace.sweep.warned`."""
+
+_OF_EVERY_SWEEP = (
+    "region",
+    *(*MEASURES, *RAYS, *OF_POSES, "failure", "matrix", "exr", WARNED, *PLACE),
+    *(COUNTS, "face_area", "face_region", "face_times_seen"),
+    *("face_displacement", "face_incidence"),
+    *(f"{SIGHTING}_{name}" for name in COLUMNS),
+)
 
 _CHUNK = 65_536
 # Higher levels make the files 1 to 3 % smaller and take several times as long.
@@ -88,10 +100,7 @@ def to_dataset(
         attrs={
             "Conventions": CONVENTIONS,
             "schema": SCHEMA,
-            **{
-                key: value if isinstance(value, str | int | float) else json.dumps(value)
-                for key, value in attributes.items()
-            },
+            **json_attributes(attributes),
         },
     )
     return found.set_coords([name for name in PLACE if name in found])
@@ -158,41 +167,36 @@ def read_sweep(path: str | Path) -> xr.Dataset:
     Raises
     ------
     InputError
-        If the file is missing, not netCDF, of another program, or has no pose.
+        If the file is missing, not netCDF, of another program, has no pose, or misses a variable.
     """
-    import xarray as xr
-
-    if not Path(path).is_file():
-        journal = journal_of(Path(path))
-        if journal.is_file():
-            raise InputError(
-                f"The sweep {path} is not finished, its finished poses are in {journal}; give the "
-                "same `iriftrace sweep` command again, which continues from there."
-            )
-        raise InputError(f"There is no sweep {path}; `iriftrace sweep` writes one.")
-    check_readable(Path(path))
-    if Path(path).suffix == ".xml":
-        raise InputError(f"{path} is a scene; give the file that `iriftrace sweep {path}` writes.")
-    check_netcdf(Path(path))
-    try:
-        dataset = xr.open_dataset(path, engine="h5netcdf")
-        for variable in dataset.variables.values():
-            if SIGHTING not in variable.dims:
-                variable.load()
-    except Exception as error:  # xarray decodes what a damaged file states, with any error
+    file = Path(path)
+    if file.suffix == ".xml" and file.is_file():
+        raise InputError(f"{file} is a scene; give the file that `iriftrace sweep {file}` writes.")
+    journal = journal_of(file)
+    if journal.is_file() and not file.is_file():
         raise InputError(
-            f"{path} is damaged or not a netCDF file ({error}); give a sweep."
-        ) from error
-    schema = dataset.attrs.get("schema")
-    if schema == SCHEMA and dataset.sizes.get("pose", 0):
-        return dataset
-    dataset.close()
-    if schema == SCHEMA:
-        raise InputError(f"{path} has no pose; run the sweep again.")
-    raise InputError(
-        f"{path} has schema {schema!r} instead of {SCHEMA!r}, so it is not a sweep of this version "
-        "of iriftrace; run the sweep again."
-    )
+            f"The sweep {file} is not finished, its finished poses are in {journal}; give the same "
+            "`iriftrace sweep` command again, which continues from there."
+        )
+    dataset = read_netcdf(file, "sweep", SCHEMA, left_in_file=SIGHTING)
+    try:
+        check_sweep(dataset)
+    except InputError:
+        dataset.close()
+        raise
+    return dataset
+
+
+def check_sweep(dataset: xr.Dataset) -> None:
+    """Raise InputError unless a dataset has a pose, and the variables that every sweep has."""
+    if dataset.sizes.get("pose") == 0:
+        raise InputError("The sweep has no poses, so there is nothing to rank; run it again.")
+    missing = [name for name in _OF_EVERY_SWEEP if name not in dataset]
+    if missing:
+        raise InputError(
+            f"This is not a sweep of iriftrace: {missing[0]} is missing; give the file that "
+            "`iriftrace sweep` wrote."
+        )
 
 
 def scene_of(dataset: xr.Dataset) -> tuple[Path | None, str]:
@@ -213,12 +217,11 @@ def scene_of_pose(dataset: xr.Dataset, pose: int) -> JsonObject:
 
 def traced_through_cells(dataset: xr.Dataset) -> BoolArray:
     """Mask (n,) of the poses whose rays the field's cells bend."""
-    count = dataset.sizes["pose"]
-    names = dataset["scene"].values.astype(str) if "scene" in dataset else np.zeros(count)
+    names = dataset["scene"].values.astype(str)
     _, first, scene = np.unique(names, return_index=True, return_inverse=True)
     asked = [scene_of_pose(dataset, int(pose)).get("engine") == "cells" for pose in first]
-    chosen = dataset["through_cells"].values == 1 if "through_cells" in dataset else False
-    return np.array(asked)[scene] | chosen
+    chosen: BoolArray = np.array(asked)[scene] | (dataset["through_cells"].values == 1)
+    return chosen
 
 
 def check_unchanged(path: str | Path, sha256: str) -> None:

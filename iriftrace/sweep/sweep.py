@@ -32,8 +32,15 @@ from iriftrace.sweep.series import (
     series_variables,
     sources_of,
 )
-from iriftrace.sweep.store import WHOLE_PART, pose_variables, read_sweep, to_dataset, write_sweep
-from iriftrace.sweep.warned import VARIABLE, warned_variable
+from iriftrace.sweep.store import (
+    WARNED,
+    WHOLE_PART,
+    pose_variables,
+    read_sweep,
+    to_dataset,
+    write_sweep,
+)
+from iriftrace.sweep.warned import warned_variable
 from iriftrace.trace.engine import warn_of_coarse_poses
 from iriftrace.trace.provenance import provenance
 
@@ -288,7 +295,7 @@ def _dataset(
             "include": list(options.include),
         },
     )
-    return found.assign({VARIABLE: warned_variable(found)})
+    return found.assign({WARNED: warned_variable(found)})
 
 
 def _warn_of_empty_poses(dataset: xr.Dataset) -> None:

@@ -9,15 +9,12 @@ from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, Variable
 from iriftrace.image.aov_image import Status
-from iriftrace.sweep.store import WHOLE_PART
+from iriftrace.sweep.store import WARNED, WHOLE_PART
 from iriftrace.trace.engine import LIMIT, TOO_COARSE
 from iriftrace.trace.lost import LIMIT as LOST_LIMIT
 
 if TYPE_CHECKING:
     import xarray as xr
-
-VARIABLE = "warned"
-"""Name of the variable over ``pose`` that holds the flags."""
 
 FRACTION = 0.05
 """Fraction of rays from which on they can determine a 95th percentile by themselves."""
@@ -69,8 +66,6 @@ def warned_variable(dataset: xr.Dataset) -> Variable:
 
 
 def warned_of(dataset: xr.Dataset) -> BoolArray:
-    """Mask (n, number of `FLAGS`) of a sweep's poses; none is set in an older sweep."""
-    count = dataset.sizes["pose"]
-    flags = dataset[VARIABLE].values if VARIABLE in dataset else np.zeros(count, dtype=np.int8)
-    found: BoolArray = (flags[:, None] >> np.arange(len(FLAGS))) & 1 == 1
+    """Mask (n, number of `FLAGS`) of a sweep's poses."""
+    found: BoolArray = (dataset[WARNED].values[:, None] >> np.arange(len(FLAGS))) & 1 == 1
     return found

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from iriftrace.camera.orbit import turntable_poses
 from iriftrace.camera.pose import look_at
-from iriftrace.camera.turntable import turntable_poses
 from iriftrace.core.errors import InputError
 
 CENTRE = np.array([3.0, -2.0, 5.0])

@@ -393,14 +393,3 @@ def test_names_and_units_of_other_programs(tmp_path: Path, header: str, unit: st
     field = read_field(tmp_path / "f.txt", temperature_unit="K")
     assert_the_box(field)
     assert field.source.length_unit == (unit or "mm")
-
-
-def test_complex_values_and_files_of_tecplot_are_named_as_such(tmp_path: Path) -> None:
-    complex_values = "% x y z T (K)\n" + "".join(f"1 2 {k} 300+0.5i\n" for k in range(9))
-    tecplot = (
-        'TITLE = "a"\nVARIABLES = "X", "Y", "Z", "T"\nZONE I=2 F=POINT\n1 2 3 300\n2 3 4 300\n'
-    )
-    for text, said in ((complex_values, "complex values; export their real"), (tecplot, "Tecplot")):
-        (tmp_path / "f.txt").write_text(text)
-        with pytest.raises(InputError, match=said):
-            read_field(tmp_path / "f.txt")

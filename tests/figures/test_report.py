@@ -20,8 +20,9 @@ from iriftrace.figures import report as report_module
 from iriftrace.figures.report import report_content, write_report
 from iriftrace.image.aov_image import Status
 from iriftrace.planning.criteria import Criteria
+from iriftrace.planning.summary import summarise
 from iriftrace.planning.texts import front_text, ranking_table, stability_text
-from validation.inputs.sweep_tables import summary_of, sweep_table, with_faces
+from validation.inputs.sweep_tables import sweep_table, with_faces
 from validation.oracles.html_page import Page, read_page
 
 HOSTILE = "<img src=x onerror='go()'>&amp;<script>go().ply"
@@ -34,7 +35,11 @@ POSES = orbit_poses(Orbit((0.0, 0.0, 0.0), (300.0, 200.0, 200.0)), [0.0, 45.0], 
 
 def sweep() -> xr.Dataset:
     table = sweep_table(
-        [1e-3, 2e-3, 3e-3, 4e-3], [0.04, 0.4, 0.3, 0.2], [0.1, 0.2, 0.1, 0.3], [0.3, 0.2, 0.1, 0.3]
+        [1e-3, 2e-3, 3e-3, 4e-3],
+        [0.04, 0.4, 0.3, 0.2],
+        [0.1, 0.2, 0.1, 0.3],
+        [0.3, 0.2, 0.1, 0.3],
+        poses=POSES,
     )
     counts = {Status.GOOD: 1000, Status.MISSED: 3000, Status.OUT_OF_FOCUS: 500}
     for status in Status:
@@ -44,10 +49,6 @@ def sweep() -> xr.Dataset:
     table["rays_hit"] = (("pose", "region"), np.array([[1500], [1500], [1500], [50]]))
     table["rays_open_boundary"] = ("pose", np.array([61, 0, 0, 0]))
     table["triangles_in_view"] = ("pose", np.full(4, 77))
-    table["matrix"] = (("pose", "row", "column"), POSES.matrices)
-    table["azimuth"] = ("pose", POSES.azimuth_deg)
-    table["elevation"] = ("pose", POSES.elevation_deg)
-    table["distance"] = ("pose", np.linalg.norm(POSES.origins, axis=1))
     table.attrs.update(
         version="9.8.7",
         variant="llvm_ad_mono",
@@ -61,6 +62,7 @@ def sweep() -> xr.Dataset:
                 "focal_length_mm": 10.0,
                 "sensor_mm": [6.7, 5.6],
                 "resolution": [240, 200],
+                "distortion": None,
                 "focus_mm": [50.0, None],
             }
         ),
@@ -81,7 +83,7 @@ def page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Page:
     table = sweep()
     file = tmp_path / "sweep.nc"
     file.write_bytes(b"content")
-    assert missing == write_report(tmp_path / "report.html", file, table, summary_of(table), top=2)
+    assert missing == write_report(tmp_path / "report.html", file, table, summarise(table), top=2)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["report.html", "sweep.nc"]
     return read_page(tmp_path / "report.html")
 
@@ -98,7 +100,7 @@ def test_text_from_files_is_text(page: Page) -> None:
 
 
 def test_the_numbers_are_those_of_the_plan(page: Page) -> None:
-    summary = summary_of(sweep())
+    summary = summarise(sweep())
     ranking = ranking_table(summary, 2)
     tables = {tuple(table[0]): table[1:] for table in page.tables}
     # On the first page, in full, and those of the front, which has the same columns.
@@ -156,7 +158,7 @@ def test_every_field_of_an_ensemble_is_named() -> None:
     sources = [{"path": f"air_{k}.vtu", "sha256": f"{k}", "quantity": "density"} for k in (1, 2)]
     members = [{"number": k, "source": source} for k, source in enumerate(sources, start=1)]
     table.attrs["scenes"] = json.dumps([{"field": sources[0], "members": members}])
-    named = dict(report_content(table, summary_of(table), 2)["setting"])["Field"]
+    named = dict(report_content(table, summarise(table), 2)["setting"])["Field"]
     assert "air_1.vtu" in named
     assert "air_2.vtu" in named
 
@@ -164,12 +166,12 @@ def test_every_field_of_an_ensemble_is_named() -> None:
 def test_a_winner_that_is_not_clear_is_said() -> None:
     """Pose 0 sees a tenth of pose 1; with these weights both score the same."""
     table = sweep()
-    summary = summary_of(table, Criteria(1, 0.5, 0, 0, percentile=100))
+    summary = summarise(table, Criteria(1, 0.5, 0, 0, percentile=100))
     unclear = report_content(table, summary, 3)["unclear"]
     assert "pose 0 scores" in unclear or "pose 1 scores" in unclear
-    little = report_content(table, summary_of(table, Criteria(1, 0, 0, 0)), 1)["unclear"]
+    little = report_content(table, summarise(table, Criteria(1, 0, 0, 0)), 1)["unclear"]
     assert little.startswith("The best pose sees")
-    assert report_content(table, summary_of(table, Criteria(0, 1, 0, 0)), 1)["unclear"] is None
+    assert report_content(table, summarise(table, Criteria(0, 1, 0, 0)), 1)["unclear"] is None
     with pytest.raises(InputError, match="0 rows"):
         report_content(table, summary, 0)
 
@@ -187,7 +189,7 @@ def test_rounding_of_a_plane_seen_frontally_is_0(resolution: Any, frontal: bool)
         axial, lateral = f"{axial}_nn3d", f"{lateral}_nn3d"
     table[axial][:, 0] = [3e-6, 2e-2, 1e-2, 3e-2]
     table[lateral][:, 0] = [3e-2, 2e-2, 1e-2, 3e-2]
-    summary = summary_of(table, Criteria(resolution=resolution))
+    summary = summarise(table, Criteria(resolution=resolution))
     assert summary.plan.best == 0
     content = report_content(table, summary, 2)
     assert ("axial resolution 0 (plane seen frontally)" in content["answer"]) == frontal
@@ -204,10 +206,10 @@ def test_what_decides_stands_in_the_first_box() -> None:
     field = FieldSource("air.vtu", "12", "T", "temperature", "mm", origin)
     table.attrs["field"] = json.dumps(plain(field))
     table.attrs["part"] = json.dumps({"path": "/a/part.ply", "source": "flange.stl"})
-    best = summary_of(table).plan.best
+    best = summarise(table).plan.best
     table["warned"] = ("pose", np.where(np.arange(4) == best, 1 + 8, 0).astype("i1"))
     table["through_cells"] = ("pose", np.array([0.0, 1.0, 0.0, np.nan]))
-    summary = summary_of(table)
+    summary = summarise(table)
     content = report_content(table, summary, 4)
     assert content["title"] == "Where to put the camera: flange.stl"
     field_text, engines, warned = content["rests_on"]
@@ -232,7 +234,7 @@ def test_several_views_and_the_best_pose_are_shown(
     monkeypatch.setattr(report_module, "figure_bytes", lambda _: DOT)
     table, file = sweep(), tmp_path / "sweep.nc"
     file.write_bytes(b"content")
-    write_report(tmp_path / "report.html", file, table, summary_of(table), views=2)
+    write_report(tmp_path / "report.html", file, table, summarise(table), views=2)
     page = read_page(tmp_path / "report.html")
     assert "What the best pose sees." in page.by_id["summary"]
     assert "What the best pose sees." not in page.by_id["figures"]

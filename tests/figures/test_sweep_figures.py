@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 from pathlib import Path
@@ -17,7 +16,7 @@ from matplotlib import colormaps
 from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 
-from iriftrace.camera.orbit import Orbit, fibonacci_poses, orbit_poses
+from iriftrace.camera.orbit import fibonacci_poses
 from iriftrace.camera.pose import look_at
 from iriftrace.camera.pose_set import PoseSet, joined
 from iriftrace.core.errors import InputError
@@ -37,55 +36,24 @@ from iriftrace.figures.sweep_space import (
     sweep_face_figure,
     sweep_scene_figure,
 )
-from iriftrace.image.aov_image import Status
 from iriftrace.part.part import Part
 from iriftrace.planning.criteria import Criteria
-from iriftrace.planning.summary import SweepSummary
+from iriftrace.planning.summary import SweepSummary, summarise
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.faces import face_maps_of, faces_seen
 from iriftrace.sweep.reload import Surroundings, surroundings_of
-from validation.inputs.sweep_tables import summary_of, sweep_table, with_faces
-
-ORBIT = Orbit((0.0, 0.0, 0.0), (200.0, 150.0, 150.0))
-# 4 azimuths at 3 elevations, and one pose at each pole.
-AZIMUTHS, ELEVATIONS = np.linspace(0, 90, 4), np.linspace(-90, 90, 5)
-GRID = orbit_poses(ORBIT, AZIMUTHS, ELEVATIONS)
-EMPTY = (0, 6)
-"""Poses without numbers: the lower pole and one in the middle."""
-
-
-def sweep(poses: PoseSet = GRID, empty: tuple[int, ...] = EMPTY, **attributes: Any) -> xr.Dataset:
-    """A sweep with known numbers: pose i has a displacement of 1.5**i um."""
-    count = len(poses)
-    number = np.arange(count)
-    table = sweep_table(
-        1e-3 * 1.5**number,
-        0.1 + 0.3 * number / count,
-        0.2 + 0.01 * np.cos(number),
-        0.3 + 0.01 * np.sin(number),
-    )
-    counts = {status: 10 * (status + 1) * (number + 1) for status in Status}
-    counts[Status.GOOD] = 1000 + number
-    counts[Status.GAVE_UP] = 0 * number
-    for status, rays in counts.items():
-        rays[list(empty)] = -1
-        table[f"rays_{status.key}"] = (("pose", "region"), rays[:, None])
-    table["triangles_in_view"] = ("pose", np.where(counts[Status.GOOD] < 0, -1, 500 + number))
-    for name, variable in table.items():
-        if variable.dtype == np.float64:
-            table[name][list(empty)] = np.nan
-    table["matrix"] = (("pose", "row", "column"), poses.matrices)
-    table["azimuth"] = ("pose", poses.azimuth_deg)
-    table["elevation"] = ("pose", poses.elevation_deg)
-    table["distance"] = ("pose", np.linalg.norm(poses.origins, axis=1))
-    table["exr"] = ("pose", np.array([""] * count, dtype=object))
-    table.attrs.update({key: json.dumps(value) for key, value in attributes.items()})
-    return table
+from validation.inputs.sweep_tables import (
+    EMPTY,
+    GRID,
+    ORBIT,
+    known_sweep,
+    with_faces,
+)
 
 
 @pytest.fixture(scope="module")
 def summary() -> SweepSummary:
-    return summary_of(sweep())
+    return summarise(known_sweep())
 
 
 def legend_of(figure: Figure) -> list[str]:
@@ -100,11 +68,11 @@ def test_poses_at_several_distances_are_drawn_over_them() -> None:
     """Each distance has its place, and the displacement the quartiles of its rays."""
     lengths = np.array([300.0, 200.0, 250.0])
     matrices = np.stack([look_at((0.0, -length, 0.0), (0.0, 0.0, 0.0)) for length in lengths])
-    table = sweep(PoseSet(matrices, np.full(3, 270.0), np.zeros(3)), empty=())
+    table = known_sweep(PoseSet(matrices, np.full(3, 270.0), np.zeros(3)), empty=())
     table["stand_off"] = ("pose", lengths)
     moved = table["displacement_p95"]
     table = table.assign(displacement_p25=0.2 * moved, displacement_p75=0.6 * moved)
-    summary = summary_of(table)
+    summary = summarise(table)
     figure = map_figure(summary, summary.displacement)
     (axes,) = all_axes(figure)
     line = next(line for line in axes.lines if len(line.get_xdata()) == 3)
@@ -116,13 +84,13 @@ def test_poses_at_several_distances_are_drawn_over_them() -> None:
         assert {0.2, 0.6} <= set(inside.tolist())
     assert "Distance" in axes.get_xlabel()
     assert "Quartiles of the displacement of all rays" in legend_of(figure)
-    assert not summary_of(sweep()).is_one_direction
+    assert not summarise(known_sweep()).is_one_direction
 
 
 def test_poses_that_were_warned_of_are_crossed(summary: SweepSummary) -> None:
-    table = sweep()
+    table = known_sweep()
     table["warned"] = ("pose", np.where(np.isin(np.arange(len(GRID)), (3, 5)), 2, 0).astype("i1"))
-    warned = summary_of(table)
+    warned = summarise(table)
     for draw in (rays_figure, pareto_figure, lambda s: map_figure(s, s.score)):
         for one, expected in ((summary, 0), (warned, 2)):
             figure = draw(one)
@@ -134,82 +102,6 @@ def test_poses_that_were_warned_of_are_crossed(summary: SweepSummary) -> None:
             ]
             assert sum(crosses) == expected
             assert ("Warned of, see the ranking: 2 poses" in legend_of(figure)) == bool(expected)
-
-
-# What is summarised ------------------------------------------------------------------------------
-
-
-def test_values_come_in_readable_units(summary: SweepSummary) -> None:
-    """mm become um and shares become per cent; what is unknown stays unknown."""
-    known = np.setdiff1d(np.arange(len(GRID)), EMPTY)
-    assert summary.displacement.unit == "µm"
-    assert summary.displacement.values[known] == pytest.approx(1.5**known)
-    assert summary.coverage.label == "Coverage (%)"
-    assert summary.coverage.values[known] == pytest.approx(10 + 30 * known / len(GRID))
-    for quantity in summary.quantities:
-        assert np.flatnonzero(~quantity.known).tolist() == list(EMPTY)
-
-
-def test_limits_are_those_of_the_plan(summary: SweepSummary) -> None:
-    low, high = summary.displacement.limits
-    known = np.setdiff1d(np.arange(len(GRID)), EMPTY)
-    assert low == pytest.approx(1.5)
-    assert high == pytest.approx(np.percentile(1.5**known, 95))
-
-
-def test_only_rays_that_occur_are_counted(summary: SweepSummary) -> None:
-    assert set(summary.rays) == set(Status) - {Status.MISSED, Status.GAVE_UP}
-
-
-def test_poses_with_few_hits_have_no_number() -> None:
-    few = summary_of(sweep(), Criteria(min_hits=1005))
-    assert np.flatnonzero(~few.displacement.known).tolist() == [0, 1, 2, 3, 4, 6]
-    assert "6 without a rank" in few.subtitle
-
-
-def test_the_pole_stands_for_all_azimuths(summary: SweepSummary) -> None:
-    grid = summary.grid(np.arange(14))
-    assert grid is not None
-    assert grid.tolist() == [
-        [0] * 4,
-        [1, 2, 3, 4],
-        [5, 6, 7, 8],
-        [9, 10, 11, 12],
-        [13] * 4,
-    ]
-
-
-@pytest.mark.parametrize(
-    "poses",
-    [
-        GRID.take(np.delete(np.arange(14), 7)),
-        fibonacci_poses(ORBIT, 12),
-        orbit_poses(ORBIT, [0.0], ELEVATIONS),
-        orbit_poses(ORBIT, AZIMUTHS, [10.0]),
-    ],
-    ids=["a hole", "all around", "one azimuth", "one elevation"],
-)
-def test_other_poses_are_no_grid(poses: PoseSet) -> None:
-    assert summary_of(sweep(poses, empty=())).grid(np.arange(len(poses))) is None
-
-
-def test_poses_without_angles_get_those_of_their_line_of_sight() -> None:
-    """A camera on +y that looks at the origin has azimuth 90 degrees; straight above, 0 and 90."""
-    poses = orbit_poses(ORBIT, [0.0, 90.0], [0.0, 90.0])
-    found = summary_of(sweep(PoseSet(poses.matrices), empty=()))
-    assert found.azimuth == pytest.approx([0.0, 90.0, 0.0])
-    assert found.elevation == pytest.approx([0.0, 0.0, 90.0])
-    assert found.angles_of == "of the line of sight"
-
-
-def test_a_table_of_something_else_is_refused() -> None:
-    with pytest.raises(InputError, match="matrix is missing"):
-        summary_of(sweep().drop_vars("matrix"))
-    with pytest.raises(InputError, match="None of the 14 poses"):
-        summary_of(sweep(empty=tuple(range(14))))
-
-
-# What is drawn -----------------------------------------------------------------------------------
 
 
 def test_a_map_shows_every_pose_in_its_cell(summary: SweepSummary) -> None:
@@ -229,10 +121,10 @@ def test_a_map_shows_every_pose_in_its_cell(summary: SweepSummary) -> None:
 
 
 def test_a_constant_metric_can_be_drawn() -> None:
-    data = sweep()
+    data = known_sweep()
     data["coverage"][:] = 0.25
     with pytest.warns(UserWarning, match="coverage"):
-        found = summary_of(data)
+        found = summarise(data)
     low, high = all_axes(map_figure(found, found.coverage))[0].collections[0].get_clim()
     assert low < 25 < high
 
@@ -249,7 +141,7 @@ def test_histograms_count_every_pose_and_mark_the_limits(summary: SweepSummary) 
 
 def test_rays_are_stacked_to_all_that_hit(summary: SweepSummary) -> None:
     figure = rays_figure(summary)
-    upper, lower = all_axes(figure)
+    upper, _, lower = all_axes(figure)
     top = upper.patches[-1].get_data().values
     known = np.setdiff1d(np.arange(len(GRID)), EMPTY)
     assert top[known].tolist() == sum(summary.rays.values())[known].tolist()
@@ -299,15 +191,12 @@ def test_no_text_is_cut_off_or_overlaps(summary: SweepSummary) -> None:
             assert not any(box.overlaps(other) for other in boxes[:i])
 
 
-# Series and faces --------------------------------------------------------------------------------
-
-
 def test_other_focal_lengths_get_panels_of_their_own() -> None:
     """Two series of the same 14 positions: two grids, each with its poses."""
     twice = joined([GRID, GRID])
-    data = sweep(twice, empty=())
+    data = known_sweep(twice, empty=())
     data["focal_length"] = ("pose", np.repeat([8.0, 12.0], 14))
-    found = summary_of(data)
+    found = summarise(data)
     assert list(found.series) == ["focal length 8 mm", "focal length 12 mm"]
     first, second, _ = all_axes(map_figure(found, found.displacement))
     for axes, members in ((first, np.arange(14)), (second, np.arange(14, 28))):
@@ -321,7 +210,7 @@ def test_other_focal_lengths_get_panels_of_their_own() -> None:
 def test_of_several_at_one_place_the_best_is_shown() -> None:
     """The second series has larger displacements, so the first one is the better everywhere."""
     twice = joined([GRID, GRID])
-    found = summary_of(sweep(twice, empty=()), Criteria(1, 0, 0, 0))
+    found = summarise(known_sweep(twice, empty=()), Criteria(1, 0, 0, 0))
     shown = best_at_each_place(found)
     assert shown.tolist() == [True] * 14 + [False] * 14
 
@@ -346,7 +235,7 @@ def faces_sweep(**more: Any) -> xr.Dataset:
         for pose in range(3)
     ]
     return with_faces(
-        sweep(empty=(), **more),
+        known_sweep(empty=(), **more),
         [*sightings, *[[]] * 11],
         TETRAHEDRON.face_areas,
         TETRAHEDRON.region_of_face + 1,
@@ -354,7 +243,7 @@ def faces_sweep(**more: Any) -> xr.Dataset:
 
 
 def test_faces_hit_are_counted_pose_by_pose() -> None:
-    found = summary_of(faces_sweep())
+    found = summarise(faces_sweep())
     assert found.faces.tolist() == [3, 2, 1, *[0] * 11]
     upper, faces, triangles = all_axes(rays_figure(found))
     assert faces.get_ylabel() == "Faces of the part hit"
@@ -362,7 +251,6 @@ def test_faces_hit_are_counted_pose_by_pose() -> None:
     assert triangles.get_ylabel() == "Shell triangles in view"
     assert upper.get_ylabel() == "Rays that hit the part"
     assert faces_seen(faces_sweep(), "part").tolist() == found.faces.tolist()
-    assert summary_of(sweep()).faces is None
 
 
 def test_maps_of_faces_are_those_of_the_sweep() -> None:
@@ -371,7 +259,7 @@ def test_maps_of_faces_are_those_of_the_sweep() -> None:
     assert displacement.values == pytest.approx([2.0, 2.5, 3.0, np.nan], nan_ok=True, rel=1e-6)
     assert times.values == pytest.approx([3, 2, 1, np.nan], nan_ok=True)
     assert incidence.values == pytest.approx([20, 20, 20, np.nan], nan_ok=True)
-    assert face_maps_of(sweep()) == ()
+    assert face_maps_of(known_sweep()) == ()
 
 
 Meshes = list[tuple[pv.PolyData, dict[str, Any]]]
@@ -395,7 +283,7 @@ def test_faces_have_the_colours_of_their_numbers(meshes: Meshes) -> None:
     """Three colours of the map and the grey of the face that no pose sees, from both sides."""
     data = faces_sweep()
     _, times, _ = face_maps_of(data)
-    sweep_face_figure(summary_of(data), TETRAHEDRON, times)
+    sweep_face_figure(summarise(data), TETRAHEDRON, times)
     coloured = [mesh.cell_data["colour"] for mesh, look in meshes if look.get("rgb")]
     seen = colormaps["viridis"](times.values[:3] / 3.0)[:, :3]
     expected = np.rint(255 * np.concatenate((seen, [(201 / 255,) * 3])))
@@ -403,10 +291,7 @@ def test_faces_have_the_colours_of_their_numbers(meshes: Meshes) -> None:
     for colours in coloured:
         np.testing.assert_array_equal(colours, expected)
     with pytest.raises(InputError, match="4 faces and the sweep 3"):
-        sweep_face_figure(summary_of(data), TETRAHEDRON, evolve(times, values=np.ones(3)))
-
-
-# In space ----------------------------------------------------------------------------------------
+        sweep_face_figure(summarise(data), TETRAHEDRON, evolve(times, values=np.ones(3)))
 
 
 def test_the_part_stands_among_the_poses(summary: SweepSummary, meshes: Meshes) -> None:
@@ -435,7 +320,7 @@ def test_files_of_the_sweep_are_found_again() -> None:
             "to_world": np.eye(4).tolist(),
         },
     }
-    found = surroundings_of(sweep(**named))
+    found = surroundings_of(known_sweep(**named))
     assert found.missing == ()
     assert found.part is not None
     assert found.hot_air is not None
@@ -446,7 +331,7 @@ def test_files_of_the_sweep_are_found_again() -> None:
 
     named["scene"]["sha256"] = "another"
     named["part"]["path"] = "gone.ply"
-    found = surroundings_of(sweep(**named))
+    found = surroundings_of(known_sweep(**named))
     assert (found.part, found.hot_air) == (None, None)
     assert [("gone" in text, "has changed" in text) for text in found.missing] == [
         (True, False),
@@ -455,7 +340,7 @@ def test_files_of_the_sweep_are_found_again() -> None:
 
 
 def test_a_sweep_that_names_no_files_is_drawn_without_them() -> None:
-    assert len(surroundings_of(sweep()).missing) == 2
+    assert len(surroundings_of(known_sweep()).missing) == 2
 
 
 def test_drawing_leaves_pyplot_alone() -> None:
@@ -472,7 +357,7 @@ def test_drawing_leaves_pyplot_alone() -> None:
 
 
 def test_scattered_poses_are_all_there() -> None:
-    found = summary_of(sweep(fibonacci_poses(ORBIT, 30)))
+    found = summarise(known_sweep(fibonacci_poses(ORBIT, 30)))
     axes = all_axes(map_figure(found, found.coverage))[0]
     dots = axes.collections[0].get_offsets()
     marks = [line for line in axes.lines if line.get_markerfacecolor() == "none"]
@@ -481,7 +366,7 @@ def test_scattered_poses_are_all_there() -> None:
 
 def test_a_single_pose_can_be_drawn(tmp_path: Path) -> None:
     with pytest.warns(UserWarning, match="do not differ"):
-        one = summary_of(sweep(GRID.take([5]), empty=()))
+        one = summarise(known_sweep(GRID.take([5]), empty=()))
     assert len(sweep_charts(one)) == 9
     figure = sweep_scene_figure(one, one.displacement, Surroundings())
     write_figure(figure, tmp_path / "scene.png")

@@ -18,14 +18,10 @@ from iriftrace.image.displacement import (
     signed_components,
     split_displacement,
 )
+from validation.inputs.cameras import camera_at
 from validation.oracles.aov_by_hand import make_image, plate
 
-PINHOLE = Camera(
-    focal_length_mm=10,
-    sensor_mm=(6, 4),
-    resolution=(12, 8),
-    matrix=look_at((0, -100, 0), (0, 0, 0)),
-)
+PINHOLE = camera_at((0, -100, 0), sensor_mm=(6, 4), resolution=(12, 8))
 PARALLEL = Camera(
     sensor_mm=(6, 4),
     resolution=(12, 8),
@@ -99,11 +95,8 @@ def test_rays_without_two_hits_cannot_be_included(include: tuple[int, ...]) -> N
 
 def test_signed_components_are_an_orthonormal_split_of_a_camera_that_is_turned() -> None:
     """Their squares sum up to the length's; right and down raise column and row of the picture."""
-    camera = Camera(
-        focal_length_mm=10.0,
-        sensor_mm=(6.0, 4.0),
-        resolution=(60, 40),
-        matrix=look_at((120.0, -90.0, 80.0), (0.0, 5.0, -3.0)),
+    camera = camera_at(
+        (120.0, -90.0, 80.0), (0.0, 5.0, -3.0), sensor_mm=(6.0, 4.0), resolution=(60, 40)
     )
     rng = np.random.default_rng(2)
     hits = rng.uniform(-10.0, 10.0, (50, 3))

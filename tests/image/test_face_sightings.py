@@ -169,12 +169,10 @@ def test_limits_that_make_no_sense(swept: xr.Dataset, limit: dict[str, float], w
         seen_by_pose(swept, **limit)
 
 
-def test_pose_that_is_not_there_and_sweep_without_faces(swept: xr.Dataset) -> None:
+def test_a_pose_that_is_not_there_is_refused(swept: xr.Dataset) -> None:
     for pose in (-1, swept.sizes["pose"]):
         with pytest.raises(InputError, match=f"no pose {pose}"):
             sightings_of(swept, pose)
-    with pytest.raises(InputError, match="does not say which faces"):
-        sightings_of(swept.drop_vars("sightings"), 0)
 
 
 def test_only_the_rows_asked_for_are_read(swept: xr.Dataset) -> None:

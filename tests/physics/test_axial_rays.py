@@ -9,12 +9,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from iriftrace.camera.camera import Camera
-from iriftrace.camera.pose import look_at
 from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
 from iriftrace.trace.pose_image import pose_image
 from iriftrace.trace.rays import trace_rays
+from validation.inputs.cameras import camera_at
 
 
 @pytest.mark.parametrize("origin", [(310.0, 0.0, 0.0), (0.0, -238.0, 0.0), (0.0, 0.0, -238.0)])
@@ -22,12 +21,7 @@ from iriftrace.trace.rays import trace_rays
 def test_views_along_the_axes_lose_no_ray(origin: tuple[float, float, float]) -> None:
     """Every straight hit but those at the silhouette has a refracted one, as ray by ray."""
     scene = load_scene(folder_of("cylinder") / "scene.xml")
-    camera = Camera(
-        focal_length_mm=10.0,
-        sensor_mm=(6.7, 5.6),
-        resolution=(245, 205),
-        matrix=look_at(origin, (0.0, 0.0, 0.0)),
-    )
+    camera = camera_at(origin, sensor_mm=(6.7, 5.6), resolution=(245, 205))
     image = pose_image(scene, camera=camera)
     single = trace_rays(scene, *camera.rays())
     hit = image.channels["part.face"].ravel() > 0

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field
@@ -17,17 +16,14 @@ from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
 from iriftrace.trace.pose_image import pose_image
+from validation.inputs.cameras import camera_at
 from validation.inputs.solved_fields import DATA, in_tetrahedra
 
 pytestmark = pytest.mark.slow
 
 FIELD = DATA / "cylinder_A.vtu"
-CAMERA = Camera(
-    focal_length_mm=10.0,
-    sensor_mm=(6.7, 5.6),
-    resolution=(306, 256),
-    focus_mm=(50.0, 350.0),
-    matrix=look_at((60.0, -190.0, 110.0), (0.0, 0.0, 0.0)),
+CAMERA = camera_at(
+    (60.0, -190.0, 110.0), sensor_mm=(6.7, 5.6), resolution=(306, 256), focus_mm=(50.0, 350.0)
 )
 LAYERS = (5, 13, 30)
 

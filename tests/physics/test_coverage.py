@@ -12,13 +12,13 @@ from attrs import evolve
 from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
-from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.image.aov_image import AovImage
 from iriftrace.image.coverage import seen_areas
 from iriftrace.image.metrics import pose_metrics
 from iriftrace.part.part import Part, read_part
 from iriftrace.part.regions import Regions
+from validation.inputs.cameras import camera_at
 from validation.oracles.aov_by_hand import cast, image_of_hits, make_image, make_part, plate
 from validation.oracles.rasterise import rasterise
 
@@ -27,12 +27,7 @@ CYLINDER = Path(__file__).parents[2] / "scenes" / "cylinder" / "part.ply"
 
 
 def camera(width: int, height: int, origin: tuple[float, float, float]) -> Camera:
-    return Camera(
-        focal_length_mm=10,
-        sensor_mm=(6.7, 5.6),
-        resolution=(width, height),
-        matrix=look_at(origin, (0, 0, 0)),
-    )
+    return camera_at(origin, sensor_mm=(6.7, 5.6), resolution=(width, height))
 
 
 def ball(subdivisions: int) -> Part:

@@ -9,19 +9,17 @@ import pytest
 import trimesh
 from attrs import evolve
 
-from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import Distortion
-from iriftrace.camera.pose import look_at
 from iriftrace.image.metrics import pose_metrics
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.edit import trim_to_frustum
+from validation.inputs.cameras import camera_at
 from validation.inputs.lenses import LENSES, lens_camera
 from validation.inputs.shell_fields import sphere_field
 from validation.inputs.small_scenes import (
     camera,
-    camera_in_numpy,
     channels,
     nested_spheres,
     part,
@@ -46,7 +44,7 @@ def test_shift_is_that_of_a_finite_difference_reprojection(
     air = nested_spheres(tmp_path, (20.0, 16.0, 13.0), (1.000272, 1.00025, 1.00022, 1.0002))
     shapes = {"part": part(tmp_path, sphere(10.0)), **air}
     pixels = channels(scene(shapes, camera(**({} if lens is None else lens.as_dict()))))
-    described = camera_in_numpy(distortion=lens)
+    described = camera_at(distortion=lens)
     good = pixels["status.code"] == 0
     at, moved = (vector(pixels, name)[good] for name in ("straight", "displacement"))
     centres = np.stack(np.meshgrid(np.arange(48), np.arange(40)), axis=-1)[good]
@@ -62,7 +60,7 @@ def test_shift_is_that_of_a_finite_difference_reprojection(
     assert (error < 0.01 * size + 1e-9).mean() > 0.95
     if lens is not None:
         # A pinhole camera would see shifts that differ by percents.
-        there, back = (camera_in_numpy().project(at + s * stretch * moved) for s in (1, -1))
+        there, back = (camera_at().project(at + s * stretch * moved) for s in (1, -1))
         pinhole = -(there - back) / (2 * stretch)
         assert np.max(np.linalg.norm(pinhole - expected, axis=1) / size) > 0.002
 
@@ -94,11 +92,10 @@ def test_plate_that_leaves_the_picture_is_covered_as_far_as_it_is_seen(lens: Dis
 def test_trimmed_shells_reach_to_the_edges_of_the_view(lens: Distortion) -> None:
     """A pincushion's sides bulge over the planes through its corners; nothing seen is cut off."""
     stack = contour_shells(sphere_field(12), layers=2)
-    view = Camera(
-        focal_length_mm=10,
+    view = camera_at(
+        (60, 0, 0),
         sensor_mm=(2, 1.5),
         resolution=(40, 30),
-        matrix=look_at((60, 0, 0), (0, 0, 0)),
         distortion=evolve(lens, k1=10 * lens.k1),
     )
     trimmed = trim_to_frustum(stack, view, 0.0)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_erosion, median_filter
 
-from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field
@@ -18,15 +17,12 @@ from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
 from iriftrace.trace.pose_image import pose_image
+from validation.inputs.cameras import camera_at
 from validation.inputs.solved_fields import DATA
 
 FIELD = DATA / "cylinder_A.vtu"
-OBLIQUE = Camera(
-    focal_length_mm=10.0,
-    sensor_mm=(6.7, 5.6),
-    resolution=(1224, 1024),
-    focus_mm=(50.0, 250.0),
-    matrix=look_at((60.0, -190.0, 110.0), (0.0, 0.0, 0.0)),
+OBLIQUE = camera_at(
+    (60.0, -190.0, 110.0), sensor_mm=(6.7, 5.6), resolution=(1224, 1024), focus_mm=(50.0, 250.0)
 )
 
 

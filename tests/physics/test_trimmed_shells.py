@@ -7,8 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iriftrace.camera.camera import Camera
-from iriftrace.camera.pose import look_at
 from iriftrace.part.part import read_part
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.write import write_scene
@@ -16,17 +14,19 @@ from iriftrace.scenes import folder_of
 from iriftrace.shells.edit import trim_to_frustum
 from iriftrace.shells.files import load_shells
 from iriftrace.trace.pose_image import pose_image
+from validation.inputs.cameras import camera_at
 
 
 @pytest.mark.usefixtures("variant")
 def test_trimming_changes_no_pixel(tmp_path: Path) -> None:
     """Fewer triangles, but the same rays: none is lost, none misjudged at the new edges."""
     bundled = folder_of("cylinder")
-    camera = Camera(
+    camera = camera_at(
+        (150.0, -100.0, 120.0),
+        (10.0, 0.0, 5.0),
         focal_length_mm=25.0,
         sensor_mm=(6.7, 5.6),
         resolution=(306, 256),
-        matrix=look_at((150.0, -100.0, 120.0), (10.0, 0.0, 5.0)),
     )
     whole = load_shells(bundled / "shells")
     trimmed = trim_to_frustum(whole, camera, 5.0)

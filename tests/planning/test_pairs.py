@@ -124,8 +124,7 @@ def test_wrong_requests(dataset: xr.Dataset, chosen: dict[str, object], said: st
 
 
 def test_a_sweep_without_offsets_is_refused(dataset: xr.Dataset) -> None:
-    """As earlier versions wrote it."""
-    with pytest.raises(InputError, match="run it again"):
+    with pytest.raises(InputError, match="sighting_offset_x is missing"):
         plan_pairs(dataset.drop_vars("sighting_offset_x"))
 
 

@@ -87,16 +87,7 @@ def test_the_best_pair_by_trying_all() -> None:
 
 def test_a_region_is_covered_alone() -> None:
     """The faces -x, -y and -z are a region; the second corner sees all of it."""
-    table = cube()
-    joined = two_regions(
-        table.drop_vars([name for name in table if "pose" not in table[name].dims]).drop_vars(
-            "sightings"
-        ),
-        sweep_table(*([[1.0] * 8] * 4)),
-        "below",
-    )
-    faces = [name for name in table if set(table[name].dims) <= {"face", "sighting"}]
-    joined = joined.assign({name: table[name] for name in [*faces, "sightings"]})
+    joined = two_regions(cube(), sweep_table(*([[1.0] * 8] * 4)), "below")
     joined["face_region"] = ("face", np.array([2, 2, 2, 1, 1, 1], dtype="i2"))
     found = plan_views(joined, 1, criteria=Criteria(region="below"))
     assert found.poses.tolist() == [7]
@@ -117,7 +108,6 @@ def test_poses_with_few_rays_are_no_candidates() -> None:
         (cube(), 1, {"limits": ViewLimits(displacement_mm=-1)}, "positive limit"),
         (cube(), 1, {"limits": ViewLimits(incidence_deg=91)}, "0 to 90"),
         (cube(), 1, {"criteria": Criteria(min_hits=1001)}, "relax"),
-        (sweep_table([1], [1], [1], [1]), 1, {}, "earlier version"),
     ],
 )
 def test_what_cannot_be_chosen_is_refused(

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import drjit as dr
 import pytest
+
+from validation.inputs.small_scenes import ball_in_shells
 
 
 @pytest.fixture
@@ -15,3 +18,9 @@ def kernel_history() -> Iterator[Any]:
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
         dr.kernel_history_clear()
         yield lambda: [k for k in dr.kernel_history() if k["type"] == dr.KernelType.JIT]
+
+
+@pytest.fixture
+def shapes(tmp_path: Path) -> dict[str, Any]:
+    """A ball of 10 mm in three shells of hot air."""
+    return ball_in_shells(tmp_path)

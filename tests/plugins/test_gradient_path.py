@@ -13,7 +13,6 @@ import pyvista as pv
 import trimesh
 from attrs import evolve
 
-from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.path_data import FIELD_FILE, cells_of, load_field_file, save_field_file
@@ -26,16 +25,12 @@ from iriftrace.scene.write import write_scene
 from iriftrace.shells.contour import contour_shells
 from iriftrace.trace.rays import is_inside, trace_rays
 from iriftrace.trace.render import render_scene
+from validation.inputs.cameras import camera_at
 from validation.inputs.shell_fields import AMBIENT, HOTTEST, field_of, hexahedra, sphere_field
 
 pytestmark = pytest.mark.usefixtures("variant")
 
-CAMERA = Camera(
-    focal_length_mm=10.0,
-    sensor_mm=(6.0, 5.0),
-    resolution=(192, 160),
-    matrix=look_at((0.0, -60.0, 5.0), (0.0, 0.0, 0.0)),
-)
+CAMERA = camera_at((0.0, -60.0, 5.0), resolution=(192, 160))
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,12 +13,13 @@ from iriftrace.image.aov_image import CHANNELS, Status
 from iriftrace.part.part import part_of_mesh
 from iriftrace.scenes.analytic import concentric_cylinders, slab
 from iriftrace.trace.rays import trace_rays
+from validation.inputs.cameras import camera_at
 from validation.inputs.scene_rays import loaded
 from validation.inputs.small_scenes import (
     AMBIENT,
     HOT,
+    ball_in_shells,
     camera,
-    camera_in_numpy,
     channels,
     film,
     nested_spheres,
@@ -34,22 +34,13 @@ from validation.inputs.small_scenes import (
 pytestmark = pytest.mark.usefixtures("variant")
 
 
-def shapes(folder: Path) -> dict[str, Any]:
-    """A ball of 10 mm in three closed shells."""
-    indices = tuple(np.linspace(AMBIENT, HOT, 4))
-    return {
-        "part": part(folder, sphere(10.0)),
-        **nested_spheres(folder, (20.0, 16.0, 13.0), indices),
-    }
-
-
 def status(pixels: dict[str, np.ndarray]) -> np.ndarray:
     return pixels["status.code"].astype(int)
 
 
 def impact_parameter() -> np.ndarray:
     """(40, 48) array, mm: distance of each pixel's straight ray from the origin."""
-    origins, directions = camera_in_numpy().rays()
+    origins, directions = camera_at().rays()
     return np.linalg.norm(np.cross(origins, directions), axis=1).reshape(40, 48)
 
 
@@ -62,7 +53,7 @@ def test_missed_and_good(tmp_path: Path) -> None:
 
     An icosphere of 1280 faces lies up to 0.6 % inside its sphere.
     """
-    codes = status(channels(scene(shapes(tmp_path))))
+    codes = status(channels(scene(ball_in_shells(tmp_path))))
     near = impact_parameter()
     assert (codes[near > 10] == Status.MISSED).all()
     assert (codes[near < 9.9] == Status.GOOD).all()
@@ -72,7 +63,7 @@ def test_out_of_focus(tmp_path: Path) -> None:
     """By the length of the straight ray, at both ends of the interval; the hits stay."""
     near, far = 91.0, 95.0
     sensor = camera(focus_near=near, focus_far=far)
-    pixels = channels(scene(shapes(tmp_path), sensor))
+    pixels = channels(scene(ball_in_shells(tmp_path), sensor))
     codes = status(pixels)
     hit = pixels["part.face"] > 0
     length = np.linalg.norm(vector(pixels, "straight") - (0, -100, 0), axis=-1)
@@ -87,10 +78,10 @@ def test_out_of_focus(tmp_path: Path) -> None:
 def test_blocked_by_another_object(tmp_path: Path) -> None:
     """Where a board is in the way of the straight ray; it may or may not have an id."""
     board = ply(tmp_path / "board.ply", box((30, 1, 8), (0, -50, 0)), bsdf={"type": "diffuse"})
-    pixels = channels(scene({**shapes(tmp_path), "fixture": board}))
+    pixels = channels(scene({**ball_in_shells(tmp_path), "fixture": board}))
     codes = status(pixels)
     # The board is 8 mm high, its near face 49.5 mm away: +-4 mm there are +-8.08 mm at the ball.
-    _, directions = camera_in_numpy().rays()
+    _, directions = camera_at().rays()
     at_board = (directions[:, (0, 2)] / directions[:, 1:2] * 49.5).reshape(40, 48, 2)
     behind = (np.abs(at_board) < (15, 4)).all(axis=-1)
     np.testing.assert_array_equal(codes[behind], Status.BLOCKED)
@@ -138,7 +129,7 @@ def test_blocked_for_the_refracted_ray_alone(tmp_path: Path) -> None:
 def test_gave_up_at_the_crossing_limit(tmp_path: Path) -> None:
     """Three crossings lead to the ball: a limit of three stops a ray at the third."""
     for limit, expected in ((1, Status.GAVE_UP), (3, Status.GAVE_UP), (4, Status.GOOD)):
-        pixels = channels(scene(shapes(tmp_path), max_crossings=limit))
+        pixels = channels(scene(ball_in_shells(tmp_path), max_crossings=limit))
         hit = pixels["part.face"] > 0
         np.testing.assert_array_equal(status(pixels)[hit], expected)
         np.testing.assert_array_equal(pixels["path.crossings"][hit], min(limit, 3))
@@ -289,7 +280,7 @@ def test_open_boundary_counts_rays_that_enter_through_the_open_end(tmp_path: Pat
     pixels = dict(zip(CHANNELS, np.array(tensor), strict=True))
     good = status(pixels) == Status.GOOD
     assert Status.INDEX_MISMATCH not in status(pixels)
-    origins, directions = (v.reshape(40, 48, 3) for v in camera_in_numpy(place).rays())
+    origins, directions = (v.reshape(40, 48, 3) for v in camera_at(place).rays())
     share = (30.0 - origins[..., 0]) / directions[..., 0]
     at_end = origins + share[..., None] * directions
     radius = np.hypot(at_end[..., 1], at_end[..., 2])
@@ -305,7 +296,7 @@ def test_open_boundary_counts_rays_that_enter_through_the_open_end(tmp_path: Pat
 def test_order_of_the_codes(tmp_path: Path) -> None:
     """2 before 7 and 6, 6 before 3 to 5: the first that applies of 1, 2, 7, 6, 3, 4, 5, 0."""
     far = camera(focus_far=50.0)
-    pixels = channels(scene(shapes(tmp_path), far, max_crossings=1))
+    pixels = channels(scene(ball_in_shells(tmp_path), far, max_crossings=1))
     hit = pixels["part.face"] > 0
     np.testing.assert_array_equal(status(pixels)[hit], Status.OUT_OF_FOCUS)
     hollow = nested_spheres(tmp_path, (20.0,), (1.2, 1.0), subdivisions=4)

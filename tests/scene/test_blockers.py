@@ -21,6 +21,7 @@ from iriftrace.part.part import part_of_mesh, save_part
 from iriftrace.part.shapes.board import Board
 from iriftrace.scene.outline import blocker_surfaces
 from validation.inputs import hot_block
+from validation.inputs.cameras import camera_at
 
 pytestmark = [
     pytest.mark.usefixtures("variant"),
@@ -33,13 +34,7 @@ BEHIND = np.array(((1.0, 0, 0, 0), (0, 0, -1.0, 60.0), (0, 1.0, 0, 0), (0, 0, 0,
 
 BOARD = Board((60.0, 60.0), 4.0).part.transformed(BEHIND)
 
-CAMERA = iriftrace.Camera(
-    focal_length_mm=20.0,
-    sensor_mm=(6.0, 5.0),
-    resolution=(48, 40),
-    focus_mm=(50.0, 250.0),
-    matrix=iriftrace.look_at((0.0, -90.0, 3.0), (0.0, 0.0, 3.0)),
-)
+CAMERA = camera_at((0.0, -90.0, 3.0), (0.0, 0.0, 3.0), focal_length_mm=20.0, focus_mm=(50.0, 250.0))
 
 
 @pytest.fixture(scope="module")

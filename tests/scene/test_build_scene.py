@@ -41,7 +41,12 @@ def test_python_and_command_give_the_same_files(folder: Path) -> None:
     field = iriftrace.read_field(folder / "air.vtu")
     part = iriftrace.read_part(folder / "block.stl")
     built = iriftrace.build_scene(
-        field, part, CAMERA, folder / "python" / "scene.xml", layers=5, scale=1.0
+        field,
+        part,
+        CAMERA,
+        folder / "python" / "scene.xml",
+        iriftrace.SceneSettings(scale=1.0),
+        layers=5,
     )
     scene = iriftrace.load_scene(built)
     iriftrace.render_scene(scene).save(folder / "python.exr")
@@ -80,7 +85,7 @@ def test_objects_show_themselves_in_one_line(folder: Path, tmp_path: Path) -> No
     field = iriftrace.read_field(folder / "air.vtu")
     part = iriftrace.read_part(folder / "block.stl")
     shells = iriftrace.contour_shells(field, 2)
-    built = iriftrace.build_scene(field, part, CAMERA, tmp_path / "s.xml", shells=shells, scale=0.5)
+    built = iriftrace.build_scene(field, part, CAMERA, tmp_path / "s.xml", shells=shells)
     scene = iriftrace.load_scene(built)
     rendering = iriftrace.render_scene(scene)
     shown = {

@@ -10,8 +10,6 @@ import pytest
 import trimesh
 from attrs import evolve
 
-from iriftrace.camera.camera import Camera
-from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import part_of_mesh
 from iriftrace.scene.load import load_scene
@@ -23,16 +21,12 @@ from iriftrace.shells.hessian import HESSIAN_AXES, PLY_COLUMNS
 from iriftrace.shells.stack import ShellStack
 from iriftrace.trace.rays import trace_rays
 from iriftrace.trace.render import render_scene
+from validation.inputs.cameras import camera_at
 from validation.inputs.shell_fields import sphere_field
 
 pytestmark = pytest.mark.usefixtures("variant")
 
-CAMERA = Camera(
-    focal_length_mm=10.0,
-    sensor_mm=(6.0, 5.0),
-    resolution=(120, 100),
-    matrix=look_at((0.0, -60.0, 5.0), (0.0, 0.0, 0.0)),
-)
+CAMERA = camera_at((0.0, -60.0, 5.0), resolution=(120, 100))
 FIELD = sphere_field(12)
 BALL = trimesh.creation.icosphere(2, 4.0)
 PART = part_of_mesh(BALL.vertices, BALL.faces, name="ball")

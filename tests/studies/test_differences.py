@@ -10,7 +10,7 @@ from iriftrace.image.differences import Hits, compare, displacement_statistics
 
 
 def hits(displacement: np.ndarray, good: np.ndarray, hit: np.ndarray | None = None) -> Hits:
-    return Hits(displacement, good, good if hit is None else hit, shells=2, triangles=20)
+    return Hits(displacement, good, good if hit is None else hit)
 
 
 def test_distances_of_matched_rays_give_the_statistics() -> None:

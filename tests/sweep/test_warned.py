@@ -63,7 +63,3 @@ def test_each_flag_has_its_own_reason(
         if column.any()
     }
     assert given == expected
-
-
-def test_an_older_sweep_warns_of_nothing() -> None:
-    assert not warned_of(counted(rays_hit=[100.0])).any()

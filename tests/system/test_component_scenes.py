@@ -12,6 +12,7 @@ from iriftrace.cli import main
 from iriftrace.part.part import read_part
 from iriftrace.part.shapes.bevel_gear import TOOTH, bevel_gear
 from iriftrace.scene.write import write_scene
+from iriftrace.scene.xml import SceneSettings
 from iriftrace.scenes import folder_of, shells_of
 from iriftrace.scenes.components import COMPONENTS, LAYERS, TOOTH_NUMBER, TOOTH_SCENE, write_tooth
 from iriftrace.shells.files import load_shells
@@ -34,7 +35,12 @@ def test_a_scene_is_what_its_script_writes(name: str, tmp_path: Path) -> None:
     assert stack.source.origin == component.field_origin
     assert stack.triangles == pytest.approx(component.triangles, rel=0.01)
     xml = write_scene(
-        tmp_path, made, stack, component.camera(), scale=component.scale, paraview=False
+        tmp_path,
+        made,
+        stack,
+        component.camera(),
+        SceneSettings(scale=component.scale),
+        paraview=False,
     )
     assert xml.read_text() == (folder / "scene.xml").read_text()
     size = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())

@@ -168,19 +168,7 @@ def test_the_report_holds_what_plan_prints(sweep: Path, tmp_path: Path, run: Run
     assert list(tmp_path.iterdir()) == [file]
 
 
-def test_an_older_sweep_has_no_faces_and_a_lost_scene_no_refinement(
-    sweep: Path,
-    scene: Path,
-    tmp_path: Path,
-    run: Run,
-    fails: Failing,
-) -> None:
-    with xr.open_dataset(sweep, engine="h5netcdf") as data:
-        old = data.load().drop_dims(["face", "sighting"]).drop_vars("sightings")
-    old.to_netcdf(tmp_path / "old.nc", engine="h5netcdf")
-    assert "which faces each pose sees" in fails("plan", tmp_path / "old.nc", "--views=2")
-    run("plan", tmp_path / "old.nc")
-
+def test_a_lost_scene_has_no_refinement(scene: Path, tmp_path: Path, fails: Failing) -> None:
     moved = tmp_path / "moved.nc"
     assert main(["sweep", str(scene), "-o", str(moved), "--azimuth=0:90:2"]) == 0
     scene.write_text(scene.read_text() + "<!-- edited -->")

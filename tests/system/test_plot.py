@@ -10,11 +10,10 @@ import xarray as xr
 
 from iriftrace.cli import main
 from iriftrace.figures import sweep as sweep_figures
-from iriftrace.planning.summary import extreme_images
+from iriftrace.planning.summary import extreme_images, summarise
 from iriftrace.runtime import doctor
 from iriftrace.sweep.store import read_sweep
 from validation.inputs.hot_block import HotBlock
-from validation.inputs.sweep_tables import summary_of
 
 METRICS = ("displacement", "coverage", "axial", "lateral", "score")
 VECTOR = {*(f"map_{key}" for key in METRICS), "histograms", "histograms_normalised"}
@@ -83,7 +82,7 @@ def test_a_sweep_whose_scene_is_gone_is_drawn_without_it(
 def test_views_that_were_not_kept_are_rendered_again(sweep: Path, tmp_path: Path) -> None:
     """Away from its EXRs the sweep gives the same images of the extreme views, bit for bit."""
     dataset = read_sweep(sweep)
-    summary = summary_of(dataset)
+    summary = summarise(dataset)
     kept = dict(extreme_images(dataset, summary, sweep.parent))
     again = dict(extreme_images(dataset, summary, tmp_path))
     assert set(kept) == set(again) == {"best", "smallest", "largest"}

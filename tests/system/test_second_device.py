@@ -15,6 +15,8 @@ from iriftrace.scenes import folder_of
 from iriftrace.scenes.bundled import FRINGE_SCENE, write_fringe
 from validation.inputs import hot_block
 
+pytestmark = pytest.mark.usefixtures("variant")
+
 CAMERA = ["--origin=60,-45,70", "--resolution=120,100", "--scale=0.5", "--sensor=6,5"]
 LENS = ["--focal-length=20", "--layers=3"]
 
@@ -35,7 +37,6 @@ def words(tmp_path: Path) -> list[str]:
     return ["scene", str(field), str(part), "-o", scene, *CAMERA, *LENS]
 
 
-@pytest.mark.usefixtures("variant")
 def test_the_printed_command_measures(words: list[str], capsys: Printed) -> None:
     """The second device looks at the part's centre, as the camera does, through the same lens."""
     assert main([*words, "--second=75,-20,70", "--system=stereo"]) == 0
@@ -53,7 +54,6 @@ def test_the_printed_command_measures(words: list[str], capsys: Printed) -> None
     assert numbers["points"]["measured"] > 100
 
 
-@pytest.mark.usefixtures("variant")
 def test_the_second_device_is_sharp_to_the_parts_end(words: list[str]) -> None:
     """As the default camera is; a focus that is given holds for both."""
     assert main([*words, "--second=150,-140,240"]) == 0
@@ -64,7 +64,6 @@ def test_the_second_device_is_sharp_to_the_parts_end(words: list[str]) -> None:
     assert load_scene(words[4]).second.focus_mm == (50.0, 260.0)
 
 
-@pytest.mark.usefixtures("variant")
 def test_a_calibration_gives_the_projector_its_lens_and_place(
     words: list[str], tmp_path: Path
 ) -> None:
@@ -96,7 +95,6 @@ def test_a_camera_without_a_pose_stands_nowhere_beside_the_second_device(
     assert load_scene(words[4]).camera.focus_mm[1] > 400.0
 
 
-@pytest.mark.usefixtures("variant")
 def test_devices_out_of_focus_are_told_so(words: list[str], capsys: Printed) -> None:
     """They see the same side, so that pointing them there would not help."""
     assert main([*words, "--second=75,-20,70", "--focus=20:40"]) == 0
@@ -109,7 +107,6 @@ def test_the_script_writes_the_bundled_scene(tmp_path: Path) -> None:
     assert written.read_text() == (folder_of(FRINGE_SCENE) / "scene.xml").read_text()
 
 
-@pytest.mark.usefixtures("variant")
 def test_the_demo_ends_with_the_diameter(tmp_path: Path, capsys: Printed) -> None:
     """A hot cylinder measures too small: air of n < n0 near the wall bends lines towards the cold.
 

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from attrs import evolve
 
-from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.image.aov_image import Status
@@ -29,19 +28,14 @@ from iriftrace.triangulation.correct import correct
 from iriftrace.triangulation.correction import CorrectionStatus
 from iriftrace.triangulation.measure import measure
 from iriftrace.triangulation.scan import ScanStatus
+from validation.inputs.cameras import camera_at
 from validation.oracles.closed_forms import RoundAir
 
 pytestmark = pytest.mark.usefixtures("variant")
 
 BUNDLED = folder_of("cylinder") / "scene.xml"
 ABOVE = [
-    Camera(
-        focal_length_mm=10.0,
-        sensor_mm=(6.7, 5.6),
-        resolution=(122, 102),
-        matrix=look_at((x, 1.0, 250.0), (0.0, 0.0, 0.0)),
-    )
-    for x in (-40.0, 40.0)
+    camera_at((x, 1.0, 250.0), sensor_mm=(6.7, 5.6), resolution=(122, 102)) for x in (-40.0, 40.0)
 ]
 SIDE = [
     evolve(camera, matrix=look_at((x, -230.0, 0.0), (0.0, 0.0, 0.0)))

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from attrs import evolve
 
-from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import CHANNELS, Status, read_exr
@@ -24,16 +23,13 @@ from iriftrace.scenes.analytic import slab
 from iriftrace.shells.stack import Shell, ShellStack
 from iriftrace.trace.rays import trace_rays
 from iriftrace.trace.render import render_scene
+from validation.inputs.cameras import camera_at
 from validation.inputs.small_scenes import sphere
 
 pytestmark = pytest.mark.usefixtures("variant")
 
-CAMERA = Camera(
-    focal_length_mm=10.0,
-    sensor_mm=(6.7, 5.6),
-    resolution=(152, 128),
-    focus_mm=(50.0, 250.0),
-    matrix=look_at((0.0, -120.0, 60.0), (0.0, 0.0, 0.0)),
+CAMERA = camera_at(
+    (0.0, -120.0, 60.0), sensor_mm=(6.7, 5.6), resolution=(152, 128), focus_mm=(50.0, 250.0)
 )
 INDICES = (2.72e-4, 2.4e-4, 2.1e-4, 1.8e-4)
 

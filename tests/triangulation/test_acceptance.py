@@ -10,7 +10,6 @@ import pytest
 from attrs import evolve
 
 from iriftrace.camera.camera import Camera
-from iriftrace.camera.pose import look_at
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part, part_of_mesh
@@ -20,6 +19,7 @@ from iriftrace.part.shapes.reference import ball_bar, plate, sphere
 from iriftrace.scenes.analytic import slab
 from iriftrace.triangulation.acceptance import acceptance
 from iriftrace.triangulation.measure import measure
+from validation.inputs.cameras import camera_at
 from validation.inputs.scene_rays import loaded
 from validation.oracles.closed_forms import RoundAir, slab_pair_error_um
 
@@ -30,11 +30,12 @@ SAGITTA_MM = 12.5 * (1 - np.cos(np.pi / 240))
 def device(angle_deg: float, field_mm: float, pixels: int) -> Camera:
     """300 mm from the origin, at an angle to the vertical."""
     angle = np.radians(angle_deg)
-    return Camera(
+    return camera_at(
+        (300 * np.sin(angle), 0.1, 300 * np.cos(angle)),
+        up=(0, 1, 0),
         focal_length_mm=300.0,
         sensor_mm=(field_mm, field_mm),
         resolution=(pixels, pixels),
-        matrix=look_at((300 * np.sin(angle), 0.1, 300 * np.cos(angle)), (0, 0, 0), up=(0, 1, 0)),
     )
 
 

@@ -15,7 +15,6 @@ import pytest
 import pyvista as pv
 from attrs import evolve
 
-from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import Distortion
 from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError, IriftraceWarning
@@ -35,14 +34,10 @@ from iriftrace.triangulation.correction import CorrectionStatus
 from iriftrace.triangulation.measure import measure
 from iriftrace.triangulation.scan import Scan, ScanStatus
 from validation.inputs import hot_block
+from validation.inputs.cameras import camera_at
 
 DEVICES = [
-    Camera(
-        focal_length_mm=10.0,
-        sensor_mm=(6.7, 5.6),
-        resolution=(122, 102),
-        matrix=look_at((x, -190.0, -110.0), (0.0, 0.0, 0.0)),
-    )
+    camera_at((x, -190.0, -110.0), sensor_mm=(6.7, 5.6), resolution=(122, 102))
     for x in (-35.0, 35.0)
 ]
 
@@ -140,15 +135,7 @@ def test_order_and_number_of_the_points_do_not_matter(
 
 def test_where_the_field_does_not_reach_points_stay(variant: str, tmp_path: Path) -> None:
     """A file with the half y > 0 of the air around a block: lines to its other side meet none."""
-    camera, second = (
-        Camera(
-            focal_length_mm=20.0,
-            sensor_mm=(6.0, 5.0),
-            resolution=(48, 40),
-            matrix=look_at((x, -60.0, 90.0), (0.0, 0.0, 0.0)),
-        )
-        for x in (-25.0, 25.0)
-    )
+    camera, second = (camera_at((x, -60.0, 90.0), focal_length_mm=20.0) for x in (-25.0, 25.0))
     air, part_file = hot_block.save(tmp_path)
     part, whole = read_part(part_file), pv.read(air)
     behind = np.flatnonzero(np.asarray(whole.cell_centers().points)[:, 1] > 0)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from iriftrace.camera.camera import Camera
-from iriftrace.camera.pose import look_at
 from iriftrace.features.fit import fit_feature
 from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.scene.load import load_scene
@@ -14,6 +13,7 @@ from iriftrace.scenes import folder_of
 from iriftrace.trace.rays import trace_rays
 from iriftrace.triangulation.first_order import first_order_error, first_order_size
 from iriftrace.triangulation.measure import measure
+from validation.inputs.cameras import camera_at
 
 J_MM = 2.5e-3
 """Integral of n0 - n over the height of the layers."""
@@ -21,12 +21,7 @@ J_MM = 2.5e-3
 
 def device(slope: float) -> Camera:
     """A camera 300 mm above the origin, at x = slope x 300 mm, whose columns run along y."""
-    return Camera(
-        focal_length_mm=10.0,
-        sensor_mm=(6.0, 5.0),
-        resolution=(120, 100),
-        matrix=look_at((300.0 * slope, 0.0, 300.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
-    )
+    return camera_at((300.0 * slope, 0.0, 300.0), up=(0.0, 1.0, 0.0), resolution=(120, 100))
 
 
 def offset(slope: float) -> np.ndarray:

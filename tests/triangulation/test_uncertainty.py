@@ -14,15 +14,14 @@ import pyvista as pv
 from attrs import evolve
 
 from iriftrace.air.refractivity import Air
-from iriftrace.camera.camera import Camera
-from iriftrace.camera.pose import look_at
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
 from iriftrace.field.source import FieldFacts, FieldKind
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.member_weights import MemberWeights
-from iriftrace.scene.write_ensemble import MemberAir, write_ensemble_scene
+from iriftrace.scene.write import MemberAir, write_ensemble_scene
+from iriftrace.scene.xml import SceneSettings
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import slab
 from iriftrace.triangulation.correct import correct
@@ -31,20 +30,17 @@ from iriftrace.triangulation.field_state import field_state
 from iriftrace.triangulation.measure import measure
 from iriftrace.triangulation.scan import ScanStatus
 from validation.inputs import hot_block
+from validation.inputs.cameras import camera_at
 from validation.inputs.shell_fields import scaled
 
 SHARES = np.array((-0.1, 0.0, 0.15))
 """How much more the index differs from ambient in each member than in the undisturbed."""
 
 CAMERA, PROJECTOR = (
-    Camera(
-        focal_length_mm=20.0,
-        sensor_mm=(6.0, 5.0),
-        resolution=(30, 25),
-        matrix=look_at((x, 1.0, 150.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
-    )
+    camera_at((x, 1.0, 150.0), up=(0.0, 1.0, 0.0), focal_length_mm=20.0, resolution=(30, 25))
     for x in (-60.0, 40.0)
 )
+TWO = SceneSettings(scale=1.0, second=PROJECTOR)
 
 Printed = pytest.CaptureFixture[str]
 
@@ -55,7 +51,7 @@ def three(variant: str, tmp_path_factory: pytest.TempPathFactory) -> LoadedScene
     part, stack = slab(5)
     airs = (MemberAir(f"share {share}", None, scaled(stack, share)) for share in SHARES)
     xml, _ = write_ensemble_scene(
-        tmp_path_factory.mktemp("three"), part, airs, CAMERA, paraview=False, second=PROJECTOR
+        tmp_path_factory.mktemp("three"), part, airs, CAMERA, TWO, paraview=False
     )
     return load_scene(xml, variant=variant)
 
@@ -106,7 +102,7 @@ def test_weights_on_disk_are_those_of_the_mean(variant: str, tmp_path: Path) -> 
         MemberAir("a", None, scaled(stack, share), weight=2 * weight)
         for share, weight in zip(SHARES, given, strict=True)
     ]
-    xml, _ = write_ensemble_scene(folder, part, airs, CAMERA, paraview=False, second=PROJECTOR)
+    xml, _ = write_ensemble_scene(folder, part, airs, CAMERA, TWO, paraview=False)
     table = folder / "members" / "members.json"
     listed = json.loads(table.read_text())
     assert [row["weight"] for row in listed["members"]] == pytest.approx(given.tolist())
@@ -157,9 +153,7 @@ def test_what_scatters_by_more_than_itself_is_not_taken_out(
     """Contrasts of -1, 0.1 and 1.2: their mean is 0.1, their standard deviation 1.1."""
     part, stack = slab(5)
     airs = (MemberAir(f"{share}", None, scaled(stack, share)) for share in (-2.0, -0.9, 0.2))
-    xml, _ = write_ensemble_scene(
-        tmp_path / "vague", part, airs, CAMERA, paraview=False, second=PROJECTOR
-    )
+    xml, _ = write_ensemble_scene(tmp_path / "vague", part, airs, CAMERA, TWO, paraview=False)
     points = measure(three).points
     with pytest.raises(InputError, match=f"{len(points)} have a correction less.* too different"):
         correct(points, load_scene(xml, variant=variant))

@@ -19,12 +19,10 @@ from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field
 from iriftrace.part.part import Part, part_of_mesh, save_part
 from iriftrace.trace.rays import trace_rays
+from validation.inputs.cameras import camera_at
 
-CAMERA = iriftrace.Camera(
-    focal_length_mm=25.0,
-    sensor_mm=(8.0, 6.0),
-    resolution=(8, 6),
-    matrix=iriftrace.look_at((0.0, -500.0, 0.0), (0.0, 0.0, 0.0)),
+CAMERA = camera_at(
+    (0.0, -500.0, 0.0), focal_length_mm=25.0, sensor_mm=(8.0, 6.0), resolution=(8, 6)
 )
 """Camera far from the hot air, needed for a scene; the rays do not start from it."""
 

@@ -8,7 +8,6 @@ import numpy as np
 import pyvista as pv
 from attrs import evolve
 
-from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.core.arrays import FloatArray
 from iriftrace.field.index_field import IndexField
@@ -18,6 +17,7 @@ from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.shapes.board import Board
 from iriftrace.scene.scene import Scene
 from iriftrace.trace.rays import trace_rays
+from validation.inputs.cameras import camera_at
 from validation.inputs.hot_block import AMBIENT, HALF, block
 
 UPRIGHT = np.array(((1.0, 0, 0, 0), (0, 0, -1.0, 60.0), (0, 1.0, 0, 12.0), (0, 0, 0, 1.0)))
@@ -28,11 +28,8 @@ ACROSS = np.array(((0, 0, 1.0, -60.0), (1.0, 0, 0, 0), (0, 1.0, 0, 12.0), (0, 0,
 
 BOARD = Board((70.0, 70.0), 1.5)
 
-BOARD_CAMERA = Camera(
-    focal_length_mm=20.0,
-    sensor_mm=(6.0, 5.0),
-    resolution=(2400, 2000),
-    matrix=look_at((0.0, -130.0, 10.0), (0.0, 0.0, 10.0)),
+BOARD_CAMERA = camera_at(
+    (0.0, -130.0, 10.0), (0.0, 0.0, 10.0), focal_length_mm=20.0, resolution=(2400, 2000)
 )
 
 CAMERA_ACROSS = evolve(
@@ -42,12 +39,7 @@ CAMERA_ACROSS = evolve(
 )
 
 LEEWARD = tuple(
-    Camera(
-        focal_length_mm=20.0,
-        sensor_mm=(6.0, 5.0),
-        resolution=(36, 30),
-        matrix=look_at(place, (0.0, 0.0, 5.0)),
-    )
+    camera_at(place, (0.0, 0.0, 5.0), focal_length_mm=20.0, resolution=(36, 30))
     for place in ((55.0, -25.0, 70.0), (55.0, 25.0, 70.0))
 )
 

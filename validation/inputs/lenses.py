@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import Distortion
-from iriftrace.camera.pose import look_at
+from validation.inputs.cameras import camera_at
 
 LENSES = {
     "barrel": Distortion.of_sequence((-0.25, 0.1, 1e-3, -2e-3, -0.02)),
@@ -17,11 +17,11 @@ LENSES = {
 
 def lens_camera(lens: Distortion | None) -> Camera:
     """The paper's camera, principal point off the centre, with a lens."""
-    return Camera(
-        focal_length_mm=10.0,
+    return camera_at(
+        (150.0, -100.0, 120.0),
+        (3.0, -2.0, 1.0),
         sensor_mm=(6.7, 5.6),
         resolution=(2448, 2048),
         principal_point_px=(1209.5, 1030.5),
-        matrix=look_at((150.0, -100.0, 120.0), (3.0, -2.0, 1.0)),
         distortion=lens,
     )

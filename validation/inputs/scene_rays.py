@@ -5,19 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from iriftrace.camera.camera import Camera
-from iriftrace.camera.pose import look_at
 from iriftrace.part.part import Part
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.write import write_scene
 from iriftrace.shells.stack import ShellStack
+from validation.inputs.cameras import camera_at
 
-ANY_CAMERA = Camera(
-    focal_length_mm=10.0,
-    sensor_mm=(6.7, 5.6),
-    resolution=(153, 128),
-    matrix=look_at((0.0, -200.0, 150.0), (0.0, 0.0, 0.0)),
-)
+ANY_CAMERA = camera_at((0.0, -200.0, 150.0), sensor_mm=(6.7, 5.6), resolution=(153, 128))
 
 
 def loaded(

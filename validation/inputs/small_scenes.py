@@ -12,8 +12,6 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from iriftrace.camera.camera import Camera
-from iriftrace.camera.pose import look_at
 from iriftrace.image.aov_image import CHANNELS
 from iriftrace.shells.files import write_shell
 
@@ -78,6 +76,15 @@ def nested_spheres(
     return shapes
 
 
+def ball_in_shells(folder: Path) -> dict[str, Any]:
+    """A ball of 10 mm in three closed shells of hot air."""
+    indices = (1.000272, 1.00024, 1.00021, 1.00018)
+    return {
+        "part": part(folder, sphere(10.0)),
+        **nested_spheres(folder, (20.0, 16.0, 13.0), indices),
+    }
+
+
 def film(width: int = 48, height: int = 40, **more: Any) -> dict[str, Any]:
     """The film that first_hit needs."""
     return {
@@ -110,22 +117,6 @@ def camera(
         "film": film or globals()["film"](),
         **more,
     }
-
-
-def camera_in_numpy(
-    origin: tuple[float, float, float] = (0.0, -100.0, 0.0),
-    target: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    resolution: tuple[int, int] = (48, 40),
-    **more: Any,
-) -> Camera:
-    """The same camera, described without Mitsuba."""
-    return Camera(
-        focal_length_mm=10.0,
-        sensor_mm=(6.0, 5.0),
-        resolution=resolution,
-        matrix=look_at(origin, target),
-        **more,
-    )
 
 
 def scene(shapes: dict[str, Any], sensor: Any = None, **integrator: Any) -> Any:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from iriftrace.camera.camera import Camera
-from iriftrace.camera.pose import look_at
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field
 from iriftrace.part.part import read_part
 from iriftrace.scene.hot_air import HotAir
 from iriftrace.scene.scene import Scene
 from validation.inputs import hot_block
+from validation.inputs.cameras import camera_at
 
 
 def field_and_scene(folder: Path, variant: str, cells: int = 18) -> tuple[IndexField, Scene]:
@@ -19,12 +18,8 @@ def field_and_scene(folder: Path, variant: str, cells: int = 18) -> tuple[IndexF
     _, part = hot_block.save(folder)
     air = folder / f"air_{cells}.vtu"
     hot_block.air(cells).save(air)
-    camera = Camera(
-        focal_length_mm=20.0,
-        sensor_mm=(6.0, 5.0),
-        resolution=(60, 50),
-        focus_mm=(50.0, 250.0),
-        matrix=look_at((60.0, -45.0, 70.0), (0.0, 0.0, 0.0)),
+    camera = camera_at(
+        (60.0, -45.0, 70.0), focal_length_mm=20.0, resolution=(60, 50), focus_mm=(50.0, 250.0)
     )
     field = read_field(air)
     return field, Scene(read_part(part), HotAir(field), camera, variant=variant)

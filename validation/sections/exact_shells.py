@@ -8,14 +8,13 @@ import numpy as np
 from attrs import evolve
 from numpy.typing import NDArray
 
-from iriftrace.camera.camera import Camera
-from iriftrace.camera.pose import look_at
 from iriftrace.plugins.first_hit import BENDING
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import concentric_cylinders, slab
 from iriftrace.trace.rays import RayHits, trace_rays
 from validation.curves import draw_convergence
+from validation.inputs.cameras import camera_at
 from validation.inputs.parts import cylinder_fine_at
 from validation.line import Line, Section, relative
 from validation.oracles.closed_forms import CYLINDER_UM, RADIUS_MM, SLAB_SHIFT_UM, RoundAir
@@ -36,12 +35,7 @@ ORDER_LAYERS = (13, 26)
 DRAWN_LAYERS = (7, 13, 26, 50, 100, 200)
 LENGTH_MM = 60.0
 PICTURE = "exact.png"
-ANY_CAMERA = Camera(
-    focal_length_mm=10.0,
-    sensor_mm=(6.7, 5.6),
-    resolution=(8, 8),
-    matrix=look_at((0.0, -200.0, 150.0), (0.0, 0.0, 0.0)),
-)
+ANY_CAMERA = camera_at((0.0, -200.0, 150.0), sensor_mm=(6.7, 5.6), resolution=(8, 8))
 
 
 def slab_hits(folder: Path) -> dict[str, RayHits]:

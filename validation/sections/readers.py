@@ -11,7 +11,6 @@ import pyvista as pv
 from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
-from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.field.index_field import IndexField
@@ -28,6 +27,7 @@ from iriftrace.trace.pose_image import pose_image
 from validation.field_files import comsol
 from validation.field_files.openfoam import write_case
 from validation.field_files.openfoam_mesh import Patch
+from validation.inputs.cameras import camera_at
 from validation.line import Line, Section
 
 FloatArray = NDArray[np.float64]
@@ -97,12 +97,7 @@ def _openfoam(folder: Path, grid: pv.UnstructuredGrid) -> Path:
 
 def camera() -> Camera:
     """Looks from below, where the air is closed, at 27 mm of the cylinder's middle."""
-    return Camera(
-        focal_length_mm=10.0,
-        sensor_mm=(1.2, 1.2),
-        resolution=(80, 80),
-        matrix=look_at(tuple(ORIGIN), (0.0, 0.0, 0.0)),
-    )
+    return camera_at(tuple(ORIGIN), sensor_mm=(1.2, 1.2), resolution=(80, 80))
 
 
 def read_all(files: Mapping[str, Path]) -> dict[str, IndexField]:

@@ -11,8 +11,6 @@ import numpy as np
 from attrs import evolve, frozen
 from numpy.typing import NDArray
 
-from iriftrace.camera.camera import Camera
-from iriftrace.camera.pose import look_at
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field
 from iriftrace.geometry.triangles import polydata
@@ -29,6 +27,7 @@ from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.stack import ShellStack
 from iriftrace.studies.mode import Mode, through_cells, through_shells
 from iriftrace.studies.times import rendered
+from validation.inputs.cameras import camera_at
 from validation.line import Line, Section
 
 LAYERS = (40, 80)
@@ -101,12 +100,7 @@ def troubles() -> list[Trouble]:
     shift[2, 3] = -SHIFT_MM
 
     def view(origin: tuple[float, float, float], part: Any = part) -> Scene:
-        camera = Camera(
-            focal_length_mm=10.0,
-            sensor_mm=(6.7, 5.6),
-            resolution=RESOLUTION,
-            matrix=look_at(origin, (0.0, 0.0, 0.0)),
-        )
+        camera = camera_at(origin, sensor_mm=(6.7, 5.6), resolution=RESOLUTION)
         return Scene(part, HotAir(field), camera, variant=ensure())
 
     return [

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from iriftrace.camera.camera import Camera
-from iriftrace.camera.pose import look_at
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scenes.analytic import concentric_cylinders, slab
 from iriftrace.triangulation.correct import correct
 from iriftrace.triangulation.measure import measure
+from validation.inputs.cameras import camera_at
 from validation.inputs.hot_air import (
     cylinder_cells,
     cylinder_medium,
@@ -51,11 +51,13 @@ def device(
 ) -> Camera:
     """A camera or projector that sees 1 mm around its target."""
     distance = float(np.linalg.norm(np.subtract(origin, target)))
-    return Camera(
+    return camera_at(
+        origin,
+        target,
+        up=(1.0, 0.2, 0.3),
         focal_length_mm=distance,
         sensor_mm=(1.0, 1.0),
         resolution=(width, width),
-        matrix=look_at(origin, target, up=(1.0, 0.2, 0.3)),
     )
 
 

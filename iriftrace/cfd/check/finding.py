@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Literal
 
@@ -11,7 +10,7 @@ import pyvista as pv
 from attrs import asdict, frozen
 
 from iriftrace.core.arrays import FloatArray, IntArray
-from iriftrace.core.files import write_whole
+from iriftrace.core.files import write_json
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.field.index_field import IndexField
@@ -54,8 +53,7 @@ class FieldCheck:
     def save(self, path: str | Path) -> Path:
         """Write everything as JSON."""
         content = {"schema": SCHEMA, "verdict": self.verdict, **asdict(self)}
-        text = json.dumps(_plain(content), indent=2, allow_nan=False)
-        write_whole(path, text + "\n")
+        write_json(path, _plain(content))
         return Path(path)
 
 

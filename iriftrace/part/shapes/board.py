@@ -10,7 +10,7 @@ from attrs import evolve, field, frozen
 
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import whole_file
+from iriftrace.core.files import write_whole
 from iriftrace.part.part import Part
 from iriftrace.part.shapes.reference import plate
 from iriftrace.part.shapes.rings import check_less, check_positive
@@ -121,6 +121,5 @@ class Board:
             f"{column},{row},{x:.6g},{y:.6g},{diameter:.6g}"
             for (column, row), (x, y, _), diameter in rows
         ]
-        with whole_file(Path(path)) as temporary:
-            temporary.write_text("\n".join([",".join(COLUMNS), *lines, ""]), encoding="utf-8")
+        write_whole(path, "\n".join([",".join(COLUMNS), *lines, ""]))
         return Path(path)

@@ -1,0 +1,89 @@
+"""Summary of a sweep with known numbers: units, limits, grids and angles of its poses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from iriftrace.camera.orbit import fibonacci_poses, orbit_poses
+from iriftrace.camera.pose_set import PoseSet
+from iriftrace.core.errors import InputError
+from iriftrace.image.aov_image import Status
+from iriftrace.planning.criteria import Criteria
+from iriftrace.planning.summary import SweepSummary, summarise
+from validation.inputs.sweep_tables import AZIMUTHS, ELEVATIONS, EMPTY, GRID, ORBIT, known_sweep
+
+
+@pytest.fixture(scope="module")
+def summary() -> SweepSummary:
+    return summarise(known_sweep())
+
+
+def test_values_come_in_readable_units(summary: SweepSummary) -> None:
+    """mm become um and shares become per cent; what is unknown stays unknown."""
+    known = np.setdiff1d(np.arange(len(GRID)), EMPTY)
+    assert summary.displacement.unit == "µm"
+    assert summary.displacement.values[known] == pytest.approx(1.5**known)
+    assert summary.coverage.label == "Coverage (%)"
+    assert summary.coverage.values[known] == pytest.approx(10 + 30 * known / len(GRID))
+    for quantity in summary.quantities:
+        assert np.flatnonzero(~quantity.known).tolist() == list(EMPTY)
+
+
+def test_limits_are_those_of_the_plan(summary: SweepSummary) -> None:
+    low, high = summary.displacement.limits
+    known = np.setdiff1d(np.arange(len(GRID)), EMPTY)
+    assert low == pytest.approx(1.5)
+    assert high == pytest.approx(np.percentile(1.5**known, 95))
+
+
+def test_only_rays_that_occur_are_counted(summary: SweepSummary) -> None:
+    assert set(summary.rays) == set(Status) - {Status.MISSED, Status.GAVE_UP}
+
+
+def test_poses_with_few_hits_have_no_number() -> None:
+    few = summarise(known_sweep(), Criteria(min_hits=1005))
+    assert np.flatnonzero(~few.displacement.known).tolist() == [0, 1, 2, 3, 4, 6]
+    assert "6 without a rank" in few.subtitle
+
+
+def test_the_pole_stands_for_all_azimuths(summary: SweepSummary) -> None:
+    grid = summary.grid(np.arange(14))
+    assert grid is not None
+    assert grid.tolist() == [
+        [0] * 4,
+        [1, 2, 3, 4],
+        [5, 6, 7, 8],
+        [9, 10, 11, 12],
+        [13] * 4,
+    ]
+
+
+@pytest.mark.parametrize(
+    "poses",
+    [
+        GRID.take(np.delete(np.arange(14), 7)),
+        fibonacci_poses(ORBIT, 12),
+        orbit_poses(ORBIT, [0.0], ELEVATIONS),
+        orbit_poses(ORBIT, AZIMUTHS, [10.0]),
+    ],
+    ids=["a hole", "all around", "one azimuth", "one elevation"],
+)
+def test_other_poses_are_no_grid(poses: PoseSet) -> None:
+    assert summarise(known_sweep(poses, empty=())).grid(np.arange(len(poses))) is None
+
+
+def test_poses_without_angles_get_those_of_their_line_of_sight() -> None:
+    """A camera on +y that looks at the origin has azimuth 90 degrees; straight above, 0 and 90."""
+    poses = orbit_poses(ORBIT, [0.0, 90.0], [0.0, 90.0])
+    found = summarise(known_sweep(PoseSet(poses.matrices), empty=()))
+    assert found.azimuth == pytest.approx([0.0, 90.0, 0.0])
+    assert found.elevation == pytest.approx([0.0, 0.0, 90.0])
+    assert found.angles_of == "of the line of sight"
+
+
+def test_a_table_of_something_else_is_refused() -> None:
+    with pytest.raises(InputError, match="matrix is missing"):
+        summarise(known_sweep().drop_vars("matrix"))
+    with pytest.raises(InputError, match="None of the 14 poses"):
+        summarise(known_sweep(empty=tuple(range(14))))
