@@ -356,14 +356,14 @@ SCENES = [
     ("part.ply", "gone.ply", "gone.ply"),
     ("shell_02.ply", "gone.ply", "gone.ply"),
     ('"iso_shell"', '"iso_shall"', "iso_shall"),
-    ('"focal_length" value="20.0"', '"focal_length" value="0"', "focal"),
+    ('"focal_length" value="20.0"', '"focal_length" value="0"', "Focal length is 0"),
     ('"sensor_width" value="6.0"', '"sensor_width" value="-6"', "sensor|Sensor"),
     ('"focal_length" value="20.0"', '"focal_length" value="f"', '"f"'),
     ('"focal_length" value="20.0"', '"focus" value="1"', "focus|focal_length"),
     ('"focus_far" value="250.0"', '"focus_far" value="60"', "in focus.*60 mm"),
     ('"ext_ior" value="1.0002', '"ext_ior" value="-1.0002', "ext_ior"),
     (ORIGIN, 'origin="600, -450, 700" target="0, 0, 0"', "in focus"),
-    (ORIGIN, 'origin="nan, 0, 0" target="0, 0, 0"', ""),
+    (ORIGIN, 'origin="nan, 0, 0" target="0, 0, 0"', "invalid lookat"),
 ]
 
 
