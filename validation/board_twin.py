@@ -24,11 +24,13 @@ import warnings
 from pathlib import Path
 
 import numpy as np
-from attrs import evolve
+from attrs import evolve, frozen
 
 import iriftrace
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import IriftraceWarning
+from iriftrace.geometry.transform import parse_transform
+from iriftrace.image.measured_shift import MeasuredShift
 from iriftrace.part.shapes.board import Board
 from iriftrace.triangulation.correction import CorrectionStatus
 from validation.inputs.cameras import camera_at
@@ -38,6 +40,9 @@ BOARD = Board((240.0, 240.0), 3.5)
 
 TO_WORLD = np.array(((0, 0, 1.0, -235.0), (1.0, 0, 0, 0), (0, 1.0, 0, 60.0), (0, 0, 0, 1.0)))
 """The board stands across the cylinder's axis, 150 mm behind its end."""
+
+AXIS, LEE, WINDWARD = 0.0, -35.0, 35.0
+"""Turns of board and camera about the vertical, degrees: seen along the axis, or from one side."""
 
 BOARD_CAMERA = camera_at(
     (400.0, 0.0, 60.0),
@@ -56,43 +61,54 @@ STILL = "family/at_0.00"
 FINE = tuple(f"fine/at_0.{w}_from_090" for w in (12, 14, 16, 18))
 COARSE = tuple(f"coarse/at_0.{w}_from_090" for w in (12, 14, 16, 18))
 
-CASES: tuple[tuple[str, tuple[str, ...]], ...] = (
-    ("fine/at_0.15_from_090", FINE),
-    ("fine/at_0.13_from_090", FINE),
-    ("fine/at_0.17_from_090", FINE),
-    ("fine/at_0.15_from_090", tuple(f"fine/at_0.{w}_from_090" for w in (12, 13, 17, 18))),
-    ("fine/at_0.15_from_090", COARSE),
-    ("fine/at_0.13_from_090", COARSE),
-    ("fine/at_0.17_from_090", COARSE),
-    ("fine/at_0.15_from_090", COARSE[1:3]),
-    (
-        "turned/at_0.15_from_085",
-        tuple(f"turned/at_0.{w}_from_{turn}" for turn in ("080", "090") for w in (14, 16)),
-    ),
-    ("turned/at_0.15_from_085", tuple(f"turned/at_0.{w}_from_085" for w in (14, 16))),
-    ("strong/field", COARSE),
-    ("second/field", COARSE),
+
+@frozen
+class Case:
+    """Files of the truth and of the members, and from where the boards are seen."""
+
+    truth: str
+    members: tuple[str, ...]
+    turns: tuple[float, ...] = (AXIS,)
+
+
+TURNED = tuple(f"turned/at_0.{w}_from_{turn}" for turn in ("080", "090") for w in (14, 16))
+
+CASES = (
+    Case("fine/at_0.15_from_090", FINE),
+    Case("fine/at_0.13_from_090", FINE),
+    Case("fine/at_0.17_from_090", FINE),
+    Case("fine/at_0.15_from_090", tuple(f"fine/at_0.{w}_from_090" for w in (12, 13, 17, 18))),
+    Case("fine/at_0.15_from_090", COARSE),
+    Case("fine/at_0.13_from_090", COARSE),
+    Case("fine/at_0.17_from_090", COARSE),
+    Case("fine/at_0.15_from_090", COARSE[1:3]),
+    Case("turned/at_0.15_from_085", TURNED),
+    Case("turned/at_0.15_from_085", TURNED, (LEE,)),
+    Case("turned/at_0.15_from_085", TURNED, (LEE, WINDWARD)),
+    Case("turned/at_0.15_from_085", tuple(f"turned/at_0.{w}_from_085" for w in (14, 16))),
+    Case("strong/field", COARSE),
+    Case("second/field", COARSE),
 )
-"""Files of the truth and of the members."""
 
 
 def main(part_file: str, folder: str) -> None:
     """Print a row for each case."""
     part = iriftrace.read_part(part_file)
-    board = BOARD.part.transformed(TO_WORLD)
     first, second = (
         DEVICE.at(iriftrace.look_at((x, -283.0, 283.0), (0.0, 0.0, 0.0))) for x in (-75.0, 75.0)
     )
-    names = {STILL, *(name for truth, members in CASES for name in (truth, *members))}
+    names = {STILL, *(name for case in CASES for name in (case.truth, *case.members))}
     fields = {name: iriftrace.read_field(Path(folder) / f"{name}.vtu") for name in sorted(names)}
 
-    for truth, members in CASES:
-        air = iriftrace.HotAir(fields[truth])
-        seen = iriftrace.Scene(board, air, BOARD_CAMERA, blockers=(part,), engine="cells")
-        shifts = measured_shifts(seen, NOISE_PX, board=BOARD, to_world=TO_WORLD)
-        family = [fields[name] for name in members]
-        fit = iriftrace.fit_members(evolve(seen, air=iriftrace.HotAir(family)), shifts)
-        found = f"{truth} by {', '.join(members)}: residual {fit.ratio:.2f} times the noise"
+    for case in CASES:
+        air = iriftrace.HotAir(fields[case.truth])
+        family = [fields[name] for name in case.members]
+        views = [_seen(part, air, family, turn) for turn in case.turns]
+        fit = iriftrace.fit_members(*views[0], others=views[1:])
+        found = (
+            f"{case.truth} by {', '.join(case.members)}, seen at {case.turns} deg: residual "
+            f"{fit.ratio:.2f} times the noise"
+        )
         if fit.refused:
             print(f"{found}, refused", flush=True)
             continue
@@ -108,6 +124,19 @@ def main(part_file: str, folder: str) -> None:
             f"{np.mean(np.abs(left) <= 2.0 * u):.1%} within U",
             flush=True,
         )
+
+
+def _seen(
+    part: iriftrace.Part, air: iriftrace.HotAir, family: list[iriftrace.IndexField], turn: float
+) -> tuple[iriftrace.Scene, MeasuredShift]:
+    """A board's scene in the air of the members, and the shifts of its dots in the true air."""
+    turned = parse_transform(f"rotate z {turn}")
+    to_world = turned @ TO_WORLD
+    camera = BOARD_CAMERA.at(turned @ BOARD_CAMERA.matrix)
+    board = BOARD.part.transformed(to_world)
+    seen = iriftrace.Scene(board, air, camera, blockers=(part,), engine="cells")
+    shifts = measured_shifts(seen, NOISE_PX, board=BOARD, to_world=to_world)
+    return evolve(seen, air=iriftrace.HotAir(family)), shifts
 
 
 def _left(scan: iriftrace.Scan, scene: iriftrace.Scene) -> tuple[FloatArray, FloatArray | None]:
