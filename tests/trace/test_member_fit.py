@@ -151,6 +151,7 @@ def test_a_motion_of_the_camera_is_told_from_the_air(
     assert np.sqrt(np.mean((seen - moved) ** 2)) < 0.5 * NOISE < np.sqrt(np.mean(moved**2))
 
 
+@pytest.mark.slow
 def test_a_second_board_tells_the_direction(board: iriftrace.Scene, tmp_path: Path) -> None:
     """The plume leans along the first camera's line of sight, too; the second looks across."""
     family = [
