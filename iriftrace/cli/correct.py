@@ -99,9 +99,11 @@ def correct(
     field_uncertainty
         Standard uncertainty of the field, as a fraction of the air's contrast in refractive index,
         "5 %"; that of the corrections is the same fraction of them.
-    expansion_uncertainty, temperature_uncertainty
-        Standard uncertainties of the part's thermal expansion, "2 %", and of its temperature,
-        "10 K", for sizes at 20 degC. The scene has both values (iriftrace scene --expansion).
+    expansion_uncertainty
+        Standard uncertainty of the part's thermal expansion, "2 %", for sizes at 20 degC. The scene
+        has the expansion itself (iriftrace scene --expansion).
+    temperature_uncertainty
+        Standard uncertainty of the part's temperature, "10 K", for sizes at 20 degC.
     figures
         Draw the corrections, and the deviation from the part, into a .png next to the output.
     """
