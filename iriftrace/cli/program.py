@@ -108,6 +108,8 @@ def _of_the_command_line(error: CycloptsError) -> str:
         name = error.argument.names[0]
         positional = error.argument.index is not None
         text = f"`{command}` needs {name.removeprefix('--').upper() if positional else name}."
+    # Cyclopts calls the values of an option so, too.
+    text = text.replace(" positional arguments", " values")
     return f"{text} See `{command} --help`."
 
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from cyclopts import Parameter
 
-from iriftrace.cli.camera_options import OrbitOptions
 from iriftrace.cli.console import notes, out, pose_progress, say
 from iriftrace.cli.options import Lengths, Statuses, Whole, check_input, check_output, statuses
+from iriftrace.cli.orbit_options import OrbitOptions
 from iriftrace.cli.trace_options import TraceOptions
 from iriftrace.core.errors import InputError
 

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from iriftrace.camera.pose import look_at
 from iriftrace.camera.pose_files import read_poses
 from iriftrace.camera.robot_poses import ROBOTS
-from iriftrace.cli.camera_options import OrbitOptions
+from iriftrace.cli.orbit_options import OrbitOptions
 from iriftrace.core.errors import InputError, IriftraceWarning
 
 FIRST, SECOND, THIRD = 31.0, -47.5, 112.25

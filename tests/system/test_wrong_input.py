@@ -217,6 +217,11 @@ WRONG = {
         ("--refine --evaluations=3", "3 evaluations are too few"),
         ("--refine -o refined.txt", "must end in .json"),
     ],
+    "fit {scene} near.csv -o fitted/scene.xml": [
+        ("--view {scene}", "--view requires 2 values"),
+        ("--view {scene} here", "here is a folder"),
+        ("--noise=0", "has one field"),
+    ],
     "report {sweep}": [
         ("-o r.pdf", "must end in .html"),
         ("-o here", "is a folder"),
