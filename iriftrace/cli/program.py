@@ -108,8 +108,10 @@ def _of_the_command_line(error: CycloptsError) -> str:
         name = error.argument.names[0]
         positional = error.argument.index is not None
         text = f"`{command}` needs {name.removeprefix('--').upper() if positional else name}."
-    # Cyclopts calls the values of an option so, too.
-    text = text.replace(" positional arguments", " values")
+    elif isinstance(error, MissingArgumentError) and error.argument:
+        name, count = error.argument.names[0], error.argument.token_count()[0]
+        if count > 1:
+            text = f"{name} takes {count} values, not {len(error.tokens_so_far) % count}."
     return f"{text} See `{command} --help`."
 
 

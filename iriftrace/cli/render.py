@@ -120,8 +120,8 @@ def metrics(
     check_input(image, part)
     target = image.with_suffix(".json") if output is None else output
     check_output(target, "out.json")
-    check_numbers(target, "iriftrace.pose")
     pixels = read_exr(image)
+    check_numbers(target, "iriftrace.pose")
     check_light(wavelength, pixels.header, image)
     shown = pixels.part_from(part)
     started = time.perf_counter()

@@ -39,6 +39,12 @@ def read_netcdf(path: Path, kind: str, schema: str, *, left_in_file: str = "") -
     if not path.is_file():
         raise InputError(f"There is no {kind} {path}; `iriftrace {kind}` writes one.")
     check_readable(path)
+    with path.open("rb") as file:
+        if file.read(8) != b"\x89HDF\r\n\x1a\n":
+            raise InputError(
+                f"{path} is no netCDF file, so it is not a {kind}; give the .nc that "
+                f"`iriftrace {kind}` writes."
+            )
     check_netcdf(path)
     try:
         dataset = xr.open_dataset(path, engine="h5netcdf")

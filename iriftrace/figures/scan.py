@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure, SubFigure
 
 from iriftrace.camera.camera import Camera
@@ -41,7 +42,7 @@ def scan_figure(scan: Scan) -> Figure:
     rows, columns = np.nonzero(np.isfinite(picture) | lost)
     left.set_xlim(columns.min() - 2, columns.max() + 2)
     left.set_ylim(rows.max() + 2, rows.min() - 2)
-    body.colorbar(shown, ax=left, orientation="horizontal", label="error along the normal (µm)")
+    _add_bar(body, shown, left)
     _, _, left_over = scan.best_fit()
     errors = {"as measured": error, "after best fit": UM_PER_MM * left_over}
     _draw_histogram(right, errors, (-1.5 * limit, 1.5 * limit), "error along the normal (µm)")
@@ -50,10 +51,10 @@ def scan_figure(scan: Scan) -> Figure:
 
 
 def correction_figure(found: Correction, part: Part, camera: Camera) -> Figure:
-    """Draw the corrections along the part's normal, and the deviation from the part.
+    """Draw the removed errors along the part's normal, and the deviation from the part.
 
-    The corrections are drawn in the camera's picture, the deviations of the points as measured and
-    corrected as histograms.
+    The errors that the corrections remove are drawn in the camera's picture, the deviations of the
+    points as measured and corrected as histograms.
     """
     good = found.status == CorrectionStatus.CORRECTED
     normal, face = found.normal[good], found.face[good]
@@ -65,7 +66,7 @@ def correction_figure(found: Correction, part: Part, camera: Camera) -> Figure:
     shown = left.hexbin(u, v, along, gridsize=120, cmap="RdBu_r", vmin=-limit, vmax=limit)
     left.set_aspect("equal")
     left.invert_yaxis()
-    body.colorbar(shown, ax=left, orientation="horizontal", label="correction along normal (µm)")
+    _add_bar(body, shown, left)
     deviations = {
         name: UM_PER_MM * (np.einsum("ij,ij->i", points[good], normal) - part.face_offsets[face])
         for name, points in (("as measured", found.measured), ("corrected", found.points))
@@ -86,12 +87,20 @@ def _panels(
     return figure, body, (left, right)
 
 
+def _add_bar(body: SubFigure, shown: ScalarMappable, axes: Axes) -> None:
+    """Add the colours' bar; its ends are pointed, since a percent of the errors lies beyond."""
+    label = "error along the normal (µm)"
+    body.colorbar(shown, ax=axes, orientation="horizontal", label=label, extend="both")
+
+
 def _draw_histogram(axes: Axes, um: Mapping[str, FloatArray], ends: Limits, label: str) -> None:
     """Count values, um, by name; those beyond the ends count in the last bins."""
     bins = np.linspace(*ends, 61).tolist()
     for name, values in um.items():
         axes.hist(values.clip(*ends), bins, histtype="step", label=name)
-    axes.set(xlabel=label, ylabel="points")
+    beyond = any((values < ends[0]).any() or (values > ends[1]).any() for values in um.values())
+    more = "\noutermost bins: and all points beyond" if beyond else ""
+    axes.set(xlabel=label + more, ylabel="points")
     axes.legend(fontsize="small")
     finish_axes(axes)
 

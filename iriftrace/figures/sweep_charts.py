@@ -93,7 +93,8 @@ def normalised_figure(summary: SweepSummary) -> Figure:
         if score:
             axes.axvline(values.min(), color=BEST_COLOUR, linewidth=1.2)
         title = "Combined score (dimensionless)"
-        _finish_histogram(axes, title if score else f"{quantity.title} (normalised, 0 to 1)")
+        # Two lines: names of errors are wider than a panel.
+        _finish_histogram(axes, title if score else f"{quantity.title}\n(normalised, 0 to 1)")
         axes.tick_params(labelleft=True, labelbottom=True)
     spare.set_axis_off()
     terms = [

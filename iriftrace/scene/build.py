@@ -179,7 +179,7 @@ def build_ensemble(
     """
     xml = _place(path, part)
     reports: list[tuple[ShellReport, ...]] = []
-    told: dict[str, None] = {}
+    told: dict[str, list[str]] = {}
 
     def checked() -> Iterator[MemberAir]:
         for member in members:
@@ -188,13 +188,16 @@ def build_ensemble(
                 fit = _fit(air, part, settings, wall_temperature_k)
                 shells, report = _shells_for(camera, part, settings, member.shells, air, trim_mm)
             if fit is not None:
-                told.update(dict.fromkeys(fit.warnings))
+                for message in fit.warnings:
+                    told.setdefault(message, []).append(member.label)
                 member = evolve(member, notes={**member.notes, **fit.notes})
             reports.append(report)
             yield evolve(member, shells=shells, report=report)
 
     _, listed = write_ensemble_scene(xml.parent, part, checked(), camera, settings, name=xml.name)
-    _warn(told)
+    for message, labels in told.items():
+        of_all = len(labels) == len(reports)
+        warn(message if of_all else f"{', '.join(labels)}: {message}")
     return BuiltEnsemble(xml, listed, tuple(reports))
 
 

@@ -15,6 +15,8 @@ import pytest
 import iriftrace
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.scene.build import build_ensemble
+from iriftrace.scene.write import MemberAir
 from validation.inputs import hot_block
 
 
@@ -171,3 +173,20 @@ def test_a_full_disk_leaves_the_folder_as_it_was(
             iriftrace.build_scene(field, part, CAMERA, xml, layers=3)
     assert {path: path.read_bytes() for path in tmp_path.rglob("*.*")} == before
     assert not (tmp_path / "a").exists()
+
+
+def test_a_warning_of_an_ensemble_names_the_members_concerned(folder: Path, tmp_path: Path) -> None:
+    """Of two members, the wall of one does not have the temperature of the part."""
+    part = iriftrace.read_part(folder / "block.stl")
+    cold = iriftrace.read_field(folder / "air.vtu")
+    grid = hot_block.air(12)
+    grid["T"] = 293.15 + 0.5 * (np.asarray(grid["T"]) - 293.15)
+    grid.save(tmp_path / "half.vtu")
+    half = iriftrace.read_field(tmp_path / "half.vtu")
+    wall = float(np.asarray(cold.temperature_k).max())
+    members = [
+        MemberAir(label, None, iriftrace.contour_shells(field, 2), field)
+        for label, field in (("full", cold), ("half", half))
+    ]
+    with pytest.warns(IriftraceWarning, match="^half: The air at the wall has"):
+        build_ensemble(members, part, CAMERA, tmp_path / "s" / "scene.xml", wall_temperature_k=wall)

@@ -135,6 +135,8 @@ WRONG = {
     ],
     "metrics": [
         ("gone.exr", "gone.exr"),
+        # Not that its numbers would replace another file.
+        ("words.nc", "words.nc .*give the AOV EXR"),
         ("{image} -o gone/out.json", "gone does not exist"),
         ("{image} -o out.exr", r"\.json"),
         ("{image} -o o.json --part ball.stl", "SHA-256 differs"),
@@ -162,6 +164,9 @@ WRONG = {
         ("near.csv --include=3", "status 3"),
         ("small.npy", "2 x 3 pixels"),
         ("far.csv --positions=warm", "cold"),
+    ],
+    "fit": [
+        ("{scene} far.csv --view {scene} -o f/scene.xml", "--view takes 2 values, not 1"),
     ],
     "sweep": [
         ("-o a.nc", "needs SCENES"),
@@ -194,7 +199,7 @@ WRONG = {
     ],
     "plan": [
         ("gone.nc", "no sweep gone.nc"),
-        ("words.nc", "no netCDF"),
+        ("words.nc", r"no netCDF file, so it is not a sweep; give the \.nc"),
         ("here", "folder"),
         ("other.nc", "not a sweep"),
         ("empty.nc", "no pose"),
@@ -218,7 +223,7 @@ WRONG = {
         ("--refine -o refined.txt", "must end in .json"),
     ],
     "fit {scene} near.csv -o fitted/scene.xml": [
-        ("--view {scene}", "--view requires 2 values"),
+        ("--view {scene}", "--view takes 2 values, not 1"),
         ("--view {scene} here", "here is a folder"),
         ("--noise=0", "has one field"),
     ],
@@ -282,6 +287,7 @@ def names(hot: HotBlock, sweep: Path, tmp_path_factory: pytest.TempPathFactory) 
         "scene.xml": "",
         "words.csv": "these are words\n",
         "words.nc": "not ours\n",
+        "words.json": "{}\n",
         "words.exr": "no EXR",
         "j.nc.partial": "{}\n",
         "far.csv": "u,v,du,dv\n" + "9000,1,0,0\n" * 5,
