@@ -91,8 +91,8 @@ def read_poses(
         Unit of the file's positions.
     robot : str, optional
         Robot that states the orientations, one of `iriftrace.camera.robot_poses.ROBOTS`. Needed
-        where several robots have the file's columns (``a b c``, ``rx ry rz``); columns without
-        names are then x, y, z and its angles.
+        where others may have the file's columns (``a b c``, ``rx ry rz``, ``q1`` to ``q4``);
+        columns without names are then x, y, z and its angles.
     hand_eye : (4, 4) array, mm, optional
         Pose of the camera in the frame of the robot's flange, for files with poses of the flange:
         OpenCV's ``R_cam2gripper`` and ``t_cam2gripper`` of ``calibrateHandEye``.

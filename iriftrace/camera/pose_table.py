@@ -214,15 +214,15 @@ def _units(known_names: Sequence[tuple[str, str]], columns: Sequence[str]) -> li
 
 
 def _only_robot(names: Sequence[str], path: Path) -> RobotName | None:
-    """The robot whose columns these are; None for none, an InputError for several."""
+    """The robot whose columns these are; None for none, an InputError if they may be others'."""
     robots = robots_of(names) if set(_ORIGIN) <= set(names) else []
-    if len(robots) > 1:
-        columns = dict.fromkeys(", ".join(ROBOTS[robot].columns) for robot in robots)
-        raise InputError(
-            f"{path} has orientations {' and '.join(columns)}, which differ between robots; say "
-            f"whose they are (--robot {', '.join(robots[:-1])} or {robots[-1]})."
-        )
-    return robots[0] if robots else None
+    if not robots or (len(robots) == 1 and ROBOTS[robots[0]].alone):
+        return next(iter(robots), None)
+    columns = dict.fromkeys(", ".join(ROBOTS[robot].columns) for robot in robots)
+    raise InputError(
+        f"{path} has orientations {' and '.join(columns)}, whose meaning differs between programs; "
+        f"say whose they are (--robot {' or '.join(robots)})."
+    )
 
 
 def unlike_robot(path: Path, robot: RobotName) -> InputError:

@@ -41,12 +41,14 @@ class RobotFormat:
     """How a robot's controller states an orientation.
 
     `rotation` is a sequence of axes of `scipy.spatial.transform.Rotation.from_euler` (capitals:
-    each about the axes that the one before has turned), "vector" or "quaternion".
+    each about the axes that the one before has turned), "vector" or "quaternion". `alone` is true
+    if nobody else names columns so.
     """
 
     columns: tuple[str, ...]
     rotation: str
     angle_unit: str = "deg"
+    alone: bool = False
 
     def matrices(self, values: FloatArray, angle_unit: str = "") -> FloatArray:
         """Rotations (n, 3, 3) of the values (n, 3 or 4) in the columns.
@@ -80,8 +82,8 @@ _RX_RY_RZ = ("rx", "ry", "rz")
 
 ROBOTS: dict[RobotName, RobotFormat] = {
     "abb": RobotFormat(("q1", "q2", "q3", "q4"), "quaternion"),
-    "fanuc": RobotFormat(("w", "p", "r"), "xyz"),
-    "kawasaki": RobotFormat(("o", "a", "t"), "ZYZ"),
+    "fanuc": RobotFormat(("w", "p", "r"), "xyz", alone=True),
+    "kawasaki": RobotFormat(("o", "a", "t"), "ZYZ", alone=True),
     "kuka": RobotFormat(("a", "b", "c"), "ZYX"),
     "mitsubishi": RobotFormat(("a", "b", "c"), "xyz"),
     "staubli": RobotFormat(_RX_RY_RZ, "XYZ"),

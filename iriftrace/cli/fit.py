@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -62,7 +61,7 @@ def fit(
     camera_motion
         Also fit a rigid motion of the camera between the two pictures.
     """
-    from iriftrace.core.files import whole_file
+    from iriftrace.core.files import write_json
     from iriftrace.scene.file import require_scene
     from iriftrace.scene.fitted import check_fitted_scene, write_fitted_scene
 
@@ -85,8 +84,7 @@ def fit(
     with working("Writing the scene"):
         listed = write_fitted_scene(scene or board, found.serving, output, of_board=scene is None)
     numbers = output.with_name("fit.json")
-    with whole_file(numbers) as temporary:
-        temporary.write_text(json.dumps(found.as_dict(), indent=2) + "\n", encoding="utf-8")
+    write_json(numbers, found.as_dict())
     say(f"Files: {output} with {len(listed)} members, {numbers}")
     say(f"Correct a cloud with it:  {command_line('correct', 'CLOUD', output)}")
 

@@ -63,7 +63,7 @@ class OrbitOptions:
     length_unit
         Unit of the positions in that file, mm by default; robots often write m.
     robot
-        Robot whose angles that file has, if its columns do not tell (a, b, c or rx, ry, rz).
+        Robot whose angles that file has, if its columns do not tell (only w, p, r and o, a, t do).
     hand_eye
         For poses of a robot's flange: text file of the 4 x 4 pose of the camera in the flange's
         frame, mm, as R_cam2gripper and t_cam2gripper of OpenCV's calibrateHandEye.

@@ -20,7 +20,7 @@ from iriftrace.clouds.columns import (
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import text_in
-from iriftrace.core.number_table import is_numbers, numbers, separator_of, with_exponents
+from iriftrace.core.number_table import closed_by, is_numbers, numbers, separator_of, with_exponents
 
 _WORD = "nan"
 _QUOTES = str.maketrans("", "", "\"'[](){}")
@@ -154,10 +154,7 @@ def _without_count(rows: Sequence[str], file: Path) -> Sequence[str]:
 
 
 def _cells(rows: Sequence[str]) -> tuple[Sequence[str], str | None, bool]:
-    """Rows without quotes and brackets, "nan" in their empty cells, and their separator.
-
-    A last column that is empty is left out; the third value is true where there was one.
-    """
+    """Rows without quotes and brackets, their separator, and if it ends all of them."""
     if not any("." in row for row in rows):
         rows = [_QUOTED_COMMA.sub(r"\1.\2", row) for row in rows]
     bare = [row.translate(_QUOTES) for row in rows]
@@ -166,11 +163,7 @@ def _cells(rows: Sequence[str]) -> tuple[Sequence[str], str | None, bool]:
         separator = "\t"
     if separator is None:
         return bare, None, False
-    last_is_empty = all(row.rstrip(" ").endswith(separator) for row in bare)
-    if last_is_empty:
-        bare = [row.rstrip(" ").removesuffix(separator) for row in bare]
-    empty = re.compile(rf"(?:^|(?<={separator})) *(?={separator}|$)")
-    return [empty.sub("nan", row) for row in bare], separator, last_is_empty
+    return bare, separator, closed_by(bare, separator)
 
 
 def _counts_rows(column: FloatArray) -> bool:

@@ -17,7 +17,7 @@ _QUOTED = re.compile(r"\"([^\",;]*)\"")
 _LETTERS = re.compile(r"[A-DF-Za-df-z_]")
 _GAP = re.compile(r"(?<![^\s,;\"])(?:null|none|#?n/?a|-+)(?![^\s,;\"])", re.IGNORECASE)
 _MAYBE_GAP = re.compile(r"[nN]|-(?![\d.])")
-_EMPTY_CELL = re.compile(r"[,;]\s*(?:[,;]|$)|^\s*[,;]")
+_EMPTY_CELL = re.compile(r"[,;\t] *(?:[,;\t]|$)|^ *[,;\t]")
 _COLUMN = re.compile(r"\s*(?P<name>[^\[(]*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
 
 
@@ -95,14 +95,14 @@ def numbers(rows: Sequence[str], separator: str | None, path: Path, what: str) -
 
 def closed_by(rows: Sequence[str], separator: str | None) -> bool:
     """Whether all rows end with a separator, after which there is no column."""
-    return separator is not None and all(row.rstrip().endswith(separator) for row in rows)
+    return separator is not None and all(row.rstrip(" ").endswith(separator) for row in rows)
 
 
 def _filled(rows: Sequence[str], separator: str) -> list[str]:
     """Rows without separators at the end of all, and with nan in empty cells."""
     if closed_by(rows, separator):
-        rows = [row.rstrip().removesuffix(separator) for row in rows]
+        rows = [row.rstrip(" ").removesuffix(separator) for row in rows]
     if not any(_EMPTY_CELL.search(row) for row in rows):
         return list(rows)
-    empty = re.compile(rf"(?:^|(?<={separator}))\s*(?={separator}|$)")
+    empty = re.compile(rf"(?:^|(?<={separator})) *(?={separator}|$)")
     return [empty.sub("nan", row) for row in rows]

@@ -99,7 +99,7 @@ def _draw_histogram(axes: Axes, um: Mapping[str, FloatArray], ends: Limits, labe
     for name, values in um.items():
         axes.hist(values.clip(*ends), bins, histtype="step", label=name)
     beyond = any((values < ends[0]).any() or (values > ends[1]).any() for values in um.values())
-    more = "\noutermost bins: and all points beyond" if beyond else ""
+    more = "\nthe outermost bins include all points beyond" if beyond else ""
     axes.set(xlabel=label + more, ylabel="points")
     axes.legend(fontsize="small")
     finish_axes(axes)

@@ -13,6 +13,7 @@ from iriftrace.part.part import Part
 from iriftrace.triangulation.larger import sample_of
 
 SAMPLE = 500
+"""Number of the cloud's points that are tried."""
 
 LARGEST_MM, MOST = 1.0, 75
 """Largest distance from the part of most points (per cent) of a cloud that lies on it."""
@@ -34,6 +35,8 @@ def remedy(points: FloatArray, unit: str, motion: FloatArray | None, part: Part)
         for option, moved in _placed(sample_of(points, SAMPLE), unit, motion)
         if np.linalg.norm(np.ptp(moved, axis=0)) > least
     }
+    if found.get("", np.inf) <= LARGEST_MM:
+        return ""
     best = min(found, key=lambda option: found[option], default="")
     return best if best and found[best] <= LARGEST_MM else ""
 

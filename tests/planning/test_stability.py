@@ -10,7 +10,7 @@ from hypothesis import given, settings
 
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.planning.criteria import METRICS, THE_PAPERS, Criteria
-from iriftrace.planning.rank import pareto_front, rank_poses, score_of
+from iriftrace.planning.rank import pareto_front, rank_poses, ranked_quietly, score_of
 from iriftrace.planning.stability import close_alternative, stability
 from iriftrace.planning.summary import summarise
 from iriftrace.planning.texts import alternative_text, least_error_text, other_statistics_text
@@ -36,20 +36,21 @@ def test_stability_by_hand() -> None:
 @settings(max_examples=30)
 @given(random_tables())
 def test_stability_is_what_ranking_anew_gives(table: dict[str, list[float]]) -> None:
-    plan = rank(table)
+    sweep = sweep_table(**table)
+    plan = ranked_quietly(sweep, Criteria())
     found = stability(plan)
     for name in METRICS:
         for side, factor in enumerate((0.5, 1.5)):
             weights = Criteria().weights
             weights[name] *= factor
-            score = rank(table, **weights).score
+            score = ranked_quietly(sweep, Criteria(**weights)).score
             assert found.ranks[name][side] == 1 + np.count_nonzero(score < score[plan.best] - 1e-12)
             assert score[found.winners[name][side]] == pytest.approx(score.min(), abs=1e-12)
     corners = np.stack(np.meshgrid(*[(0.5, 1.5)] * 4), axis=-1).reshape(-1, 4)
     rivals = set()
     for corner in corners:
         weights = dict(zip(METRICS, corner * list(Criteria().weights.values()), strict=True))
-        score = rank(table, **weights).score
+        score = ranked_quietly(sweep, Criteria(**weights)).score
         rivals |= set(np.flatnonzero(score < score[plan.best] - 1e-12).tolist())
     assert set(found.rivals.tolist()) == rivals
 

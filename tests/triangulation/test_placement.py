@@ -17,6 +17,8 @@ MOTION[:3, 3] = (120.0, -60.0, 300.0)
 IN_METRES = MOTION * np.array((1, 1, 1, 1e-3))
 IN_METRES[3, 3] = 1.0
 BACK = np.linalg.inv(MOTION)
+NUDGE = np.eye(4)
+NUDGE[:3, 3] = 0.3
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +47,7 @@ CASES = [
     (np.diag((1e3, 1e3, 1e3, 1)), "m", None, "--length-unit mm"),
     (np.diag((1 / 25.4, 1 / 25.4, 1 / 25.4, 1)), "mm", None, "--length-unit inch"),
     (MOTION, "mm", None, ""),
+    (np.eye(4), "mm", NUDGE, ""),  # lies on it as given
 ]
 
 
