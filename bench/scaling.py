@@ -23,8 +23,9 @@ from iriftrace.cfd.synthetic.model import SyntheticAir
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.figures.style import COLOURS, write_figure
 from iriftrace.part.part import read_part
-from iriftrace.scene.build import build_scene
+from iriftrace.scene.hot_air import HotAir
 from iriftrace.scene.load import load_scene
+from iriftrace.scene.scene import Scene
 from iriftrace.scenes import folder_of
 from iriftrace.trace.render import render_scene
 
@@ -59,11 +60,11 @@ def measured(folder: Path) -> list[Cost]:
     costs = []
     for cell_mm in CELLS_MM:
         field = synthetic_field(air, usual_mesh(air, cell_mm=cell_mm))
-        built = build_scene(field, part, camera, folder / f"{cell_mm:g}" / "scene.xml")
-        triangles = sum(len(shell.faces) for shell in built.shells.shells)
+        saved = Scene(part, HotAir(field), camera).save(folder / f"{cell_mm:g}" / "scene.xml")
+        triangles = sum(len(shell.faces) for shell in saved.shells.shells)
         for scale in SCALES if cell_mm == CELLS_MM[1] else (0.25,):
             for engine in ("shells", "cells"):
-                scene = load_scene(built.path, {"scale": scale}, engine=engine)
+                scene = load_scene(saved.path, {"scale": scale}, engine=engine)
                 poses = [render_scene(scene) for _ in range(REPEATS + 1)]
                 seconds = median(pose.metrics.time_s["refracted"] for pose in poses[1:])
                 rays = poses[0].metrics.rays.hit

@@ -14,6 +14,7 @@ from attrs import evolve
 
 from iriftrace.field.read import read_field
 from iriftrace.part.part import read_part
+from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.write import write_scene
 from iriftrace.scene.xml import PART_FILE, SceneSettings
 from iriftrace.scenes import folder_of
@@ -68,12 +69,10 @@ def write_bundled(folder: str | Path) -> list[Path]:
             write_scene(
                 Path(folder) / name,
                 part,
-                stack,
+                AirState(field if name == "cylinder" else None, ready=stack, report=report),
                 camera,
                 SceneSettings(scale=SCALE, notes=NOTES[name]),
-                report=report,
                 paraview=False,
-                field=field if name == "cylinder" else None,
             )
         )
     return written
@@ -85,7 +84,7 @@ def write_plate(folder: Path, wall_k: float = HOT_PLATE_K) -> Path:
     return write_scene(
         folder / "hot_plate",
         board,
-        contour_shells(field),
+        AirState(field),
         scene_camera((200.0, 6.0, 50.0), (0.0, 6.0, 50.0), (50.0, 450.0)),
         SceneSettings(
             scale=SCALE,
@@ -93,7 +92,6 @@ def write_plate(folder: Path, wall_k: float = HOT_PLATE_K) -> Path:
             blockers=(plate,),
         ),
         paraview=False,
-        field=field,
     )
 
 

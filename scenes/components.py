@@ -20,6 +20,7 @@ from iriftrace.part.part import Part, save_part
 from iriftrace.part.shapes.bevel_gear import TOOTH, bevel_gear
 from iriftrace.part.shapes.cylinder import hybrid_cylinder
 from iriftrace.part.shapes.wishbone import wishbone
+from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.write import SHELLS_FOLDER, write_scene
 from iriftrace.scene.xml import PART_FILE, SceneSettings, scene_xml, shell_shapes
 from iriftrace.shells.contour import contour_shells
@@ -99,16 +100,16 @@ def write_component(folder: Path, name: str, field_path: Path) -> Path:
     component = COMPONENTS[name]
     part = component.part()
     stack = decimate(shells_around(name, field_path), component.triangles)
+    report = report_shells(stack, read_field(field_path), part)
     return write_scene(
         folder / name,
         part,
-        stack,
+        AirState(None, ready=stack, report=report),
         component.camera(),
         SceneSettings(
             scale=component.scale,
             notes={"time": component.time, "symmetry": component.symmetry},
         ),
-        report=report_shells(stack, read_field(field_path), part),
         paraview=False,
     )
 

@@ -21,6 +21,7 @@ from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field
 from iriftrace.image.aov_image import Status
 from iriftrace.part.part import Part
+from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.write import write_scene
@@ -105,7 +106,7 @@ def loaded_scenes() -> Iterator[tuple[str, str, LoadedScene]]:
             part = SOLVED["cylinder" if name == FLOW_MESH else name].part
             shells = contour_shells(field, LAYERS)
             camera = camera_at((0.0, -300.0, 100.0))
-            xml = write_scene(Path(folder) / "scene", part, shells, camera, field=field)
+            xml = write_scene(Path(folder) / "scene", part, AirState(field, ready=shells), camera)
             for engine in ENGINES:
                 yield name, engine, load_scene(xml, engine=engine)
 

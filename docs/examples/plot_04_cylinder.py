@@ -8,8 +8,6 @@ radius, whose air cools with the logarithm of the radius to 20 °C at 60 mm. Par
 at heights from the axis to the silhouette.
 """
 
-import tempfile
-
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -23,7 +21,7 @@ camera = iriftrace.Camera(
     resolution=(8, 8),
     matrix=iriftrace.look_at((0.0, -200.0, 150.0), (0.0, 0.0, 0.0)),
 )
-scene = iriftrace.load_scene(iriftrace.write_scene(tempfile.mkdtemp(), part, shells, camera))
+scene = iriftrace.Scene(part, iriftrace.HotAir(shells=shells), camera)
 radius = 13.5
 share = np.array([0.25, 0.5, 0.75, 0.9, 0.95, 0.99, 0.999])
 origins = np.column_stack([0.3 + 0.0 * share, -100.0 + 0.0 * share, share * radius])

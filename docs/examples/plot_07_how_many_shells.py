@@ -6,8 +6,6 @@ More shells, less error; the question is of what. Here 3 to 13 shells are cut fr
 bundled cylinder's, and compared with 40 of them, ray by ray.
 """
 
-import tempfile
-
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -22,12 +20,8 @@ camera = iriftrace.load_scene(folder / "scene.xml").camera.scaled(0.06)
 
 def hits_with(layers: int) -> tuple[np.ndarray, np.ndarray]:
     """Refracted hits (height, width, 3) in mm, and which rays are good."""
-    with tempfile.TemporaryDirectory() as temporary:
-        settings = iriftrace.SceneSettings(scale=1.0)
-        built = iriftrace.build_scene(
-            field, part, camera, f"{temporary}/scene.xml", settings, layers=layers
-        )
-        image = iriftrace.render_scene(iriftrace.load_scene(built.path)).image
+    air = iriftrace.HotAir(field, layers=layers)
+    image = iriftrace.render_scene(iriftrace.Scene(part, air, camera, engine="shells")).image
     return image.vector("refracted"), image.channels["status.code"] == 0
 
 

@@ -30,9 +30,7 @@ camera = iriftrace.Camera(
     resolution=(153, 128),
     matrix=iriftrace.look_at(origin=(140.0, -140.0, 140.0), target=(0.0, 0.0, 0.0)),
 )
-settings = iriftrace.SceneSettings(scale=1.0)
-built = iriftrace.build_scene(field, part, camera, folder / "scene" / "scene.xml", settings)
-rendering = iriftrace.render_scene(iriftrace.load_scene(built.path))
+rendering = iriftrace.render_scene(iriftrace.Scene(part, iriftrace.HotAir(field), camera))
 moved = iriftrace.displacement_map(rendering.image)
 
 figure, axes = plt.subplots(figsize=(6, 4.5), layout="constrained")

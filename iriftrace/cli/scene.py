@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from iriftrace.field.readers.members import Member
     from iriftrace.part.part import Part
     from iriftrace.part.uneven_growth import Temperatures
-    from iriftrace.scene.write import MemberAir
+    from iriftrace.scene.hot_air import AirState
     from iriftrace.scene.xml import SceneSettings
     from iriftrace.shells.stack import ShellStack
 
@@ -144,7 +144,8 @@ def scene(
     from iriftrace.cli.output import print_shells
     from iriftrace.field.readers.members import chosen_members
     from iriftrace.part.part import read_part
-    from iriftrace.scene.build import build_scene
+    from iriftrace.scene.hot_air import AirState
+    from iriftrace.scene.save import save_scene
     from iriftrace.scene.xml import SceneSettings, refuse_edited
 
     if not field_options.isosurfaces:
@@ -206,17 +207,11 @@ def scene(
     stack, volume = _stack(field, measured, air, field_options, shell_options, number)
     camera, settings = devices(volume, stack)
     with working("Comparing part and field, measuring the shells"):
-        built = build_scene(
-            volume,
-            measured,
-            camera,
-            output,
-            settings,
-            shells=stack,
-            wall_temperature_k=wall_k,
-            trim_mm=trim,
+        state = AirState(volume, ready=stack)
+        saved = save_scene(
+            output, measured, [state], camera, settings, wall_temperature_k=wall_k, trim_mm=trim
         )
-    print_shells(built.shells, built.report, built.fit)
+    print_shells(saved.shells, saved.reports[0], saved.fits[0])
     _print_scene(output, camera, measured, settings)
 
 
@@ -277,36 +272,37 @@ def _ensemble(
     trim: float | None,
 ) -> None:
     """Write the scene of several fields, each cut when it is needed, and print a summary."""
-    from iriftrace.scene.build import build_ensemble, named
-    from iriftrace.scene.write import MemberAir
+    from iriftrace.scene.hot_air import AirState
+    from iriftrace.scene.save import named, save_scene
 
     hottest_k: list[float] = []
     several_states = len(given) > len({one.path for one in given})
     remedy = " (choose states with --time, such as --time latest)" if several_states else ""
 
-    def members() -> Iterator[MemberAir]:
+    def members() -> Iterator[AirState]:
         for number, one in enumerate(given, start=1):
             step = f"Member {number} of {len(given)}: {one.label}"
             with working(step), named(one.label, remedy):
                 stack, volume = cut(one)
             hottest_k.append(float(volume.temperature_k.max()))
-            yield MemberAir(one.label, one.time, stack, volume)
+            yield AirState(volume, one.label, one.time, ready=stack)
 
     fields = members()
     first = next(fields)
     camera, settings = devices(first.field, first.shells)
-    built = build_ensemble(
-        chain((first,), fields),
-        part,
-        camera,
+    saved = save_scene(
         output,
+        part,
+        chain((first,), fields),
+        camera,
         settings,
+        ensemble=True,
         wall_temperature_k=wall_k,
         trim_mm=trim,
     )
-    cut_members = zip(built.members, built.reports, hottest_k, strict=True)
+    cut_members = zip(saved.members, saved.reports, hottest_k, strict=True)
     print_table(
-        f"Ensemble of {len(built.members)} fields",
+        f"Ensemble of {len(saved.members)} fields",
         ("member", "field", "shells", "triangles", "hottest degC", "outermost degC"),
         [
             (
@@ -321,10 +317,10 @@ def _ensemble(
         ],
         texts=["field"],
     )
-    for origin in dict.fromkeys(member.source.origin for member in built.members):
+    for origin in dict.fromkeys(member.source.origin for member in saved.members):
         if origin:
             say(f"Field: {origin}.")
-    _print_scene(output, camera, part, settings, f" of an ensemble of {len(built.members)} fields")
+    _print_scene(output, camera, part, settings, f" of an ensemble of {len(saved.members)} fields")
 
 
 def _print_scene(

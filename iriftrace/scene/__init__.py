@@ -1,4 +1,4 @@
-"""Scenes: folders with part, shells, field and camera, built, written and loaded.
+"""Scenes: part, air and devices as one value, saved as folders, loaded for Mitsuba.
 
-`build_scene` checks that these fit together; `load_scene` returns what Mitsuba traces.
+`Scene.save` checks that these fit together; `load_scene` returns what Mitsuba traces.
 """

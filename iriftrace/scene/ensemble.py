@@ -13,6 +13,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.files import write_json
 from iriftrace.core.plain import JsonObject, plain, structured
 from iriftrace.field.source import FieldSource
+from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.member_weights import MemberWeights
 
 MEMBER = "member"
@@ -36,6 +37,17 @@ class FieldMember:
     source: FieldSource
     weight: float = 1.0  # relative to that of the others
     covariance: list[float] | None = field(default=None, repr=False)  # row of a fit's weights
+
+    @classmethod
+    def of(cls, number: int, state: AirState) -> FieldMember:
+        """The member that is one state of an ensemble's air."""
+        source = state.shells.source
+        if source is None:
+            raise InputError(
+                f"The shells of member {number} do not state the field they come from, which "
+                "results must name; make them from a field."
+            )
+        return cls(number, state.label, state.time, source, state.weight, state.covariance)
 
     def as_dict(self) -> JsonObject:
         """Plain JSON values."""

@@ -6,15 +6,17 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from attrs import frozen
+from attrs import Factory, frozen
 
 from iriftrace.core.errors import InputError
 from iriftrace.scene.member_weights import MemberWeights
-from iriftrace.scene.write import MemberAir
 
 if TYPE_CHECKING:
     from iriftrace.field.index_field import IndexField
+    from iriftrace.field.part_fit import Fit
     from iriftrace.field.path_data import FieldCells
+    from iriftrace.part.part import Part
+    from iriftrace.shells.report import ShellReport
     from iriftrace.shells.stack import ShellStack
 
 
@@ -23,23 +25,25 @@ class AirState:
     """One state of the air; its shells and cells are made when they are first needed."""
 
     field: IndexField | None  # None for ready-made shells
-    label: str  # distinguishes it from the other states of an ensemble
-    time: float | None  # in the file's unit
-    weight: float  # among the states of an ensemble; their sum is 1
-    covariance: list[float] | None  # row of the covariance of fitted weights
-    _layers: int
-    _rule: str
-    _ready: ShellStack | None
+    label: str = ""  # distinguishes it from the other states of an ensemble
+    time: float | None = None  # in the file's unit
+    weight: float = 1.0  # relative to that of the other states
+    covariance: list[float] | None = None  # row of the covariance of fitted weights
+    layers: int = 13
+    rule: str = "rim"
+    ready: ShellStack | None = None  # used instead of shells from layers and rule
+    report: Sequence[ShellReport] | None = None  # facts about the shells, for their table
+    notes: Mapping[str, str] = Factory(dict)  # stated in every result, besides those of the air
 
     @cached_property
     def shells(self) -> ShellStack:
         """Surfaces of equal index between layers of air."""
         from iriftrace.shells.contour import contour_shells
 
-        if self._ready is not None:
-            return self._ready
+        if self.ready is not None:
+            return self.ready
         assert self.field is not None
-        return contour_shells(self.field, self._layers, rule=self._rule)
+        return contour_shells(self.field, self.layers, rule=self.rule)
 
     @cached_property
     def cells(self) -> FieldCells | None:
@@ -48,15 +52,16 @@ class AirState:
 
         return None if self.field is None else cells_of(self.field)
 
-    def as_member(self) -> MemberAir:
-        """The data from which the scene's file of an ensemble is written."""
-        return MemberAir(
-            self.label,
-            self.time,
-            self.shells,
-            self.field,
-            weight=self.weight,
-            covariance=self.covariance,
+    def fit(
+        self, part: Part, blockers: Sequence[Part], wall_temperature_k: float | None
+    ) -> Fit | None:
+        """How field and part lie relative to each other; None for ready-made shells."""
+        from iriftrace.field.part_fit import fit_part_to_field
+
+        if self.field is None:
+            return None
+        return fit_part_to_field(
+            self.field, part, wall_temperature_k=wall_temperature_k, blockers=blockers
         )
 
 

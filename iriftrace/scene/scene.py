@@ -29,7 +29,7 @@ from iriftrace.scene.xml import SCALE, SceneSettings
 if TYPE_CHECKING:
     from iriftrace.field.part_fit import Fit
     from iriftrace.field.path_data import FieldCells
-    from iriftrace.scene.build import BuiltEnsemble, BuiltScene
+    from iriftrace.scene.save import SavedScene
 
 
 @frozen(eq=False)
@@ -100,17 +100,8 @@ class Scene:
     @cached_property
     def _fits(self) -> tuple[Fit | None, ...]:
         """How each field and the part lie relative to each other; None for ready-made shells."""
-        from iriftrace.field.part_fit import fit_part_to_field
-
         return tuple(
-            None
-            if state.field is None
-            else fit_part_to_field(
-                state.field,
-                self.part,
-                wall_temperature_k=self.air.wall_temperature_k,
-                blockers=self.blockers,
-            )
+            state.fit(self.part, self.blockers, self.air.wall_temperature_k)
             for state in self.air.states
         )
 
@@ -121,24 +112,36 @@ class Scene:
 
     def save(
         self, path: str | PathLike[str], *, scale: float = SCALE, trim_mm: float | None = None
-    ) -> BuiltScene | BuiltEnsemble:
+    ) -> SavedScene:
         """Write the scene's folder, as ``iriftrace scene`` does; `iriftrace.load_scene` reads it.
 
         Parameters
         ----------
         path : path
-            The scene's XML file; part, shells and field are written next to it.
+            The scene's XML file; part, shells and field are written next to it. Its folder is
+            created if it is missing.
         scale : float
             Default of the file's parameter ``scale``, a factor on the resolution.
         trim_mm : float, mm, optional
             Shells farther than this outside the camera's view are left out; by default none.
 
+        Returns
+        -------
+        SavedScene
+            Usable as the path of the XML file.
+
         Raises
         ------
         InputError
-            As :func:`iriftrace.build_scene`.
+            As for `loaded`; or no shell is in the camera's view, shells are trimmed to one of two
+            cameras, the XML file was edited by hand, or the folder cannot be written.
+
+        Warns
+        -----
+        IriftraceWarning
+            Field and part do not fit together.
         """
-        from iriftrace.scene.build import build_ensemble, build_scene
+        from iriftrace.scene.save import save_scene
 
         settings = SceneSettings(
             scale=scale,
@@ -149,25 +152,14 @@ class Scene:
             second_id=self.second_id,
             blockers=self.blockers,
         )
-        wall_k, states = self.air.wall_temperature_k, self.air.states
-        if len(states) > 1:
-            return build_ensemble(
-                (state.as_member() for state in states),
-                self.part,
-                self.camera,
-                Path(path),
-                settings,
-                wall_temperature_k=wall_k,
-                trim_mm=trim_mm,
-            )
-        return build_scene(
-            states[0].field,
-            self.part,
-            self.camera,
+        return save_scene(
             Path(path),
+            self.part,
+            self.air.states,
+            self.camera,
             settings,
-            shells=states[0].shells,
-            wall_temperature_k=wall_k,
+            ensemble=len(self.air.states) > 1,
+            wall_temperature_k=self.air.wall_temperature_k,
             trim_mm=trim_mm,
         )
 
@@ -177,13 +169,7 @@ def _loaded(scene: Scene) -> LoadedScene:
     states = scene.air.states
     if len(states) == 1:
         return _one_state(scene, 0)
-    members = tuple(
-        FieldMember(
-            number, state.label, state.time, state.shells.source, state.weight, state.covariance
-        )
-        for number, state in enumerate(states, start=1)
-        if state.shells.source is not None
-    )
+    members = tuple(FieldMember.of(number, state) for number, state in enumerate(states, start=1))
     ensemble = LoadedEnsemble(members, lambda number: _one_state(scene, number - 1))
     return evolve(next(ensemble.scenes()), ensemble=ensemble)
 

@@ -10,9 +10,8 @@ import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from attrs import Factory, evolve, frozen
+from attrs import evolve
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
@@ -28,6 +27,7 @@ from iriftrace.scene.ensemble import (
     weights_of,
     write_members,
 )
+from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.xml import (
     BLOCKER_FILE,
     PART_FILE,
@@ -40,24 +40,18 @@ from iriftrace.shells.files import remove_stale, save_shells
 from iriftrace.shells.stack import ShellStack
 from iriftrace.shells.table import PartOrigin
 
-if TYPE_CHECKING:
-    from iriftrace.field.index_field import IndexField
-    from iriftrace.shells.report import ShellReport
-
 SHELLS_FOLDER = "shells"
 
 
 def write_scene(
     folder: str | Path,
     part: Part,
-    shells: ShellStack,
+    air: AirState | ShellStack,
     camera: Camera,
     settings: SceneSettings = SceneSettings(scale=1.0),
     *,
     name: str = "scene.xml",
-    report: Sequence[ShellReport] | None = None,
     paraview: bool = True,
-    field: IndexField | None = None,
 ) -> Path:
     """Write a complete scene folder: XML, part, shells and the data of the cells engine.
 
@@ -66,19 +60,16 @@ def write_scene(
     folder : path
         Created if missing; files of the same names are replaced.
     part : Part
-    shells : ShellStack
+    air : AirState or ShellStack
+        Shells alone have no field for the cells engine.
     camera : Camera
         At its full resolution.
     settings : SceneSettings
         By default those of one camera at full resolution.
     name : str
         Name of the XML file.
-    report : sequence of ShellReport, optional
-        Added to the shells' table.
     paraview : bool
         Also write ``shells.vtm``.
-    field : IndexField, optional
-        Also written, as `field.npz`, for the cells engine.
 
     Returns
     -------
@@ -91,64 +82,24 @@ def write_scene(
         If the folder cannot be written or a camera is not a pinhole camera.
     """
     _require_pinhole(camera, settings.second)
+    state = air if isinstance(air, AirState) else AirState(None, ready=air)
     target = Path(folder)
     with written_together(target) as building:
-        shapes = _save_air(
-            building,
-            SHELLS_FOLDER,
-            shells,
-            field,
-            part=_save_bodies(building, part, settings.blockers),
-            report=report,
-            notes=settings.notes,
-            paraview=paraview,
-        )
-        origin = shells.source.origin if shells.source else ""
+        placed = _save_bodies(building, part, settings.blockers)
+        shapes = _save_air(building, SHELLS_FOLDER, state, placed, settings.notes, paraview)
+        source = state.shells.source
+        origin = source.origin if source else ""
         text = scene_xml(camera, settings, shapes, f"Field: {origin}" if origin else "")
         (building / name).write_text(text, encoding="utf-8")
-    remove_stale(target / SHELLS_FOLDER, shells, paraview)
+    remove_stale(target / SHELLS_FOLDER, state.shells, paraview)
     remove_stale_blockers(target, len(settings.blockers))
     return target / name
-
-
-@frozen(eq=False)
-class MemberAir:
-    """The air of one member, for writing.
-
-    Attributes
-    ----------
-    label : str
-        Distinguishes it from the others.
-    time : float or None
-        In the file's unit.
-    shells : ShellStack
-        With the field's source.
-    field : IndexField or None
-        For the cells engine.
-    report : sequence of ShellReport or None
-        Added to the shells' table; `iriftrace.build_ensemble` creates it.
-    notes : mapping of str
-        Stated in every result, in addition to the scene's.
-    weight : float
-        Weight relative to those of the other members; equal by default.
-    covariance : list of float or None
-        Row of the covariance of fitted weights.
-    """
-
-    label: str
-    time: float | None
-    shells: ShellStack
-    field: IndexField | None = None
-    report: Sequence[ShellReport] | None = None
-    notes: Mapping[str, str] = Factory(dict)
-    weight: float = 1.0
-    covariance: list[float] | None = None
 
 
 def write_ensemble_scene(
     folder: str | Path,
     part: Part,
-    members: Iterable[MemberAir],
+    states: Iterable[AirState],
     camera: Camera,
     settings: SceneSettings = SceneSettings(scale=1.0),
     *,
@@ -164,7 +115,7 @@ def write_ensemble_scene(
     ----------
     folder, part, camera, settings, name, paraview
         See `write_scene`.
-    members : iterable of MemberAir
+    states : iterable of AirState
         At least two; one is in memory at a time.
 
     Returns
@@ -186,8 +137,8 @@ def write_ensemble_scene(
         (building / FOLDER).mkdir()
         placed = _save_bodies(building, part, settings.blockers)
         listed = tuple(
-            _write_member(building, number, member, placed, settings.notes, paraview)
-            for number, member in enumerate(members, start=1)
+            _write_member(building, number, state, placed, settings.notes, paraview)
+            for number, state in enumerate(states, start=1)
         )
         if len(listed) < 2:
             raise InputError(
@@ -227,32 +178,24 @@ def _refuse_files_of_others(folder: Path) -> None:
 def _write_member(
     scene: Path,
     number: int,
-    member: MemberAir,
+    state: AirState,
     part: PartOrigin,
     notes: Mapping[str, str],
     paraview: bool,
 ) -> FieldMember:
-    if member.shells.source is None:
-        raise InputError(
-            f"The shells of member {number} do not state the field they come from, which results "
-            "must name; make them from a field."
-        )
+    member = FieldMember.of(number, state)
     shapes = _save_air(
         scene / FOLDER / str(number),
         # Files are searched from the scene's folder, also those that an included file names.
         f"{FOLDER}/{number}/{SHELLS_FOLDER}",
-        member.shells,
-        member.field,
-        part=part,
-        report=member.report,
-        notes={**notes, **member.notes, "member": f"{number}: {member.label}"},
-        paraview=paraview,
+        state,
+        part,
+        {**notes, "member": f"{number}: {state.label}"},
+        paraview,
     )
     included = scene / FOLDER / str(number) / INCLUDED
     included.write_text(included_xml(shapes), encoding="utf-8")
-    return FieldMember(
-        number, member.label, member.time, member.shells.source, member.weight, member.covariance
-    )
+    return member
 
 
 def _require_pinhole(*cameras: Camera | None) -> None:
@@ -313,22 +256,24 @@ def written_together(folder: Path) -> Iterator[Path]:
 def _save_air(
     folder: Path,
     shown: str,
-    shells: ShellStack,
-    field: IndexField | None,
-    *,
+    state: AirState,
     part: PartOrigin,
-    report: Sequence[ShellReport] | None,
     notes: Mapping[str, str],
     paraview: bool,
 ) -> list[str]:
-    """Write the shells, and the field for the cells engine, of one state of the air.
+    """Write the shells of one state of the air, and the field for the cells engine.
 
     `shown` is the shells' folder, relative to the scene's file. Returns the lines of its
     shells.
     """
     files = save_shells(
-        shells, folder / SHELLS_FOLDER, report, notes=notes, paraview=paraview, part=part
+        state.shells,
+        folder / SHELLS_FOLDER,
+        state.report,
+        notes={**notes, **state.notes},
+        paraview=paraview,
+        part=part,
     )
-    if field is not None:
-        save_field_file(field, folder / FIELD_FILE)
-    return shell_shapes(shells, [path for path in files if path.suffix == ".ply"], shown)
+    if state.field is not None:
+        save_field_file(state.field, folder / FIELD_FILE)
+    return shell_shapes(state.shells, [path for path in files if path.suffix == ".ply"], shown)

@@ -48,7 +48,7 @@ class ShellError:
 def shell_error(scene: LoadedScene, sample: int = SAMPLE) -> ShellError:
     """Trace a coarser picture through the shells and through the field data, and compare.
 
-    The scene's engine must be ``"shells"``, and the field file that `write_scene` puts next to the
+    The scene's engine must be ``"shells"``, and the field file that `Scene.save` puts next to the
     XML must exist. The pictures have about `sample` pixels.
     """
     if scene.engine != "shells":

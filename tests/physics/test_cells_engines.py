@@ -10,6 +10,7 @@ from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.part.part import read_part
+from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.write import write_scene
@@ -46,7 +47,7 @@ def images(variant: str, tmp_path_factory: pytest.TempPathFactory, field: IndexF
             folder = tmp_path_factory.mktemp(f"shells_{layers}")
             stack = contour_shells(cut, layers)
             volume = field if layers == LAYERS[0] else None
-            xml = write_scene(folder, part, stack, CAMERA, paraview=False, field=volume)
+            xml = write_scene(folder, part, AirState(volume, ready=stack), CAMERA, paraview=False)
             found[layers, normals] = pose_image(load_scene(xml, {"normals": normals}))
             if volume is not None:
                 scene = load_scene(xml, {"normals": normals}, engine="cells")
@@ -69,7 +70,7 @@ def both_engines(
     part = read_part(folder_of("cylinder") / "part.ply")
     stack = contour_shells(field, 13)
     folder = tmp_path_factory.mktemp("thirteen")
-    xml = write_scene(folder, part, stack, CAMERA, paraview=False, field=field)
+    xml = write_scene(folder, part, AirState(field, ready=stack), CAMERA, paraview=False)
     return {engine: load_scene(xml, engine=engine) for engine in ("shells", "cells")}
 
 

@@ -17,10 +17,10 @@ from iriftrace.field.read import read_field
 from iriftrace.field.readers.vtk_process import read_case
 from iriftrace.field.tetrahedra import OPPOSITE, Tetrahedra, tetrahedra_of
 from iriftrace.image.aov_image import Status
+from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.write import write_scene
-from iriftrace.shells.contour import contour_shells
 from iriftrace.trace.rays import trace_rays
 from validation.inputs.solved_fields import SOLVED, camera_at
 
@@ -98,7 +98,7 @@ def scene(variant: str, quarter: Path, tmp_path_factory: pytest.TempPathFactory)
     field = read_field(folder / "whole.vtu")
     part = SOLVED["cylinder_C"].part
     camera = camera_at((150.0, -100.0, 120.0))
-    return write_scene(folder / "scene", part, contour_shells(field, 13), camera, field=field)
+    return write_scene(folder / "scene", part, AirState(field, layers=13), camera)
 
 
 def bundle(loaded: LoadedScene) -> tuple[np.ndarray, np.ndarray]:

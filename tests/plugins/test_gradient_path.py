@@ -20,6 +20,7 @@ from iriftrace.field.tetrahedra import tetrahedra_of
 from iriftrace.image.aov_image import CHANNELS, ERROR_CHANNEL, Status, read_exr
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.plugins.calibrated_camera import sensor_of
+from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.shells.contour import contour_shells
@@ -45,7 +46,11 @@ def xml(tmp_path_factory: pytest.TempPathFactory, part: Part) -> Path:
     field = sphere_field(16)
     shells = contour_shells(field, 8)
     return write_scene(
-        tmp_path_factory.mktemp("ball"), part, shells, CAMERA, paraview=False, field=field
+        tmp_path_factory.mktemp("ball"),
+        part,
+        AirState(field, ready=shells),
+        CAMERA,
+        paraview=False,
     )
 
 
@@ -99,7 +104,7 @@ def test_faceted_shells_of_the_engines_own_cells_converge_to_the_constant_gradie
     def hits(layers: int, engine: str) -> np.ndarray:
         shells = contour_shells(field, layers, min_size_mm=0.0)
         folder = tmp_path / str(layers)
-        xml = write_scene(folder, part, shells, CAMERA, paraview=False, field=field)
+        xml = write_scene(folder, part, AirState(field, ready=shells), CAMERA, paraview=False)
         scene = load_scene(xml, {"normals": "facet"}, engine=engine)
         return trace_rays(scene, origins, directions).refracted
 
@@ -223,7 +228,9 @@ def test_cells_of_ambient_air_are_left_out(
     shells = contour_shells(field, 8)
 
     def displacements(name: str) -> tuple[np.ndarray, np.ndarray]:
-        xml = write_scene(tmp_path / name, part, shells, CAMERA, paraview=False, field=field)
+        xml = write_scene(
+            tmp_path / name, part, AirState(field, ready=shells), CAMERA, paraview=False
+        )
         image = render_scene(load_scene(xml, engine="cells")).image
         good = image.status == Status.GOOD
         return image.vector("displacement", good), image.channels["path.crossings"][good]
@@ -262,7 +269,7 @@ def test_camera_in_the_datas_cool_corner_sees_what_one_outside_sees(
 ) -> None:
     """The field, not the shells, tells whether the camera stands in hot air."""
     field = sphere_field(24, half=40.0)
-    xml = write_scene(tmp_path, part, contour_shells(field, 5), CAMERA, paraview=False, field=field)
+    xml = write_scene(tmp_path, part, AirState(field, layers=5), CAMERA, paraview=False)
     loaded = load_scene(xml, engine="cells")
     places = [(0.0, -60.0, 0.0), (0.0, -30.0, 0.0), (0.0, -8.0, 1.0), (0.0, 0.0, 1.0)]
     np.testing.assert_array_equal(is_inside(loaded, places), (False, False, True, True))
@@ -289,7 +296,7 @@ def test_plume_that_leaves_the_data_is_counted(tmp_path: Path, part: Part) -> No
 
     field = field_of(hexahedra(12, 12.0), hot_above)
     camera = CAMERA.at(look_at((0.0, -30.0, 50.0), (0.0, 0.0, 0.0)))
-    xml = write_scene(tmp_path, part, contour_shells(field, 5), camera, paraview=False, field=field)
+    xml = write_scene(tmp_path, part, AirState(field, layers=5), camera, paraview=False)
     image = render_scene(load_scene(xml, engine="cells")).image
     assert (image.status == 0).sum() > 600
     assert image.header["counts"]["open_boundary"] == (image.status == 0).sum()

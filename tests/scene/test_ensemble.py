@@ -22,8 +22,9 @@ from iriftrace.image.aov_image import CHANNELS, MEMBERS_CHANNEL, Status
 from iriftrace.part.part import save_part
 from iriftrace.scene import loaded as loaded_members
 from iriftrace.scene.ensemble import FieldMember, read_members
+from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.load import load_scene
-from iriftrace.scene.write import MemberAir, write_ensemble_scene
+from iriftrace.scene.write import write_ensemble_scene
 from iriftrace.scenes.analytic import slab, slab_heights
 from iriftrace.sweep.sweep import run_sweep
 from iriftrace.trace.rays import trace_rays
@@ -44,9 +45,9 @@ def write_slab(folder: Path, airs: Any) -> tuple[Path, tuple[FieldMember, ...]]:
     return write_ensemble_scene(folder, slab(1)[0], airs, SLANTED, paraview=False)
 
 
-def airs_of(*shares: float, layers: int = 1) -> list[MemberAir]:
+def airs_of(*shares: float, layers: int = 1) -> list[AirState]:
     """States of the slab's air with so much more index."""
-    return [MemberAir(f"share {s}", None, scaled(slab(layers)[1], s)) for s in shares]
+    return [AirState(None, f"share {s}", ready=scaled(slab(layers)[1], s)) for s in shares]
 
 
 @pytest.fixture(scope="module")

@@ -12,6 +12,7 @@ from attrs import evolve
 
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import part_of_mesh
+from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import concentric_cylinders
@@ -42,7 +43,7 @@ def stack() -> ShellStack:
 
 
 def written(folder: Path, stack: ShellStack) -> Path:
-    return write_scene(folder, PART, stack, CAMERA, paraview=False, field=FIELD)
+    return write_scene(folder, PART, AirState(FIELD, ready=stack), CAMERA, paraview=False)
 
 
 @pytest.fixture

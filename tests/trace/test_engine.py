@@ -20,13 +20,12 @@ from iriftrace.core.errors import IriftraceWarning
 from iriftrace.field.read import read_field
 from iriftrace.image.aov_image import read_exr
 from iriftrace.part.part import read_part
-from iriftrace.scene.hot_air import HotAir
+from iriftrace.scene.hot_air import AirState, HotAir
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.scene import Scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
-from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.files import load_shells
 from iriftrace.shells.stack import Shell, ShellStack
 from iriftrace.sweep.reload import load_swept_scene
@@ -170,12 +169,12 @@ def with_field(
 ) -> Callable[[tuple[float, float, float]], Path]:
     """Scenes of the bundled cylinder, seen from a place, with its field beside them."""
     field = read_field(folder_of("cylinder") / "field.vtu")
-    part, shells = read_part(folder_of("cylinder") / "part.ply"), contour_shells(field)
+    part, air = read_part(folder_of("cylinder") / "part.ply"), AirState(field)
 
     @cache
     def write(origin: tuple[float, float, float]) -> Path:
         folder = tmp_path_factory.mktemp("with_field")
-        return write_scene(folder, part, shells, camera_at(origin), paraview=False, field=field)
+        return write_scene(folder, part, air, camera_at(origin), paraview=False)
 
     return write
 

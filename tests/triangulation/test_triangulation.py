@@ -15,6 +15,7 @@ import pyvista as pv
 from attrs import evolve
 
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.write import write_scene
@@ -154,7 +155,7 @@ def test_a_sideways_gradient_moves_points_by_the_parabolas_sagitta(
         lambda points: AMBIENT + slope * (points[:, 1].astype(np.float64) - aim),
     )
     camera, second = above(-30), above(30)
-    xml = write_scene(tmp_path, part, shells, camera, paraview=False, field=field)
+    xml = write_scene(tmp_path, part, AirState(field, ready=shells), camera, paraview=False)
     scene = load_scene(xml, engine="cells")
     scan = measure(scene, camera, second, system="stereo")
     middle = len(scan.points) // 2

@@ -17,10 +17,11 @@ from iriftrace.air.refractivity import Air
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
 from iriftrace.field.source import FieldFacts, FieldKind
+from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.member_weights import MemberWeights
-from iriftrace.scene.write import MemberAir, write_ensemble_scene
+from iriftrace.scene.write import write_ensemble_scene
 from iriftrace.scene.xml import SceneSettings
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import slab
@@ -49,7 +50,7 @@ Printed = pytest.CaptureFixture[str]
 def three(variant: str, tmp_path_factory: pytest.TempPathFactory) -> LoadedScene:
     """A plate under hot layers in three states, seen by a camera and a projector."""
     part, stack = slab(5)
-    airs = (MemberAir(f"share {share}", None, scaled(stack, share)) for share in SHARES)
+    airs = (AirState(None, f"share {share}", ready=scaled(stack, share)) for share in SHARES)
     xml, _ = write_ensemble_scene(
         tmp_path_factory.mktemp("three"), part, airs, CAMERA, TWO, paraview=False
     )
@@ -99,7 +100,7 @@ def test_weights_on_disk_are_those_of_the_mean(variant: str, tmp_path: Path) -> 
     part, stack = slab(5)
     given, folder = np.array((0.2, 0.3, 0.5)), tmp_path / "weighted"
     airs = [
-        MemberAir("a", None, scaled(stack, share), weight=2 * weight)
+        AirState(None, "a", weight=2 * weight, ready=scaled(stack, share))
         for share, weight in zip(SHARES, given, strict=True)
     ]
     xml, _ = write_ensemble_scene(folder, part, airs, CAMERA, TWO, paraview=False)
@@ -152,7 +153,7 @@ def test_what_scatters_by_more_than_itself_is_not_taken_out(
 ) -> None:
     """Contrasts of -1, 0.1 and 1.2: their mean is 0.1, their standard deviation 1.1."""
     part, stack = slab(5)
-    airs = (MemberAir(f"{share}", None, scaled(stack, share)) for share in (-2.0, -0.9, 0.2))
+    airs = (AirState(None, f"{share}", ready=scaled(stack, share)) for share in (-2.0, -0.9, 0.2))
     xml, _ = write_ensemble_scene(tmp_path / "vague", part, airs, CAMERA, TWO, paraview=False)
     points = measure(three).points
     with pytest.raises(InputError, match=f"{len(points)} have a correction less.* too different"):

@@ -17,8 +17,9 @@ from iriftrace.field.read import read_field
 from iriftrace.image.aov_image import read_exr
 from iriftrace.image.measured_shift import read_measured_shift
 from iriftrace.part.part import read_part
-from iriftrace.scene.build import build_scene
+from iriftrace.scene.hot_air import HotAir
 from iriftrace.scene.load import load_scene
+from iriftrace.scene.scene import Scene
 from iriftrace.shells.files import load_shells
 from iriftrace.shells.imported import import_shells
 from iriftrace.studies.study import read_study
@@ -57,13 +58,8 @@ def _scene_of(name: str) -> Callable[[Path], object]:
 
     def read(folder: Path) -> None:
         part = read_part(folder / name)
-        build_scene(
-            read_field(folder / "air.vtu"),
-            part,
-            samples.camera(),
-            folder / "out/scene.xml",
-            layers=2,
-        )
+        air = HotAir(read_field(folder / "air.vtu"), layers=2)
+        Scene(part, air, samples.camera()).save(folder / "out/scene.xml")
 
     return read
 

@@ -20,8 +20,8 @@ from iriftrace.cli import main
 from iriftrace.clouds.write import save_cloud
 from iriftrace.field.read import read_field
 from iriftrace.part.part import read_part, save_part
-from iriftrace.scene.build import build_scene
-from iriftrace.scene.xml import SceneSettings
+from iriftrace.scene.hot_air import HotAir
+from iriftrace.scene.scene import Scene
 from iriftrace.studies.study import SCHEMA as STUDY_SCHEMA
 from iriftrace.sweep.journal import Piece, Work, open_journal
 from validation.field_files import comsol, ensight
@@ -149,14 +149,8 @@ def camera() -> Camera:
 def scene(folder: Path) -> None:
     field, part = hot_block.save(folder)
     hot_block.air(CELLS).save(field)
-    build_scene(
-        read_field(field),
-        read_part(part),
-        camera(),
-        folder / "scene/scene.xml",
-        SceneSettings(scale=1.0),
-        layers=2,
-    )
+    air = HotAir(read_field(field), layers=2)
+    Scene(read_part(part), air, camera()).save(folder / "scene/scene.xml", scale=1.0)
     field.unlink()
     part.unlink()
 

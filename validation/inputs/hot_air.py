@@ -18,6 +18,7 @@ from iriftrace.field.index_field import IndexField
 from iriftrace.field.path_data import cells_of
 from iriftrace.part.part import Part
 from iriftrace.plugins.kernels.tetrahedra import TetrahedralAir
+from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.write import write_scene
@@ -129,7 +130,7 @@ def formula_scene(
     folder: Path, part: Part, shells: ShellStack, field: IndexField, medium: SmoothMedium
 ) -> LoadedScene:
     """A scene for the cells engine, whose field is then replaced by a formula."""
-    xml = write_scene(folder, part, shells, ANY_CAMERA, paraview=False, field=field)
+    xml = write_scene(folder, part, AirState(field, ready=shells), ANY_CAMERA, paraview=False)
     scene = load_scene(xml, engine="cells")
     scene.integrator._air = medium
     return scene

@@ -15,6 +15,7 @@ from iriftrace.cfd.synthetic.model import SyntheticAir, synthetic_air
 from iriftrace.field.index_field import IndexField
 from iriftrace.image.aov_image import Status
 from iriftrace.part.part import Part
+from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import CYLINDER_RADIUS_MM
@@ -81,7 +82,7 @@ def errors(
     medium = medium_of(air, field.air, np.reshape(field.grid.bounds, (3, 2)).T)
     first = camera_at(next(iter(views.values())))
     shells = contour_shells(field, LAYERS)
-    xml = write_scene(folder / "scene", part, shells, first, paraview=False, field=field)
+    xml = write_scene(folder / "scene", part, AirState(field, ready=shells), first, paraview=False)
     scenes = {
         f"{LAYERS} shells": load_scene(xml, engine="shells"),
         "cells engine": load_scene(xml, engine="cells"),

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from iriftrace.field.index_field import IndexField
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.part.part import Part
+from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes.components import COMPONENTS
@@ -61,10 +62,9 @@ def pictures(
         xml = write_scene(
             folder / str(count),
             part,
-            contour_shells(source or field, count),
+            AirState(field if first else None, ready=contour_shells(source or field, count)),
             next(iter(cameras.values())),
             paraview=False,
-            field=field if first else None,
         )
         engines = [("shells", count, normals)]
         engines += [("cells", "cells", limit) for limit in limits if first]

@@ -1,4 +1,4 @@
-"""Scenes built from Python are those that the command makes: equal files, equal pictures.
+"""Scenes saved from Python are those that the command makes: equal files, equal pictures.
 
 Expected values are the command's own files, bit for bit, and folders as they were where work fails.
 """
@@ -15,8 +15,8 @@ import pytest
 import iriftrace
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.scene.build import build_ensemble
-from iriftrace.scene.write import MemberAir
+from iriftrace.scene.hot_air import HotAir
+from iriftrace.scene.scene import Scene
 from validation.inputs import hot_block
 
 
@@ -42,15 +42,9 @@ CAMERA = iriftrace.Camera(
 def test_python_and_command_give_the_same_files(folder: Path) -> None:
     field = iriftrace.read_field(folder / "air.vtu")
     part = iriftrace.read_part(folder / "block.stl")
-    built = iriftrace.build_scene(
-        field,
-        part,
-        CAMERA,
-        folder / "python" / "scene.xml",
-        iriftrace.SceneSettings(scale=1.0),
-        layers=5,
-    )
-    scene = iriftrace.load_scene(built)
+    scene = Scene(part, HotAir(field, layers=5), CAMERA)
+    saved = scene.save(folder / "python" / "scene.xml", scale=1.0)
+    scene = iriftrace.load_scene(saved)
     iriftrace.render_scene(scene).save(folder / "python.exr")
 
     words = ["scene", str(folder / "air.vtu"), str(folder / "block.stl"), "--layers=5"]
@@ -62,7 +56,7 @@ def test_python_and_command_give_the_same_files(folder: Path) -> None:
     assert Path("field.npz") in files
     assert Path("shells/shell_01.ply") in files
     for name in files:
-        same = (xml.parent / name).read_bytes() == (built.path.parent / name).read_bytes()
+        same = (xml.parent / name).read_bytes() == (saved.path.parent / name).read_bytes()
         # The archive of the field states when it was packed.
         assert same or name == Path("field.npz"), name
     ours, theirs = (iriftrace.read_exr(folder / f"{n}.exr") for n in ("python", "command"))
@@ -75,10 +69,12 @@ def test_python_and_command_give_the_same_files(folder: Path) -> None:
         # Where the files lie, and how long each run took.
         del report["time_s"]
     assert reports[0] == reports[1]
-    assert built.fit is not None
-    assert built.fit.gap_p95_mm < 0.1
+    assert saved.fits[0] is not None
+    assert saved.fits[0].gap_p95_mm < 0.1
     shells = iriftrace.load_shells(xml.parent)
-    assert [len(shell.faces) for shell in shells.shells] == [row.triangles for row in built.report]
+    assert [len(shell.faces) for shell in shells.shells] == [
+        row.triangles for row in saved.reports[0]
+    ]
 
 
 @pytest.mark.usefixtures("variant")
@@ -87,8 +83,8 @@ def test_objects_show_themselves_in_one_line(folder: Path, tmp_path: Path) -> No
     field = iriftrace.read_field(folder / "air.vtu")
     part = iriftrace.read_part(folder / "block.stl")
     shells = iriftrace.contour_shells(field, 2)
-    built = iriftrace.build_scene(field, part, CAMERA, tmp_path / "s.xml", shells=shells)
-    scene = iriftrace.load_scene(built)
+    saved = Scene(part, HotAir(field, shells=shells), CAMERA).save(tmp_path / "s.xml")
+    scene = iriftrace.load_scene(saved)
     rendering = iriftrace.render_scene(scene)
     shown = {
         field: "air.vtu: 36 x 36 x 36 mm, 6,734 points, 5,616 cells",
@@ -114,8 +110,8 @@ def test_what_does_not_fit_is_stated_in_every_result(folder: Path, tmp_path: Pat
     shift[0, 3] = 0.5
     part = iriftrace.read_part(folder / "block.stl", transform=shift)
     with pytest.warns(IriftraceWarning, match="does not fill the cavity") as caught:
-        built = iriftrace.build_scene(field, part, CAMERA, tmp_path / "scene.xml", layers=3)
-    stated = iriftrace.render_scene(iriftrace.load_scene(built)).metrics.assumptions["field_fit"]
+        saved = Scene(part, HotAir(field, layers=3), CAMERA).save(tmp_path / "scene.xml")
+    stated = iriftrace.render_scene(iriftrace.load_scene(saved)).metrics.assumptions["field_fit"]
     assert stated in [str(warning.message) for warning in caught]
 
 
@@ -126,17 +122,17 @@ def test_messages_say_what_to_give_in_python(folder: Path, tmp_path: Path) -> No
     with pytest.warns(IriftraceWarning, match=r"unlikely.* check length_unit \(--length-unit\)"):
         large = iriftrace.read_part(folder / "block.stl", length_unit="m")
     with pytest.raises(InputError, match="in Python length_unit and transform of read_part"):
-        iriftrace.build_scene(field, large, CAMERA, tmp_path / "scene.xml")
+        Scene(large, HotAir(field), CAMERA).save(tmp_path / "scene.xml")
 
 
 def test_ready_made_shells_need_no_field(folder: Path, tmp_path: Path) -> None:
     part = iriftrace.read_part(folder / "block.stl")
     shells = iriftrace.contour_shells(iriftrace.read_field(folder / "air.vtu"), 2)
-    built = iriftrace.build_scene(None, part, CAMERA, tmp_path / "scene.xml", shells=shells)
-    assert built.fit is None
+    saved = Scene(part, HotAir(shells=shells), CAMERA).save(tmp_path / "scene.xml")
+    assert saved.fits == (None,)
     assert not (tmp_path / "field.npz").exists()
     with pytest.raises(InputError, match="give a field, or shells"):
-        iriftrace.build_scene(None, part, CAMERA, tmp_path / "scene.xml")
+        HotAir()
 
 
 def test_what_does_not_belong_together_is_refused(folder: Path, tmp_path: Path) -> None:
@@ -146,13 +142,13 @@ def test_what_does_not_belong_together_is_refused(folder: Path, tmp_path: Path) 
     path = tmp_path / "new" / "scene.xml"
     close = CAMERA.at(iriftrace.look_at(origin=(8.0, 0.0, 0.0), target=(0.0, 0.0, 0.0)))
     with pytest.raises(InputError, match="in the hot air"):
-        iriftrace.build_scene(field, part, close, path, layers=2)
+        Scene(part, HotAir(field, layers=2), close).save(path)
     with pytest.warns(IriftraceWarning, match="wall"):
-        iriftrace.build_scene(field, part, CAMERA, path, layers=2, wall_temperature_k=600.0)
+        Scene(part, HotAir(field, layers=2, wall_temperature_k=600.0), CAMERA).save(path)
     shutil.rmtree(path.parent)
     away = part.transformed(np.array(((1, 0, 0, 500.0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))))
     with pytest.raises(InputError):
-        iriftrace.build_scene(field, away, CAMERA, path, layers=2)
+        Scene(away, HotAir(field, layers=2), CAMERA).save(path)
     assert not list(tmp_path.iterdir())
 
 
@@ -161,7 +157,7 @@ def test_a_full_disk_leaves_the_folder_as_it_was(
 ) -> None:
     field = iriftrace.read_field(folder / "air.vtu")
     part = iriftrace.read_part(folder / "block.stl")
-    older = iriftrace.build_scene(field, part, CAMERA, tmp_path / "scene.xml", layers=2).path
+    older = Scene(part, HotAir(field, layers=2), CAMERA).save(tmp_path / "scene.xml").path
     before = {path: path.read_bytes() for path in tmp_path.rglob("*.*")}
 
     def full(*_: object) -> None:
@@ -170,7 +166,7 @@ def test_a_full_disk_leaves_the_folder_as_it_was(
     monkeypatch.setattr("iriftrace.scene.write.save_field_file", full)
     for xml in (older, tmp_path / "a" / "b" / "scene.xml"):
         with pytest.raises(InputError, match="No space left on device"):
-            iriftrace.build_scene(field, part, CAMERA, xml, layers=3)
+            Scene(part, HotAir(field, layers=3), CAMERA).save(xml)
     assert {path: path.read_bytes() for path in tmp_path.rglob("*.*")} == before
     assert not (tmp_path / "a").exists()
 
@@ -184,9 +180,6 @@ def test_a_warning_of_an_ensemble_names_the_members_concerned(folder: Path, tmp_
     grid.save(tmp_path / "half.vtu")
     half = iriftrace.read_field(tmp_path / "half.vtu")
     wall = float(np.asarray(cold.temperature_k).max())
-    members = [
-        MemberAir(label, None, iriftrace.contour_shells(field, 2), field)
-        for label, field in (("full", cold), ("half", half))
-    ]
+    air = HotAir([cold, half], layers=2, labels=("full", "half"), wall_temperature_k=wall)
     with pytest.warns(IriftraceWarning, match="^half: The air at the wall has"):
-        build_ensemble(members, part, CAMERA, tmp_path / "s" / "scene.xml", wall_temperature_k=wall)
+        Scene(part, air, CAMERA).save(tmp_path / "s" / "scene.xml")
