@@ -93,18 +93,6 @@ def test_record_names_what_lies_beside_the_field(cylinder: Part, tmp_path: Path)
         prepare(with_bodies(cylinder, Body(TABLE), floor=-60.0), tmp_path / "case")
 
 
-def test_case_of_an_earlier_version_goes_on(cylinder: Part, tmp_path: Path) -> None:
-    """It knew neither draughts nor bodies."""
-    case = with_bodies(cylinder)
-    prepare(case, tmp_path / "case")
-    file = tmp_path / "case" / RECORD
-    record = json.loads(file.read_text())
-    for name in ("draught_m_s", "bodies", "floor_mm"):
-        del record[name]
-    file.write_text(json.dumps(record))
-    assert prepare(case, tmp_path / "case")
-
-
 def test_bodies_take_part_in_the_symmetry(cylinder: Part) -> None:
     """The support stands at one end of the cylinder."""
     assert symmetric_case(with_bodies(cylinder, Body(TABLE))) == "xy"

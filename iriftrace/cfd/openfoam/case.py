@@ -129,11 +129,10 @@ class Case:
             "background_mm": self.size.background,
             "mirrors": self.mirrors,
             "margin": self.margin,
-            # None, as in records of earlier versions without these values.
             "draught_m_s": None if self.draught is None else list(self.draught.velocity),
-            "bodies": [body.record() for body in self.bodies] or None,
+            "bodies": [body.record() for body in self.bodies],
             "floor_mm": self.floor,
-            "leaning": [asdict(lean) for lean in self._leaning] or None,
+            "leaning": [asdict(lean) for lean in self._leaning],
         }
 
 
