@@ -24,8 +24,12 @@ from .core.errors import InputError as InputError
 from .core.errors import IriftraceError as IriftraceError
 from .core.errors import IriftraceWarning as IriftraceWarning
 from .core.errors import SetupError as SetupError
+from .features.choice import FeatureChoice as FeatureChoice
 from .features.fit import Feature as Feature
 from .features.fit import fit_feature as fit_feature
+from .features.fitted import FittedFeature as FittedFeature
+from .features.quantity import Quantity as Quantity
+from .features.relations import Relation as Relation
 from .field.air_temperatures import AirTemperatures as AirTemperatures
 from .field.air_temperatures import read_air_temperatures as read_air_temperatures
 from .field.flow import AirFlow as AirFlow

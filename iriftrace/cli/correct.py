@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -30,8 +31,10 @@ from iriftrace.cli.triangulation_text import (
 )
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
+from iriftrace.features.quantity import SizeAtReference
 
 if TYPE_CHECKING:
+    from iriftrace.features.fitted import FittedFeature
     from iriftrace.part.growth import Growth
     from iriftrace.triangulation.correction import Correction
 
@@ -108,7 +111,7 @@ def correct(
         Draw the corrections, and the deviation from the part, into a .png next to the output.
     """
     from iriftrace.clouds.read import read_cloud
-    from iriftrace.features.table import check_choices
+    from iriftrace.features.choice import FeatureChoice, check_choices
     from iriftrace.geometry.transform import apply, parse_transform, rigid_motion
     from iriftrace.scene.file import require_scene
     from iriftrace.triangulation.correct import correct as take_out
@@ -127,7 +130,8 @@ def correct(
     points = read.points if motion is None else apply(motion, read.points)
     loaded = trace.load(scene)
     check_kept(output, loaded.part.path)
-    check_choices(feature or (), loaded.part)
+    choices = [FeatureChoice.parse(text) for text in feature or ()]
+    check_choices(choices, loaded.part)
     try:
         with working("Correcting"):
             found = take_out(
@@ -140,7 +144,7 @@ def correct(
             ) from None
         raise
     doubts = {"u_expansion": expansion_uncertainty, "u_temperature_k": temperature_uncertainty}
-    features = found.features(loaded.part, feature or (), gate, **doubts)
+    features = found.features(loaded.part, choices, gate, **doubts)
     related = found.relations(loaded.part, features, **doubts)
     regions = found.regions(loaded.part)
     files: tuple[Path, ...] = found.save(
@@ -176,17 +180,18 @@ def _say_unsteadiness(unsteadiness: float | None, known: bool) -> None:
         )
 
 
-def _say_expansion(growth: Growth | None, features: list[JsonObject]) -> None:
+def _say_expansion(growth: Growth | None, features: Sequence[FittedFeature]) -> None:
     """State the temperature for which sizes hold, and uncertainties missing at another one."""
-    references = [row["at_reference"] for row in features if "at_reference" in row]
-    if growth is None and any(row["size_mm"]["corrected"] for row in features):
+    sizes = [feature.size for feature in features]
+    references = [s.at_reference for s in sizes if isinstance(s.at_reference, SizeAtReference)]
+    if growth is None and any(size.by_cloud["corrected"] for size in sizes):
         say(
             "Sizes hold at the temperature that the part had when it was measured; for those at 20 "
             "degC make the scene with --expansion and --hot-temperature."
         )
-    if any(row["expansion_uncertainty_mm"] is None for row in references):
+    if any(cold.expansion_uncertainty_mm is None for cold in references):
         say(
-            f"The sizes at {celsius(references[0]['temperature_k'])} state no uncertainty of "
+            f"The sizes at {celsius(references[0].temperature_k)} state no uncertainty of "
             "expansion and temperature: give both --expansion-uncertainty and "
             "--temperature-uncertainty."
         )

@@ -132,15 +132,16 @@ def write_scan(
     gate: float | None = 3.5,
 ) -> None:
     """Simulate the measurement of a scene's two devices, write its files and print results."""
-    from iriftrace.features.table import check_choices
+    from iriftrace.features.choice import FeatureChoice, check_choices
     from iriftrace.triangulation.acceptance import acceptance as accepted
     from iriftrace.triangulation.measure import measure as simulate
 
-    check_choices(feature or (), loaded.part)
+    choices = [FeatureChoice.parse(text) for text in feature or ()]
+    check_choices(choices, loaded.part)
     with working("Measuring"):
         scan = simulate(loaded, system=system, phase=phase)
-    features = scan.features(loaded.part, feature or (), gate)
-    errors = accepted(features, loaded.part) if acceptance else []
+    features = scan.features(loaded.part, choices, gate)
+    errors = accepted(features, loaded.part) if acceptance else ()
     regions = scan.regions(loaded.part)
     related = scan.relations(loaded.part, features)
     files = list(scan.save(output, features, errors, regions, related))
@@ -154,11 +155,11 @@ def write_scan(
     say_features(features, "cold", gate)
     say_relations(related, "cold")
     print_regions(regions, "Error along the normal by region")
-    for row in errors:
-        value = row["error_mm"]
+    for tested in errors:
+        measured, cold = (um(tested.error_mm[name]) for name in ("measured", "cold"))
         say(
-            f"{row['error'].capitalize()} ({row['region'] or 'all points'}): "
-            f"{um(value['measured'])} through hot air, {um(value['cold'])} cold."
+            f"{tested.error.capitalize()} ({tested.region or 'all points'}): {measured} through "
+            f"hot air, {cold} cold."
         )
 
 

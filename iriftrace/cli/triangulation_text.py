@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from iriftrace.cli.console import print_table, say
 from iriftrace.cli.options import celsius
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K
-from iriftrace.features.relations import value_key
+from iriftrace.features.quantity import Quantity, SizeAtReference
 
 if TYPE_CHECKING:
-    from iriftrace.triangulation.statistics import RegionRow
+    from iriftrace.features.fitted import FittedFeature
+    from iriftrace.features.relations import Relation
+    from iriftrace.triangulation.statistics import RegionValues
 
 MOST_LINES = 12
 """Distances and angles, and regions, that are printed; the JSON file has all."""
@@ -27,76 +29,86 @@ def say_field(provenance: JsonObject) -> None:
 
 
 def say_features(
-    features: list[JsonObject], true: str, gate: float | None, synthetic: bool = False
+    features: Sequence[FittedFeature], true: str, gate: float | None, synthetic: bool = False
 ) -> None:
     """Form and size of features as measured through hot air, and cold or corrected."""
-    for row in features:
-        where = f" ({row['region']})" if row["region"] else ""
-        hot_form, true_form = um(row["form_mm"]["measured"]), um(row["form_mm"][true])
-        form = f"form deviation {hot_form}, {true} {true_form}"
-        if row["left_out"]:
-            count = row["points"] + row["left_out"]
+    for feature in features:
+        where = f" ({feature.region})" if feature.region else ""
+        hot, cold = (um(feature.form_mm[name]) for name in ("measured", true))
+        form = f"form deviation {hot}, {true} {cold}"
+        if feature.left_out:
+            count = feature.points + feature.left_out
             form += (
-                f"; {row['left_out']:,} of {count:,} points are left out, farther from it than "
+                f"; {feature.left_out:,} of {count:,} points are left out, farther from it than "
                 f"{gate:g} robust standard deviations or as near to another region"
             )
-        hot, size = row["size_mm"]["measured"], row["size_mm"][true]
-        if hot is None:
-            say(f"{row['kind'].capitalize()}{where}: {form}.")
-            continue
+        size = feature.size
+        effect = _effect(size, true, synthetic)
+        diameter = f"diameter {effect}; " if effect else ""
         say(
-            f"{row['kind'].capitalize()}{where}{_held_at(row)}: diameter {hot:.4f} mm as measured "
-            f"through hot air, {size:.4f} mm {true}: the air makes it {um(abs(hot - size))} "
-            f"{'smaller' if hot < size else 'larger'}{_uncertainty(row, synthetic)}; {form}."
-            + _at_reference(row)
+            f"{feature.kind.capitalize()}{where}{_held_at(size)}: {diameter}{form}."
+            + _at_reference(size)
         )
 
 
-def _held_at(row: JsonObject) -> str:
+def _effect(value: Quantity, true: str, synthetic: bool) -> str:
+    """A size, distance or angle with and without hot air; "" if a feature has no size."""
+    hot, cold, unit = value.by_cloud["measured"], value.by_cloud[true], value.unit
+    if hot is None or cold is None:
+        return ""
+    return (
+        f"{hot:.4f} {unit} as measured through hot air, {cold:.4f} {unit} {true}: the air makes it "
+        f"{_small(value, abs(hot - cold))} {'smaller' if hot < cold else 'larger'}"
+        f"{_uncertainty(value, synthetic)}"
+    )
+
+
+def _small(value: Quantity, difference: float) -> str:
+    """A difference or uncertainty of a value."""
+    return minutes(difference) if value.unit == "deg" else um(difference)
+
+
+def _held_at(value: Quantity) -> str:
     """Temperature at which the size of an expanded part holds."""
-    kelvin = row.get("at_reference", {}).get("holds_at_k")
-    return "" if kelvin is None else f" at {kelvin - ZERO_CELSIUS_K:.0f} degC"
+    cold = value.at_reference
+    if not isinstance(cold, SizeAtReference):
+        return ""
+    return f" at {cold.holds_at_k - ZERO_CELSIUS_K:.0f} degC"
 
 
-def _at_reference(row: JsonObject) -> str:
+def _at_reference(value: Quantity) -> str:
     """A size or angle at the temperature of the drawing."""
-    cold = row.get("at_reference")
+    cold = value.at_reference
     if cold is None:
         return ""
-    at = f" At {celsius(cold['temperature_k'])} it is"
-    if "angle_deg" in cold:
-        return f"{at} {cold['angle_deg']:.4f} deg."
-    u = cold["expansion_uncertainty_mm"]
+    at = f" At {celsius(cold.temperature_k)} it is"
+    if not isinstance(cold, SizeAtReference):
+        return f"{at} {cold.angle_deg:.4f} deg."
+    u = cold.expansion_uncertainty_mm
     doubt = "" if u is None else f", U = {um(u)} (k = 2) of expansion and temperature"
-    return f"{at} {cold['size_mm']:.4f} mm{doubt}."
+    return f"{at} {cold.size_mm:.4f} mm{doubt}."
 
 
-def _uncertainty(row: JsonObject, synthetic: bool) -> str:
+def _uncertainty(value: Quantity, synthetic: bool) -> str:
     """Uncertainties of a size, distance or angle; of a simulated one its scatter; worst member."""
-    key = value_key(row)
-    unit = key.rpartition("_")[2]
-    written: Callable[[float], str] = um if unit == "mm" else minutes
-    text = ""
-    if f"fit_uncertainty_{unit}" in row:
-        air, fit = row[f"size_uncertainty_{unit}"], row[f"fit_uncertainty_{unit}"]
-        if air is not None:
+    text, stated = "", value.uncertainty
+    if stated is not None and stated.fit is not None:
+        fit = f"{_small(value, stated.fit)} (k = 2) of the fit"
+        if stated.air is not None and stated.total is not None:
             text = (
-                f", U = {written(air)} (k = {row['coverage_factor']:.3g}) of the air, "
-                f"{written(fit)} (k = 2) of the fit, "
-                f"{written(row[f'total_uncertainty_{unit}'])} together"
+                f", U = {_small(value, stated.air)} (k = {stated.coverage_factor:.3g}) of the air, "
+                f"{fit}, {_small(value, stated.total)} together"
             )
-        elif synthetic:
-            text = f", no uncertainty: synthetic air; U = {written(fit)} (k = 2) of the fit alone"
         else:
-            text = f", U = {written(fit)} (k = 2) of the fit alone"
-        if abs(row[key]["measured"] - row[key]["corrected"]) < fit:
+            text = f"{', no uncertainty: synthetic air;' if synthetic else ','} U = {fit} alone"
+        if abs(value.difference("measured", "corrected") or 0.0) < stated.fit:
             text += ", more than the air's effect"
-    elif row.get(f"size_scatter_{unit}") is not None:
-        scatter = row[f"size_scatter_{unit}"]
-        text = f", with a standard deviation of {written(scatter)} from field to field"
-    if "worst_member" in row:
-        worst = f"{row[f'worst_{key}']:.4f} {unit}"
-        text += f"; by the worst field, member {row['worst_member']}, it is {worst}"
+    elif value.scatter is not None:
+        scatter = _small(value, value.scatter)
+        text = f", with a standard deviation of {scatter} from field to field"
+    if value.worst is not None:
+        worst = f"{value.worst.value:.4f} {value.unit}"
+        text += f"; by the worst field, member {value.worst.number}, it is {worst}"
     return text
 
 
@@ -110,36 +122,26 @@ def minutes(degrees: float) -> str:
     return f"{round(60 * degrees, 4):.2g}'"
 
 
-def say_relations(rows: list[JsonObject], true: str, synthetic: bool = False) -> None:
+def say_relations(related: Sequence[Relation], true: str, synthetic: bool = False) -> None:
     """Distances and angles of planes as measured through hot air, and cold or corrected."""
-    for row in rows[:MOST_LINES]:
-        pair = " and ".join(str(region or "all points") for region in row["regions"])
-        values = row[value_key(row)]
-        hot, size = values["measured"], values[true]
-        if row["kind"] == "angle":
-            unit, what = "deg", minutes(abs(hot - size))
-        else:
-            unit, what = "mm", um(abs(hot - size))
-        say(
-            f"{row['kind'].capitalize()} of {pair}{_held_at(row)}: {hot:.4f} {unit} as measured "
-            f"through hot air, {size:.4f} {unit} {true}: the air makes it {what} "
-            f"{'smaller' if hot < size else 'larger'}{_uncertainty(row, synthetic)}."
-            + _at_reference(row)
-        )
-    if len(rows) > MOST_LINES:
-        say(f"{len(rows) - MOST_LINES} more distances and angles are in the JSON file.")
+    for relation in related[:MOST_LINES]:
+        pair = " and ".join(region or "all points" for region in relation.regions)
+        name, value = f"{relation.kind.capitalize()} of {pair}", relation.value
+        say(f"{name}{_held_at(value)}: {_effect(value, true, synthetic)}.{_at_reference(value)}")
+    if len(related) > MOST_LINES:
+        say(f"{len(related) - MOST_LINES} more distances and angles are in the JSON file.")
 
 
-def print_regions(rows: list[RegionRow], title: str) -> None:
+def print_regions(rows: Sequence[RegionValues], title: str) -> None:
     """A row for each region with points, those with most of them first."""
-    seen = sorted((row for row in rows if row["points"]), key=lambda row: -row["points"])
+    seen = sorted((row for row in rows if row.points), key=lambda row: -row.points)
     cells = []
     for row in seen[:MOST_LINES]:
-        values, largest = row["along_normal_mm"], row["size_p95_mm"]
+        values, largest = row.along_normal_mm, row.size_p95_mm
         assert values is not None
         assert largest is not None
         um = (f"{1e3 * value:.3g}" for value in (values["median"], values["rms"], largest))
-        cells.append((row["region"], f"{row['points']:,}", f"{row['measured']:.0%}", *um))
+        cells.append((row.region, f"{row.points:,}", f"{row.measured:.0%}", *um))
     headings = ("region", "points", "measured", "median (um)", "rms (um)", "95 % below (um)")
     print_table(title, headings, cells, texts=["region"])
     say(

@@ -2,103 +2,121 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from itertools import combinations
-from typing import Any
+from typing import Literal
 
 import numpy as np
+from attrs import frozen
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.plain import JsonObject
+from iriftrace.features.fit import Feature
+from iriftrace.features.fitted import FittedFeature
+from iriftrace.features.quantity import Quantity, Unit
 
 NEAR_DEG = 2.0
 """Tolerance within which two planes are parallel or square: forged faces are off by tenths."""
 
-Row = Mapping[str, Any]
+OfPair = Callable[[Feature, Feature], float]
 
 
-def relations(features: Sequence[Row]) -> list[JsonObject]:
-    """Distances and angles between the planes among features, rows of `feature_table`.
+@frozen
+class Relation:
+    """Distance or angle of two planes.
 
-    For parallel planes ``{"kind": "distance", "regions": [a, b], "size_mm": {cloud: mm},
-    "u_size_mm": {cloud: mm}}``: how far the points' centres are apart along the mean of both
-    normals. For square ones ``{"kind": "angle", "regions": [a, b], "angle_deg": {cloud: deg},
-    "u_angle_deg": {cloud: deg}}``, below or above 90 degrees as their normals point (each with its
-    largest component positive). The first cloud decides which planes these are. u is the standard
-    uncertainty by the scatter of the points, as in `Feature`. For an ensemble also ``by_member``
-    with the distances or angles by each member.
+    Attributes
+    ----------
+    regions : tuple of two str or None
+        Regions of the planes; None for all points.
+    value : Quantity
+        For parallel planes how far the points' centres are apart along the mean of both normals,
+        mm. For square ones the angle, deg, below or above 90 degrees as their normals point (each
+        with its largest component positive).
     """
-    planes = [row for row in features if row["kind"] == "plane"]
+
+    regions: tuple[str | None, str | None]
+    value: Quantity
+
+    @property
+    def kind(self) -> Literal["distance", "angle"]:
+        """Kind of relation."""
+        return "angle" if self.value.unit == "deg" else "distance"
+
+    def as_dict(self) -> JsonObject:
+        """Plain JSON values."""
+        value, key = self.value, self.value.key
+        return {
+            "kind": self.kind,
+            "regions": list(self.regions),
+            key: value.by_cloud,
+            f"u_{key}": value.u,
+            **({"by_member": {key: list(value.by_member)}} if value.by_member else {}),
+            **value.statements(),
+        }
+
+
+def relations(features: Sequence[FittedFeature]) -> tuple[Relation, ...]:
+    """Distances and angles between the planes among features.
+
+    The first cloud decides which planes are parallel or square.
+    """
+    planes = [feature for feature in features if feature.kind == "plane"]
     pairs = (_relation(*pair) for pair in combinations(planes, 2))
-    return [row for row in pairs if row is not None]
+    return tuple(relation for relation in pairs if relation is not None)
 
 
-def value_key(row: Row) -> str:
-    """Key of a relation's or feature's values: ``angle_deg`` or ``size_mm``."""
-    return "angle_deg" if value_unit(row) == "deg" else "size_mm"
-
-
-def value_unit(row: Row) -> str:
-    """Unit at the end of the keys of a relation's or feature's values."""
-    return "deg" if row["kind"] == "angle" else "mm"
-
-
-def _relation(one: Row, other: Row) -> JsonObject | None:
-    """Row of two planes; None where they are neither parallel nor square."""
-    clouds = list(one["direction"])
-    angle = _angle(one, other, clouds[0])
+def _relation(one: FittedFeature, other: FittedFeature) -> Relation | None:
+    """Relation of two planes; None where they are neither parallel nor square."""
+    unit: Unit
+    value: OfPair
+    doubt: OfPair
+    fits = {name: (fit, other.fits[name]) for name, fit in one.fits.items()}
+    angle = _angle(*next(iter(fits.values())))
     if min(angle, 180.0 - angle) < NEAR_DEG:
-        kind, key, value, doubt = "distance", "size_mm", _distance, _u_distance
+        unit, value, doubt = "mm", _distance, _u_distance
     elif abs(angle - 90.0) < NEAR_DEG:
-        kind, key, value, doubt = "angle", "angle_deg", _angle, _u_angle
+        unit, value, doubt = "deg", _angle, _u_angle
     else:
         return None
-    row: JsonObject = {
-        "kind": kind,
-        "regions": [one["region"], other["region"]],
-        key: {name: value(one, other, name) for name in clouds},
-        f"u_{key}": {name: doubt(one, other, name) for name in clouds},
-    }
-    if "by_member" in one:
-        members = one["by_member"], other["by_member"]
-        count = len(one["by_member"]["direction"])
-        row["by_member"] = {key: [value(*members, number) for number in range(count)]}
-    return row
+    quantity = Quantity(
+        unit,
+        {name: value(*pair) for name, pair in fits.items()},
+        {name: doubt(*pair) for name, pair in fits.items()},
+        tuple(map(value, one.by_member, other.by_member)),
+    )
+    return Relation((one.region, other.region), quantity)
 
 
-def _normals(one: Row, other: Row, name: str | int) -> tuple[FloatArray, FloatArray]:
-    return np.array(one["direction"][name]), np.array(other["direction"][name])
+def _normals(one: Feature, other: Feature) -> tuple[FloatArray, FloatArray]:
+    return np.asarray(one.direction), np.asarray(other.direction)
 
 
-def _angle(one: Row, other: Row, name: str | int) -> float:
+def _angle(one: Feature, other: Feature) -> float:
     """Angle between the normals, deg, exact for small ones."""
-    first, second = _normals(one, other, name)
+    first, second = _normals(one, other)
     across = np.linalg.norm(np.cross(first, second))
     return float(np.degrees(np.arctan2(across, first @ second)))
 
 
-def _arm(one: Row, other: Row, name: str | int) -> FloatArray:
-    return np.asarray(np.subtract(other["position_mm"][name], one["position_mm"][name]))
-
-
-def _distance(one: Row, other: Row, name: str | int) -> float:
+def _distance(one: Feature, other: Feature) -> float:
     """Length of the arm between the centres along the mean of two normals, of either sense."""
-    first, second = _normals(one, other, name)
+    first, second = _normals(one, other)
     mean = first + np.copysign(1.0, first @ second) * second
-    return float(abs(_arm(one, other, name) @ mean) / np.linalg.norm(mean))
+    return float(abs((other.position - one.position) @ mean) / np.linalg.norm(mean))
 
 
-def _u_distance(one: Row, other: Row, name: str) -> float:
+def _u_distance(one: Feature, other: Feature) -> float:
     """By the heights of both centres, and by the tilt of the mean normal over the arm."""
-    arm = _arm(one, other, name)
-    tilts = np.array([row["normal_covariance"][name] for row in (one, other)])
-    heights = [row["u_position_mm"][name] for row in (one, other)]
-    return float(np.sqrt(np.square(heights).sum() + arm @ tilts.sum(axis=0) @ arm / 4.0))
+    arm = other.position - one.position
+    heights = np.array([one.u_position_mm, other.u_position_mm], dtype=np.float64)
+    tilts = np.asarray(one.normal_covariance) + np.asarray(other.normal_covariance)
+    return float(np.sqrt(np.square(heights).sum() + arm @ tilts @ arm / 4.0))
 
 
-def _u_angle(one: Row, other: Row, name: str) -> float:
+def _u_angle(one: Feature, other: Feature) -> float:
     """By the tilt of each normal towards the other, deg."""
-    first, second = _normals(one, other, name)
-    tilts = (row["normal_covariance"][name] for row in (one, other))
-    variance = second @ next(tilts) @ second + first @ next(tilts) @ first
+    first, second = _normals(one, other)
+    tilts = np.asarray(one.normal_covariance), np.asarray(other.normal_covariance)
+    variance = second @ tilts[0] @ second + first @ tilts[1] @ first
     return float(np.degrees(np.sqrt(variance) / np.linalg.norm(np.cross(first, second))))

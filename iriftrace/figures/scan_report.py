@@ -8,10 +8,12 @@ from pathlib import Path
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
-from iriftrace.core.plain import JsonObject
+from iriftrace.core.plain import JsonObject, structured
 from iriftrace.core.units import ZERO_CELSIUS_K
+from iriftrace.features.quantity import Quantity, SizeAtReference, Uncertainty
 from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.figures.page import file_text, name_of, value_text, write_page
+from iriftrace.triangulation.statistics import RegionValues
 
 SCHEMAS = {"iriftrace.scan/1": "cold", "iriftrace.correction/1": "corrected"}
 """Results with such a report, and the names of their features' clouds without air."""
@@ -44,10 +46,9 @@ def scan_report(values: JsonObject) -> dict[str, object]:
     simulated = true == "cold"
     assumed, counts = values["assumptions"], values["points"]
     what = "What hot air adds to a measurement" if simulated else "Measured cloud, corrected"
-    cold = next((row["at_reference"] for row in values["features"] if "at_reference" in row), None)
-    expanded = (
-        () if cold is None else (f"at {_celsius(cold['temperature_k'])} (mm)", "U of that (µm)")
-    )
+    sizes = map(Quantity.of, (*values["features"], *values.get("relations", ())))
+    cold = next((size.at_reference for size in sizes if size.at_reference is not None), None)
+    expanded = () if cold is None else (f"at {_celsius(cold.temperature_k)} (mm)", "U of that (µm)")
     held = () if cold is None else ("at (°C)",)
     return dict(
         title=f"{what}: {name_of(values['part'])}",
@@ -70,7 +71,11 @@ def scan_report(values: JsonObject) -> dict[str, object]:
         relations=tuple(
             _relation(row, true, bool(expanded)) for row in values.get("relations", ())
         ),
-        regions=tuple(_region(row) for row in values.get("regions", ()) if row["points"]),
+        regions=tuple(
+            _region(region)
+            for region in structured(values.get("regions", ()), tuple[RegionValues, ...])
+            if region.points
+        ),
         region_note="Along the part's outward normal: "
         + ("the error of the points." if simulated else "the correction of the points.")
         + " Area measured: that of the triangles with a point.",
@@ -175,46 +180,50 @@ def _feature_note(expanded: bool) -> str:
 
 
 def _feature(row: JsonObject, true: str, expanded: bool) -> tuple[str, ...]:
-    kind = "size_mm" if row["size_mm"]["measured"] is not None else "form_mm"
-    measured, size = row[kind]["measured"], row[kind][true]
-    cells = [row["kind"], row["region"] or "all points", *_held_at(row, expanded)]
-    cells += [f"{row['points']:,}", f"{measured:.4f}", f"{size:.4f}", _um(measured - size)]
-    if true == "corrected":
-        cells += [_um(row[key]) if kind == "size_mm" else "" for key in _UNCERTAINTIES]
-    return (*cells, *_cold(row, expanded))
+    size = Quantity.of(row)
+    sized = size.by_cloud["measured"] is not None
+    values = row["size_mm"] if sized else row["form_mm"]
+    measured, cold = values["measured"], values[true]
+    cells = [row["kind"], row["region"] or "all points", *_held_at(size, expanded)]
+    cells += [f"{row['points']:,}", f"{measured:.4f}", f"{cold:.4f}", _um(measured - cold)]
+    if size.uncertainty is not None:
+        cells += [_um(u) if sized else "" for u in _expanded(size.uncertainty)]
+    return (*cells, *_cold(size, expanded))
 
 
-_UNCERTAINTIES = ("size_uncertainty_mm", "fit_uncertainty_mm", "total_uncertainty_mm")
+def _expanded(u: Uncertainty) -> tuple[float | None, ...]:
+    return u.air, u.fit, u.total
 
 
-def _held_at(row: JsonObject, expanded: bool) -> tuple[str, ...]:
-    kelvin = row.get("at_reference", {}).get("holds_at_k")
-    return (("" if kelvin is None else f"{kelvin - ZERO_CELSIUS_K:.0f}"),) if expanded else ()
+def _held_at(value: Quantity, expanded: bool) -> tuple[str, ...]:
+    cold = value.at_reference
+    if isinstance(cold, SizeAtReference):
+        return (f"{cold.holds_at_k - ZERO_CELSIUS_K:.0f}",)
+    return ("",) if expanded else ()
 
 
-def _cold(row: JsonObject, expanded: bool) -> tuple[str, ...]:
-    """Cells of a size at the temperature of the drawing."""
-    cold = row.get("at_reference")
+def _cold(value: Quantity, expanded: bool) -> tuple[str, ...]:
+    """Cells of a value at the temperature of the drawing."""
+    cold = value.at_reference
     if not expanded:
         return ()
     if cold is None:
         return "", ""
-    if "angle_deg" in cold:
-        return f"{cold['angle_deg']:.4f}°", ""
-    return f"{cold['size_mm']:.4f}", _um(cold["expansion_uncertainty_mm"])
+    if not isinstance(cold, SizeAtReference):
+        return f"{cold.angle_deg:.4f}°", ""
+    return f"{cold.size_mm:.4f}", _um(cold.expansion_uncertainty_mm)
 
 
 def _relation(row: JsonObject, true: str, expanded: bool) -> tuple[str, ...]:
     planes = " and ".join(str(region or "all points") for region in row["regions"])
-    angle = row["kind"] == "angle"
-    values, unit = (row["angle_deg"], "°") if angle else (row["size_mm"], " mm")
-    cells = [row["kind"], planes, *_held_at(row, expanded)]
-    cells += [f"{values[name]:.4f}{unit}" for name in ("measured", true)]
-    cells.append(_difference(values["measured"] - values[true], angle))
-    if true == "corrected":
-        keys = (key.removesuffix("mm") + ("deg" if angle else "mm") for key in _UNCERTAINTIES)
-        cells += [_difference(row[key], angle) for key in keys]
-    return (*cells, *_cold(row, expanded))
+    value = Quantity.of(row)
+    angle = value.unit == "deg"
+    cells = [row["kind"], planes, *_held_at(value, expanded)]
+    cells += [f"{value.by_cloud[name]:.4f}{'°' if angle else ' mm'}" for name in ("measured", true)]
+    cells.append(_difference(value.difference("measured", true), angle))
+    if value.uncertainty is not None:
+        cells += [_difference(u, angle) for u in _expanded(value.uncertainty)]
+    return (*cells, *_cold(value, expanded))
 
 
 def _difference(value: float | None, angle: bool) -> str:
@@ -224,7 +233,8 @@ def _difference(value: float | None, angle: bool) -> str:
     return f"{60 * value:.2g}\N{PRIME}" if angle else f"{_um(value)} µm"
 
 
-def _region(row: JsonObject) -> tuple[str, ...]:
-    values = row["along_normal_mm"]
-    numbers = map(_um, (values["median"], values["rms"], row["size_p95_mm"]))
-    return row["region"], f"{row['points']:,}", f"{row['measured']:.0%}", *numbers
+def _region(region: RegionValues) -> tuple[str, ...]:
+    values = region.along_normal_mm
+    assert values is not None
+    numbers = map(_um, (values["median"], values["rms"], region.size_p95_mm))
+    return region.region, f"{region.points:,}", f"{region.measured:.0%}", *numbers

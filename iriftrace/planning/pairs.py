@@ -10,7 +10,7 @@ from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
-from iriftrace.features.table import chosen_points, surface_kind
+from iriftrace.features.choice import FeatureChoice, on_region, surface_kind
 from iriftrace.part.part import Part
 from iriftrace.planning.candidates import ranked_region
 from iriftrace.planning.criteria import STANDARD, Criteria
@@ -259,7 +259,9 @@ def score_of_pairs(
 
 def feature_region(feature: str, criteria: Criteria, part: Part) -> str:
     """Region of the part for a feature."""
-    kind, region, chosen = chosen_points(feature, np.arange(len(part.faces)), part)
+    choice = FeatureChoice.parse(feature)
+    kind, region = choice.kind, choice.region
+    chosen = on_region(region, np.arange(len(part.faces)), part)
     if kind not in ("cylinder", "sphere"):
         raise InputError(
             f"Pairs are ranked by the diameter of a cylinder or sphere, not of {feature!r}; give "
@@ -280,7 +282,7 @@ def feature_region(feature: str, criteria: Criteria, part: Part) -> str:
 
 def in_region(region: str, face: IntArray, part: Part) -> BoolArray:
     """Mask (n,) of faces in a region; all of them if that is the whole part."""
-    return chosen_points("" if region == WHOLE_PART else f":{region}", face, part)[2]
+    return on_region(None if region == WHOLE_PART else region, face, part)
 
 
 def scene_of_pairs(dataset: xr.Dataset, pose: int) -> LoadedScene:
@@ -296,8 +298,11 @@ def scene_of_pairs(dataset: xr.Dataset, pose: int) -> LoadedScene:
 
 def size_error(scan: Scan, part: Part, feature: str) -> float:
     """Error of a feature's diameter, mm."""
-    size = scan.features(part, [feature])[0]["size_mm"]
-    return float(size["measured"] - size["cold"])
+    (fitted,) = scan.features(part, [FeatureChoice.parse(feature)])
+    error = fitted.size.difference("measured", "cold")
+    if error is None:
+        raise AssertionError("a cylinder or sphere has a diameter")
+    return error
 
 
 def statistic_along(scan: Scan, chosen: BoolArray, criteria: Criteria) -> float:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from attrs import frozen
 
@@ -12,7 +10,7 @@ from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError, without_warnings
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.statistics import spread
-from iriftrace.features.table import found_features
+from iriftrace.features.choice import found_features
 from iriftrace.part.part import Part
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.trace.rays import is_inside
@@ -121,7 +119,8 @@ def _of(scan: Scan, part: Part, faces: BoolArray, size: _Size | None) -> JsonObj
     }
 
 
-class _Size(NamedTuple):
+@frozen
+class _Size:
     """Error of a diameter, and its standard deviation over an ensemble's members, mm."""
 
     error_mm: float
@@ -130,13 +129,10 @@ class _Size(NamedTuple):
 
 def _size_errors(scan: Scan, part: Part) -> dict[str, _Size]:
     """Errors of diameters by region."""
-    choices = [c for c in found_features(part, scan.face) if not c.startswith("plane:")]
-    if not choices:
-        return {}
-    return {
-        row["region"]: _Size(
-            row["size_mm"]["measured"] - row["size_mm"]["cold"], row.get("size_scatter_mm")
-        )
-        for row in scan.features(part, choices, None)
-        if row["region"] and row["size_mm"]["cold"] is not None
-    }
+    choices = [each for each in found_features(part, scan.face) if each.kind != "plane"]
+    found = {}
+    for feature in scan.features(part, choices, None) if choices else ():
+        error = feature.size.difference("measured", "cold")
+        if feature.region is not None and error is not None:
+            found[feature.region] = _Size(error, feature.size.scatter)
+    return found

@@ -8,26 +8,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations
-from typing import TypedDict
 
 import numpy as np
+from attrs import frozen
 
-from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
-from iriftrace.core.plain import JsonObject
-from iriftrace.features.fit import fit_feature
+from iriftrace.features.fit import Feature, fit_feature
+from iriftrace.features.fitted import FittedFeature
 from iriftrace.part.part import Part
 
 
-class AcceptanceRow(TypedDict):
-    """One error of the test, by cloud: ``cold``, ``measured``."""
+@frozen
+class AcceptanceError:
+    """One error of the test."""
 
-    error: str
-    region: str
-    error_mm: dict[str, float]
+    error: str  # its name
+    region: str | None  # or two of them, "a to b"; None for all points
+    error_mm: dict[str, float]  # by cloud: ``cold``, ``measured``
 
 
-def acceptance(features: Sequence[JsonObject], part: Part) -> list[AcceptanceRow]:
+def acceptance(features: Sequence[FittedFeature], part: Part) -> tuple[AcceptanceError, ...]:
     """Errors of fitted spheres and planes that VDI/VDE 2634 part 2 tests.
 
     - probing error of form: range of the distances from the fitted sphere;
@@ -35,39 +35,46 @@ def acceptance(features: Sequence[JsonObject], part: Part) -> list[AcceptanceRow
     - sphere-spacing error: distance of two spheres' centres less the calibrated one;
     - flatness error: range of the distances from the fitted plane.
 
-    Features are rows of `feature_table`; regions that are neither sphere nor plane are left out.
+    Features that are neither sphere nor plane, and spheres of all points, are left out.
     """
-    spheres = [row for row in features if row["kind"] == "sphere" and row["region"]]
-    rows = []
-    calibrated = {row["region"]: _calibrated(part, row["region"]) for row in spheres}
-    for row in spheres:
-        _, diameter = calibrated[row["region"]]
-        size = {name: value - diameter for name, value in row["size_mm"].items()}
-        rows.append(("probing error of form", row["region"], row["form_mm"]))
-        rows.append(("probing error of size", row["region"], size))
-    for one, other in combinations(spheres, 2):
-        names = (one["region"], other["region"])
-        (centre, _), (second_centre, _) = (calibrated[name] for name in names)
-        true = np.linalg.norm(second_centre - centre)
+    spheres = [
+        (each, _calibrated(part, each.region))
+        for each in features
+        if each.kind == "sphere" and each.region is not None
+    ]
+    errors = []
+    for sphere, true in spheres:
+        size = {name: _diameter(fit) - _diameter(true) for name, fit in sphere.fits.items()}
+        errors.append(AcceptanceError("probing error of form", sphere.region, sphere.form_mm))
+        errors.append(AcceptanceError("probing error of size", sphere.region, size))
+    for (one, true), (other, other_true) in combinations(spheres, 2):
+        calibrated = _spacing(true, other_true)
         spacing = {
-            name: float(np.linalg.norm(np.subtract(other["position_mm"][name], place)) - true)
-            for name, place in one["position_mm"].items()
+            name: _spacing(fit, other.fits[name]) - calibrated for name, fit in one.fits.items()
         }
-        rows.append(("sphere-spacing error", " to ".join(names), spacing))
-    planes = (row for row in features if row["kind"] == "plane")
-    rows += [("flatness error", row["region"], row["form_mm"]) for row in planes]
-    if not rows:
+        names = f"{one.region} to {other.region}"
+        errors.append(AcceptanceError("sphere-spacing error", names, spacing))
+    planes = (each for each in features if each.kind == "plane")
+    errors += [AcceptanceError("flatness error", each.region, each.form_mm) for each in planes]
+    if not errors:
         raise InputError(
             "No region of the part that was measured is a sphere or a plane, so there is nothing "
             "to test; take a part of `iriftrace part sphere`, `ball-bar` or `plate`."
         )
-    return [{"error": error, "region": region, "error_mm": mm} for error, region, mm in rows]
+    return tuple(errors)
 
 
-def _calibrated(part: Part, region: str) -> tuple[FloatArray, float]:
-    """Centre and diameter, mm, of the sphere through a region's corners."""
+def _calibrated(part: Part, region: str) -> Feature:
+    """The sphere through a region's corners."""
     faces = part.faces[part.region_of_face == part.region_names.index(region)]
-    found = fit_feature(part.vertices[np.unique(faces)], "sphere")
-    if found.size_mm is None:
+    return fit_feature(part.vertices[np.unique(faces)], "sphere")
+
+
+def _diameter(sphere: Feature) -> float:
+    if sphere.size_mm is None:
         raise AssertionError("a sphere has a diameter")
-    return found.position, found.size_mm
+    return sphere.size_mm
+
+
+def _spacing(one: Feature, other: Feature) -> float:
+    return float(np.linalg.norm(other.position - one.position))

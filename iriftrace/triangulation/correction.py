@@ -7,20 +7,22 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from attrs import asdict, field, frozen
+from attrs import asdict, evolve, field, frozen
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from iriftrace.clouds.read import Cloud
 from iriftrace.clouds.write import by_axis, save_cloud
 from iriftrace.core.arrays import AnyArray, FloatArray, IntArray
-from iriftrace.core.plain import JsonObject
+from iriftrace.core.plain import JsonObject, plain
 from iriftrace.core.statistics import spread
 from iriftrace.core.units import length_factor
+from iriftrace.features.choice import FeatureChoice
 from iriftrace.features.cold_size import ColdSizes
+from iriftrace.features.fitted import FittedFeature, fit_features
 from iriftrace.features.outliers import GATE
-from iriftrace.features.relations import relations, value_key, value_unit
-from iriftrace.features.table import feature_table
+from iriftrace.features.quantity import Quantity, Uncertainty
+from iriftrace.features.relations import Relation, relations
 from iriftrace.geometry.transform import apply
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
@@ -29,9 +31,9 @@ from iriftrace.triangulation.field_state import FieldState
 from iriftrace.triangulation.larger import Larger
 from iriftrace.triangulation.statistics import (
     PointStatus,
-    RegionRow,
+    RegionValues,
     each_along,
-    region_table,
+    region_values,
     worst_member,
 )
 
@@ -148,79 +150,60 @@ class Correction:
     def features(
         self,
         part: Part,
-        choices: Sequence[str],
+        choices: Sequence[FeatureChoice] = (),
         gate: float | None = GATE,
         *,
         u_expansion: float | None = None,
         u_temperature_k: float | None = None,
-    ) -> list[JsonObject]:
-        """Features of the corrected points, measured and corrected; see `feature_table`.
+    ) -> tuple[FittedFeature, ...]:
+        """Features of the corrected points, ``"measured"`` and ``"corrected"``; see `fit_features`.
 
-        Each size has three expanded uncertainties, mm, None where one is not known:
-        ``size_uncertainty_mm`` U = k u of the correction of the size, with ``coverage_factor`` k by
-        Student's t for as many fields as it was estimated from (GUM, annex G), 2 for many or one;
-        ``fit_uncertainty_mm`` (k = 2) of the fit to the corrected points, by their scatter;
-        ``total_uncertainty_mm``, the root of the sum of their squares. For synthetic air the first
-        is not known. An ensemble also has ``worst_member``, whose corrected size ``worst_size_mm``
-        is farthest from the mean.
-
-        An expanded part also has ``at_reference`` (`ColdSizes`), by the standard
-        uncertainties of the expansion (relative) and of the hot temperature (K).
+        The size has its uncertainties (that of the air is not known for synthetic air), of an
+        ensemble the member by which it is farthest from the mean, and of an expanded part its value
+        at the drawing's temperature, by the standard uncertainties of the expansion (relative) and
+        of the hot temperature (K).
         """
         good = self.status == CorrectionStatus.CORRECTED
         measured, face = self.measured[good], self.face[good]
         clouds = {"measured": measured, "corrected": self.points[good]}
         by_member = () if self.errors is None else measured - self.errors[:, good]
-        rows = feature_table(clouds, face, part, choices, by_member, gate)
-        cold = ColdSizes(part, u_expansion, u_temperature_k)
-        return cold.add_to_features([self._with_uncertainty(row) for row in rows], "corrected")
+        fitted = fit_features(clouds, face, part, choices, by_member, gate)
+        known = [evolve(each, size=self._with_uncertainty(each.size)) for each in fitted]
+        return ColdSizes(part, u_expansion, u_temperature_k).of_features(known, "corrected")
 
     def relations(
         self,
         part: Part,
-        features: list[JsonObject],
+        features: Sequence[FittedFeature],
         *,
         u_expansion: float | None = None,
         u_temperature_k: float | None = None,
-    ) -> list[JsonObject]:
-        """Distances and angles between `features` (see `relations`), with uncertainties.
-
-        The keys of angles end in ``_deg`` in place of ``_mm``.
-        """
-        rows = [self._with_uncertainty(row) for row in relations(features)]
+    ) -> tuple[Relation, ...]:
+        """Distances and angles between `features`, with the same statements."""
+        known = [
+            evolve(each, value=self._with_uncertainty(each.value)) for each in relations(features)
+        ]
         cold = ColdSizes(part, u_expansion, u_temperature_k)
-        return cold.add_to_relations(rows, features, "corrected")
+        return cold.of_relations(known, features, "corrected")
 
-    def _with_uncertainty(self, row: JsonObject) -> JsonObject:
-        """A feature or relation with its uncertainties and its worst member."""
-        key = value_key(row)
-        unit = value_unit(row)
-        sizes = row.get("by_member", {key: [None]})[key]
-        scatter, worst = 0.0, {}
-        if self.weights is not None and None not in sizes:
-            scatter = float(self.weights.uncertainty(sizes))
-            worst = worst_member(sizes, row[key]["corrected"], key, self.provenance)
-        air, factor = self._air_uncertainty(row[key], scatter)
-        u = row[f"u_{key}"]["corrected"]
+    def _with_uncertainty(self, value: Quantity) -> Quantity:
+        corrected, u = value.by_cloud["corrected"], value.u["corrected"]
+        scatter, worst = 0.0, None
+        if self.weights is not None and corrected is not None:
+            members = np.array(value.by_member, dtype=np.float64)
+            scatter = float(self.weights.uncertainty(members))
+            worst = worst_member(members, corrected, self.provenance)
+        air, factor = self._air_uncertainty(value.difference("measured", "corrected"), scatter)
         fit = None if u is None else COVERAGE_FACTOR * u
-        both = None if air is None or fit is None else math.hypot(air, fit)
-        return row | {
-            f"size_uncertainty_{unit}": air,
-            "coverage_factor": factor,
-            f"fit_uncertainty_{unit}": fit,
-            f"total_uncertainty_{unit}": both,
-            **worst,
-        }
+        return evolve(value, uncertainty=Uncertainty(air, factor, fit), worst=worst)
 
     def _air_uncertainty(
-        self, size: dict[str, float | None], scatter: float
+        self, removed: float | None, scatter: float
     ) -> tuple[float | None, float | None]:
-        """Expanded uncertainty of the correction of a size or angle, and its coverage factor k."""
-        measured, corrected = size["measured"], size["corrected"]
-        known = self.u_normal is not None and not self.state.synthetic
-        if measured is None or corrected is None or not known:
+        """Expanded uncertainty of the correction of a value, and its coverage factor k."""
+        if removed is None or self.u_normal is None or self.state.synthetic:
             return None, None
-        by_field = abs(self.u_contrast * (measured - corrected))
+        by_field = abs(self.u_contrast * removed)
         factor = self._coverage_factor(by_field, scatter)
         return factor * math.hypot(by_field, scatter), factor
 
@@ -255,18 +238,18 @@ class Correction:
             "unsteadiness": self.state.unsteadiness,
         }
 
-    def regions(self, part: Part) -> list[RegionRow]:
-        """Corrections along the normal by region of the part; see `region_table`."""
+    def regions(self, part: Part) -> tuple[RegionValues, ...]:
+        """Corrections along the normal by region of the part."""
         good = self.status == CorrectionStatus.CORRECTED
         along = np.einsum("ij,ij->i", self.error, self.normal)
-        return region_table(part, self.face[good], along[good])
+        return region_values(part, self.face[good], along[good])
 
     def save(
         self,
         path: str | Path,
-        features: Sequence[JsonObject] = (),
-        regions: Sequence[RegionRow] = (),
-        related: Sequence[JsonObject] = (),
+        features: Sequence[FittedFeature] = (),
+        regions: Sequence[RegionValues] = (),
+        related: Sequence[Relation] = (),
         *,
         cloud: Cloud | None = None,
         motion: FloatArray | None = None,
@@ -277,8 +260,8 @@ class Correction:
         Parameters
         ----------
         path : path
-        features, regions, related : sequences of dict
-            Rows of `features`, `regions` and `relations`, written with the numbers.
+        features, regions, related : sequences
+            Of `features`, `regions` and `relations`, written with the numbers.
         cloud : Cloud, optional
             The cloud whose `points` were corrected: all of its rows are written in their order,
             with its further columns. Rows that were not measured are written unchanged.
@@ -300,9 +283,9 @@ class Correction:
         added = {**by_axis("correction", factor * (-self.error @ back[:3, :3].T)), **u}
         points, status = factor * apply(back, self.points), self.status.astype(np.int32)
         values = self.as_dict() | {
-            "features": list(features),
-            "relations": list(related),
-            "regions": list(regions),
+            "features": [each.as_dict() for each in features],
+            "relations": [each.as_dict() for each in related],
+            "regions": plain(regions),
             "cloud": {"frame": "cloud" if in_cloud_frame else "scene", "length_unit": unit},
         }
         if cloud is None:

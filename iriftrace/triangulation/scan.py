@@ -6,26 +6,28 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from attrs import Factory, frozen
+from attrs import Factory, evolve, frozen
 from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.clouds.write import by_axis, save_cloud
 from iriftrace.core.arrays import AnyArray, FloatArray, IntArray
-from iriftrace.core.plain import JsonObject
+from iriftrace.core.plain import JsonObject, plain
 from iriftrace.core.statistics import spread
+from iriftrace.features.choice import FeatureChoice
 from iriftrace.features.cold_size import ColdSizes
+from iriftrace.features.fitted import FittedFeature, fit_features
 from iriftrace.features.outliers import GATE
-from iriftrace.features.relations import relations, value_key, value_unit
-from iriftrace.features.table import feature_table
+from iriftrace.features.quantity import Quantity
+from iriftrace.features.relations import Relation, relations
 from iriftrace.part.part import Part
 from iriftrace.scene.member_weights import MemberWeights
-from iriftrace.triangulation.acceptance import AcceptanceRow
+from iriftrace.triangulation.acceptance import AcceptanceError
 from iriftrace.triangulation.statistics import (
     PointStatus,
-    RegionRow,
+    RegionValues,
     each_along,
-    region_table,
+    region_values,
     worst_member,
 )
 
@@ -197,57 +199,50 @@ class Scan:
         }
 
     def features(
-        self, part: Part, choices: Sequence[str], gate: float | None = GATE
-    ) -> list[JsonObject]:
-        """Features of the points, cold and measured; see `feature_table`.
+        self, part: Part, choices: Sequence[FeatureChoice] = (), gate: float | None = GATE
+    ) -> tuple[FittedFeature, ...]:
+        """Features of the points, ``"cold"`` and ``"measured"``; see `fit_features`.
 
-        An ensemble also has ``size_scatter_mm``, the size's standard deviation over its members,
-        and ``worst_member`` with ``worst_size_mm``, the size farthest from the cold one. A part
-        that is expanded also has ``at_reference`` (`ColdSizes`).
+        Of an ensemble the size has its scatter over the members, and the member by which it is
+        farthest from the cold one; of an expanded part its value at the drawing's temperature.
         """
         clouds = {"cold": self.true, "measured": self.points}
         by_member = () if self.errors is None else self.true + self.errors
-        rows = feature_table(clouds, self.face, part, choices, by_member, gate)
-        return ColdSizes(part).add_to_features([self._with_scatter(row) for row in rows], "cold")
+        fitted = fit_features(clouds, self.face, part, choices, by_member, gate)
+        scattered = [evolve(each, size=self._with_scatter(each.size)) for each in fitted]
+        return ColdSizes(part).of_features(scattered, "cold")
 
-    def relations(self, part: Part, features: list[JsonObject]) -> list[JsonObject]:
-        """Distances and angles between `features` (see `relations`), with their scatter.
+    def relations(self, part: Part, features: Sequence[FittedFeature]) -> tuple[Relation, ...]:
+        """Distances and angles between `features`, with the same statements."""
+        found = [evolve(each, value=self._with_scatter(each.value)) for each in relations(features)]
+        return ColdSizes(part).of_relations(found, features, "cold")
 
-        The keys of angles end in ``_deg`` in place of ``_mm``.
-        """
-        rows = [self._with_scatter(row) for row in relations(features)]
-        return ColdSizes(part).add_to_relations(rows, features, "cold")
+    def _with_scatter(self, value: Quantity) -> Quantity:
+        true = value.by_cloud["cold"]
+        if self.weights is None or true is None:
+            return value
+        members = np.array(value.by_member, dtype=np.float64)
+        worst = worst_member(members, true, self.provenance)
+        return evolve(value, scatter=float(self.weights.scatter(members)), worst=worst)
 
-    def _with_scatter(self, row: JsonObject) -> JsonObject:
-        """A feature or relation with its scatter and worst member."""
-        key = value_key(row)
-        if self.weights is None:
-            return row
-        sizes = row["by_member"][key]
-        scatter_key = f"size_scatter_{value_unit(row)}"
-        if None in sizes:
-            return row | {scatter_key: None}
-        worst = worst_member(sizes, row[key]["cold"], key, self.provenance)
-        return row | {scatter_key: float(self.weights.scatter(sizes)), **worst}
-
-    def regions(self, part: Part) -> list[RegionRow]:
-        """Errors along the normal by region of the part; see `region_table`."""
-        return region_table(part, self.face, self.error_normal)
+    def regions(self, part: Part) -> tuple[RegionValues, ...]:
+        """Errors along the normal by region of the part."""
+        return region_values(part, self.face, self.error_normal)
 
     def save(
         self,
         path: str | Path,
-        features: Sequence[JsonObject] = (),
-        acceptance: Sequence[AcceptanceRow] = (),
-        regions: Sequence[RegionRow] = (),
-        related: Sequence[JsonObject] = (),
+        features: Sequence[FittedFeature] = (),
+        acceptance: Sequence[AcceptanceError] = (),
+        regions: Sequence[RegionValues] = (),
+        related: Sequence[Relation] = (),
     ) -> tuple[Path, Path]:
         """Write the cloud and, next to it, its numbers (.json).
 
         Parameters
         ----------
         path : path
-        features, acceptance, regions, related : sequences of dict
+        features, acceptance, regions, related : sequences
             Written with the numbers.
 
         Raises
@@ -256,12 +251,12 @@ class Scan:
             If the name ends in none of `iriftrace.clouds.write.WRITTEN`.
         """
         values = self.as_dict() | {
-            "features": list(features),
-            "relations": list(related),
-            "regions": list(regions),
+            "features": [each.as_dict() for each in features],
+            "relations": [each.as_dict() for each in related],
+            "regions": plain(regions),
         }
         if acceptance:
-            values["acceptance"] = list(acceptance)
+            values["acceptance"] = plain(acceptance)
         scatter, worst = self.scatter_normal, self.worst_member
         columns: dict[str, AnyArray] = {
             **by_axis("true", self.true),

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import TypedDict
 
 import numpy as np
+from attrs import frozen
 from numpy.typing import NDArray
 
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.statistics import spread
+from iriftrace.features.quantity import WorstMember
 from iriftrace.part.part import Part
 
 
@@ -34,17 +35,15 @@ def each_along(errors: FloatArray, normal: FloatArray) -> FloatArray:
     return along
 
 
-def worst_member(values: list[float], true: float, key: str, provenance: JsonObject) -> JsonObject:
-    """Number of the member whose value is farthest from the true one, and that value.
-
-    As ``worst_member`` and ``worst_`` and the key of the values, such as ``size_mm``.
-    """
-    worst = int(np.argmax(np.abs(np.array(values) - true)))
+def worst_member(values: FloatArray, true: float, provenance: JsonObject) -> WorstMember:
+    """The member of an ensemble whose value of the (k,) is farthest from the true one."""
+    worst = int(np.argmax(np.abs(values - true)))
     number = provenance["ensemble"]["members"][worst]["number"]
-    return {"worst_member": number, f"worst_{key}": values[worst]}
+    return WorstMember(number, float(values[worst]))
 
 
-class RegionRow(TypedDict):
+@frozen
+class RegionValues:
     """Measured points of a region and their values along the normal; no values without a point."""
 
     region: str
@@ -54,23 +53,17 @@ class RegionRow(TypedDict):
     size_p95_mm: float | None  # 95th percentile of their sizes
 
 
-def region_table(part: Part, face: IntArray, along_normal: FloatArray) -> list[RegionRow]:
-    """Rows for all regions of a part, in its order, of values (n,), mm, on its faces (n,)."""
+def region_values(part: Part, face: IntArray, along_normal: FloatArray) -> tuple[RegionValues, ...]:
+    """Values (n,), mm, of points on the faces (n,) of a part by its regions, in their order."""
     hit = np.zeros(len(part.faces))
     hit[face] = part.face_areas[face]
-    count = len(part.region_names)
-    areas = np.bincount(part.region_of_face, hit, minlength=count)
+    areas = np.bincount(part.region_of_face, hit, minlength=len(part.region_names))
     region = part.region_of_face[face]
-    rows: list[RegionRow] = []
+    found = []
     for number, name in enumerate(part.region_names):
         values = along_normal[region == number]
-        rows.append(
-            {
-                "region": name,
-                "points": len(values),
-                "measured": float(areas[number] / part.region_areas[number]),
-                "along_normal_mm": spread(values) if len(values) else None,
-                "size_p95_mm": float(np.percentile(np.abs(values), 95)) if len(values) else None,
-            }
-        )
-    return rows
+        measured = float(areas[number] / part.region_areas[number])
+        statistics = spread(values) if len(values) else None
+        p95 = float(np.percentile(np.abs(values), 95)) if len(values) else None
+        found.append(RegionValues(name, len(values), measured, statistics, p95))
+    return tuple(found)

@@ -11,9 +11,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.features.choice import FeatureChoice, found_features, surface_kind
 from iriftrace.features.fit import Feature, fit_feature
+from iriftrace.features.fitted import fit_features
 from iriftrace.features.outliers import inliers
-from iriftrace.features.table import feature_table, found_features, surface_kind
 from iriftrace.geometry.query import Surface
 from iriftrace.part.part import Part, read_part
 from iriftrace.part.shapes.cylinder import cylinder
@@ -21,6 +22,7 @@ from iriftrace.scenes import folder_of
 
 AXIS = np.array((0.2, -0.5, 0.8)) / np.linalg.norm((0.2, -0.5, 0.8))
 PLACE = np.array((120.0, -45.0, 33.0))
+LATERAL = FeatureChoice("cylinder", "lateral")
 TURN = Rotation.align_vectors([AXIS], [(0.0, 0.0, 1.0)])[0]
 
 
@@ -150,15 +152,15 @@ def test_regions_of_a_cylinder_are_found_by_themselves(part: Part) -> None:
     """Each by what it is, and only those that were seen."""
     face = np.repeat(np.arange(len(part.faces)), 100)
     assert set(found_features(part, face)) == {
-        "cylinder:lateral",
-        "plane:head -x",
-        "plane:head +x",
+        LATERAL,
+        FeatureChoice("plane", "head -x"),
+        FeatureChoice("plane", "head +x"),
     }
     lateral = face[part.region_of_face[face] == part.region_names.index("lateral")]
     points = part.vertices[part.faces[lateral, 0]]
-    (row,) = feature_table({"cold": points}, lateral, part, ())
-    assert (row["kind"], row["region"]) == ("cylinder", "lateral")
-    assert row["size_mm"]["cold"] == pytest.approx(27.0, abs=0.01)
+    (feature,) = fit_features({"cold": points}, lateral, part)
+    assert (feature.kind, feature.region) == ("cylinder", "lateral")
+    assert feature.size.by_cloud["cold"] == pytest.approx(27.0, abs=0.01)
 
 
 def test_a_kind_alone_means_the_regions_that_are_one() -> None:
@@ -166,20 +168,20 @@ def test_a_kind_alone_means_the_regions_that_are_one() -> None:
     part = cylinder()
     face = np.repeat(np.arange(len(part.faces)), 100)
     points = part.vertices[part.faces[face, 0]]
-    rows = feature_table({"cold": points}, face, part, ["plane", "cylinder"])
-    regions = [row["region"] for row in rows]
+    choices = [FeatureChoice("plane"), FeatureChoice("cylinder")]
+    regions = [each.region for each in fit_features({"cold": points}, face, part, choices)]
     assert (sorted(regions[:2]), regions[2:]) == (["head +x", "head -x"], ["lateral"])
     with pytest.raises(InputError, match=r"No region of the part is a sphere; .*cylinder:lateral"):
-        feature_table({"cold": points}, face, part, ["sphere"])
+        fit_features({"cold": points}, face, part, [FeatureChoice("sphere")])
     with pytest.raises(InputError, match="give such as cylinder:lateral"):
-        feature_table({"cold": points}, face, part, ["lateral"])
+        fit_features({"cold": points}, face, part, [FeatureChoice.parse("lateral")])
     with pytest.warns(IriftraceWarning, match="is a cylinder, not a sphere. Use"):
-        feature_table({"cold": points}, face, part, ["sphere:lateral"])
+        fit_features({"cold": points}, face, part, [FeatureChoice("sphere", "lateral")])
     lateral = np.flatnonzero(part.region_of_face == part.region_names.index("lateral"))
     face = lateral[:: len(lateral) // 50][:50]
     points = part.vertices[part.faces[face, 0]]
     with pytest.warns(IriftraceWarning, match="cylinder is left out: No region .* 100 measured"):
-        assert feature_table({"cold": points}, face, part, ["cylinder"]) == []
+        assert fit_features({"cold": points}, face, part, [FeatureChoice("cylinder")]) == ()
 
 
 def test_what_points_do_not_determine_is_left_out() -> None:
@@ -187,12 +189,13 @@ def test_what_points_do_not_determine_is_left_out() -> None:
     part = cylinder()
     face = np.repeat(np.flatnonzero(part.region_of_face == part.region_names.index("head +x")), 100)
     points = part.vertices[part.faces[face, 0]]
+    choices = [FeatureChoice("sphere", "head +x"), FeatureChoice("plane")]
     with pytest.warns(IriftraceWarning, match=r"sphere:head \+x is left out: .* lie on a plane"):
-        (row,) = feature_table({"cold": points}, face, part, ["sphere:head +x", "plane"])
-    assert row["kind"] == "plane"
+        (feature,) = fit_features({"cold": points}, face, part, choices)
+    assert feature.kind == "plane"
     for choice in ("lateral:cylinder", "cylinder:side"):
         with pytest.raises(InputError, match=r"no feature 'lateral'|no region 'side'"):
-            feature_table({"cold": points}, face, part, [choice])
+            fit_features({"cold": points}, face, part, [FeatureChoice.parse(choice)])
 
 
 def test_a_published_circle() -> None:
@@ -222,7 +225,7 @@ def test_a_strip_that_is_nearly_flat_leaves_the_diameter_uncertain() -> None:
     face = np.flatnonzero(on_strip)
     points = middle[face] + np.random.default_rng(2).normal(0, 0.02, (len(face), 3))
     with pytest.warns(IriftraceWarning, match="span too little of a cylinder"):
-        feature_table({"measured": points}, face, part, ["cylinder:lateral"])
+        fit_features({"measured": points}, face, part, [LATERAL])
 
 
 @pytest.mark.parametrize("kind", ["plane", "circle", "sphere", "cylinder"])
@@ -279,7 +282,7 @@ def test_distances_are_the_residuals(kind: str) -> None:
     np.testing.assert_allclose(found.distances(points), found.residuals, atol=1e-9)
 
 
-def test_a_table_leaves_the_same_points_out_of_all_clouds() -> None:
+def test_fits_leave_the_same_points_out_of_all_clouds() -> None:
     """Those of the measured cloud, and says how many; all are fitted without a gate."""
     part = read_part(folder_of("cylinder") / "part.ply")
     face = np.flatnonzero(part.region_of_face == part.region_names.index("lateral"))
@@ -287,13 +290,13 @@ def test_a_table_leaves_the_same_points_out_of_all_clouds() -> None:
     hot = cold.copy()
     hot[::50] += 0.5 * part.face_normals[face[::50]]
     clouds = {"cold": cold, "measured": hot}
-    (row,) = feature_table(clouds, face, part, ["cylinder:lateral"])
+    (feature,) = fit_features(clouds, face, part, [LATERAL])
     count = len(hot[::50])
-    assert (row["points"], row["left_out"]) == (len(face) - count, count)
-    assert row["size_mm"]["measured"] == pytest.approx(row["size_mm"]["cold"], abs=1e-9)
-    (row,) = feature_table(clouds, face, part, ["cylinder:lateral"], gate=None)
-    assert (row["points"], row["left_out"]) == (len(face), 0)
-    assert row["size_mm"]["measured"] > row["size_mm"]["cold"] + 0.01
+    assert (feature.points, feature.left_out) == (len(face) - count, count)
+    assert feature.size.difference("measured", "cold") == pytest.approx(0.0, abs=1e-9)
+    (feature,) = fit_features(clouds, face, part, [LATERAL], gate=None)
+    assert (feature.points, feature.left_out) == (len(face), 0)
+    assert feature.size.difference("measured", "cold") > 0.01
     for gate in (0.5, float("nan")):
         with pytest.raises(InputError, match="at least 1, or none"):
-            feature_table(clouds, face, part, ["cylinder:lateral"], gate=gate)
+            fit_features(clouds, face, part, [LATERAL], gate=gate)

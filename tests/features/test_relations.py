@@ -1,16 +1,28 @@
-"""Distances and angles of planes, and rows by region, of points in known places."""
+"""Distances and angles of planes, and values by region, of points in known places."""
 
 from __future__ import annotations
+
+import json
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from iriftrace.core.errors import IriftraceWarning
-from iriftrace.features.relations import relations, value_key
-from iriftrace.features.table import feature_table
+from iriftrace.features.choice import FeatureChoice
+from iriftrace.features.fitted import fit_features
+from iriftrace.features.quantity import (
+    AngleAtReference,
+    Quantity,
+    SizeAtReference,
+    Uncertainty,
+    WorstMember,
+)
+from iriftrace.features.relations import Relation, relations
 from iriftrace.part.part import Part, part_of_mesh
-from iriftrace.triangulation.statistics import region_table
+from iriftrace.triangulation.statistics import region_values
+
+PLANES = (FeatureChoice("plane"),)
 
 
 def box() -> Part:
@@ -32,14 +44,14 @@ def test_widths_and_squareness_of_a_box() -> None:
     hot[names == "plane +y"] = turn.apply(hot[names == "plane +y"])
     place = Rotation.from_rotvec((0.3, -0.2, 0.5))
     clouds = {"cold": place.apply(points), "measured": place.apply(hot)}
-    rows = relations(feature_table(clouds, face, part, ["plane"], gate=None))
-    sizes = {"".join(row["regions"]).replace("plane ", ""): row for row in rows}
-    assert sum(row["kind"] == "distance" for row in rows) == 3
-    assert len(rows) == 15
-    width = next(row for name, row in sizes.items() if set(name) == set("+x-x"))["size_mm"]
+    found = relations(fit_features(clouds, face, part, PLANES, gate=None))
+    values = {frozenset(each.regions): each.value.by_cloud for each in found}
+    assert [each.kind for each in found].count("distance") == 3
+    assert len(found) == 15
+    width = values[frozenset(("plane +x", "plane -x"))]
     assert width["cold"] == pytest.approx(20.0, abs=1e-9)
     assert width["measured"] == pytest.approx(20.01, abs=1e-9)
-    angle = next(row for name, row in sizes.items() if set(name) == set("+x+y"))["angle_deg"]
+    angle = values[frozenset(("plane +x", "plane +y"))]
     assert angle["cold"] == pytest.approx(90.0, abs=1e-9)
     assert abs(angle["measured"] - 90.0) == pytest.approx(0.1, abs=1e-9)
 
@@ -54,32 +66,53 @@ def test_uncertainties_are_those_of_repeated_measurements() -> None:
     seen |= (names == "plane +y") & (points[:, 0] > 0.0)
     points, face = points[seen], face[seen]
     rng = np.random.default_rng(3)
-    drawn: dict[str, list[tuple[float, float]]] = {"size_mm": [], "angle_deg": []}
+    drawn: dict[str, list[tuple[float, float]]] = {"distance": [], "angle": []}
     for _ in range(300):
         clouds = {"measured": points + 0.01 * rng.normal(size=points.shape)}
-        for row in relations(feature_table(clouds, face, part, ["plane"], gate=None)):
-            key = value_key(row)
-            drawn[key].append((row[key]["measured"], row[f"u_{key}"]["measured"]))
-    distance, angle = np.array(drawn["size_mm"]), np.array(drawn["angle_deg"])[::2]
+        for each in relations(fit_features(clouds, face, part, PLANES, gate=None)):
+            value = each.value
+            drawn[each.kind].append((value.by_cloud["measured"], value.u["measured"]))
+    distance, angle = np.array(drawn["distance"]), np.array(drawn["angle"])[::2]
     for values in (distance, angle):
         assert values[:, 1].mean() == pytest.approx(values[:, 0].std(ddof=1), rel=0.1)
 
 
-def test_rows_by_region_count_points_area_and_values() -> None:
+@pytest.mark.parametrize(
+    "value",
+    [
+        Quantity("mm", {"cold": 9.0, "measured": 9.1}, {"cold": None, "measured": 0.1}),
+        Quantity("deg", {"cold": 9.0}, {"cold": 0.1}, (8.0, 9.5), 0.7, WorstMember(1, 8.0)),
+        Quantity(
+            *("mm", {"corrected": 9.0}, {"corrected": 0.1}, (8.0, 9.5), None, WorstMember(1, 8.0)),
+            *(Uncertainty(3.0, 13.97, 4.0), SizeAtReference(293.15, 1300.0, 8.9, None)),
+        ),
+        Quantity(
+            *("deg", {"corrected": 90.0}, {"corrected": 0.1}, (), None, None),
+            *(Uncertainty(None, None, 0.2), AngleAtReference(293.15, 90.1)),
+        ),
+    ],
+)
+def test_values_are_read_back_from_json(value: Quantity) -> None:
+    row = json.loads(json.dumps(Relation(("a", None), value).as_dict()))
+    assert Quantity.of(row) == value
+    assert row.get("total_uncertainty_mm") in (None, 5.0)
+
+
+def test_regions_count_points_area_and_values() -> None:
     part = box()
     _, face = part.surface.even_places(600)
     top = part.region_names.index("plane +z")
     one = np.flatnonzero(part.region_of_face == top)[0]
     kept = (part.region_of_face[face] != top) | (face == one)
     values = np.where(part.region_of_face[face] == top, -2e-3, 1e-3)[kept]
-    rows = region_table(part, face[kept], values)
-    assert [row["region"] for row in rows] == list(part.region_names)
-    assert sum(row["points"] for row in rows) == kept.sum()
-    assert rows[top]["measured"] == pytest.approx(0.5)
-    assert rows[top]["along_normal_mm"]["median"] == -2e-3
-    assert rows[top]["size_p95_mm"] == 2e-3
-    assert rows[top - 1]["measured"] == pytest.approx(1.0)
-    assert region_table(part, face[:0], values[:0])[top]["along_normal_mm"] is None
+    found = region_values(part, face[kept], values)
+    assert [each.region for each in found] == list(part.region_names)
+    assert sum(each.points for each in found) == kept.sum()
+    assert found[top].measured == pytest.approx(0.5)
+    assert found[top].along_normal_mm["median"] == -2e-3
+    assert found[top].size_p95_mm == 2e-3
+    assert found[top - 1].measured == pytest.approx(1.0)
+    assert region_values(part, face[:0], values[:0])[top].along_normal_mm is None
 
 
 def test_too_few_points_are_one_clean_sentence() -> None:
@@ -88,8 +121,6 @@ def test_too_few_points_are_one_clean_sentence() -> None:
     top = part.region_of_face[face] == part.region_names.index("plane +z")
     kept = ~top | (np.cumsum(top) == 1) & top
     said = r"plane:plane \+z is left out: 1 point was measured on it, and a plane needs at least 3;"
+    top_plane = [FeatureChoice("plane", "plane +z")]
     with pytest.warns(IriftraceWarning, match=said):
-        rows = feature_table(
-            {"cold": points[kept]}, face[kept], part, ["plane:plane +z"], gate=None
-        )
-    assert rows == []
+        assert fit_features({"cold": points[kept]}, face[kept], part, top_plane, gate=None) == ()

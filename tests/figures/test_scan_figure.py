@@ -1,14 +1,22 @@
-"""The figure of a correction: what its colours and bins mean."""
+"""The figure of a correction, what its colours and bins mean, and its report."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
+import trimesh
+from attrs import evolve
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.figures.scan import correction_figure
+from iriftrace.figures.scan_report import write_scan_report
+from iriftrace.part.growth import Growth
+from iriftrace.part.part import part_of_mesh
 from iriftrace.part.shapes.cylinder import cylinder
 from iriftrace.triangulation.correction import Correction
+from validation.oracles.html_page import read_page
 
 CAMERA = Camera(
     focal_length_mm=10.0,
@@ -43,3 +51,27 @@ def test_colours_are_the_removed_error_and_say_that_they_end() -> None:
     assert bar.get_xlabel() == "error along the normal (µm)"
     assert left.collections[0].colorbar.extend == "both"
     assert "beyond" in right.get_xlabel()
+
+
+def test_a_report_has_distances_at_the_drawings_temperature(tmp_path: Path) -> None:
+    """Of a block, whose planes have no size, that is 1 % larger than its drawing."""
+    mesh = trimesh.creation.box((20.2, 30.3, 40.4))
+    part = part_of_mesh(mesh.vertices, mesh.faces, name="block")
+    part = evolve(part, growth=Growth(1e-5, 293.15, 1293.15))
+    points, face = part.surface.even_places(2000)
+    origin = {"assumptions": {"field_origin": "a solver"}, "part": {"path": "block"}}
+    found = Correction(
+        *(points, np.zeros_like(points), np.zeros(len(points), dtype=np.int64), face),
+        *(part.face_normals[face], "fringe"),
+        provenance=origin | {"field": None, "scene": {"path": "scene.xml"}, "variant": "llvm"},
+        growth=part.growth,
+    )
+    features = found.features(part)
+    cloud, _ = found.save(tmp_path / "c.xyz", features, related=found.relations(part, features))
+    write_scan_report(tmp_path / "r.html", cloud)
+    tables = read_page(tmp_path / "r.html").tables
+    rows = [row for table in tables for row in table if row[0] == "distance"]
+    headings = next(table[0] for table in tables if "planes" in table[0])
+    assert [row[headings.index("at (°C)")] for row in rows] == ["1020"] * 3
+    column = headings.index("at 20 °C (mm)")
+    assert [row[column] for row in rows] == ["20.0000", "30.0000", "40.0000"]

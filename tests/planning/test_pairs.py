@@ -11,6 +11,7 @@ import xarray as xr
 
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
+from iriftrace.features.choice import FeatureChoice
 from iriftrace.planning.criteria import Criteria
 from iriftrace.planning.pairs import plan_pairs
 from iriftrace.planning.refine_pair import refine_pair
@@ -160,8 +161,9 @@ def test_a_search_never_returns_anything_worse(
     scene = load_scene(folder_of("cylinder") / "scene.xml")
     camera = swept_camera(dataset, 0)
     scan = measure(scene, *(camera.at(matrix) for matrix in found.best.matrices), system="fringe")
-    size = scan.features(scene.part, ["cylinder:lateral"])[0]["size_mm"]
-    assert found.best.bias_mm == pytest.approx(size["measured"] - size["cold"], rel=1e-6)
+    (feature,) = scan.features(scene.part, [FeatureChoice("cylinder", "lateral")])
+    error = feature.size.difference("measured", "cold")
+    assert found.best.bias_mm == pytest.approx(error, rel=1e-6)
     capsys.readouterr()
     file = tmp_path / "pair.json"
     words = ["--pairs", "--no-confirm", "--refine", "--evaluations=10", "-o", str(file)]

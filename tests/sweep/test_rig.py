@@ -59,10 +59,11 @@ def test_errors_are_those_of_measure_with_both_devices_moved(
         areas = scene.part.face_areas
         both = areas[np.unique(scan.face)].sum() / areas.sum()
         assert values["coverage_measured"] == pytest.approx(both)
-        (row,) = scan.features(scene.part, ["cylinder:lateral"], None)
-        diameter = row["size_mm"]["measured"] - row["size_mm"]["cold"]
-        lateral = swept.isel(pose=pose).sel(region="lateral")["size_error"]
-        assert lateral == pytest.approx(diameter, rel=1e-6)
+        lateral = iriftrace.FeatureChoice("cylinder", "lateral")
+        (feature,) = scan.features(scene.part, [lateral], None)
+        error = feature.size.difference("measured", "cold")
+        stored = swept.isel(pose=pose).sel(region="lateral")["size_error"]
+        assert stored == pytest.approx(error, rel=1e-6)
     assert not np.allclose(motion, np.eye(4))
 
 

@@ -54,18 +54,18 @@ def test_in_even_air_only_the_tessellation_errs(
     placed = below(part, 13.0)
     scene = loaded(tmp_path, placed, evolve(shells, shells=even), bending="shells")
     scan = measure(scene, device(-15, field_mm, 120), device(15, field_mm, 120), system="stereo")
-    rows = acceptance(scan.features(placed, ()), placed)
+    tested = acceptance(scan.features(placed), placed)
     terms = ["probing error of form", "probing error of size"] * len(part.region_names)
-    assert [row["error"] for row in rows] == [
+    assert [each.error for each in tested] == [
         *terms,
         *(["sphere-spacing error"] if len(part.region_names) == 2 else []),
     ]
-    for row in rows:
-        cold, measured = row["error_mm"]["cold"], row["error_mm"]["measured"]
+    for each in tested:
+        cold, measured = each.error_mm["cold"], each.error_mm["measured"]
         assert measured == pytest.approx(cold, abs=1e-6)
-        if row["error"] == "probing error of form":
+        if each.error == "probing error of form":
             assert 0 < cold < 2 * SAGITTA_MM
-        elif row["error"] == "probing error of size":
+        elif each.error == "probing error of size":
             assert -4 * SAGITTA_MM < cold < 0
         else:
             assert abs(cold) < 2 * SAGITTA_MM
@@ -78,12 +78,12 @@ def test_a_plate_under_plane_layers_stays_flat(variant: str, tmp_path: Path) -> 
     scan = measure(
         loaded(tmp_path, part, shells), device(-15, 1.0, 12), device(15, 1.0, 12), system="stereo"
     )
-    (row,) = acceptance(scan.features(part, ()), part)
-    assert row["error"] == "flatness error"
-    assert row["error_mm"]["cold"] < 1e-6
+    (flatness,) = acceptance(scan.features(part), part)
+    assert flatness.error == "flatness error"
+    assert flatness.error_mm["cold"] < 1e-6
     depth_um, _ = slab_pair_error_um(np.tan(np.radians(-15)), np.tan(np.radians(15)))
     assert -1e3 * scan.error_normal.mean() == pytest.approx(depth_um, rel=0.02)
-    assert 1e3 * row["error_mm"]["measured"] < 0.01 * depth_um
+    assert 1e3 * flatness.error_mm["measured"] < 0.01 * depth_um
 
 
 def test_a_part_without_spheres_and_planes_is_refused() -> None:

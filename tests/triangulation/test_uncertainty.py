@@ -16,6 +16,7 @@ from attrs import evolve
 from iriftrace.air.refractivity import Air
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
+from iriftrace.features.quantity import Quantity, WorstMember
 from iriftrace.field.source import FieldFacts, FieldKind
 from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.load import load_scene
@@ -118,11 +119,10 @@ def test_weights_on_disk_are_those_of_the_mean(variant: str, tmp_path: Path) -> 
     values = scan.as_dict()
     assert values["worst_member"] == 3
     assert values["members"][0]["weight"] == pytest.approx(0.2)
-    sizes = {"by_member": {"size_mm": [9.7, 10.0, 10.2]}, "kind": "sphere"}
-    row = scan._with_scatter({"size_mm": {"cold": 10.0}, **sizes})
-    assert (row["worst_member"], row["worst_size_mm"]) == (1, 9.7)
+    size = scan._with_scatter(Quantity("mm", {"cold": 10.0}, {}, (9.7, 10.0, 10.2)))
+    assert size.worst == WorstMember(1, 9.7)
     spread = np.sqrt(np.cov((9.7, 10.0, 10.2), aweights=given))
-    assert row["size_scatter_mm"] == pytest.approx(float(spread))
+    assert size.scatter == pytest.approx(float(spread))
     found = correct(scan.points, scene)
     good = found.status == CorrectionStatus.CORRECTED
     assert found.errors is not None

@@ -1,0 +1,205 @@
+"""Features of a part's regions, fitted to the same points in several clouds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
+
+import numpy as np
+from attrs import Factory, field, frozen
+
+from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.errors import InputError, warn
+from iriftrace.core.plain import JsonObject
+from iriftrace.features.choice import (
+    FEWEST_MEASURED,
+    FeatureChoice,
+    check_choices,
+    found_features,
+    on_region,
+    other_surface,
+)
+from iriftrace.features.fit import FEWEST, Feature, fit_feature
+from iriftrace.features.outliers import GATE, check_gate, inliers
+from iriftrace.features.quantity import Quantity
+from iriftrace.geometry.query import Surface
+from iriftrace.geometry.topology import weld
+from iriftrace.part.part import Part
+
+NO_FEATURE = 0.1
+"""Form deviation as a fraction of the extent beyond which a fitted feature means nothing."""
+
+
+@frozen(eq=False)
+class FittedFeature:
+    """A feature fitted to the same points in several clouds.
+
+    Attributes
+    ----------
+    kind : str
+    region : str or None
+        Region of the part; None for all points.
+    left_out : int
+        Number of points that were left out as outliers.
+    fits : dict of Feature
+        By the name of the cloud.
+    by_member : tuple of Feature
+        Fits to the points by each member of an ensemble; empty for one field.
+    size : Quantity
+        Diameter, mm.
+    """
+
+    kind: str
+    region: str | None
+    left_out: int
+    fits: dict[str, Feature]
+    by_member: tuple[Feature, ...] = ()
+    size: Quantity = field(
+        default=Factory(lambda feature: _size(feature.fits, feature.by_member), takes_self=True)
+    )
+
+    @property
+    def points(self) -> int:
+        """Number of points that were fitted."""
+        return len(next(iter(self.fits.values())).residuals)
+
+    @property
+    def form_mm(self) -> dict[str, float]:
+        """Form deviation by the name of the cloud."""
+        return {name: fit.form_mm for name, fit in self.fits.items()}
+
+    def as_dict(self) -> JsonObject:
+        """Plain JSON values."""
+        fits = {name: _plain_fit(fit) for name, fit in self.fits.items()}
+        members = [_plain_fit(fit) for fit in self.by_member]
+        keys = ("size_mm", "position_mm", "direction")
+        by_member = {key: [fit[key] for fit in members] for key in keys}
+        return {
+            **{key: getattr(self, key) for key in ("kind", "region", "points", "left_out")},
+            **{k: {name: fit[k] for name, fit in fits.items()} for k in next(iter(fits.values()))},
+            **({"by_member": by_member} if members else {}),
+            **self.size.statements(),
+        }
+
+
+def _size(fits: Mapping[str, Feature], by_member: Sequence[Feature]) -> Quantity:
+    return Quantity(
+        "mm",
+        {name: fit.size_mm for name, fit in fits.items()},
+        {name: fit.u_size_mm for name, fit in fits.items()},
+        tuple(fit.size_mm for fit in by_member),
+    )
+
+
+def _plain_fit(fit: Feature) -> JsonObject:
+    values: JsonObject = {
+        "size_mm": fit.size_mm,
+        "u_size_mm": fit.u_size_mm,
+        "form_mm": fit.form_mm,
+        "position_mm": fit.position.tolist(),
+        "direction": None if fit.direction is None else fit.direction.tolist(),
+    }
+    if fit.normal_covariance is not None:
+        values["u_position_mm"] = fit.u_position_mm
+        values["normal_covariance"] = fit.normal_covariance.tolist()
+    return values
+
+
+def fit_features(
+    clouds: Mapping[str, FloatArray],
+    face: IntArray,
+    part: Part,
+    choices: Sequence[FeatureChoice] = (),
+    by_member: Iterable[FloatArray] = (),
+    gate: float | None = GATE,
+) -> tuple[FittedFeature, ...]:
+    """Fit features to the same (n, 3) points, mm, in several clouds, by name.
+
+    `face` (n,) is the part's face on which each point lies, `by_member` the same points by each
+    member of an ensemble. The default choice is `found_features`. Warns of points that do not fit
+    the feature or leave its diameter uncertain, and omits what they do not determine.
+
+    Outliers of the cloud ``"measured"`` (else of the first), and points as near to other regions,
+    by `inliers`, are removed from all.
+    """
+    check_choices(choices, part)
+    check_gate(gate)
+    gated = clouds.get("measured", next(iter(clouds.values())))
+    members = list(by_member)
+    found = found_features(part, face)
+    features = []
+    for choice in chain.from_iterable(_regions_of(choice, found) for choice in choices or found):
+        kind, region = choice.kind, choice.region or None
+        chosen = np.flatnonzero(on_region(region, face, part))
+        count = len(chosen)
+        try:
+            _refuse_unmeasured(choice, count, part, found)
+            chosen = chosen[inliers(gated[chosen], kind, gate, _beside(part, region))]
+            fits = {name: fit_feature(cloud[chosen], kind) for name, cloud in clouds.items()}
+        except InputError as error:
+            warn(f"{choice} is left out: {error}", stacklevel=3)
+            continue
+        doubts = (
+            _doubt(fit, np.ptp(clouds[name][chosen], axis=0).max(), region, found)
+            for name, fit in fits.items()
+        )
+        doubt = other_surface(part, kind, region) or next(filter(None, doubts), None)
+        if doubt:
+            warn(doubt, stacklevel=3)
+        same = tuple(fit_feature(cloud[chosen], kind) for cloud in members)
+        features.append(FittedFeature(kind, region, count - len(chosen), fits, same))
+    return tuple(features)
+
+
+def _regions_of(choice: FeatureChoice, found: Sequence[FeatureChoice]) -> list[FeatureChoice]:
+    """The features of a choice; all of its kind that were found, if it names no region."""
+    same = [one for one in found if one.kind == choice.kind and choice.region is None]
+    return same or [choice]
+
+
+def _refuse_unmeasured(
+    choice: FeatureChoice, count: int, part: Part, found: Sequence[FeatureChoice]
+) -> None:
+    """Refuse a feature with too few of `count` points, or a kind without measured regions."""
+    fewest = FEWEST[choice.kind]
+    if count < fewest:
+        raise InputError(
+            f"{count} {'point was' if count == 1 else 'points were'} measured on it, and a "
+            f"{choice.kind} needs at least {fewest}; choose a region that both devices see."
+        )
+    if len(part.region_names) > 1 and choice.region is None:
+        raise InputError(
+            f"No region of this kind has {FEWEST_MEASURED} measured points; those that have "
+            f"are {', '.join(map(str, found)) or 'none'}."
+        )
+
+
+def _beside(part: Part, region: str | None) -> Surface | None:
+    """The faces of other regions that touch a region; None where there are none."""
+    if region is None:
+        return None
+    own = part.region_of_face == part.region_names.index(region)
+    # Regions may have their own vertices along the edge between them.
+    corners = weld(part.vertices)[part.faces]
+    touched = np.isin(corners, np.unique(corners[own])).any(axis=1) & ~own
+    return Surface(part.vertices, part.faces[touched]) if touched.any() else None
+
+
+def _doubt(
+    fit: Feature, extent: float, region: str | None, found: Sequence[FeatureChoice]
+) -> str | None:
+    """Why a feature of points of this extent, mm, is not meaningful; None if it is."""
+    where = f"The points of {region or 'the whole part'}"
+    if fit.form_mm > NO_FEATURE * extent:
+        known = ", ".join(map(str, found)) or "it has none"
+        return (
+            f"{where} do not lie on a {fit.kind}: they are {fit.form_mm:.3g} mm apart across the "
+            f"fitted one; choose one of the part's features: {known}."
+        )
+    if fit.u_size_mm is not None and fit.u_size_mm > fit.form_mm:
+        return (
+            f"{where} span too little of a {fit.kind}: by their scatter alone its diameter of "
+            f"{fit.size_mm:.5g} mm is uncertain by {fit.u_size_mm:.2g} mm (k = 1), more than their "
+            "form deviation; measure more of its circumference."
+        )
+    return None
