@@ -111,7 +111,7 @@ def correct(
         Draw the corrections, and the deviation from the part, into a .png next to the output.
     """
     from iriftrace.clouds.read import read_cloud
-    from iriftrace.features.choice import FeatureChoice, check_choices
+    from iriftrace.features.choice import checked_choices
     from iriftrace.geometry.transform import apply, parse_transform, rigid_motion
     from iriftrace.scene.file import require_scene
     from iriftrace.triangulation.correct import correct as take_out
@@ -130,8 +130,7 @@ def correct(
     points = read.points if motion is None else apply(motion, read.points)
     loaded = trace.load(scene)
     check_kept(output, loaded.part.path)
-    choices = [FeatureChoice.parse(text) for text in feature or ()]
-    check_choices(choices, loaded.part)
+    choices = checked_choices(feature or (), loaded.part)
     try:
         with working("Correcting"):
             found = take_out(

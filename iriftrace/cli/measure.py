@@ -132,12 +132,11 @@ def write_scan(
     gate: float | None = 3.5,
 ) -> None:
     """Simulate the measurement of a scene's two devices, write its files and print results."""
-    from iriftrace.features.choice import FeatureChoice, check_choices
+    from iriftrace.features.choice import checked_choices
     from iriftrace.triangulation.acceptance import acceptance as accepted
     from iriftrace.triangulation.measure import measure as simulate
 
-    choices = [FeatureChoice.parse(text) for text in feature or ()]
-    check_choices(choices, loaded.part)
+    choices = checked_choices(feature or (), loaded.part)
     with working("Measuring"):
         scan = simulate(loaded, system=system, phase=phase)
     features = scan.features(loaded.part, choices, gate)

@@ -46,9 +46,11 @@ class FeatureChoice:
     region: str | None = None
 
     @classmethod
-    def parse(cls, text: str) -> FeatureChoice:
+    def of(cls, choice: str | FeatureChoice) -> FeatureChoice:
         """A choice from ``"cylinder:lateral"``, ``"sphere:"`` (all points) or ``"cylinder"``."""
-        kind, colon, region = text.partition(":")
+        if isinstance(choice, FeatureChoice):
+            return choice
+        kind, colon, region = choice.partition(":")
         return cls(kind, region if colon else None)
 
     def __str__(self) -> str:
@@ -70,9 +72,12 @@ def on_region(region: str | None, face: IntArray, part: Part) -> BoolArray:
     return mask
 
 
-def check_choices(choices: Iterable[FeatureChoice], part: Part) -> None:
-    """Raise InputError for a choice with an unknown kind or region."""
-    for choice in choices:
+def checked_choices(
+    choices: Iterable[str | FeatureChoice], part: Part
+) -> tuple[FeatureChoice, ...]:
+    """Choices of features; raises InputError for an unknown kind or region."""
+    chosen = tuple(map(FeatureChoice.of, choices))
+    for choice in chosen:
         text = str(choice)
         if text in part.region_names and choice.kind not in get_args(Kind):
             is_a = kind_of_region(part, text) or "cylinder"
@@ -91,6 +96,7 @@ def check_choices(choices: Iterable[FeatureChoice], part: Part) -> None:
                     "or choose one of what there is: "
                     f"{', '.join(known) or 'no simple surface'}."
                 )
+    return chosen
 
 
 def found_features(part: Part, face: IntArray) -> tuple[FeatureChoice, ...]:

@@ -14,7 +14,7 @@ from iriftrace.core.plain import JsonObject
 from iriftrace.features.choice import (
     FEWEST_MEASURED,
     FeatureChoice,
-    check_choices,
+    checked_choices,
     found_features,
     on_region,
     other_surface,
@@ -109,7 +109,7 @@ def fit_features(
     clouds: Mapping[str, FloatArray],
     face: IntArray,
     part: Part,
-    choices: Sequence[FeatureChoice] = (),
+    choices: Sequence[str | FeatureChoice] = (),
     by_member: Iterable[FloatArray] = (),
     gate: float | None = GATE,
 ) -> tuple[FittedFeature, ...]:
@@ -122,13 +122,13 @@ def fit_features(
     Outliers of the cloud ``"measured"`` (else of the first), and points as near to other regions,
     by `inliers`, are removed from all.
     """
-    check_choices(choices, part)
+    wanted = checked_choices(choices, part)
     check_gate(gate)
     gated = clouds.get("measured", next(iter(clouds.values())))
     members = list(by_member)
     found = found_features(part, face)
     features = []
-    for choice in chain.from_iterable(_regions_of(choice, found) for choice in choices or found):
+    for choice in chain.from_iterable(_regions_of(choice, found) for choice in wanted or found):
         kind, region = choice.kind, choice.region or None
         chosen = np.flatnonzero(on_region(region, face, part))
         count = len(chosen)

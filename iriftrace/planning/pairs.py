@@ -259,7 +259,7 @@ def score_of_pairs(
 
 def feature_region(feature: str, criteria: Criteria, part: Part) -> str:
     """Region of the part for a feature."""
-    choice = FeatureChoice.parse(feature)
+    choice = FeatureChoice.of(feature)
     kind, region = choice.kind, choice.region
     chosen = on_region(region, np.arange(len(part.faces)), part)
     if kind not in ("cylinder", "sphere"):
@@ -298,7 +298,7 @@ def scene_of_pairs(dataset: xr.Dataset, pose: int) -> LoadedScene:
 
 def size_error(scan: Scan, part: Part, feature: str) -> float:
     """Error of a feature's diameter, mm."""
-    (fitted,) = scan.features(part, [FeatureChoice.parse(feature)])
+    (fitted,) = scan.features(part, [feature])
     error = fitted.size.difference("measured", "cold")
     if error is None:
         raise AssertionError("a cylinder or sphere has a diameter")

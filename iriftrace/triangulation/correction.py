@@ -150,7 +150,7 @@ class Correction:
     def features(
         self,
         part: Part,
-        choices: Sequence[FeatureChoice] = (),
+        choices: Sequence[str | FeatureChoice] = (),
         gate: float | None = GATE,
         *,
         u_expansion: float | None = None,

@@ -199,7 +199,7 @@ class Scan:
         }
 
     def features(
-        self, part: Part, choices: Sequence[FeatureChoice] = (), gate: float | None = GATE
+        self, part: Part, choices: Sequence[str | FeatureChoice] = (), gate: float | None = GATE
     ) -> tuple[FittedFeature, ...]:
         """Features of the points, ``"cold"`` and ``"measured"``; see `fit_features`.
 

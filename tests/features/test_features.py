@@ -174,7 +174,7 @@ def test_a_kind_alone_means_the_regions_that_are_one() -> None:
     with pytest.raises(InputError, match=r"No region of the part is a sphere; .*cylinder:lateral"):
         fit_features({"cold": points}, face, part, [FeatureChoice("sphere")])
     with pytest.raises(InputError, match="give such as cylinder:lateral"):
-        fit_features({"cold": points}, face, part, [FeatureChoice.parse("lateral")])
+        fit_features({"cold": points}, face, part, [FeatureChoice.of("lateral")])
     with pytest.warns(IriftraceWarning, match="is a cylinder, not a sphere. Use"):
         fit_features({"cold": points}, face, part, [FeatureChoice("sphere", "lateral")])
     lateral = np.flatnonzero(part.region_of_face == part.region_names.index("lateral"))
@@ -195,7 +195,7 @@ def test_what_points_do_not_determine_is_left_out() -> None:
     assert feature.kind == "plane"
     for choice in ("lateral:cylinder", "cylinder:side"):
         with pytest.raises(InputError, match=r"no feature 'lateral'|no region 'side'"):
-            fit_features({"cold": points}, face, part, [FeatureChoice.parse(choice)])
+            fit_features({"cold": points}, face, part, [FeatureChoice.of(choice)])
 
 
 def test_a_published_circle() -> None:
