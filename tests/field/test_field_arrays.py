@@ -25,6 +25,7 @@ def test_temperature_units(tmp_path, unit):
     assert_allclose(field.temperature_k, kelvin, rtol=1e-12)
 
 
+@pytest.mark.filterwarnings("ignore:.* is an average over time")
 @pytest.mark.parametrize(
     ("name", "quantity"),
     [
@@ -37,6 +38,7 @@ def test_temperature_units(tmp_path, unit):
         ("Temperature_[K]", "temperature"),
         ("Static_Temperature", "temperature"),
         ("T_mean", "temperature"),
+        ("Mean of Temperature", "temperature"),
         ("n", "index"),
         ("index", "index"),
         ("refractive_index", "index"),

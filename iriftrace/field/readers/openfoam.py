@@ -59,6 +59,12 @@ def read(path: Path, member: int | None, *, flow: bool = False) -> Contents:
     case = _case(path)
     number = state_number(case.states, member, path)
     time = case.times[number]
+    if float(time) == 0.0:
+        warn(
+            f"The only time of the case {path} is 0, whose values are usually the initial ones and "
+            "not a result; run the solver, or reconstructPar if its results are elsewhere.",
+            stacklevel=5,
+        )
     pieces = [_piece(piece, time, case.region, flow) for piece in case.pieces]
     # Cell arrays of scalars and, if asked for, of the vectors that describe the air's motion.
     names = [
@@ -175,21 +181,24 @@ def _case(path: Path) -> _Case:
     processors = processor_folders(folder)
     whole = _times(folder, region) if _mesh(folder, region).is_dir() else ()
     apart = _times(processors[0], region) if processors else ()
-    if whole and (float(whole[-1]) > 0.0 or not apart):
-        if apart and float(apart[-1]) > float(whole[-1]):
+    collated = [p for p in folder.glob("processors*") if p.is_dir()]
+    later = [*map(float, apart), *(time for p in collated for time in time_folders(p))]
+    last, latest = float(whole[-1]) if whole else 0.0, max(later, default=0.0)
+    if collated and not apart and (not whole or last == 0.0 < latest):
+        raise InputError(
+            f"The results of the case {folder} are in {collated[0].name}, in OpenFOAM's collated "
+            "format, which cannot be read here; run reconstructPar first."
+        )
+    if whole and (last > 0.0 or not apart):
+        if latest > last:
             warn(
                 f"{folder} is reconstructed up to t = {whole[-1]}, which is read, but its "
-                f"processors continue to t = {apart[-1]}; run reconstructPar to read later times.",
+                f"processors continue to t = {latest:g}; run reconstructPar to read later times.",
                 stacklevel=5,
             )
         return _Case(folder, (folder,), whole, region)
     if apart:
         return _Case(folder, tuple(processors), apart, region)
-    if any(p.is_dir() for p in folder.glob("processors*")):
-        raise InputError(
-            f"The case {folder} is decomposed in OpenFOAM's collated format, which cannot be read "
-            "here; run reconstructPar first."
-        )
     if not _mesh(folder, region).is_dir() and not processors:
         raise InputError(f"The case {folder} has no mesh ({_mesh(Path(), region)}); mesh it first.")
     raise InputError(
