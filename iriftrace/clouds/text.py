@@ -112,8 +112,9 @@ def _without_words(lines: Sequence[str]) -> list[str]:
 
 
 def _number(cell: str, mark: str) -> str:
-    """The cell of a table if it is a number or empty, else "nan"."""
+    """The cell of a table if it is a number or empty, 1 or 0 for true or false, else "nan"."""
     text = with_exponents(cell.strip().strip("\"'"))
+    text = {"true": "1", "false": "0"}.get(text.casefold(), text)
     try:
         float(text if mark == "," else text.replace(",", "."))
     except ValueError:

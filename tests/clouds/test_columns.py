@@ -269,8 +269,27 @@ def test_pixels_without_a_point_are_left_out(tmp_path: Path, value: float, are: 
         read = read_cloud(tmp_path / "cloud.xyz").points
     np.testing.assert_array_equal(read, np.delete(rows, [2, 5], axis=0))
     np.savetxt(tmp_path / "empty.xyz", np.full((4, 3), value))
-    with pytest.raises(InputError, match="no point that is finite"):
+    with pytest.raises(InputError, match="No point was measured: 4 of 4"):
         read_cloud(tmp_path / "empty.xyz")
+
+
+@pytest.mark.parametrize(
+    ("name", "marks"),
+    [
+        ("valid", ("1", "0")),
+        ("scalar_is_valid", ("255", "0")),
+        ("Mask", ("True", "False")),
+        ("invalid", ("0", "1")),
+    ],
+)
+def test_points_that_a_column_marks_are_left_out(
+    tmp_path: Path, name: str, marks: tuple[str, str]
+) -> None:
+    rows = [f"{x},{y},{z},{marks[k == 3]}" for k, (x, y, z) in enumerate(POINTS[:, :3].tolist())]
+    (tmp_path / "cloud.csv").write_text("\n".join([f"x,y,z,{name}", *rows]))
+    with pytest.warns(IriftraceWarning, match=f"1 of 20 points .* not valid by the column {name}"):
+        read = read_cloud(tmp_path / "cloud.csv").points
+    np.testing.assert_array_equal(read, np.delete(POINTS[:, :3], 3, axis=0))
 
 
 @pytest.mark.parametrize(
