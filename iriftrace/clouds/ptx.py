@@ -34,12 +34,12 @@ def read_ptx(path: Path) -> tuple[FloatArray, dict[str, AnyArray]]:
     except (ValueError, IndexError) as error:
         raise InputError(f"{path} does not begin as a PTX file; export it again.") from error
     rows = lines[_HEADER:]
-    if len(rows) > count and rows[count].strip().isdecimal():
+    if len(rows) > count > 0 and rows[count].strip().isdecimal():
         raise InputError(
             f"{path} holds several scans, and the air is another for each sensor's position: give "
             "each scan as a file of its own."
         )
-    if len(rows) != count or count == 0:
+    if len(rows) != count or count <= 0:
         raise InputError(
             f"{path} states {count:,} points and holds {len(rows):,}; export the scan again."
         )

@@ -319,7 +319,7 @@ def test_files_that_are_not_there_or_not_text(tmp_path):
     with pytest.raises(InputError, match="cannot read poses from"):
         read_poses(tmp_path)
     picture = tmp_path / "picture.png"
-    picture.write_bytes(b"\x89PNG\r\n\xff\xfe")
+    picture.write_bytes(b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR")
     with pytest.raises(InputError, match="is not text"):
         read_poses(picture)
 
