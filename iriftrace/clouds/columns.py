@@ -18,7 +18,10 @@ MARKS = "#/%*!"
 _MOST_LISTED = 20
 
 _BRACKETS = re.compile(r"\s*[\[(<{]\s*([^\])>}]*?)\s*[\])>}]")
-_SUFFIX = re.compile(r"[\s_/,.-]+(?:in\s+)?(um|µm|μm|mm|cm|m|inch)$")
+_SUFFIX = re.compile(
+    r"[\s_/,.-]+(?:in\s+)?"
+    r"(um|µm|μm|mm|cm|m|inch(?:es)?|(?:milli|centi|micro)?met(?:re|er)|(?:milli)?met(?:re|er)s)$"
+)
 _UNREAD_UNITS = frozenset("nm dm km ft feet foot ' mil mils thou px pixel pixels".split())
 
 _AXES = {"x": 0, "y": 1, "z": 2, "0": 0, "1": 1, "2": 2}
@@ -38,7 +41,8 @@ _FORMS = tuple(
 _MEANS_POINT = frozenset(
     "point points pt pts coord coords coordinate coordinates koord koordinate koordinaten "
     "cartesian position pos location vertex vertices punkt axis achse value wert "
-    "coordonnée coordonnee coordonnées coordenada coordenadas coordinata coordinate 座標".split()
+    "coordonnée coordonnee coordonnées coordenada coordenadas coordinata posición posicion posição "
+    "posicao posizione координата координаты 座標 坐标 좌표".split()
 )
 """Words that say no more of a coordinate than that it is one."""
 

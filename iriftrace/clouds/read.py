@@ -39,6 +39,9 @@ _VALIDITY = re.compile(
 )
 """Columns that are 0 where nothing was measured, and those that are 0 where something was."""
 
+_LARGEST = 1e30
+"""Coordinates from here on, such as the largest float, stand for none."""
+
 _SIMULATED = re.compile(r"(?:true|error)_[xyz]|error_normal|scatter_normal")
 """Columns of a simulated scan that hold for its points before the correction alone."""
 
@@ -135,7 +138,8 @@ def _warn_of_rounding(points: FloatArray, file: Path) -> None:
 
 def _measured(rows: FloatArray, columns: Columns, file: Path) -> BoolArray:
     """Mask of the rows (m, 3) that were measured: finite, not all 0, and valid by their columns."""
-    wrong = {"not finite": ~np.isfinite(rows).all(axis=1), "exactly (0, 0, 0)": ~rows.any(axis=1)}
+    finite = (np.abs(rows) < _LARGEST).all(axis=1)
+    wrong = {"not finite": ~finite, "exactly (0, 0, 0)": ~rows.any(axis=1)}
     for name, values in columns.items():
         if found := _VALIDITY.fullmatch(name.casefold()):
             invalid = values == 0 if found["valid"] else values != 0

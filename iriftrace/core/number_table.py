@@ -14,7 +14,7 @@ from iriftrace.core.errors import InputError
 _DECIMAL_COMMA = re.compile(r"\d,\d")
 _FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[-+]?\d)")
 _QUOTED = re.compile(r"\"([^\",;]*)\"")
-_LETTERS = re.compile(r"[A-DF-Za-df-z_]")
+_LETTERS = re.compile(r"[A-DF-Za-df-z_]|(?![A-Za-z])[^\W\d_]")
 _GAP = re.compile(r"(?<![^\s,;\"])(?:null|none|#?n/?a|-+)(?![^\s,;\"])", re.IGNORECASE)
 _MAYBE_GAP = re.compile(r"[nN]|-(?![\d.])")
 _EMPTY_CELL = re.compile(r"[,;\t] *(?:[,;\t]|$)|^ *[,;\t]")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from pathlib import Path
 
@@ -47,6 +48,7 @@ def write(
         ("x_true,y_true,z_true,x,y,z", [3, 4, 5, 0, 1, 2], ","),
         ("x,y,z,x.1,y.1,z.1", [0, 1, 2, 3, 4, 5], ","),
         ("POINT_X;POINT_Y;POINT_Z;", [0, 1, 2], ";"),
+        ("Координата Y;Координата X;Posición Z", [1, 0, 2], ";"),
         ("id;Z [mm];Y [mm];X [mm]", [9, 2, 1, 0], ";"),
         ('"Y","X","Z"', [1, 0, 2], ","),
         ("//X Y Z", [0, 1, 2], " "),
@@ -385,3 +387,32 @@ def test_a_ply_with_coordinates_in_capitals_is_read(tmp_path: Path, kind: str) -
     data = text if kind == "ascii" else rows.tobytes()
     (tmp_path / "a.ply").write_bytes(header.encode() + data)
     assert_allclose(read_cloud(tmp_path / "a.ply").points, rows)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (",0,1,2\n0,{}\n1,{}\n2,{}\n", "counts the rows"),
+        ("0,1,2\n{}\n{}\n{}\n", "numbers the columns from 0, and is left out"),
+        ("P1,{}\nP2,{}\nP3,{}\n", "columns of words or dates, which are left out: column_1"),
+        ("x,y,z\n{}\n-,-,-\n{}\n{}\n", "1 of 4 points .* are not finite"),
+        ("x,y,z\n{}\n3.402823e38,0,0\n{}\n{}\n", "1 of 4 points .* are not finite"),
+    ],
+)
+def test_rows_of_pandas_and_words_are_no_points(tmp_path: Path, text: str, words: str) -> None:
+    points = POINTS[:3, :3]
+    rows = [",".join(map(repr, row)) for row in points.tolist()]
+    (tmp_path / "cloud.csv").write_text(text.format(*rows))
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        try:
+            np.testing.assert_array_equal(read_cloud(tmp_path / "cloud.csv").points, points)
+        except InputError as error:
+            said.append(error)  # type: ignore[arg-type]
+    assert re.search(words, " ".join(str(getattr(one, "message", one)) for one in said))
+
+
+def test_a_point_in_each_column_is_refused(tmp_path: Path) -> None:
+    np.savetxt(tmp_path / "cloud.txt", POINTS[:, :3].T)
+    with pytest.raises(InputError, match=r"has 3 rows of 20 numbers, .* transpose it"):
+        read_cloud(tmp_path / "cloud.txt")
