@@ -46,6 +46,8 @@ def read_ply(path: Path) -> PlyMesh:
 
     # Without processing, the order of the faces is that of the file and of Mitsuba.
     plain_head = _CAPITAL_AXIS.sub(lambda axis: axis[0].lower(), head)
+    # Comments of Windows programs need not be UTF-8, which trimesh expects.
+    plain_head = plain_head.decode("ascii", "replace").replace("\ufffd", "?").encode()
     with path.open("rb") as file:
         data = file if plain_head == head else io.BytesIO(plain_head + file.read()[len(head) :])
         # Without textures, whose seams would double vertices and whose pictures may be missing.

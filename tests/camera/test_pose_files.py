@@ -254,6 +254,10 @@ NINE = "x,y,z,qx,qy,qz,qw"
             "x,y,z,target_x,target_y,target_z\n1,2,3,1,2,3",
             r"\[1.0, 2.0, 3.0\] mm stands on its own target",
         ),
+        (
+            "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ\n1 1 0 0 0 1 2 3",
+            "is COLMAP.s list of images",
+        ),
         ("1 0 0 0\n0 1 0 0\n0 0 1 0", "3 rows of 4 numbers, but 4x4 matrices need four rows"),
         (f"{IDENTITY}\n{IDENTITY} 5", "line 2 has 17 columns"),
         (IDENTITY.replace("1", "2"), "Pose 1 of .* 0 0 0 1"),
@@ -340,6 +344,7 @@ def one_sentence(error, path):
         "tx ty tz qx qy qz qw",
         "# x y z qx qy qz qw",
         "# unit: mm\n# tx ty tz qx qy qz qw",
+        "sep=,\nx,y,z,qx,qy,qz,qw",
         "X\tY\tZ\tQX\tQY\tQZ\tQW",
         ",".join([f"pose.position.{axis}" for axis in "xyz"])
         + "".join(f",pose.orientation.{part}" for part in "xyzw"),
@@ -372,5 +377,5 @@ def test_a_unit_that_a_table_states_must_be_the_one_it_is_read_in(tmp_path, text
 
 
 def test_matrices_may_have_brackets(tmp_path):
-    path = written(tmp_path, str(LEVEL).replace("\n ", "\n"), "pose.txt")
-    assert_array_equal(read_poses(path).matrices, [LEVEL])
+    for text in (str(LEVEL).replace("\n ", "\n"), str(LEVEL.tolist()).replace("], ", "],\n")):
+        assert_array_equal(read_poses(written(tmp_path, text, "pose.txt")).matrices, [LEVEL])

@@ -205,12 +205,13 @@ def test_inches_by_their_sign(tmp_path: Path) -> None:
     np.testing.assert_allclose(read_cloud(cloud).points, 25.4 * POINTS[:, :3], rtol=1e-15)
 
 
-def test_an_obj_states_its_unit_in_a_comment(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("unit", "factor"), [("meters", 1e3), ("centimeters", 10.0)])
+def test_an_obj_states_its_unit_in_a_comment(tmp_path: Path, unit: str, factor: float) -> None:
     cloud = tmp_path / "cloud.obj"
     cloud.write_text(
-        "# File units = meters\n" + "".join(f"v {x} {y} {z}\n" for x, y, z in POINTS[:, :3])
+        f"# File units = {unit}\n" + "".join(f"v {x} {y} {z}\n" for x, y, z in POINTS[:, :3])
     )
-    np.testing.assert_allclose(read_cloud(cloud).points, 1e3 * POINTS[:, :3], rtol=1e-6)
+    np.testing.assert_allclose(read_cloud(cloud).points, factor * POINTS[:, :3], rtol=1e-6)
 
 
 def test_units_that_are_not_read_are_refused(tmp_path: Path) -> None:
@@ -382,10 +383,11 @@ def test_a_ply_states_its_unit_in_a_comment(tmp_path: Path, remark: str, scale: 
 def test_a_ply_with_coordinates_in_capitals_is_read(tmp_path: Path, kind: str) -> None:
     rows = POINTS[:, :3].astype("<f8")
     names = "".join(f"property double {axis}\n" for axis in "XYZ")
-    header = f"ply\nformat {kind} 1.0\nelement vertex {len(rows)}\n{names}end_header\n"
+    comment = "comment C:\\Prüfung"
+    header = f"ply\nformat {kind} 1.0\n{comment}\nelement vertex {len(rows)}\n{names}end_header\n"
     text = "\n".join(" ".join(f"{one:.17g}" for one in row) for row in rows).encode()
     data = text if kind == "ascii" else rows.tobytes()
-    (tmp_path / "a.ply").write_bytes(header.encode() + data)
+    (tmp_path / "a.ply").write_bytes(header.encode("cp1252") + data)
     assert_allclose(read_cloud(tmp_path / "a.ply").points, rows)
 
 
