@@ -379,6 +379,14 @@ def test_a_ply_states_its_unit_in_a_comment(tmp_path: Path, remark: str, scale: 
         read_cloud(tmp_path / "a.ply", length_unit="mm")
 
 
+def test_a_ply_that_was_cut_is_refused(tmp_path: Path) -> None:
+    names = "".join(f"property double {axis}\n" for axis in "xyz")
+    header = f"ply\nformat ascii 1.0\nelement vertex 21\n{names}end_header"
+    np.savetxt(tmp_path / "a.ply", POINTS[:, :3], header=header, comments="")
+    with pytest.raises(InputError, match="states 21 vertices, and it has 20"):
+        read_cloud(tmp_path / "a.ply")
+
+
 @pytest.mark.parametrize("kind", ["ascii", "binary_little_endian"])
 def test_a_ply_with_coordinates_in_capitals_is_read(tmp_path: Path, kind: str) -> None:
     rows = POINTS[:, :3].astype("<f8")
