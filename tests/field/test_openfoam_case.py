@@ -109,6 +109,20 @@ def test_the_checksum_is_that_of_the_files_read(case: Path) -> None:
     assert read_field(case, member=1, air=COOL).source.sha256 != before
 
 
+def test_processors_that_are_missing_or_did_not_finish(tmp_path: Path) -> None:
+    grid = air_in_metres()
+    fields = {time: {"T": linear(grid) + float(time)} for time in ("1", "2")}
+    folder = write_case(tmp_path, grid, fields, patches(), processors=quarters(grid))
+    shutil.rmtree(folder / "processor2/2")
+    assert [member.label for member in members(folder)] == ["t = 1"]
+    assert_linear(read_field(folder, air=COOL), 1.0)
+    with pytest.raises(InputError, match=r"only a part .* borders on processor1, processor2; give"):
+        read_field(folder / "processor0")
+    shutil.rmtree(folder / "processor3")
+    with pytest.raises(InputError, match=r"only a part .* borders on processor3; give"):
+        read_field(folder)
+
+
 def test_initial_values_are_warned_of(case: Path) -> None:
     for name in ("1", "2.5"):
         shutil.rmtree(case / name)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,7 @@ _DIRECTIVE = re.compile(rb"\$\w|(?:^|\s)#\s*[a-z]+")
 _DIMENSIONS = re.compile(rb"^\s*dimensions\s*\[([^\]]*)\]", re.MULTILINE)
 _FLUIDS = re.compile(r"\bfluid\s*\(([^()]*)\)")
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
+_NEIGHBOUR = re.compile(r"\bneighbProcNo\s+(\d+)\s*;")
 _PATCH = re.compile(r"(?P<name>[^\s{}();]+)\s*\{[^{}]*?\btype\s+(?P<kind>\w+)\s*;")
 
 
@@ -66,6 +68,7 @@ def read(path: Path, member: int | None, *, flow: bool = False) -> Contents:
             stacklevel=5,
         )
     pieces = [_piece(piece, time, case.region, flow) for piece in case.pieces]
+    _refuse_missing_pieces(case)
     # Cell arrays of scalars and, if asked for, of the vectors that describe the air's motion.
     names = [
         name
@@ -180,7 +183,7 @@ def _case(path: Path) -> _Case:
         region = _fluid_region(folder)
     processors = processor_folders(folder)
     whole = _times(folder, region) if _mesh(folder, region).is_dir() else ()
-    apart = _times(processors[0], region) if processors else ()
+    apart = _common_times(processors, region)
     collated = [p for p in folder.glob("processors*") if p.is_dir()]
     later = [*map(float, apart), *(time for p in collated for time in time_folders(p))]
     last, latest = float(whole[-1]) if whole else 0.0, max(later, default=0.0)
@@ -220,6 +223,12 @@ def _times(folder: Path, region: str = "") -> tuple[str, ...]:
         if any(file.is_file() for file in (entry / region).glob("*"))
     )
     return tuple(name for name in names if float(name) != 0.0) or names
+
+
+def _common_times(processors: Sequence[Path], region: str) -> tuple[str, ...]:
+    """Times that all processors have; a run that was stopped while it wrote leaves others."""
+    found = [_times(processor, region) for processor in processors]
+    return tuple(time for time in found[0] if all(time in each for each in found)) if found else ()
 
 
 def _solver(folder: Path) -> str:
@@ -295,9 +304,28 @@ def _refuse_other_dimensions(file: Path) -> None:
         )
 
 
+def _refuse_missing_pieces(case: _Case) -> None:
+    """Refuse pieces of a mesh that border on processors whose pieces are missing."""
+    borders = {
+        name
+        for piece in case.pieces
+        for name in _NEIGHBOUR.findall(_boundary(_mesh(piece, case.region)))
+    }
+    missing = sorted({f"processor{name}" for name in borders} - {p.name for p in case.pieces})
+    if missing:
+        raise InputError(
+            f"{case.folder} has only a part of a decomposed mesh, which borders on "
+            f"{', '.join(missing)}; give the case's folder, with the folders of all processors."
+        )
+
+
+def _boundary(mesh: Path) -> str:
+    """``polyMesh/boundary`` without comments."""
+    return _COMMENT.sub("", unpacked(mesh / "boundary").decode(errors="replace"))
+
+
 def _patch_kinds(mesh: Path) -> dict[str, str]:
     """Types of the patches by name, from ``polyMesh/boundary``."""
-    raw = unpacked(mesh / "boundary")
-    text = _COMMENT.sub("", raw.decode(errors="replace"))
+    text = _boundary(mesh)
     text = re.sub(r"FoamFile\s*\{.*?\}", "", text, flags=re.S)
     return {found["name"]: found["kind"] for found in _PATCH.finditer(text)}
