@@ -51,8 +51,8 @@ class Cloud:
     """A cloud as its file has it, row by row.
 
     Rows are in the file's unit ("mm", "m" ...) and frame. Those that are not finite, exactly
-    (0, 0, 0) or not valid by a column (``valid``, ``mask``) are of pixels that the sensor did not
-    measure.
+    (0, 0, 0) or not valid by a column (``valid``, ``mask``; then NaN here) are of pixels that the
+    sensor did not measure.
     """
 
     rows: FloatArray  # (m, 3)
@@ -117,7 +117,10 @@ def read_cloud(
     unit = _length_unit(file, stated, length_unit)
     if further.keys() >= {"true_x", "error_x", "error_normal"}:
         further = {name: one for name, one in further.items() if not _SIMULATED.fullmatch(name)}
-    cloud = Cloud(rows, _measured(rows, further, file), unit, further, remarks)
+    measured = _measured(rows, further, file)
+    # Coordinates of what was not measured would be written again, in another frame.
+    rows = np.where((measured | ~rows.any(axis=1))[:, None], rows, np.nan)
+    cloud = Cloud(rows, measured, unit, further, remarks)
     _warn_of_rounding(cloud.points, file)
     return cloud
 

@@ -291,8 +291,9 @@ def test_points_that_a_column_marks_are_left_out(
     rows = [f"{x},{y},{z},{marks[k == 3]}" for k, (x, y, z) in enumerate(POINTS[:, :3].tolist())]
     (tmp_path / "cloud.csv").write_text("\n".join([f"x,y,z,{name}", *rows]))
     with pytest.warns(IriftraceWarning, match=f"1 of 20 points .* not valid by the column {name}"):
-        read = read_cloud(tmp_path / "cloud.csv").points
-    np.testing.assert_array_equal(read, np.delete(POINTS[:, :3], 3, axis=0))
+        cloud = read_cloud(tmp_path / "cloud.csv")
+    np.testing.assert_array_equal(cloud.points, np.delete(POINTS[:, :3], 3, axis=0))
+    assert np.isnan(cloud.rows[3]).all()
 
 
 @pytest.mark.parametrize(
