@@ -192,7 +192,7 @@ def _splits(text: str) -> Iterator[list[str]]:
 
 
 def unit_of(names: Sequence[str], lines: Iterable[str], chosen: Sequence[int], count: int) -> str:
-    """Length unit that names, a row of units or a remark state for some columns; "" for none.
+    """Length unit that names, a row of units, a line of one or a remark state; "" for none.
 
     An InputError where the names state several.
     """
@@ -214,6 +214,8 @@ def unit_of(names: Sequence[str], lines: Iterable[str], chosen: Sequence[int], c
         words = [word.strip(" []()<>").casefold() for word in words_of(line, count)]
         if len(words) == count and all(words[i] in LENGTH_UNITS for i in chosen):
             return LENGTH_UNITS[words[chosen[0]]]
+        if len(words) == 1 and words[0] in LENGTH_UNITS:
+            return LENGTH_UNITS[words[0]]
         if stated := stated_length_unit(line):
             return stated
     return ""

@@ -55,6 +55,12 @@ def read_table(
         return np.empty((0, 3)), "", {}
     before = [line for line in lines[: lines.index(rows[0])] if line.strip()]
     refuse_corrected(file, before)
+    if before and lines.count(before[-1]) > 1:
+        warn(
+            f"{file.name} repeats its line of names, as of several scans one after the other; "
+            "correct each by itself, as the sensor stood elsewhere.",
+            stacklevel=4,
+        )
     rows = list(_without_count(rows, file))
     if not rows:
         return np.empty((0, 3)), "", {}
