@@ -350,9 +350,9 @@ def test_units_and_scans_of_a_table(tmp_path: Path) -> None:
     scans.write_text("2\n1.5 2 3\n4 5 6\n2\n7 8 9\n1 2 3\n")
     with pytest.raises(InputError, match="several scans, one after the other"):
         read_cloud(scans)
-    scans.write_text("[m]\n# x y z\n1.5 2 3.0000001\n4 5 6\n# x y z\n7 8 9\n")
+    scans.write_text("[m]\n# x y z\n0.0123456 2 3\n4 5 6\n# x y z\n7 8 9\n")
     with pytest.warns(IriftraceWarning, match="repeats its line of names, as of several scans"):
-        assert_allclose(read_cloud(scans).points[0], [1500, 2000, 3000.0001])
+        assert_allclose(read_cloud(scans).points[0], [12.3456, 2000, 3000])
 
 
 @pytest.mark.parametrize("header", ["range,azimuth,elevation", "r,theta,phi", "u,v,disparity"])
