@@ -1,7 +1,8 @@
 """Cartesian positions in programs of robots, as tables of poses.
 
 KUKA's ``E6POS`` and ``POS`` (.dat, .src), ABB's robtargets (.mod), Fanuc's positions (.ls) and
-``p[...]`` of Universal Robots (.script). Joint positions, offsets and relative motions are ignored.
+``movel(p[...])`` and waypoints of Universal Robots (.script). Joint positions, offsets and relative
+motions are ignored.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ _POSITIONS: dict[RobotName, re.Pattern[str]] = {
             for name in names
         )
     ),
-    "universal": re.compile(rf"\bp\[{_THREE},{_THREE}\]"),
+    # Tools (set_tcp) and planes are poses, too; waypoints of PolyScope end in _p.
+    "universal": re.compile(rf"(?:\bmove[jlp]\s*\(|\w_p\s*=)\s*p\[{_THREE},{_THREE}\]"),
 }
 _PROGRAM = re.compile(
     r"^\s*(?:&ACCESS|DEFDAT\s|DEF\s+\w+\s*\(|/PROG\b|/JOB\b|(?:SYS)?MODULE\s+\w|def\s+\w+\s*\(.*:)",
@@ -62,6 +64,6 @@ def table_of_program(text: str, path: Path) -> tuple[RobotName, str] | None:
             return robot, "\n".join([",".join(names), *rows])
     raise InputError(
         f"{path} is a program of a robot without positions that are read here (E6POS or POS of "
-        "KUKA, robtargets of ABB, X to R of Fanuc, p[...] of Universal Robots); write its poses as "
-        "a table with the columns x, y, z and the robot's angles."
+        "KUKA, robtargets of ABB, X to R of Fanuc, movel(p[...]) of Universal Robots); write its "
+        "poses as a table with the columns x, y, z and the robot's angles."
     )
