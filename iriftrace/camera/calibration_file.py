@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import codecs
 import json
 import re
 import xml.etree.ElementTree as ElementTree
@@ -21,13 +20,17 @@ from iriftrace.camera.calibration_programs import (
 )
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
-from iriftrace.core.units import LENGTH_UNITS
+from iriftrace.core.files import text_in
+from iriftrace.core.units import LENGTH_UNITS, stated_length_unit
 
 LARGEST_BYTES = 4_000_000
 """Size of a calibration with the poses of ten thousand boards, which YAML reads in ten seconds."""
 
 LARGEST_VALUES = 4_000_000
 """Numbers in a file, with its aliases written out; each takes one byte at least."""
+
+
+_LENGTH_UNIT = ("length_unit", "units", "unit", "translation_unit", "length_units")
 
 
 class _MatrixLoader(yaml.SafeLoader):  # type: ignore[misc, unused-ignore]
@@ -81,15 +84,9 @@ def calibration_content(path: Path) -> Mapping[str, object]:
                 f"The calibration {path} has {path.stat().st_size:,} bytes, more than any camera "
                 f"needs ({LARGEST_BYTES:,}); give the file that OpenCV's FileStorage wrote."
             )
-        wide = path.read_bytes()[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-        text = path.read_text(encoding="utf-16" if wide else "utf-8-sig")
+        text = text_in(path)
     except OSError as error:
         raise InputError(f"cannot read the calibration {path}: {error.strerror}.") from error
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"The calibration {path} is not text; give the YAML or JSON that OpenCV's FileStorage "
-            "wrote."
-        ) from error
     if "\0" in text:
         raise InputError(
             f"The calibration {path} is a binary file; give YAML, XML or JSON with OpenCV's names."
@@ -115,7 +112,11 @@ def calibration_content(path: Path) -> Mapping[str, object]:
     values = list(content.values())
     # A file may have one name for the whole, such as `stereo`; a matrix is a mapping with `data`.
     whole = len(values) == 1 and isinstance(values[0], Mapping) and "data" not in values[0]
-    return realsense_values(values[0] if whole else content)
+    named = realsense_values(values[0] if whole else content)
+    remarks = (line for line in text.splitlines() if line.lstrip().startswith("#"))
+    unit = next(filter(None, map(stated_length_unit, remarks)), "")
+    stated = {folded(str(name)) for name in named} & {folded(name) for name in _LENGTH_UNIT}
+    return {**named, "length_unit": unit} if unit and not stated else named
 
 
 _NO_BLANK = re.compile(r"^(\s*[A-Za-z_]\w*):(?=\S)", re.MULTILINE)
@@ -156,9 +157,6 @@ def _xml_value(entry: ElementTree.Element) -> object:
 def folded(name: str) -> str:
     """A name without case and punctuation: camera_matrix and cameraMatrix are the same."""
     return "".join(letter for letter in name.casefold() if letter.isalnum())
-
-
-_LENGTH_UNIT = ("length_unit", "units", "unit", "translation_unit", "length_units")
 
 
 @frozen(eq=False)
@@ -203,7 +201,10 @@ class CalibrationValues:
         if value is None:
             raise self.wrong(f"{names[0]} is missing, without which there are no rays; add it")
         if isinstance(value, Mapping):
-            value = value.get("data")
+            if "data" not in value:
+                listed = ", ".join(map(str, value))
+                raise self.wrong(f"{name} has the entries {listed} instead of numbers alone")
+            value = value["data"]
         try:
             numbers = np.asarray(value, dtype=np.float64).ravel()
         except (TypeError, ValueError):

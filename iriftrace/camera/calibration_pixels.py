@@ -17,12 +17,14 @@ LARGEST_TANGENTIAL = 0.03
 
 
 def check_order(values: CalibrationValues, coefficients: FloatArray) -> None:
-    """Warn of a p1 or p2 so large that it is rather k3."""
-    p1, p2 = (*coefficients, 0.0, 0.0, 0.0, 0.0)[2:4]
-    if max(abs(p1), abs(p2)) > LARGEST_TANGENTIAL:
+    """Warn of a p1 or p2 so large that it is rather k3, and of a p1 of 0, as k3 often is."""
+    p1, p2, k3 = (*coefficients, 0.0, 0.0, 0.0, 0.0, 0.0)[2:5]
+    large = max(abs(p1), abs(p2)) > LARGEST_TANGENTIAL
+    if large or (p1 == 0.0 != p2 and 0.0 < abs(k3) < LARGEST_TANGENTIAL):
+        why = "more than lenses have" if large else "of which lenses have both or none"
         warn(
-            f"{values.called} has the tangential distortion p1 = {p1:g}, p2 = {p2:g}, more than "
-            "lenses have; if its coefficients are k1, k2, k3, p1, p2, write them in OpenCV's order "
+            f"{values.called} has the tangential distortion p1 = {p1:g}, p2 = {p2:g}, {why}; "
+            "if its coefficients are k1, k2, k3, p1, p2, write them in OpenCV's order "
             "k1, k2, p1, p2, k3.",
             stacklevel=5,
         )

@@ -15,6 +15,7 @@ ros        forward  left     up        ROS bodies (REP 103)
 
 from __future__ import annotations
 
+import codecs
 import io
 import json
 from pathlib import Path
@@ -25,9 +26,10 @@ from numpy.typing import ArrayLike
 from iriftrace.camera.pose_set import PoseSet, refuse_distorted
 from iriftrace.camera.pose_table import ANGLES, MATRIX, columns_of_table, unlike_robot
 from iriftrace.camera.robot_poses import RobotName
+from iriftrace.camera.robot_programs import table_of_program
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
-from iriftrace.core.files import array_in, whole_file
+from iriftrace.core.files import array_in, text_in, whole_file
 from iriftrace.core.units import length_factor
 from iriftrace.geometry.transform import checked_matrix, nearest_rotations, rigid_motion
 
@@ -84,7 +86,8 @@ def read_poses(
         quaternion camera to world; also as ``tx``, ``x [m]``, ``pose.position.x``, ``q_w``), or
         ``x y z target_x target_y target_z`` (no roll, see `iriftrace.camera.pose_set.aimed`);
         or ``x y z`` with a robot's angles (see `iriftrace.camera.robot_poses`); besides,
-        ``azimuth_deg``, ``elevation_deg``, ``convention``, ``length_unit``.
+        ``azimuth_deg``, ``elevation_deg``, ``convention``, ``length_unit``. A robot's program is
+        the table of its positions (see `iriftrace.camera.robot_programs`).
     convention : str
         Axes of the camera in the file's matrices and quaternions, one of `CONVENTIONS`.
     length_unit : str
@@ -232,13 +235,17 @@ def _columns(path: Path, robot: RobotName | None) -> dict[str, object]:
             raise InputError(
                 f"{path} is not a NumPy array ({error}); save one of 4x4 matrices."
             ) from error
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise InputError(
-            f"{path} is not text; poses are read from {', '.join(_FORMATS)}."
-        ) from None
-    return _object(text, path) if kind == ".json" else columns_of_table(text, path, robot)
+    if b"\0" in content and not content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        raise InputError(f"{path} is not text; poses are read from {', '.join(_FORMATS)}.")
+    text = text_in(path)
+    if kind == ".json":
+        return _object(text, path)
+    if program := table_of_program(text, path):
+        stated, text = program
+        if robot not in (None, stated):
+            raise unlike_robot(path, robot)
+        robot = stated
+    return columns_of_table(text, path, robot)
 
 
 def _object(text: str, path: Path) -> dict[str, object]:

@@ -67,8 +67,14 @@ def columns_of_table(text: str, path: Path, robot: RobotName | None = None) -> d
     iriftrace's own convention. With a `robot`, the orientations are in its columns; a table
     without names that has as many columns is x, y, z and these.
     """
-    split = [line.partition("#") for line in text.splitlines()]
-    bare = [line.translate(_BRACKETS) if is_numbers(line) else line for line, _, _ in split]
+    if _COLMAP.search(text):
+        raise InputError(
+            f"{path} is COLMAP's list of images, whose poses are from the world to the camera and "
+            "have no scale; write matrices from the camera to the world, in mm."
+        )
+    # Excel reads "sep=;" in a first line.
+    split = [line.partition("#") for line in re.sub(r"\Asep=.*", "", text).splitlines()]
+    bare = [_without_brackets(line) if is_numbers(line) else line for line, _, _ in split]
     numbered = [(k, line.strip()) for k, line in enumerate(bare, 1) if line.strip()]
     if not numbered:
         raise InputError(f"{path} holds no pose; give at least one.")
@@ -109,7 +115,14 @@ def columns_of_table(text: str, path: Path, robot: RobotName | None = None) -> d
     return stated | _named(_Table(path, lines[1:], cells[1:]), names, robot)
 
 
+_COLMAP = re.compile(r"^#.*IMAGE_ID,\s*QW,\s*QX", re.MULTILINE)
 _BRACKETS = str.maketrans("", "", "[]")
+
+
+def _without_brackets(line: str) -> str:
+    """A row of numbers without the brackets of nested lists and the comma after them."""
+    bare = line.translate(_BRACKETS)
+    return bare if bare == line else bare.rstrip(", ")
 
 
 def _header_in(remarks: Sequence[str], count: int) -> list[str]:

@@ -82,7 +82,8 @@ def correct(
     Parameters
     ----------
     cloud
-        Measured points: .ply, .pcd, .stl, .obj, .vtp, .e57, .xyz, .asc, .txt, .csv or .pts.
+        Measured points: .ply, .pcd, .stl, .obj, .vtp, .e57, .ptx, .xyz, .asc, .txt, .csv
+        or .pts.
     scene
         The scene's XML file.
     output

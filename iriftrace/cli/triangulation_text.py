@@ -118,8 +118,10 @@ def um(millimetres: float) -> str:
 
 
 def minutes(degrees: float) -> str:
-    """An angle in minutes."""
-    return f"{round(60 * degrees, 4):.2g}'"
+    """An angle in minutes, or in seconds if it is smaller than one minute."""
+    if degrees < 1 / 60:
+        return f"{round(3600 * degrees, 4):.2g} arcsec"
+    return f"{round(60 * degrees, 1 if degrees < 1 / 6 else 0):g}'"
 
 
 def say_relations(related: Sequence[Relation], true: str, synthetic: bool = False) -> None:

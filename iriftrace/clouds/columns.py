@@ -18,7 +18,10 @@ MARKS = "#/%*!"
 _MOST_LISTED = 20
 
 _BRACKETS = re.compile(r"\s*[\[(<{]\s*([^\])>}]*?)\s*[\])>}]")
-_SUFFIX = re.compile(r"[\s_/,.-]+(?:in\s+)?(um|µm|μm|mm|cm|m|inch)$")
+_SUFFIX = re.compile(
+    r"[\s_/,.-]+(?:in\s+)?"
+    r"(um|µm|μm|mm|cm|m|inch(?:es)?|(?:milli|centi|micro)?met(?:re|er)|(?:milli)?met(?:re|er)s)$"
+)
 _UNREAD_UNITS = frozenset("nm dm km ft feet foot ' mil mils thou px pixel pixels".split())
 
 _AXES = {"x": 0, "y": 1, "z": 2, "0": 0, "1": 1, "2": 2}
@@ -38,7 +41,8 @@ _FORMS = tuple(
 _MEANS_POINT = frozenset(
     "point points pt pts coord coords coordinate coordinates koord koordinate koordinaten "
     "cartesian position pos location vertex vertices punkt axis achse value wert "
-    "coordonnée coordonnee coordonnées coordenada coordenadas coordinata coordinate 座標".split()
+    "coordonnée coordonnee coordonnées coordenada coordenadas coordinata posición posicion posição "
+    "posicao posizione координата координаты 座標 坐标 좌표".split()
 )
 """Words that say no more of a coordinate than that it is one."""
 
@@ -188,7 +192,7 @@ def _splits(text: str) -> Iterator[list[str]]:
 
 
 def unit_of(names: Sequence[str], lines: Iterable[str], chosen: Sequence[int], count: int) -> str:
-    """Length unit that names, a row of units or a remark state for some columns; "" for none.
+    """Length unit that names, a row of units, a line of one or a remark state; "" for none.
 
     An InputError where the names state several.
     """
@@ -210,6 +214,8 @@ def unit_of(names: Sequence[str], lines: Iterable[str], chosen: Sequence[int], c
         words = [word.strip(" []()<>").casefold() for word in words_of(line, count)]
         if len(words) == count and all(words[i] in LENGTH_UNITS for i in chosen):
             return LENGTH_UNITS[words[chosen[0]]]
+        if len(words) == 1 and words[0] in LENGTH_UNITS:
+            return LENGTH_UNITS[words[0]]
         if stated := stated_length_unit(line):
             return stated
     return ""

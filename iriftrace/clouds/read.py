@@ -24,7 +24,7 @@ from iriftrace.geometry.ply import read_ply
 
 TEXT = (".xyz", ".asc", ".txt", ".csv", ".pts")
 MESHES = (".ply", ".stl", ".obj")
-"""Endings that `read_cloud` knows, next to .vtp, .e57 and .pcd."""
+"""Endings that `read_cloud` knows, next to .vtp, .e57, .pcd and .ptx."""
 
 COARSE_DECIMALS = 3
 """Decimals of a millimetre that hide what hot air does, which is micrometres."""
@@ -32,6 +32,15 @@ COARSE_DECIMALS = 3
 AXES = ("x", "y", "z")
 
 Columns = dict[str, AnyArray]
+
+_VALIDITY = re.compile(
+    r"(?:scalar_)?(?P<valid>(?:is_?)?valid(?:ity|_mask)?|mask|measured|vtkvalidpointmask)|"
+    r"(?:scalar_)?(?:(?:is_?)?invalid|cartesianinvalidstate)"
+)
+"""Columns that are 0 where nothing was measured, and those that are 0 where something was."""
+
+_LARGEST = 1e30
+"""Coordinates from here on, such as the largest float, stand for none."""
 
 _SIMULATED = re.compile(r"(?:true|error)_[xyz]|error_normal|scatter_normal")
 """Columns of a simulated scan that hold for its points before the correction alone."""
@@ -41,8 +50,9 @@ _SIMULATED = re.compile(r"(?:true|error)_[xyz]|error_normal|scatter_normal")
 class Cloud:
     """A cloud as its file has it, row by row.
 
-    Rows are in the file's unit ("mm", "m" ...) and frame. Those that are not finite or exactly
-    (0, 0, 0) are of pixels that the sensor did not measure.
+    Rows are in the file's unit ("mm", "m" ...) and frame. Those that are not finite, exactly
+    (0, 0, 0) or not valid by a column (``valid``, ``mask``; then NaN here) are of pixels that the
+    sensor did not measure.
     """
 
     rows: FloatArray  # (m, 3)
@@ -82,7 +92,7 @@ def read_cloud(
     without names; or three `columns` that are chosen by name, or by number from 1, as also those of
     a .ply, .pcd or .vtp. Rows of words and a count of the points in the first row are left out;
     cells may be quoted or empty. The length unit is by default that in the names of the columns, or
-    in a comment of a .ply or .pcd (``unit: m``), metre of an .e57, else mm.
+    in a comment of a .ply or .pcd (``unit: m``), metre of an .e57 or .ptx, else mm.
 
     Raises InputError if the file cannot be read, has no points, was corrected already, or does not
     say which columns are x, y and z. Warned of are rows that were not measured, coordinates rounded
@@ -107,7 +117,10 @@ def read_cloud(
     unit = _length_unit(file, stated, length_unit)
     if further.keys() >= {"true_x", "error_x", "error_normal"}:
         further = {name: one for name, one in further.items() if not _SIMULATED.fullmatch(name)}
-    cloud = Cloud(rows, _measured(rows, file), unit, further, remarks)
+    measured = _measured(rows, further, file)
+    # Coordinates of what was not measured would be written again, in another frame.
+    rows = np.where((measured | ~rows.any(axis=1))[:, None], rows, np.nan)
+    cloud = Cloud(rows, measured, unit, further, remarks)
     _warn_of_rounding(cloud.points, file)
     return cloud
 
@@ -126,20 +139,24 @@ def _warn_of_rounding(points: FloatArray, file: Path) -> None:
         )
 
 
-def _measured(rows: FloatArray, file: Path) -> BoolArray:
-    """Mask of the rows (m, 3) that were measured: finite, and not all 0."""
-    finite = np.isfinite(rows).all(axis=1)
-    measured = np.asarray(finite & rows.any(axis=1))
+def _measured(rows: FloatArray, columns: Columns, file: Path) -> BoolArray:
+    """Mask of the rows (m, 3) that were measured: finite, not all 0, and valid by their columns."""
+    finite = (np.abs(rows) < _LARGEST).all(axis=1)
+    wrong = {"not finite": ~finite, "exactly (0, 0, 0)": ~rows.any(axis=1)}
+    for name, values in columns.items():
+        if found := _VALIDITY.fullmatch(name.casefold()):
+            invalid = values == 0 if found["valid"] else values != 0
+            wrong[f"not valid by the column {name}"] = np.asarray(invalid)
+    measured = np.ones(len(rows), dtype=bool)
+    counts = []
+    for are, which in wrong.items():
+        if count := int((which & measured).sum()):
+            counts.append(f"{count:,} of {len(rows):,} points in {file.name} are {are}")
+        measured &= ~which
     if not measured.any():
-        raise InputError(
-            f"{file} has no point that is finite and not (0, 0, 0); export the cloud again."
-        )
-    for left_out, are in ((~finite, "not finite"), (finite & ~measured, "exactly (0, 0, 0)")):
-        if left_out.any():
-            _warn(
-                f"{left_out.sum():,} of {len(rows):,} points in {file.name} are {are}, as of "
-                "pixels that a sensor did not measure, and are left out."
-            )
+        raise InputError(f"No point was measured: {', '.join(counts)}; export the cloud again.")
+    for text in counts:
+        _warn(f"{text}, as of pixels that a sensor did not measure, and are left out.")
     return measured
 
 
@@ -150,7 +167,7 @@ def _length_unit(file: Path, stated: str, given: str | None) -> str:
             f"{file} states its coordinates in {stated}, but they were to be read in {given}; "
             f"leave out the unit (--length-unit), or give {stated}."
         )
-    return given or stated or ("m" if file.suffix.lower() == ".e57" else "mm")
+    return given or stated or ("m" if file.suffix.lower() in (".e57", ".ptx") else "mm")
 
 
 def _rows(
@@ -171,6 +188,10 @@ def _rows(
         from iriftrace.clouds.e57 import read_e57
 
         points, columns = read_e57(file)
+    elif kind == ".ptx":
+        from iriftrace.clouds.ptx import read_ptx
+
+        points, columns = read_ptx(file)
     elif kind == ".pcd":
         from iriftrace.clouds.pcd import read_pcd
 
@@ -179,8 +200,10 @@ def _rows(
     elif kind in MESHES:
         points, columns, remarks, unit = _mesh_rows(file, kind)
     else:
-        known = ", ".join((*MESHES, ".vtp", ".e57", ".pcd", *TEXT))
-        raise InputError(f"{file} is not a cloud of a supported format; give {known}.")
+        known = ", ".join((*MESHES, ".vtp", ".e57", ".pcd", ".ptx", *TEXT))
+        raise InputError(
+            f"{file} is not a cloud of a supported format; export it as one of {known}."
+        )
     refuse_corrected(file, columns)
     named = _single(columns)
     if chosen is None:

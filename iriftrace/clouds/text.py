@@ -23,9 +23,13 @@ from iriftrace.core.files import text_in
 from iriftrace.core.number_table import closed_by, is_numbers, numbers, separator_of, with_exponents
 
 _WORD = "nan"
+_MOST_UNNAMED = 16
+"""Columns of a table of points without names; those of a transposed one are as many as points."""
+
 _QUOTES = str.maketrans("", "", "\"'[](){}")
 _QUOTED_COMMA = re.compile(r"\"([-+\d]*),(\d+)\"")
 _REMARK = re.compile(r"(?<=[\d.])\s+(?:#|//|%).*")
+_DASHES = re.compile(r"\s*-+(?:\s*[,;\t]\s*-+)+\s*")
 _DATE = re.compile(r"\d[:/]\d|\d-\d|\d\.\d+\.\d")
 """Times of a day and dates, which have no letters."""
 
@@ -40,6 +44,7 @@ def read_table(
     first row is left out; one that is wrong is warned of.
     """
     lines = [_REMARK.sub("", line) for line in text_in(file).splitlines()]
+    lines = [re.sub("-+", _WORD, line) if _DASHES.fullmatch(line) else line for line in lines]
     rows = _rows(lines)
     # A header is before the first row; words after it are in cells.
     worded = not rows or len(rows) < _filled(lines, rows[0]) or bool(_DATE.search(rows[-1]))
@@ -50,6 +55,12 @@ def read_table(
         return np.empty((0, 3)), "", {}
     before = [line for line in lines[: lines.index(rows[0])] if line.strip()]
     refuse_corrected(file, before)
+    if before and lines.count(before[-1]) > 1:
+        warn(
+            f"{file.name} repeats its line of names, as of several scans one after the other; "
+            "correct each by itself, as the sensor stood elsewhere.",
+            stacklevel=4,
+        )
     rows = list(_without_count(rows, file))
     if not rows:
         return np.empty((0, 3)), "", {}
@@ -60,23 +71,52 @@ def read_table(
         raise InputError(f"{file} has {count} columns; a point has three coordinates.")
     names = header_of(before, count + 1)[:count] if last_is_empty else []
     names = names if len(names) == count else header_of(before, count)
-    if not names and chosen is None and count > 3 and _counts_rows(table[:, 0]):
-        raise InputError(
-            f"The first of the {count} columns in {file} counts the rows, and none has a name; "
-            "choose x, y and z by number from 1 (--columns 2,3,4)."
-        )
-    whole = [column + 1 for column in range(count) if not np.mod(table[:, column], 1).any()]
-    if not names and chosen is None and count > 3 and 0 < sum(one <= 3 for one in whole) < 3:
-        raise InputError(
-            f"{file} has {count} columns without names, and whole numbers, as of pixels, in column "
-            f"{', '.join(map(str, whole))}; choose x, y and z by number from 1 (--columns 3,4,5)."
-        )
-    places = columns_of_points(names, count, chosen, file)
+    if not names:
+        table = _without_numbered_columns(table, file)
+    if names or chosen is not None:
+        places = columns_of_points(names, count, chosen, file)
+    else:
+        places = _unnamed_columns(table, file)
     bare = [name.strip(f"{MARKS} \t\"'") for name in names] if len(names) == count else [""] * count
     further = {bare[i] or f"column_{i + 1}": table[:, i] for i in range(count) if i not in places}
     if worded:
         further = _numbers_alone(further, file)
     return table[:, places], unit_of(names, before, places, count), further
+
+
+def _without_numbered_columns(table: FloatArray, file: Path) -> FloatArray:
+    """Rows after a first one that numbers the columns from 0, which pandas writes without names."""
+    numbered = table[0][~np.isnan(table[0])]
+    if len(numbered) < 3 or not np.array_equal(numbered, np.arange(len(numbered))):
+        return table
+    warn(f"The first row of {file.name} numbers the columns from 0, and is left out.", stacklevel=5)
+    return table[1:]
+
+
+def _unnamed_columns(table: FloatArray, file: Path) -> list[int]:
+    """Numbers of the columns x, y and z of a table without names: the first that are not words.
+
+    Raises InputError where they may be other columns, or rows.
+    """
+    count = table.shape[1]
+    if len(table) <= 4 < _MOST_UNNAMED < count:
+        raise InputError(
+            f"{file} has {len(table)} rows of {count} numbers, as if each column were a point; "
+            "transpose it, so that each row is one."
+        )
+    if count > 3 and _counts_rows(table[:, 0]):
+        raise InputError(
+            f"The first of the {count} columns in {file} counts the rows, and none has a name; "
+            "choose x, y and z by number from 1 (--columns 2,3,4)."
+        )
+    whole = [column + 1 for column in range(count) if not np.mod(table[:, column], 1).any()]
+    if count > 3 and 0 < sum(column <= 3 for column in whole) < 3:
+        raise InputError(
+            f"{file} has {count} columns without names, and whole numbers, as of pixels, in column "
+            f"{', '.join(map(str, whole))}; choose x, y and z by number from 1 (--columns 3,4,5)."
+        )
+    values = np.flatnonzero(~np.isnan(table).all(axis=0)).tolist()
+    return values[:3] if len(values) >= 3 else [0, 1, 2]
 
 
 def _rows(lines: Sequence[str]) -> list[str]:
@@ -112,8 +152,9 @@ def _without_words(lines: Sequence[str]) -> list[str]:
 
 
 def _number(cell: str, mark: str) -> str:
-    """The cell of a table if it is a number or empty, else "nan"."""
+    """The cell of a table if it is a number or empty, 1 or 0 for true or false, else "nan"."""
     text = with_exponents(cell.strip().strip("\"'"))
+    text = {"true": "1", "false": "0"}.get(text.casefold(), text)
     try:
         float(text if mark == "," else text.replace(",", "."))
     except ValueError:

@@ -14,9 +14,13 @@ from iriftrace.core.errors import InputError
 _DECIMAL_COMMA = re.compile(r"\d,\d")
 _FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[-+]?\d)")
 _QUOTED = re.compile(r"\"([^\",;]*)\"")
-_LETTERS = re.compile(r"[A-DF-Za-df-z_]")
-_GAP = re.compile(r"(?<![^\s,;\"])(?:null|none|#?n/?a|-+)(?![^\s,;\"])", re.IGNORECASE)
-_MAYBE_GAP = re.compile(r"[nN]|-(?![\d.])")
+_LETTERS = re.compile(r"[A-DF-Za-df-z_]|(?![A-Za-z])[^\W\d_]")
+_GAP = re.compile(
+    r"(?<![^\s,;\"])(?:null|none|#?n/?a|-?nan\(\w*\)|-?1\.#(?:qnan|ind)\w*|#(?:div/0|num)!|-+)"
+    r"(?![^\s,;\"])",
+    re.IGNORECASE,
+)
+_MAYBE_GAP = re.compile(r"[nN#]|-(?![\d.])")
 _EMPTY_CELL = re.compile(r"[,;\t] *(?:[,;\t]|$)|^ *[,;\t]")
 _COLUMN = re.compile(r"\s*(?P<name>[^\[(]*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
 
@@ -33,7 +37,10 @@ def with_exponents(line: str) -> str:
 
 
 def with_gaps(line: str) -> str:
-    """A row of numbers with nan in place of null (CFD-Post), N/A and dashes; other lines as is."""
+    """A row of numbers with nan in place of null (CFD-Post), N/A, dashes and signs of C and Excel.
+
+    Other lines are returned as they are.
+    """
     filled = _GAP.sub("nan", line) if _MAYBE_GAP.search(line) else line
     is_row = filled != line and is_numbers(filled) and re.search(r"\d", line)
     return filled if is_row else line

@@ -17,9 +17,10 @@ ZERO_CELSIUS_K = 273.15
 
 _MILLIMETRES = {"um": 1e-3, "mm": 1.0, "cm": 10.0, "m": 1e3, "inch": 25.4, "in": 25.4}
 LENGTH_UNITS = {
-    **dict.fromkeys(("um", "µm", "μm", "micrometer", "micrometre"), "um"),
+    **dict.fromkeys(("um", "µm", "μm", "micron", "microns"), "um"),
+    **dict.fromkeys(("micrometer", "micrometre", "micrometers", "micrometres"), "um"),
     **dict.fromkeys(("mm", "millimeter", "millimetre", "millimeters", "millimetres"), "mm"),
-    **dict.fromkeys(("cm", "centimeter", "centimetre"), "cm"),
+    **dict.fromkeys(("cm", "centimeter", "centimetre", "centimeters", "centimetres"), "cm"),
     **dict.fromkeys(("m", "meter", "metre", "meters", "metres"), "m"),
     **dict.fromkeys(("in", "inch", "inches", '"', "″"), "inch"),
 }

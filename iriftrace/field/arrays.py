@@ -32,6 +32,18 @@ _LOOSE = {
     "index": re.compile(r"n[_.]|.*refractive|.*refractivity|.*index_of_refraction"),
     "density": re.compile(r"rho|.*density"),
 }
+_AVERAGE = r"mean|averaged?|avg"
+_OVER_TIME = {
+    # OpenFOAM's TMean, "mean_temperature", "Mean of Temperature".
+    quantity: re.compile(
+        rf"(?:{names})[_-]?(?:{_AVERAGE})|(?:{_AVERAGE})[_-](?:of[_-])?(?:{names})"
+    )
+    for quantity, names in (
+        ("temperature", "t|temp|(?:static[_-])?temperature"),
+        ("density", "rho|density"),
+    )
+}
+"""Names of averages over time."""
 _COLDEST_K = 150.0  # room temperature in degC, read as kelvin, lies below
 _HOTTEST_K = 6000.0  # above, all molecules of air are dissociated
 _LARGEST_REFRACTIVITY = 0.01  # air at 30 bar; n itself is near 1
@@ -45,7 +57,8 @@ _SPELLINGS = {
     "kelvin": "K",
     "celsius": "degC",
     "degree celsius": "degC",
-    "°c": "degC",
+    **dict.fromkeys(("°c", "ºc", "℃", "deg c", "deg. c", "degree c", "grad c"), "degC"),
+    "degrees celsius": "degC",
     "fahrenheit": "degF",
     "°f": "degF",
     "r": "degR",
@@ -67,8 +80,10 @@ def choose_array(grid: pv.DataSet, array: str | None, quantity: str | None, path
 
     A given name is used as it is. Otherwise temperature is searched first, then index, then
     density, or only `quantity` when it is given. A usual name (``T``, ``rho``) takes precedence
-    over a name that only resembles one (``T_snapshot``). Raises InputError if no array is found,
-    several are equally likely, or the quantity is not known.
+    over a name that only resembles one (``T_snapshot``) or is an average over time (``TMean``);
+    if there is one of these, a warning names it. Of averages alone that of the density is used.
+    Raises InputError if no array is found, several are equally likely, or the quantity is not
+    known.
     """
     if quantity is not None and quantity not in QUANTITIES:
         raise InputError(f"{quantity!r} is not a quantity; use one of {', '.join(QUANTITIES)}.")
@@ -86,14 +101,20 @@ def choose_array(grid: pv.DataSet, array: str | None, quantity: str | None, path
                 f"the quantity option (--quantity): {', '.join(QUANTITIES)}."
             )
         return Choice(array, found)
+    averages = [name for name in names if is_average(name)]
+    dense = [name for name in averages if _resembles(name, "density")]
     for candidate in (quantity,) if quantity else QUANTITIES:
         usual = [name for name in names if _is_usual(name, candidate)]
-        likely = usual or [name for name in names if _LOOSE[candidate].match(_plain(name))]
+        likely = usual or [name for name in names if _resembles(name, candidate)]
+        if likely and not quantity and dense and set(likely) <= set(averages):
+            likely, candidate = dense, "density"
         if len(likely) > 1:
             raise InputError(
                 f"{path} has several arrays that could be the {candidate}: {', '.join(likely)}; "
                 "name the one to use with the array option (--array)."
             )
+        if usual and averages:
+            _warn_of_averages(likely[0], dense or averages, path)
         if likely:
             return Choice(likely[0], candidate)
     raise InputError(
@@ -113,7 +134,12 @@ def quantity_of(name: str) -> str | None:
     for quantity in QUANTITIES:
         if _is_usual(name, quantity):
             return quantity
-    return next((q for q in QUANTITIES if _LOOSE[q].match(_plain(name))), None)
+    return next((q for q in QUANTITIES if _resembles(name, q)), None)
+
+
+def is_average(name: str) -> bool:
+    """True for the name of a temperature's or density's average over time."""
+    return any(form.fullmatch(_plain(name)) for form in _OVER_TIME.values())
 
 
 def point_values(grid: pv.UnstructuredGrid, name: str, path: str) -> FloatArray:
@@ -145,6 +171,21 @@ def _is_usual(name: str, quantity: str) -> bool:
     """True for a usual name, with or without COMSOL's scope (``comp1.T``)."""
     plain = _plain(name)
     return plain in _EXACT[quantity] or plain.rpartition(".")[2] in _EXACT[quantity]
+
+
+def _resembles(name: str, quantity: str) -> bool:
+    """True for a name that only resembles a usual one, or is that of an average over time."""
+    plain = _plain(name)
+    average = quantity in _OVER_TIME and _OVER_TIME[quantity].fullmatch(plain)
+    return bool(average or _LOOSE[quantity].match(plain))
+
+
+def _warn_of_averages(name: str, averages: list[str], path: str) -> None:
+    warn(
+        f"{path} has {name!r}, which is used, of one moment, and its average over time; for air "
+        f"that is not steady give {averages[0]!r} (--array {averages[0]}).",
+        stacklevel=5,
+    )
 
 
 def _plain(name: str) -> str:

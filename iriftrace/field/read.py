@@ -104,7 +104,8 @@ def read_field(
         The coolest air in the file is more than 2 K from the ambient temperature; temperature and
         index in the file disagree by more than 2 % of n - 1; the values are cell data, or cells
         are of higher order; the file has several states and none was chosen; cells are omitted
-        because the file marks them or the array is NaN there.
+        because the file marks them or the array is NaN there; the array is one of a moment although
+        the file has an average over time, or such an average of the temperature.
     """
     air = Air() if air is None else air
     contents = read_volume(path, member=member, flow=flow)
@@ -133,11 +134,18 @@ def read_field(
             origin=contents.origin,
             wall_heat_w=contents.wall_heat_w,
             unit_stated=contents.length_unit is not None,
-            facts=contents.facts or FieldFacts.in_words(contents.origin),
+            facts=_facts(contents, choice.name),
         ),
         flow=flow_in(raw, choice.name, contents.units, transform, air) if flow else None,
     )
     _warn_of_other_ambient(result)
+    if choice.quantity == "temperature" and arrays.is_average(choice.name):
+        warn(
+            f"{choice.name!r} in {path} is an average over time, but the index follows the average "
+            "density, which differs from that of the average temperature where the air fluctuates; "
+            "average the density too, such as rhoMean, if the solver can.",
+            stacklevel=2,
+        )
     if choice.quantity == "temperature" and quantity is None and array is None:
         _warn_of_other_index(raw, result)
     return result
@@ -221,6 +229,12 @@ def _joined(data: Data, path: Path) -> pv.UnstructuredGrid:
     elif path.suffix.lower() == ".pvtu":
         joined = joined.clean(tolerance=0.0)
     return joined
+
+
+def _facts(contents: Contents, array: str) -> FieldFacts:
+    """What the file states, or its origin and the array's name say."""
+    facts = contents.facts or FieldFacts.in_words(contents.origin)
+    return evolve(facts, time="mean") if arrays.is_average(array) else facts
 
 
 def _length_unit(given: str | None, stated: str | None, path: str) -> str:

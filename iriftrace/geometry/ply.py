@@ -46,6 +46,8 @@ def read_ply(path: Path) -> PlyMesh:
 
     # Without processing, the order of the faces is that of the file and of Mitsuba.
     plain_head = _CAPITAL_AXIS.sub(lambda axis: axis[0].lower(), head)
+    # Comments of Windows programs need not be UTF-8, which trimesh expects.
+    plain_head = plain_head.decode("ascii", "replace").replace("\ufffd", "?").encode()
     with path.open("rb") as file:
         data = file if plain_head == head else io.BytesIO(plain_head + file.read()[len(head) :])
         # Without textures, whose seams would double vertices and whose pictures may be missing.
@@ -55,6 +57,9 @@ def read_ply(path: Path) -> PlyMesh:
     raw = mesh.metadata.get("_ply_raw", {})
     # A file of no vertices is an empty scene to trimesh.
     vertices = np.array(getattr(mesh, "vertices", ()), dtype=np.float64).reshape(-1, 3)
+    stated = int((_VERTICES.search(head) or (b"", len(vertices)))[1])
+    if len(vertices) != stated:
+        raise ValueError(f"its header states {stated:,} vertices, and it has {len(vertices):,}")
     faces = np.asarray(getattr(mesh, "faces", ()), dtype=np.int64)
     check_corners(vertices, faces)
     return PlyMesh(
@@ -104,6 +109,7 @@ def _checked_header(path: Path) -> bytes:
 HEADER_LIMIT = 1_000_000
 """Bytes in which a header ends, comments included."""
 
+_VERTICES = re.compile(rb"(?m)^element[ \t]+vertex[ \t]+(\d+)")
 _CAPITAL_AXIS = re.compile(rb"(?m)^property[ \t]+\w+[ \t]+[XYZ][ \t\r]*$")
 """Coordinates by names that some programs write and few readers know."""
 

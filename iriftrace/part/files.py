@@ -51,9 +51,10 @@ def load_mesh_file(path: Path) -> MeshFile:
         raise InputError(f"there is no part file {path}; give an existing mesh.")
     suffix = path.suffix.removeprefix(".").lower()
     if suffix not in trimesh.available_formats():
+        install = "install lxml and networkx (pip install lxml networkx), or "
         raise InputError(
-            f"{path} is of a format {suffix!r} that cannot be read; convert it to "
-            "PLY, STL, OBJ or GLB."
+            f"{path} is of a format {suffix!r} that cannot be read; "
+            f"{install if suffix == '3mf' else ''}convert it to PLY, STL, OBJ or GLB."
         )
     unit, region_columns, growth, drawing = None, [], None, None
     mesh: PlyMesh | trimesh.parent.Geometry

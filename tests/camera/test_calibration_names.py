@@ -33,8 +33,9 @@ def test_k1_to_k4_alone_are_not_read_as_brown_conrady(tmp_path: Path) -> None:
         read_calibration(path)
 
 
-def test_a_k3_in_the_place_of_p1_is_noticed(tmp_path: Path) -> None:
-    other_order = [-0.08, 0.11, 0.2, 0.0004, -0.0002]
+@pytest.mark.parametrize("k3", [0.2, 0.0])
+def test_a_k3_in_the_place_of_p1_is_noticed(tmp_path: Path, k3: float) -> None:
+    other_order = [-0.08, 0.11, k3, 0.0004, -0.0002]
     path = plain(tmp_path / "a.json", distortion_coefficients=other_order)
     with pytest.warns(IriftraceWarning, match="if its coefficients are k1, k2, k3, p1, p2"):
         read_calibration(path)
@@ -64,4 +65,19 @@ def test_camera_intrinsics_of_matlab(tmp_path: Path) -> None:
     assert calibration.centre_px == (1223.5, 1023.5)
     path.write_text(json.dumps(content | {"Skew": 2.0}))
     with pytest.raises(InputError, match="skew 2"):
+        read_calibration(path)
+
+
+def test_remarks_in_windows_encoding_may_state_the_unit(tmp_path: Path) -> None:
+    content = plain(tmp_path / "a.json", rvec=[0, 0, 0], tvec=[0, 0, 0.4]).read_text()
+    path = tmp_path / "a.yaml"
+    path.write_bytes(f"# Prüfstand, Einheit: m\n{content}".encode("cp1252"))
+    matrix = read_calibration(path).matrix
+    assert matrix is not None
+    assert matrix[2, 3] == pytest.approx(-400.0)
+
+
+def test_a_matrix_of_named_numbers_is_refused(tmp_path: Path) -> None:
+    path = plain(tmp_path / "a.json", camera_matrix={"FX": 3650, "FY": 3650, "CX": 9, "CY": 9})
+    with pytest.raises(InputError, match="camera_matrix has the entries FX, FY, CX, CY instead of"):
         read_calibration(path)

@@ -254,6 +254,10 @@ NINE = "x,y,z,qx,qy,qz,qw"
             "x,y,z,target_x,target_y,target_z\n1,2,3,1,2,3",
             r"\[1.0, 2.0, 3.0\] mm stands on its own target",
         ),
+        (
+            "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ\n1 1 0 0 0 1 2 3",
+            "is COLMAP.s list of images",
+        ),
         ("1 0 0 0\n0 1 0 0\n0 0 1 0", "3 rows of 4 numbers, but 4x4 matrices need four rows"),
         (f"{IDENTITY}\n{IDENTITY} 5", "line 2 has 17 columns"),
         (IDENTITY.replace("1", "2"), "Pose 1 of .* 0 0 0 1"),
@@ -319,7 +323,7 @@ def test_files_that_are_not_there_or_not_text(tmp_path):
     with pytest.raises(InputError, match="cannot read poses from"):
         read_poses(tmp_path)
     picture = tmp_path / "picture.png"
-    picture.write_bytes(b"\x89PNG\r\n\xff\xfe")
+    picture.write_bytes(b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR")
     with pytest.raises(InputError, match="is not text"):
         read_poses(picture)
 
@@ -340,6 +344,7 @@ def one_sentence(error, path):
         "tx ty tz qx qy qz qw",
         "# x y z qx qy qz qw",
         "# unit: mm\n# tx ty tz qx qy qz qw",
+        "sep=,\nx,y,z,qx,qy,qz,qw",
         "X\tY\tZ\tQX\tQY\tQZ\tQW",
         ",".join([f"pose.position.{axis}" for axis in "xyz"])
         + "".join(f",pose.orientation.{part}" for part in "xyzw"),
@@ -372,5 +377,5 @@ def test_a_unit_that_a_table_states_must_be_the_one_it_is_read_in(tmp_path, text
 
 
 def test_matrices_may_have_brackets(tmp_path):
-    path = written(tmp_path, str(LEVEL).replace("\n ", "\n"), "pose.txt")
-    assert_array_equal(read_poses(path).matrices, [LEVEL])
+    for text in (str(LEVEL).replace("\n ", "\n"), str(LEVEL.tolist()).replace("], ", "],\n")):
+        assert_array_equal(read_poses(written(tmp_path, text, "pose.txt")).matrices, [LEVEL])

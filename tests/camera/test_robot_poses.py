@@ -203,3 +203,65 @@ def test_options_of_a_sweep(tmp_path):
     for name, value in (("robot", "kuka"), ("hand_eye", motion), ("base_to_part", base)):
         with pytest.raises(InputError, match=f"--{name.replace('_', '-')} .* list of poses"):
             OrbitOptions(**{name: value}).pose_sets(None)
+
+
+PROGRAMS = {
+    "kuka.dat": """&ACCESS RVP
+DEFDAT SCAN PUBLIC
+;DECL E6POS XP0={X 0,Y 0,Z 0,A 0,B 0,C 0,S 2}
+DECL E6POS XP1={X 1250.50,Y -310.25,Z 1480.00,A 90.0,B 0.0,C 180.0,S 2,T 35,E1 0.0}
+DECL FDAT FP1={TOOL_NO 1,BASE_NO 0,IPO_FRAME #BASE,POINT2[] " "}
+""",
+    "kuka.src": """DEF SCAN( )
+;FOLD Prüfung
+$TOOL={X 1,Y 2,Z 3,A 0,B 0,C 0}
+PTP XHOME
+LIN {X 1250.5, Y -310.25, Z 1480, A 90, B 0, C 180} C_DIS
+LIN_REL {X 0,Y 0,Z 10,A 0,B 0,C 0}
+END
+""",
+    "fanuc.ls": """/PROG  SCAN
+/POS
+P[1]{
+   GP1:
+\tUF : 0, UT : 1,\t\tCONFIG : 'N U T, 0, 0, 0',
+\tX =  1250.500  mm,\tY =  -310.250  mm,\tZ =  1480.000  mm,
+\tW =   180.000 deg,\tP =     0.000 deg,\tR =    90.000 deg
+};
+/END
+""",
+    "abb.mod": """MODULE Scan
+  PERS tooldata head:=[TRUE,[[1,2,3],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];
+  CONST robtarget p10:=[[1250.5,-310.25,1480],[0,0.70710678,0.70710678,0],[0,0,0,0],[9E9,9E9]];
+ENDMODULE
+""",
+    "ur.script": """def scan():
+  set_tcp(p[0, 0, 0.2, 0, 0, 0])
+  global Plane_1=p[1, 2, 3, 0, 0, 0]
+  movel(p[1.2505, -0.31025, 1.48, 2.2214414691, 2.2214414691, 0], a=1.2, v=0.25)
+end
+""",
+}
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_positions_in_programs(tmp_path, name):
+    """A tool that points down, turned by a quarter about z."""
+    path = tmp_path / name
+    path.write_bytes(PROGRAMS[name].encode("cp1252"))
+    with pytest.warns(IriftraceWarning, match=r"positions in .* \(1\) are those of the program's"):
+        poses = read_poses(path, length_unit="m" if name == "ur.script" else "mm")
+    expected = ((0, 1, 0, 1250.5), (1, 0, 0, -310.25), (0, 0, -1, 1480), (0, 0, 0, 1))
+    assert_allclose(poses.matrices, [expected], atol=1e-7)
+
+
+def test_programs_without_positions_are_named(tmp_path):
+    path = written(tmp_path, "/JOB\n//NAME SCAN\n///POSTYPE PULSE\nC00000=1,2,3\n", "scan.jbi")
+    with pytest.raises(InputError, match=r"is a program of a robot without positions.*as a table"):
+        read_poses(path)
+    path = written(tmp_path, PROGRAMS["abb.mod"], "abb.mod")
+    with (
+        pytest.warns(IriftraceWarning, match="positions in"),
+        pytest.raises(InputError, match=r"no columns x, y, z, a, b, c.*\(kuka\)"),
+    ):
+        read_poses(path, robot="kuka")

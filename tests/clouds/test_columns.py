@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from pathlib import Path
 
@@ -47,6 +48,7 @@ def write(
         ("x_true,y_true,z_true,x,y,z", [3, 4, 5, 0, 1, 2], ","),
         ("x,y,z,x.1,y.1,z.1", [0, 1, 2, 3, 4, 5], ","),
         ("POINT_X;POINT_Y;POINT_Z;", [0, 1, 2], ";"),
+        ("Координата Y;Координата X;Posición Z", [1, 0, 2], ";"),
         ("id;Z [mm];Y [mm];X [mm]", [9, 2, 1, 0], ";"),
         ('"Y","X","Z"', [1, 0, 2], ","),
         ("//X Y Z", [0, 1, 2], " "),
@@ -203,12 +205,13 @@ def test_inches_by_their_sign(tmp_path: Path) -> None:
     np.testing.assert_allclose(read_cloud(cloud).points, 25.4 * POINTS[:, :3], rtol=1e-15)
 
 
-def test_an_obj_states_its_unit_in_a_comment(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("unit", "factor"), [("meters", 1e3), ("centimeters", 10.0)])
+def test_an_obj_states_its_unit_in_a_comment(tmp_path: Path, unit: str, factor: float) -> None:
     cloud = tmp_path / "cloud.obj"
     cloud.write_text(
-        "# File units = meters\n" + "".join(f"v {x} {y} {z}\n" for x, y, z in POINTS[:, :3])
+        f"# File units = {unit}\n" + "".join(f"v {x} {y} {z}\n" for x, y, z in POINTS[:, :3])
     )
-    np.testing.assert_allclose(read_cloud(cloud).points, 1e3 * POINTS[:, :3], rtol=1e-6)
+    np.testing.assert_allclose(read_cloud(cloud).points, factor * POINTS[:, :3], rtol=1e-6)
 
 
 def test_units_that_are_not_read_are_refused(tmp_path: Path) -> None:
@@ -269,8 +272,28 @@ def test_pixels_without_a_point_are_left_out(tmp_path: Path, value: float, are: 
         read = read_cloud(tmp_path / "cloud.xyz").points
     np.testing.assert_array_equal(read, np.delete(rows, [2, 5], axis=0))
     np.savetxt(tmp_path / "empty.xyz", np.full((4, 3), value))
-    with pytest.raises(InputError, match="no point that is finite"):
+    with pytest.raises(InputError, match="No point was measured: 4 of 4"):
         read_cloud(tmp_path / "empty.xyz")
+
+
+@pytest.mark.parametrize(
+    ("name", "marks"),
+    [
+        ("valid", ("1", "0")),
+        ("scalar_is_valid", ("255", "0")),
+        ("Mask", ("True", "False")),
+        ("invalid", ("0", "1")),
+    ],
+)
+def test_points_that_a_column_marks_are_left_out(
+    tmp_path: Path, name: str, marks: tuple[str, str]
+) -> None:
+    rows = [f"{x},{y},{z},{marks[k == 3]}" for k, (x, y, z) in enumerate(POINTS[:, :3].tolist())]
+    (tmp_path / "cloud.csv").write_text("\n".join([f"x,y,z,{name}", *rows]))
+    with pytest.warns(IriftraceWarning, match=f"1 of 20 points .* not valid by the column {name}"):
+        cloud = read_cloud(tmp_path / "cloud.csv")
+    np.testing.assert_array_equal(cloud.points, np.delete(POINTS[:, :3], 3, axis=0))
+    assert np.isnan(cloud.rows[3]).all()
 
 
 @pytest.mark.parametrize(
@@ -327,6 +350,9 @@ def test_units_and_scans_of_a_table(tmp_path: Path) -> None:
     scans.write_text("2\n1.5 2 3\n4 5 6\n2\n7 8 9\n1 2 3\n")
     with pytest.raises(InputError, match="several scans, one after the other"):
         read_cloud(scans)
+    scans.write_text("[m]\n# x y z\n0.0123456 2 3\n4 5 6\n# x y z\n7 8 9\n")
+    with pytest.warns(IriftraceWarning, match="repeats its line of names, as of several scans"):
+        assert_allclose(read_cloud(scans).points[0], [12.3456, 2000, 3000])
 
 
 @pytest.mark.parametrize("header", ["range,azimuth,elevation", "r,theta,phi", "u,v,disparity"])
@@ -357,12 +383,50 @@ def test_a_ply_states_its_unit_in_a_comment(tmp_path: Path, remark: str, scale: 
         read_cloud(tmp_path / "a.ply", length_unit="mm")
 
 
+def test_a_ply_that_was_cut_is_refused(tmp_path: Path) -> None:
+    names = "".join(f"property double {axis}\n" for axis in "xyz")
+    header = f"ply\nformat ascii 1.0\nelement vertex 21\n{names}end_header"
+    np.savetxt(tmp_path / "a.ply", POINTS[:, :3], header=header, comments="")
+    with pytest.raises(InputError, match="states 21 vertices, and it has 20"):
+        read_cloud(tmp_path / "a.ply")
+
+
 @pytest.mark.parametrize("kind", ["ascii", "binary_little_endian"])
 def test_a_ply_with_coordinates_in_capitals_is_read(tmp_path: Path, kind: str) -> None:
     rows = POINTS[:, :3].astype("<f8")
     names = "".join(f"property double {axis}\n" for axis in "XYZ")
-    header = f"ply\nformat {kind} 1.0\nelement vertex {len(rows)}\n{names}end_header\n"
+    comment = "comment C:\\Prüfung"
+    header = f"ply\nformat {kind} 1.0\n{comment}\nelement vertex {len(rows)}\n{names}end_header\n"
     text = "\n".join(" ".join(f"{one:.17g}" for one in row) for row in rows).encode()
     data = text if kind == "ascii" else rows.tobytes()
-    (tmp_path / "a.ply").write_bytes(header.encode() + data)
+    (tmp_path / "a.ply").write_bytes(header.encode("cp1252") + data)
     assert_allclose(read_cloud(tmp_path / "a.ply").points, rows)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (",0,1,2\n0,{}\n1,{}\n2,{}\n", "counts the rows"),
+        ("0,1,2\n{}\n{}\n{}\n", "numbers the columns from 0, and is left out"),
+        ("P1,{}\nP2,{}\nP3,{}\n", "columns of words or dates, which are left out: column_1"),
+        ("x,y,z\n{}\n-,-,-\n{}\n{}\n", "1 of 4 points .* are not finite"),
+        ("x,y,z\n{}\n3.402823e38,0,0\n{}\n{}\n", "1 of 4 points .* are not finite"),
+    ],
+)
+def test_rows_of_pandas_and_words_are_no_points(tmp_path: Path, text: str, words: str) -> None:
+    points = POINTS[:3, :3]
+    rows = [",".join(map(repr, row)) for row in points.tolist()]
+    (tmp_path / "cloud.csv").write_text(text.format(*rows))
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        try:
+            np.testing.assert_array_equal(read_cloud(tmp_path / "cloud.csv").points, points)
+        except InputError as error:
+            said.append(error)  # type: ignore[arg-type]
+    assert re.search(words, " ".join(str(getattr(one, "message", one)) for one in said))
+
+
+def test_a_point_in_each_column_is_refused(tmp_path: Path) -> None:
+    np.savetxt(tmp_path / "cloud.txt", POINTS[:, :3].T)
+    with pytest.raises(InputError, match=r"has 3 rows of 20 numbers, .* transpose it"):
+        read_cloud(tmp_path / "cloud.txt")

@@ -53,6 +53,15 @@ def test_a_case_with_several_times(tmp_path: Path, binary: bool) -> None:
         assert_the_box(read_field(path), 20.0)
 
 
+def test_states_need_a_time_each(tmp_path: Path) -> None:
+    path = write(tmp_path, binary=False, times=(0.0, 0.5, 2.0))
+    text = path.read_text()
+    assert "number of steps: 3" in text
+    path.write_text(text[: text.index("time values")])
+    with pytest.raises(InputError, match="states 3 steps and 0 time values"):
+        members(path)
+
+
 def test_damaged_cases_are_refused(tmp_path: Path) -> None:
     path = write(tmp_path, binary=True)
     geometry = (tmp_path / "a.geo").read_bytes()

@@ -15,16 +15,18 @@ from iriftrace.field.read import read_field
 from validation.inputs.field_grids import AMBIENT, box, saved, solid
 
 
-@pytest.mark.parametrize("unit", ["K", "degC", "degF"])
+@pytest.mark.parametrize("unit", ["K", "degC", "degF", "℃"])
 def test_temperature_units(tmp_path, unit):
     grid = solid()
     kelvin = np.array(grid.point_data["T"])
     convert = {"K": kelvin, "degC": kelvin - 273.15, "degF": kelvin * 1.8 - 459.67}
+    convert["℃"] = convert["degC"]
     grid.point_data["T"] = convert[unit]
     field = read_field(saved(grid, tmp_path / "f.vtu"), temperature_unit=unit)
     assert_allclose(field.temperature_k, kelvin, rtol=1e-12)
 
 
+@pytest.mark.filterwarnings("ignore:.* is an average over time")
 @pytest.mark.parametrize(
     ("name", "quantity"),
     [
@@ -37,6 +39,7 @@ def test_temperature_units(tmp_path, unit):
         ("Temperature_[K]", "temperature"),
         ("Static_Temperature", "temperature"),
         ("T_mean", "temperature"),
+        ("Mean of Temperature", "temperature"),
         ("n", "index"),
         ("index", "index"),
         ("refractive_index", "index"),

@@ -6,6 +6,7 @@ import gzip
 import hashlib
 import re
 import shutil
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -106,6 +107,54 @@ def test_the_checksum_is_that_of_the_files_read(case: Path) -> None:
     ]
     assert before == hashlib.sha256("".join(lines).encode()).hexdigest()
     assert read_field(case, member=1, air=COOL).source.sha256 != before
+
+
+def test_processors_that_are_missing_or_did_not_finish(tmp_path: Path) -> None:
+    grid = air_in_metres()
+    fields = {time: {"T": linear(grid) + float(time)} for time in ("1", "2")}
+    folder = write_case(tmp_path, grid, fields, patches(), processors=quarters(grid))
+    shutil.rmtree(folder / "processor2/2")
+    assert [member.label for member in members(folder)] == ["t = 1"]
+    assert_linear(read_field(folder, air=COOL), 1.0)
+    with pytest.raises(InputError, match=r"only a part .* borders on processor1, processor2; give"):
+        read_field(folder / "processor0")
+    shutil.rmtree(folder / "processor3")
+    with pytest.raises(InputError, match=r"only a part .* borders on processor3; give"):
+        read_field(folder)
+
+
+def test_initial_values_are_warned_of(case: Path) -> None:
+    for name in ("1", "2.5"):
+        shutil.rmtree(case / name)
+    with pytest.warns(IriftraceWarning, match=r"only time of the case .* is 0.*run the solver"):
+        read_field(case, air=COOL)
+
+
+@pytest.mark.parametrize(
+    ("names", "array", "words"),
+    [
+        (("T", "TMean"), "T", r"'T', which is used, of one moment.*--array TMean"),
+        (("T", "TMean", "rhoMean"), "T", r"--array rhoMean"),
+        (("TMean", "TPrime2Mean"), "TMean", r"'TMean' .* is an average over time.*density"),
+        (("TMean", "rhoMean"), "rhoMean", ""),
+    ],
+)
+def test_averages_of_openfoam(
+    tmp_path: Path, names: tuple[str, ...], array: str, words: str
+) -> None:
+    grid = air_in_metres()
+    kelvin = linear(grid)
+    # TPrime2Mean, in K^2, is no temperature.
+    values = {"rhoMean": 353.0 / kelvin, "TPrime2Mean": np.ones(grid.n_cells)}
+    fields = {"1": {name: values.get(name, kelvin) for name in names}}
+    case = write_case(tmp_path, grid, fields, patches())
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        field = read_field(case, air=COOL)
+    assert field.source.array == array
+    assert field.source.time == ("mean" if array.endswith("Mean") else "")
+    said = [str(one.message) for one in caught if "coolest air" not in str(one.message)]
+    assert [bool(re.search(words, text)) for text in said] == [True] * bool(words)
 
 
 @pytest.mark.parametrize("form", ["ascii", "gz", "binary"])
@@ -306,6 +355,11 @@ def collated(case: Path) -> None:
     (case / "processors4").mkdir()
 
 
+def collated_but_for_the_initial_values(case: Path) -> None:
+    (case / "2.5").rename(case / "processors2_0-1")
+    (case / "1").rename(case / "processors2_0-1/1")
+
+
 def no_times(case: Path) -> None:
     for name in ("0", "1", "2.5"):
         shutil.rmtree(case / name)
@@ -338,6 +392,10 @@ DAMAGE = {
     "no mesh": (remove("constant/polyMesh"), "has no mesh"),
     "regions": (regions, r"the regions air, of which none are fluid.*such as .*constant/air\."),
     "collated": (collated, "collated format.*reconstructPar"),
+    "collated but for t = 0": (
+        collated_but_for_the_initial_values,
+        "in processors2_0-1, in OpenFOAM's collated format.*reconstructPar",
+    ),
     "no times": (no_times, "no time folder with results"),
     "no temperature": (remove("2.5/T"), "no array that looks like a temperature.*are p"),
     "cut temperature": (cut("2.5/T"), r"2\.5/T cannot be read.*--time"),

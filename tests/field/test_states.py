@@ -21,6 +21,9 @@ from iriftrace.field.readers.states import Column, column_of, states_of, time_in
         ("f(x) (W/(m^2*K)) @ t=3", Column("f(x)", "W/(m^2*K)", "t=3")),
         ("Temperature_@_t=0.25", Column("Temperature", None, "t=0.25")),
         ("Temperature_(K)_@_t=1,_P_in=2", Column("Temperature", "K", "t=1, P_in=2")),
+        ("T/K", Column("T", "K", "")),
+        ("x in mm", Column("x", "mm", "")),
+        ("rho/T", Column("rho/T", None, "")),
         ("T (mean)", Column("T", "mean", "")),
     ],
 )

@@ -61,7 +61,7 @@ def test_an_empty_comment_below_the_names_is_not_a_row_of_names(tmp_path: Path) 
     assert read_field(path).grid.volume == pytest.approx(1000.0)
 
 
-@pytest.mark.parametrize("gap", ["null", "N/A", "#N/A", "--", "", "NaN"])
+@pytest.mark.parametrize("gap", ["null", "#N/A", "--", "", "NaN", "-1.#IND", "#DIV/0!"])
 @pytest.mark.parametrize("first", [True, False])
 def test_points_without_a_value_are_left_out(tmp_path: Path, gap: str, first: bool) -> None:
     kelvin: list[object] = list(KELVIN.tolist())
@@ -88,6 +88,7 @@ def test_the_latest_time_is_not_the_last_column(tmp_path: Path) -> None:
     "names",
     [
         "x [mm] y [mm] z [mm] T [K]",
+        "x (mm) y (mm) z (mm) T (K)",
         "x(mm) y(mm) z(mm) T(K)",
         "x_mm y_mm z_mm T_kelvin",
         "x_mm y_mm z_mm static-temperature_kelvin",

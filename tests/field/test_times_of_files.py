@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -105,6 +106,16 @@ def test_functions_of_fenics_are_on_one_mesh(tmp_path: Path) -> None:
     assert field.grid.volume == pytest.approx((2 * hot_block.OUTER) ** 3 - 12.0**3)
     excess = field.temperature_k - hot_block.AMBIENT
     assert_allclose(field.flow.velocity, np.outer(excess, (0.0, 0.001, 0.002)), atol=1e-9)
+
+
+@pytest.mark.parametrize("time", ["", '<Time Value="0"/>'])
+def test_states_of_xdmf_need_a_time_each(tmp_path: Path, time: str) -> None:
+    """VTK reads the first state alone of those without times."""
+    grid = hot_block.air(6)
+    path = xdmf.write(tmp_path / "air.xdmf", grid, [(2.0, np.asarray(grid["T"]))])
+    path.write_text(re.sub("<Time [^>]*>", time, path.read_text()))
+    with pytest.raises(InputError, match=r"it has 2 states at \d times.*write a Time into each"):
+        members(path)
 
 
 def test_values_of_xdmf_without_their_file(tmp_path: Path) -> None:

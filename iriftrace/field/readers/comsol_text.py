@@ -275,7 +275,7 @@ def _names(line: str, count: int, separator: str | None) -> list[str]:
         names = [name for name in _PADDED.split(line) if name]
         if len(names) == count:
             return names
-        words = re.sub(r"\s+(?=\[)", "", line).split()
+        words = re.sub(r"\s+(?=[\[(])", "", line).split()
         if len(words) == count and not any(word[0] in "([@" for word in words):
             return words
         # A name longer than its column is followed by a single blank.

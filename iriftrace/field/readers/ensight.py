@@ -16,6 +16,7 @@ _ENTRY = re.compile(
     r"^[ \t]*(?P<key>[a-z][a-z ]*?)\s*:(?P<value>.*)$", re.IGNORECASE | re.MULTILINE
 )
 _SECTION = re.compile(r"^\s*(format|geometry|variable|time|file)\s*$", re.IGNORECASE | re.MULTILINE)
+_STEPS = re.compile(r"^\s*number of steps\s*:\s*(\d+)", re.IGNORECASE | re.MULTILINE)
 _TIMES = re.compile(r"^\s*time values\s*:(?P<values>[-+.\deE\s]*)", re.IGNORECASE | re.MULTILINE)
 
 
@@ -45,6 +46,12 @@ def _times(path: Path) -> list[str]:
     _refuse_unread(path, text)
     sets = [match["values"].split() for match in _TIMES.finditer(text)]
     times = max(sets, key=len, default=[])
+    steps = max(map(int, _STEPS.findall(text)), default=0)
+    if steps > max(1, len(times)):
+        raise InputError(
+            f"{path} states {steps} steps and {len(times)} time values, so some states have no "
+            "time; export the case again with a time value for each."
+        )
     try:
         list(map(float, times))
     except ValueError:

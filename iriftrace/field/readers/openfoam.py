@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,7 @@ _DIRECTIVE = re.compile(rb"\$\w|(?:^|\s)#\s*[a-z]+")
 _DIMENSIONS = re.compile(rb"^\s*dimensions\s*\[([^\]]*)\]", re.MULTILINE)
 _FLUIDS = re.compile(r"\bfluid\s*\(([^()]*)\)")
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
+_NEIGHBOUR = re.compile(r"\bneighbProcNo\s+(\d+)\s*;")
 _PATCH = re.compile(r"(?P<name>[^\s{}();]+)\s*\{[^{}]*?\btype\s+(?P<kind>\w+)\s*;")
 
 
@@ -59,7 +61,14 @@ def read(path: Path, member: int | None, *, flow: bool = False) -> Contents:
     case = _case(path)
     number = state_number(case.states, member, path)
     time = case.times[number]
+    if float(time) == 0.0:
+        warn(
+            f"The only time of the case {path} is 0, whose values are usually the initial ones and "
+            "not a result; run the solver, or reconstructPar if its results are elsewhere.",
+            stacklevel=5,
+        )
     pieces = [_piece(piece, time, case.region, flow) for piece in case.pieces]
+    _refuse_missing_pieces(case)
     # Cell arrays of scalars and, if asked for, of the vectors that describe the air's motion.
     names = [
         name
@@ -174,22 +183,25 @@ def _case(path: Path) -> _Case:
         region = _fluid_region(folder)
     processors = processor_folders(folder)
     whole = _times(folder, region) if _mesh(folder, region).is_dir() else ()
-    apart = _times(processors[0], region) if processors else ()
-    if whole and (float(whole[-1]) > 0.0 or not apart):
-        if apart and float(apart[-1]) > float(whole[-1]):
+    apart = _common_times(processors, region)
+    collated = [p for p in folder.glob("processors*") if p.is_dir()]
+    later = [*map(float, apart), *(time for p in collated for time in time_folders(p))]
+    last, latest = float(whole[-1]) if whole else 0.0, max(later, default=0.0)
+    if collated and not apart and (not whole or last == 0.0 < latest):
+        raise InputError(
+            f"The results of the case {folder} are in {collated[0].name}, in OpenFOAM's collated "
+            "format, which cannot be read here; run reconstructPar first."
+        )
+    if whole and (last > 0.0 or not apart):
+        if latest > last:
             warn(
                 f"{folder} is reconstructed up to t = {whole[-1]}, which is read, but its "
-                f"processors continue to t = {apart[-1]}; run reconstructPar to read later times.",
+                f"processors continue to t = {latest:g}; run reconstructPar to read later times.",
                 stacklevel=5,
             )
         return _Case(folder, (folder,), whole, region)
     if apart:
         return _Case(folder, tuple(processors), apart, region)
-    if any(p.is_dir() for p in folder.glob("processors*")):
-        raise InputError(
-            f"The case {folder} is decomposed in OpenFOAM's collated format, which cannot be read "
-            "here; run reconstructPar first."
-        )
     if not _mesh(folder, region).is_dir() and not processors:
         raise InputError(f"The case {folder} has no mesh ({_mesh(Path(), region)}); mesh it first.")
     raise InputError(
@@ -211,6 +223,12 @@ def _times(folder: Path, region: str = "") -> tuple[str, ...]:
         if any(file.is_file() for file in (entry / region).glob("*"))
     )
     return tuple(name for name in names if float(name) != 0.0) or names
+
+
+def _common_times(processors: Sequence[Path], region: str) -> tuple[str, ...]:
+    """Times that all processors have; a run that was stopped while it wrote leaves others."""
+    found = [_times(processor, region) for processor in processors]
+    return tuple(time for time in found[0] if all(time in each for each in found)) if found else ()
 
 
 def _solver(folder: Path) -> str:
@@ -286,9 +304,28 @@ def _refuse_other_dimensions(file: Path) -> None:
         )
 
 
+def _refuse_missing_pieces(case: _Case) -> None:
+    """Refuse pieces of a mesh that border on processors whose pieces are missing."""
+    borders = {
+        name
+        for piece in case.pieces
+        for name in _NEIGHBOUR.findall(_boundary(_mesh(piece, case.region)))
+    }
+    missing = sorted({f"processor{name}" for name in borders} - {p.name for p in case.pieces})
+    if missing:
+        raise InputError(
+            f"{case.folder} has only a part of a decomposed mesh, which borders on "
+            f"{', '.join(missing)}; give the case's folder, with the folders of all processors."
+        )
+
+
+def _boundary(mesh: Path) -> str:
+    """``polyMesh/boundary`` without comments."""
+    return _COMMENT.sub("", unpacked(mesh / "boundary").decode(errors="replace"))
+
+
 def _patch_kinds(mesh: Path) -> dict[str, str]:
     """Types of the patches by name, from ``polyMesh/boundary``."""
-    raw = unpacked(mesh / "boundary")
-    text = _COMMENT.sub("", raw.decode(errors="replace"))
+    text = _boundary(mesh)
     text = re.sub(r"FoamFile\s*\{.*?\}", "", text, flags=re.S)
     return {found["name"]: found["kind"] for found in _PATCH.finditer(text)}

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from typing import Protocol, Required, TypedDict
+from xml.etree import ElementTree
 
 import numpy as np
 from vtkmodules import vtkCommonDataModel as model
@@ -154,9 +155,21 @@ def read_xdmf(path: str, step: int | None) -> Answer:
     names = _times(reader)
     if not reader.GetNumberOfGrids():
         raise ValueError("VTK finds no grid of XDMF in it")
+    if (count := _most_states(path)) > max(1, len(names)):
+        raise ValueError(
+            f"it has {count} states at {len(names)} times, and VTK reads one state of each time: "
+            "write a Time into each"
+        )
     if step is None:
         return None, names
     return _output(reader, names[step] if names else ""), names
+
+
+def _most_states(path: str) -> int:
+    """Number of grids in the largest temporal collection of an XDMF file."""
+    grids = ElementTree.parse(path).iter("Grid")
+    series = (grid for grid in grids if grid.get("CollectionType", "").lower() == "temporal")
+    return max((len(grid.findall("Grid")) for grid in series), default=0)
 
 
 def _times(reader: vtkAlgorithm) -> list[str]:
