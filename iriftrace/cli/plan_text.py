@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from iriftrace.cli.console import late_bar, print_table, say, working
+from iriftrace.core.units import counted
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -82,7 +83,10 @@ def print_refined(summary: SweepSummary, refined: Refinement) -> None:
         )
     else:
         found = f"found nothing better than its score {refined.start_score:.4f}."
-    say(f"The search around pose {refined.start} ({refined.evaluations} poses, {end}) {found}")
+    say(
+        f"The search around pose {refined.start} ({counted(refined.evaluations, 'pose')}, {end}) "
+        f"{found}"
+    )
     rows = []
     for metric in summary.metrics:
         factor = {"µm": 1e3, "%": 100.0, "mm": 1.0}[metric.unit]
@@ -141,8 +145,8 @@ def print_pairs(
     error, bias = f"|e| {criteria.statistic}", "diameter" if feature else "median e"
     exact = [f"{1e3 * value:.3g}" for value in found.exact_mm]
     print_table(
-        f"Best of {len(found.pairs)} pairs ({system}) for {feature or criteria.region}: errors in "
-        "um, e along the normal",
+        f"Best of {counted(len(found.pairs), 'pair')} ({system}) for "
+        f"{feature or criteria.region}: errors in um, e along the normal",
         ("poses", "score", error, bias, "both see", "angle", "measured"),
         (
             (
@@ -193,7 +197,8 @@ def print_refined_pair(
     one, other = plan.pairs[0].tolist()
     end = "ended by itself" if found.converged else "ended with the evaluations"
     say(
-        f"The search around poses {one} and {other} ({found.evaluations} pairs measured, {end}): "
+        f"The search around poses {one} and {other} ({counted(found.evaluations, 'pair')} "
+        f"measured, {end}): "
         f"score {found.best.score:.4f} instead of {found.start.score:.4f}."
     )
     values = (found.start, found.best)

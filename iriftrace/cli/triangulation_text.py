@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 from iriftrace.cli.console import print_table, say
 from iriftrace.cli.options import celsius
 from iriftrace.core.plain import JsonObject
-from iriftrace.core.units import ZERO_CELSIUS_K
+from iriftrace.core.units import ZERO_CELSIUS_K, counted
 from iriftrace.features.relations import value_key
+from iriftrace.features.table import cone_place
 
 if TYPE_CHECKING:
     from iriftrace.triangulation.statistics import RegionRow
@@ -37,18 +38,19 @@ def say_features(
         if row["left_out"]:
             count = row["points"] + row["left_out"]
             form += (
-                f"; {row['left_out']:,} of {count:,} points are left out, farther from it than "
+                f"; {row['left_out']:,} of {count:,} points left out, farther from it than "
                 f"{gate:g} robust standard deviations or as near to another region"
             )
         hot, size = row["size_mm"]["measured"], row["size_mm"][true]
         if hot is None:
             say(f"{row['kind'].capitalize()}{where}: {form}.")
             continue
+        at = f" at {place} of its axis" if (place := cone_place(row)) else ""
+        change = f"{um(abs(hot - size))} {'smaller' if hot < size else 'larger'}"
         say(
-            f"{row['kind'].capitalize()}{where}{_held_at(row)}: diameter {hot:.4f} mm as measured "
-            f"through hot air, {size:.4f} mm {true}: the air makes it {um(abs(hot - size))} "
-            f"{'smaller' if hot < size else 'larger'}{_uncertainty(row, synthetic)}; {form}."
-            + _at_reference(row)
+            f"{row['kind'].capitalize()}{where}{_held_at(row)}: diameter{at} {hot:.4f} mm as "
+            f"measured through hot air, {size:.4f} mm {true}: the air makes it {change}"
+            f"{_uncertainty(row, synthetic)}; {form}.{_at_reference(row)}"
         )
 
 
@@ -101,7 +103,9 @@ def _uncertainty(row: JsonObject, synthetic: bool) -> str:
 
 
 def um(millimetres: float) -> str:
-    """A length in micrometres."""
+    """A length in micrometres; from 1 mm on in millimetres."""
+    if abs(millimetres) >= 1.0:
+        return f"{millimetres:.3g} mm"
     return f"{round(1e3 * millimetres, 4):.3g} um"
 
 
@@ -127,7 +131,7 @@ def say_relations(rows: list[JsonObject], true: str, synthetic: bool = False) ->
             + _at_reference(row)
         )
     if len(rows) > MOST_LINES:
-        say(f"{len(rows) - MOST_LINES} more distances and angles are in the JSON file.")
+        say(f"More distances and angles in the JSON file: {len(rows) - MOST_LINES}.")
 
 
 def print_regions(rows: list[RegionRow], title: str) -> None:
@@ -145,9 +149,10 @@ def print_regions(rows: list[RegionRow], title: str) -> None:
     say(
         "Measured: area of the triangles with a point, as a fraction of the region's"
         + (
-            f"; {len(seen) - MOST_LINES} more regions are in the JSON file"
+            f"; {counted(len(seen) - MOST_LINES, 'more region')} in the JSON file"
             * (len(seen) > MOST_LINES)
         )
-        + (f"; {len(rows) - len(seen)} regions have no measured point" * (len(rows) > len(seen)))
+        + f"; {counted(len(rows) - len(seen), 'region')} without a measured point"
+        * (len(rows) > len(seen))
         + "."
     )

@@ -65,7 +65,8 @@ def feature_table(
     Gives ``kind``, ``region``, ``points`` that were fitted and ``left_out``, and by cloud
     ``size_mm``, ``u_size_mm``, ``form_mm``, ``position_mm`` and ``direction`` as in `Feature`, of
     planes ``u_position_mm`` and ``normal_covariance``; with the same points by each member of an
-    ensemble also ``by_member``: lists of ``size_mm``, ``position_mm`` and ``direction``.
+    ensemble also ``by_member``: lists of ``size_mm``, ``position_mm`` and ``direction``. The
+    diameters of a cone are all those at the same height, of which `cone_place` names a point.
     """
     check_choices(choices, part)
     check_gate(gate)
@@ -81,6 +82,7 @@ def feature_table(
             _refuse_unmeasured(choice, count, part, found)
             chosen = chosen[inliers(gated[chosen], kind, gate, _beside(part, region))]
             fits = {name: fit_feature(cloud[chosen], kind) for name, cloud in clouds.items()}
+            same = [fit_feature(cloud[chosen], kind) for cloud in members]
         except InputError as error:
             warn(f"{choice} is left out: {error}", stacklevel=3)
             continue
@@ -91,9 +93,13 @@ def feature_table(
         doubt = _other_surface(part, kind, region) or next(filter(None, doubts), None)
         if doubt:
             warn(doubt, stacklevel=3)
+        if kind == "cone":
+            # Rounded, so that the height can be stated as exactly as the diameter.
+            place = np.round(next(iter(fits.values())).position, 2)
+            fits = {name: fit.at(place) for name, fit in fits.items()}
+            same = [fit.at(place) for fit in same]
         row = feature_row(kind, region, count, fits)
         if members:
-            same = [fit_feature(cloud[chosen], kind) for cloud in members]
             row["by_member"] = {
                 "size_mm": [fit.size_mm for fit in same],
                 "position_mm": [fit.position.tolist() for fit in same],
@@ -101,6 +107,14 @@ def feature_table(
             }
         rows.append(row)
     return rows
+
+
+def cone_place(row: JsonObject) -> str:
+    """Point of a cone's axis at which the diameter holds, for a row of `feature_table`; else ""."""
+    if row["kind"] != "cone":
+        return ""
+    x, y, z = np.round(next(iter(row["position_mm"].values())), 2) + 0.0
+    return f"({x:.2f}, {y:.2f}, {z:.2f}) mm"
 
 
 def _refuse_unmeasured(choice: str, count: int, part: Part, found: Sequence[str]) -> None:

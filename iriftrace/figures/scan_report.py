@@ -10,6 +10,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K
+from iriftrace.features.table import cone_place
 from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.figures.page import file_text, name_of, value_text, write_page
 
@@ -165,7 +166,10 @@ def _doubtful(values: JsonObject, simulated: bool) -> list[str]:
 
 
 def _feature_note(expanded: bool) -> str:
-    text = "Diameters; for planes the form deviation. U is expanded (k = 2, larger for few fields)."
+    text = (
+        "Diameters, of a cone at the stated point of its axis; for planes the form deviation. "
+        "U is expanded (k = 2, larger for few fields)."
+    )
     if expanded:
         text += (
             " The column at: temperature at which a size holds; the last two: the size at the "
@@ -177,7 +181,8 @@ def _feature_note(expanded: bool) -> str:
 def _feature(row: JsonObject, true: str, expanded: bool) -> tuple[str, ...]:
     kind = "size_mm" if row["size_mm"]["measured"] is not None else "form_mm"
     measured, size = row[kind]["measured"], row[kind][true]
-    cells = [row["kind"], row["region"] or "all points", *_held_at(row, expanded)]
+    region = " at ".join(filter(None, (row["region"] or "all points", cone_place(row))))
+    cells = [row["kind"], region, *_held_at(row, expanded)]
     cells += [f"{row['points']:,}", f"{measured:.4f}", f"{size:.4f}", _um(measured - size)]
     if true == "corrected":
         cells += [_um(row[key]) if kind == "size_mm" else "" for key in _UNCERTAINTIES]

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.features.fit import Feature, fit_feature
 from iriftrace.features.outliers import inliers
-from iriftrace.features.table import feature_table, found_features, surface_kind
+from iriftrace.features.table import cone_place, feature_table, found_features, surface_kind
 from iriftrace.geometry.query import Surface
 from iriftrace.part.part import Part, read_part
 from iriftrace.part.shapes.cylinder import cylinder
@@ -67,6 +67,7 @@ def check(feature: Feature, atol: float) -> None:
     assert np.linalg.norm(off) < atol
     if feature.kind == "cone":
         assert feature.half_angle == pytest.approx(0.2, abs=atol)
+        assert feature.at(PLACE + 3 * AXIS).size_mm == pytest.approx(15 + 6 * np.tan(0.2), abs=atol)
         assert feature.size_mm == pytest.approx(15.0 + 2 * along * np.tan(0.2), abs=atol)
     elif feature.size_mm is not None:
         assert feature.size_mm == pytest.approx(15.0, abs=atol)
@@ -180,6 +181,18 @@ def test_a_kind_alone_means_the_regions_that_are_one() -> None:
     points = part.vertices[part.faces[face, 0]]
     with pytest.warns(IriftraceWarning, match="cylinder is left out: No region .* 100 measured"):
         assert feature_table({"cold": points}, face, part, ["cylinder"]) == []
+
+
+def test_diameters_of_a_cone_hold_at_one_height() -> None:
+    """A cone that is measured 1 mm higher than it is has another diameter there."""
+    points = grid("cone")
+    clouds = {"measured": points + np.array((0.0, 0.0, 1.0)), "cold": points}
+    face = np.zeros(len(points), dtype=np.int64)
+    (row,) = feature_table(clouds, face, cylinder(), ["cone:"], gate=None)
+    z = row["position_mm"]["cold"][2]
+    assert cone_place(row) == f"(0.00, 0.00, {z:.2f}) mm"
+    assert row["size_mm"]["cold"] == pytest.approx(15 + 2 * z * np.tan(0.2), abs=1e-6)
+    assert row["size_mm"]["measured"] == pytest.approx(15 + 2 * (z - 1) * np.tan(0.2), abs=1e-6)
 
 
 def test_what_points_do_not_determine_is_left_out() -> None:
