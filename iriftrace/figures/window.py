@@ -81,6 +81,8 @@ def view(
     SetupError
         There is no display for a window, or no OpenGL for drawing without one.
     """
+    if not Path(path).exists():
+        raise InputError(f"There is no file {path}; give an existing one.")
     if picture is not None:
         draw = _drawing(Path(path), length_unit)
         with off_screen(SIZE_PX) as plotter:
@@ -239,8 +241,6 @@ def _sweep(path: Path) -> Draw:
 def _cloud(path: Path) -> Draw:
     from iriftrace.field.readers.vtk_process import read_file
 
-    if not path.is_file():
-        raise InputError(f"there is no file {path}; give an existing one.")
     cloud = pv.wrap(read_file(path))
     columns = {name: np.asarray(cloud.point_data[name]) for name in cloud.point_data}
     return _coloured(path, np.asarray(cloud.points, dtype=np.float64), columns)
