@@ -46,7 +46,7 @@ class Statistics:
 UNKNOWN = Statistics()
 """Statistics of too few values."""
 
-OF_MET = "of all but the missed"
+OF_MET = "of all that did not miss"
 """The denominator of `percent`, in words. Blocked rays do not hit, so hits are none."""
 
 

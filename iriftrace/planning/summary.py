@@ -119,7 +119,8 @@ class SweepSummary:
     def value_text(self, quantity: Quantity, pose: int) -> str:
         """A metric of a pose with four digits; 0 if a resolution is only rounding."""
         frontal = quantity is self.axial and self.sees_frontally(pose)
-        return "0" if frontal else f"{quantity.values[pose]:.4g}"
+        # With zeros at the end, so that the numbers of a column are alike.
+        return "0" if frontal else f"{quantity.values[pose]:#.4g}".rstrip(".")
 
     def sees_frontally(self, pose: int) -> bool:
         """True if a pose sees only a plane across its axis, which only steps can show."""

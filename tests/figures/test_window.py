@@ -124,7 +124,7 @@ def test_what_cannot_be_shown_says_why(results: Path, tmp_path: Path) -> None:
     damaged.write_bytes((results / "corrected.ply").read_bytes()[:500])
     with pytest.raises(InputError, match="damaged"):
         view(damaged, tmp_path / "view.png")
-    with pytest.raises(InputError, match="there is no file"):
+    with pytest.raises(InputError, match="There is no file"):
         view(tmp_path / "gone.vtp", tmp_path / "view.png")
     text = tmp_path / "notes.md"
     text.write_text("x")
