@@ -12,9 +12,7 @@ from rich.table import Table
 from iriftrace.cli.console import out, print_table, say
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K, counted
-from iriftrace.field.part_fit import LARGEST_GAP_MM
 from iriftrace.image.aov_image import Status
-from iriftrace.image.ray_statistics import OF_MET, percent
 
 if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
@@ -31,6 +29,8 @@ TOO_FEW = "fewer than 100 good rays, so no numbers"
 
 def print_shells(stack: ShellStack, reports: Sequence[ShellReport], fit: Fit | None) -> None:
     """One row per shell: index, temperature, size, openings, gaps and cuts; and the part's fit."""
+    from iriftrace.field.part_fit import LARGEST_GAP_MM
+
     headings = ("shell", "(n - 1) 1e6", "degC", "triangles", "gap next", "gap part", "cut")
     rows = []
     open_at: dict[str, list[str]] = {}
@@ -173,6 +173,8 @@ def print_summary(metrics: PoseMetrics) -> None:
 
 
 def _add_rays(table: Table, rays: RayCounts) -> None:
+    from iriftrace.image.ray_statistics import OF_MET, percent
+
     table.add_row("rays", f"{rays.launched:,} launched, {rays.hit:,} hit the part")
     for status in Status:
         count = rays.of(status)

@@ -10,7 +10,6 @@ from iriftrace.cli.options import celsius
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K, counted
 from iriftrace.features.relations import value_key
-from iriftrace.features.table import cone_place
 
 if TYPE_CHECKING:
     from iriftrace.triangulation.statistics import RegionRow
@@ -31,6 +30,8 @@ def say_features(
     features: list[JsonObject], true: str, gate: float | None, synthetic: bool = False
 ) -> None:
     """Form and size of features as measured through hot air, and cold or corrected."""
+    from iriftrace.features.table import cone_place
+
     for row in features:
         where = f" ({row['region']})" if row["region"] else ""
         hot_form, true_form = um(row["form_mm"]["measured"]), um(row["form_mm"][true])

@@ -42,7 +42,7 @@ def scan_figure(scan: Scan) -> Figure:
     rows, columns = np.nonzero(np.isfinite(picture) | lost)
     left.set_xlim(columns.min() - 2, columns.max() + 2)
     left.set_ylim(rows.max() + 2, rows.min() - 2)
-    _add_bar(body, shown, left, error)
+    _add_bar(body, shown, left, error, limit)
     _, _, left_over = scan.best_fit()
     errors = {"as measured": error, "after best fit": UM_PER_MM * left_over}
     _draw_histogram(right, errors, (-1.5 * limit, 1.5 * limit), "error along the normal (µm)")
@@ -66,7 +66,7 @@ def correction_figure(found: Correction, part: Part, camera: Camera) -> Figure:
     shown = left.hexbin(u, v, along, gridsize=120, cmap="RdBu_r", vmin=-limit, vmax=limit)
     left.set_aspect("equal")
     left.invert_yaxis()
-    _add_bar(body, shown, left, np.asarray(shown.get_array()))
+    _add_bar(body, shown, left, np.asarray(shown.get_array()), limit)
     deviations = {
         name: UM_PER_MM * (np.einsum("ij,ij->i", points[good], normal) - part.face_offsets[face])
         for name, points in (("as measured", found.measured), ("corrected", found.points))
@@ -87,9 +87,10 @@ def _panels(
     return figure, body, (left, right)
 
 
-def _add_bar(body: SubFigure, shown: ScalarMappable, axes: Axes, um: FloatArray) -> None:
-    """Add the bar of the colours of some values, um, with a pointed end where any lie beyond."""
-    limit = float(shown.norm.vmax or 1.0)
+def _add_bar(
+    body: SubFigure, shown: ScalarMappable, axes: Axes, um: FloatArray, limit: float
+) -> None:
+    """Add the bar of the colours of values, um, with a pointed end where any exceed the limit."""
     scale = ColourScale(um, (-limit, limit), "error along the normal (µm)", False, "RdBu_r")
     scale.add_bar(body, shown, ax=axes, location="bottom")
 
