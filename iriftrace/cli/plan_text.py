@@ -83,10 +83,7 @@ def print_refined(summary: SweepSummary, refined: Refinement) -> None:
         )
     else:
         found = f"found nothing better than its score {refined.start_score:.4f}."
-    say(
-        f"The search around pose {refined.start} ({counted(refined.evaluations, 'pose')}, {end}) "
-        f"{found}"
-    )
+    say(f"The search around pose {refined.start} ({refined.evaluations} poses, {end}) {found}")
     rows = []
     for metric in summary.metrics:
         factor = {"µm": 1e3, "%": 100.0, "mm": 1.0}[metric.unit]
@@ -197,8 +194,7 @@ def print_refined_pair(
     one, other = plan.pairs[0].tolist()
     end = "ended by itself" if found.converged else "ended with the evaluations"
     say(
-        f"The search around poses {one} and {other} ({counted(found.evaluations, 'pair')} "
-        f"measured, {end}): "
+        f"The search around poses {one} and {other} ({found.evaluations} pairs measured, {end}): "
         f"score {found.best.score:.4f} instead of {found.start.score:.4f}."
     )
     values = (found.start, found.best)

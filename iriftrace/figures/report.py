@@ -168,13 +168,11 @@ def _rays(dataset: xr.Dataset) -> Rows:
     counts = {
         status: int(np.maximum(whole[f"rays_{status.key}"].values, 0).sum()) for status in Status
     }
-    met = sum(counts.values()) - counts[Status.MISSED]
+    met = max(1, sum(counts.values()) - counts[Status.MISSED])
+    fractions = {status: percent(count, met) for status, count in counts.items()}
+    fractions[Status.MISSED] = ""
     return tuple(
-        (
-            status.text.capitalize(),
-            f"{count:,}",
-            "" if status is Status.MISSED else percent(count, met),
-        )
+        (status.text.capitalize(), f"{count:,}", fractions[status])
         for status, count in counts.items()
         if count
     )
