@@ -168,9 +168,10 @@ def _say_errors(scan: Scan) -> None:
     points, error, fit = values["points"], values["error_normal_mm"], values["best_fit"]
     say(
         f"{points['measured']:,} points of {points['pixels']:,} pixels were measured: "
-        f"{points['shadow']:,} in shadow, {points['outside_picture']:,} outside the second "
-        f"device's picture, {points['out_of_focus']:,} out of its focus, "
-        f"{points['several_images']:,} with several images, {points['lost']:,} lost on the way."
+        f"{points['not_seen']:,} pixels see nothing of the part in focus, {points['shadow']:,} are "
+        f"in shadow, {points['outside_picture']:,} outside the second device's picture, "
+        f"{points['out_of_focus']:,} out of its focus, {points['several_images']:,} with several "
+        f"images, {points['lost']:,} lost on the way."
     )
     say(
         f"Error along the normal: median {um(error['median'])}, rms {um(error['rms'])}, after a "

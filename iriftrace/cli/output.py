@@ -11,7 +11,7 @@ from rich.table import Table
 
 from iriftrace.cli.console import out, print_table, say
 from iriftrace.core.plain import JsonObject
-from iriftrace.core.units import ZERO_CELSIUS_K
+from iriftrace.core.units import ZERO_CELSIUS_K, counted
 from iriftrace.image.aov_image import Status
 
 if TYPE_CHECKING:
@@ -29,6 +29,8 @@ TOO_FEW = "fewer than 100 good rays, so no numbers"
 
 def print_shells(stack: ShellStack, reports: Sequence[ShellReport], fit: Fit | None) -> None:
     """One row per shell: index, temperature, size, openings, gaps and cuts; and the part's fit."""
+    from iriftrace.field.part_fit import LARGEST_GAP_MM
+
     headings = ("shell", "(n - 1) 1e6", "degC", "triangles", "gap next", "gap part", "cut")
     rows = []
     open_at: dict[str, list[str]] = {}
@@ -47,7 +49,7 @@ def print_shells(stack: ShellStack, reports: Sequence[ShellReport], fit: Fit | N
         )
         rows.append(row)
     print_table(
-        f"{len(stack.shells)} shells, {stack.triangles:,} triangles",
+        f"{counted(len(stack.shells), 'shell')}, {counted(stack.triangles, 'triangle')}",
         (*headings, "open edges"),
         rows,
     )
@@ -65,8 +67,8 @@ def print_shells(stack: ShellStack, reports: Sequence[ShellReport], fit: Fit | N
         say(f"Field: {source.origin}.")
     for small in stack.small_components:
         out.print(
-            f"Shell {small.layer}: {small.components} small pieces dropped "
-            f"({small.triangles} triangles)."
+            f"Shell {small.layer}: {counted(small.components, 'small piece')} dropped "
+            f"({counted(small.triangles, 'triangle')})."
         )
     if fit is None:
         return
@@ -75,8 +77,9 @@ def print_shells(stack: ShellStack, reports: Sequence[ShellReport], fit: Fit | N
         temperature = f"{fit.wall_temperature_k - ZERO_CELSIUS_K:.0f} degC"
     if np.isfinite(fit.gap_median_mm):
         out.print(
-            f"Field's wall to part: gap median {fit.gap_median_mm:.3f} mm, 95th percentile "
-            f"{fit.gap_p95_mm:.3f} mm; wall temperature {temperature}."
+            f"Field's wall and part: 95 % of the wall is within {fit.gap_p95_mm:.3f} mm of the "
+            f"part, {1.0 - fit.bare_share:.1%} of the part within {LARGEST_GAP_MM} mm of the wall; "
+            f"wall temperature {temperature}."
         )
     else:
         out.print(f"Air at the part's surface: temperature {temperature}.")
@@ -170,13 +173,14 @@ def print_summary(metrics: PoseMetrics) -> None:
 
 
 def _add_rays(table: Table, rays: RayCounts) -> None:
+    from iriftrace.image.ray_statistics import OF_MET, percent
+
     table.add_row("rays", f"{rays.launched:,} launched, {rays.hit:,} hit the part")
     for status in Status:
         count = rays.of(status)
         if count:
-            of_hits = rays.hit and status is not Status.MISSED
-            percent = f" ({count / rays.hit:.2%} of the hits)" if of_hits else ""
-            table.add_row("", f"{count:,} {status.text}{percent}")
+            met = f" ({percent(count, rays.met)} {OF_MET})"
+            table.add_row("", f"{count:,} {status.text}{'' if status is Status.MISSED else met}")
     if rays.open_boundary:
         table.add_row(
             "",
@@ -233,6 +237,8 @@ def _in_pixels(statistics: Mapping[str, float | None]) -> str:
 
 
 def _um(millimetres: float | None) -> str:
+    if millimetres is not None and abs(millimetres) >= 10.0:
+        return _scaled(millimetres, 1.0, "mm")
     return _scaled(millimetres, 1e3, "um")
 
 

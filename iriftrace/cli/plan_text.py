@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from iriftrace.cli.console import late_bar, print_table, say, working
+from iriftrace.core.units import counted
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -141,8 +142,8 @@ def print_pairs(
     error, bias = f"|e| {criteria.statistic}", "diameter" if feature else "median e"
     exact = [f"{1e3 * value:.3g}" for value in found.exact_mm]
     print_table(
-        f"Best of {len(found.pairs)} pairs ({system}) for {feature or criteria.region}: errors in "
-        "um, e along the normal",
+        f"Best of {counted(len(found.pairs), 'pair')} ({system}) for "
+        f"{feature or criteria.region}: errors in um, e along the normal",
         ("poses", "score", error, bias, "both see", "angle", "measured"),
         (
             (

@@ -53,6 +53,11 @@ def plot(
     if not output.absolute().parent.is_dir():
         raise InputError(f"The folder {output.parent} does not exist; create it first.")
     check_folder(output)
+    if output.suffix.lower() in (".png", ".pdf", ".jpg", ".jpeg", ".svg"):
+        raise InputError(
+            f"The output {output} is the folder of the pictures, but has the name of one; name a "
+            "folder, such as figures."
+        )
     result = read_result(file)
     header = result.header if isinstance(result, AovImage) else result.attrs
     check_light(wavelength, header, file)
@@ -113,8 +118,8 @@ def report(
     Parameters
     ----------
     file
-        A sweep (.nc); or a cloud (or its .json) that ``iriftrace measure`` or ``correct`` wrote, to
-        which the options for the ranking do not apply.
+        A sweep (.nc); or a cloud (or its .json) that ``iriftrace measure`` or ``correct`` wrote,
+        without options for the ranking.
     output
         The HTML file.
     top
@@ -130,6 +135,11 @@ def report(
     if file.suffix.lower() != ".nc":
         from iriftrace.figures.scan_report import write_scan_report
 
+        if (ranking, top, wavelength, several) != (STANDARD, 10, None, ViewOptions()):
+            raise InputError(
+                f"Options of rankings, views and light are for a sweep (.nc), and {file} is none; "
+                "leave them out."
+            )
         _print_missing(write_scan_report(output, file))
         say(f"Report in {output}")
         return

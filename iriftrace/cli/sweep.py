@@ -14,6 +14,7 @@ from iriftrace.cli.options import Lengths, Statuses, Whole, check_input, check_o
 from iriftrace.cli.orbit_options import OrbitOptions
 from iriftrace.cli.trace_options import TraceOptions
 from iriftrace.core.errors import InputError
+from iriftrace.core.units import counted
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -125,8 +126,8 @@ def _print_sweep(dataset: xr.Dataset) -> None:
     failed = [text for text in dataset["failure"].values if text]
     blurred = (whole["rays_out_of_focus"].values > 0) & (good == 0)
     say(
-        f"{len(good)} poses: {(good >= 100).sum()} with at least 100 good rays, {blurred.sum()} "
-        f"({blurred.mean():.0%}) with nothing in focus, {len(failed)} failed"
+        f"{counted(len(good), 'pose')}: {(good >= 100).sum()} with at least 100 good rays, "
+        f"{blurred.sum()} ({blurred.mean():.0%}) with nothing in focus, {len(failed)} failed"
         f"{': ' + failed[0] if failed else ''}"
     )
     for name, unit, factor in (

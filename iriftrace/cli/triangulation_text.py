@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from iriftrace.cli.console import print_table, say
 from iriftrace.cli.options import celsius
 from iriftrace.core.plain import JsonObject
-from iriftrace.core.units import ZERO_CELSIUS_K
+from iriftrace.core.units import ZERO_CELSIUS_K, counted
 from iriftrace.features.quantity import Quantity, SizeAtReference
 
 if TYPE_CHECKING:
@@ -39,12 +39,13 @@ def say_features(
         if feature.left_out:
             count = feature.points + feature.left_out
             form += (
-                f"; {feature.left_out:,} of {count:,} points are left out, farther from it than "
+                f"; {feature.left_out:,} of {count:,} points left out, farther from it than "
                 f"{gate:g} robust standard deviations or as near to another region"
             )
         size = feature.size
         effect = _effect(size, true, synthetic)
-        diameter = f"diameter {effect}; " if effect else ""
+        at = f" at {feature.place} of its axis" if feature.place else ""
+        diameter = f"diameter{at} {effect}; " if effect else ""
         say(
             f"{feature.kind.capitalize()}{where}{_held_at(size)}: {diameter}{form}."
             + _at_reference(size)
@@ -113,7 +114,9 @@ def _uncertainty(value: Quantity, synthetic: bool) -> str:
 
 
 def um(millimetres: float) -> str:
-    """A length in micrometres."""
+    """A length in micrometres; from 1 mm on in millimetres."""
+    if abs(millimetres) >= 1.0:
+        return f"{millimetres:.3g} mm"
     return f"{round(1e3 * millimetres, 4):.3g} um"
 
 
@@ -131,7 +134,7 @@ def say_relations(related: Sequence[Relation], true: str, synthetic: bool = Fals
         name, value = f"{relation.kind.capitalize()} of {pair}", relation.value
         say(f"{name}{_held_at(value)}: {_effect(value, true, synthetic)}.{_at_reference(value)}")
     if len(related) > MOST_LINES:
-        say(f"{len(related) - MOST_LINES} more distances and angles are in the JSON file.")
+        say(f"More distances and angles in the JSON file: {len(related) - MOST_LINES}.")
 
 
 def print_regions(rows: Sequence[RegionValues], title: str) -> None:
@@ -149,9 +152,10 @@ def print_regions(rows: Sequence[RegionValues], title: str) -> None:
     say(
         "Measured: area of the triangles with a point, as a fraction of the region's"
         + (
-            f"; {len(seen) - MOST_LINES} more regions are in the JSON file"
+            f"; {counted(len(seen) - MOST_LINES, 'more region')} in the JSON file"
             * (len(seen) > MOST_LINES)
         )
-        + (f"; {len(rows) - len(seen)} regions have no measured point" * (len(rows) > len(seen)))
+        + f"; {counted(len(rows) - len(seen), 'region')} without a measured point"
+        * (len(rows) > len(seen))
         + "."
     )

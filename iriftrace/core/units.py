@@ -103,3 +103,8 @@ def _convert(text: str, unit: str) -> float:
             f"{text!r} cannot be converted to {unit}; give the number in {unit} or in a unit of "
             "the same kind."
         ) from None
+
+
+def counted(count: int, noun: str) -> str:
+    """A number with its noun: "1 pose", "1,224 poses"."""
+    return f"{count:,} {noun}{'' if count == 1 else 's'}"

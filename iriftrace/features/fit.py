@@ -48,7 +48,7 @@ class Feature:
         centre.
     direction : (3,) array or None
         Unit normal of a plane or circle, unit axis of a line, cylinder or cone; none of a sphere.
-        Its largest component is positive.
+        Its largest component is positive; a cone's points to its wide end.
     size_mm : float or None, mm
         Diameter (of a cone at `position`); none of plane and line.
     u_size_mm : float or None, mm
@@ -91,14 +91,16 @@ class Feature:
         radial = np.linalg.norm(arm - np.outer(height, self.direction), axis=1) - radius
         if self.kind == "circle":
             return np.asarray(np.hypot(radial, height))
-        if self.half_angle is None:
-            return np.asarray(radial)
-        # The points determine to which side the cone opens, not the direction.
-        sides = (
-            radial * np.cos(angle) - height * np.sin(angle)
-            for angle in (self.half_angle, -self.half_angle)
-        )
-        return np.asarray(min(sides, key=lambda off: float(np.median(np.abs(off)))))
+        angle = self.half_angle or 0.0
+        return np.asarray(radial * np.cos(angle) - height * np.sin(angle))
+
+    def at(self, place: FloatArray) -> Feature:
+        """The same cone with its position, and so its diameter, at the height of a (3,) place."""
+        assert self.direction is not None
+        assert self.size_mm is not None
+        height = float((place - self.position) @ self.direction)
+        size = self.size_mm + 2.0 * height * np.tan(self.half_angle or 0.0)
+        return evolve(self, position=self.position + height * self.direction, size_mm=size)
 
 
 def fit_feature(
@@ -360,9 +362,12 @@ def _about_axis(
     position = foot - (foot @ direction) * direction
     angle = float(best[5]) if opening else 0.0
     diameter = 2 * (best[4] + np.tan(angle) * float((position - foot) @ direction))
-    kind, half_angle = ("cone", abs(angle)) if opening else ("cylinder", None)
     off = _round_of(points, frame, best).residuals
-    return Feature(kind, position, _signed(direction), float(diameter), doubt, half_angle, off)
+    if not opening:
+        signed = _signed(direction)
+        return Feature("cylinder", position, signed, float(diameter), doubt, None, off)
+    wide = direction if angle >= 0.0 else -direction
+    return Feature("cone", position, wide, float(diameter), doubt, abs(angle), off)
 
 
 def _round(points: FloatArray, root: FloatArray, axes: FloatArray, opening: bool) -> Feature:

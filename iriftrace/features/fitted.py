@@ -7,6 +7,7 @@ from itertools import chain
 
 import numpy as np
 from attrs import Factory, field, frozen
+from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
@@ -64,6 +65,11 @@ class FittedFeature:
         return len(next(iter(self.fits.values())).residuals)
 
     @property
+    def place(self) -> str:
+        """Point of a cone's axis at which the diameter holds; "" for other features."""
+        return cone_place(self.kind, {name: fit.position for name, fit in self.fits.items()})
+
+    @property
     def form_mm(self) -> dict[str, float]:
         """Form deviation by the name of the cloud."""
         return {name: fit.form_mm for name, fit in self.fits.items()}
@@ -89,6 +95,14 @@ def _size(fits: Mapping[str, Feature], by_member: Sequence[Feature]) -> Quantity
         {name: fit.u_size_mm for name, fit in fits.items()},
         tuple(fit.size_mm for fit in by_member),
     )
+
+
+def cone_place(kind: str, positions: Mapping[str, ArrayLike]) -> str:
+    """`FittedFeature.place`, for positions by cloud."""
+    if kind != "cone":
+        return ""
+    x, y, z = np.round(next(iter(positions.values())), 2) + 0.0
+    return f"({x:.2f}, {y:.2f}, {z:.2f}) mm"
 
 
 def _plain_fit(fit: Feature) -> JsonObject:
@@ -120,7 +134,7 @@ def fit_features(
     the feature or leave its diameter uncertain, and omits what they do not determine.
 
     Outliers of the cloud ``"measured"`` (else of the first), and points as near to other regions,
-    by `inliers`, are removed from all.
+    by `inliers`, are removed from all. The diameters of a cone are all those at the same height.
     """
     wanted = checked_choices(choices, part)
     check_gate(gate)
@@ -136,6 +150,7 @@ def fit_features(
             _refuse_unmeasured(choice, count, part, found)
             chosen = chosen[inliers(gated[chosen], kind, gate, _beside(part, region))]
             fits = {name: fit_feature(cloud[chosen], kind) for name, cloud in clouds.items()}
+            same = [fit_feature(cloud[chosen], kind) for cloud in members]
         except InputError as error:
             warn(f"{choice} is left out: {error}", stacklevel=3)
             continue
@@ -146,8 +161,12 @@ def fit_features(
         doubt = other_surface(part, kind, region) or next(filter(None, doubts), None)
         if doubt:
             warn(doubt, stacklevel=3)
-        same = tuple(fit_feature(cloud[chosen], kind) for cloud in members)
-        features.append(FittedFeature(kind, region, count - len(chosen), fits, same))
+        if kind == "cone":
+            # Rounded, so that the height can be stated as exactly as the diameter.
+            place = np.round(next(iter(fits.values())).position, 2)
+            fits = {name: fit.at(place) for name, fit in fits.items()}
+            same = [fit.at(place) for fit in same]
+        features.append(FittedFeature(kind, region, count - len(chosen), fits, tuple(same)))
     return tuple(features)
 
 

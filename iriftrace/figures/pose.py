@@ -25,7 +25,7 @@ from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.figures.style import COLOURS, DPI, TEXT_COLOUR, ColourScale, legend_below
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.displacement import good_mask, lines_of_sight, signed_components
-from iriftrace.image.ray_statistics import FEWEST_RAYS
+from iriftrace.image.ray_statistics import FEWEST_RAYS, OF_MET, percent
 from iriftrace.sweep.faces import displacement_limits
 
 UM_PER_MM = 1000.0
@@ -174,7 +174,7 @@ def _draw(image: AovImage, include: Collection[int], what: Shown, view: str = ""
     second_line = "\n".join(filter(None, (view, _provenance(image.header))))
     axes.set_title(second_line, fontsize=9, color=TEXT_COLOUR, pad=8)
     if entries:
-        title = "Pixels without a displacement (fraction of all that see the part)"
+        title = f"Pixels without a displacement (fraction {OF_MET})"
         legend_below(figure, entries, min(2, len(entries)), title=title, title_fontsize=9)
     return figure
 
@@ -221,8 +221,7 @@ def _draw_without_displacement(
         count = int(pixels.sum())
         if count:
             codes[pixels] = place
-            percent = f"{100 * count / total:.1f} %" if count / total >= 0.0005 else "< 0.1 %"
-            text = f"{code.text.capitalize()}: {count:,} px ({percent})"
+            text = f"{code.text.capitalize()}: {count:,} px ({percent(count, total)})"
             entries.append(Patch(facecolor=colour, edgecolor="0.3", linewidth=0.4, label=text))
     axes.imshow(
         codes,

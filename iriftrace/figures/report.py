@@ -14,11 +14,13 @@ import numpy as np
 from iriftrace.camera.pose import pose_text
 from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import JsonObject
+from iriftrace.core.units import counted
 from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.figures.page import Rows, file_text, name_of, value_text, write_page
 from iriftrace.figures.style import figure_bytes
 from iriftrace.figures.sweep import sweep_charts, sweep_pictures
 from iriftrace.image.aov_image import Status
+from iriftrace.image.ray_statistics import percent
 from iriftrace.image.resolution import FRONTAL
 from iriftrace.planning.cover import NO_LIMITS, ViewLimits, plan_views
 from iriftrace.planning.stability import stability
@@ -147,8 +149,9 @@ def _answer(summary: SweepSummary) -> str:
         for quantity in summary.metrics
     )
     return (
-        f"Pose {best}{f' ({setting})' if setting else ''} is the best of {len(plan.order)} ranked "
-        f"poses, with the score {plan.score[best]:.3f}: {values}."
+        f"Pose {best}{f' ({setting})' if setting else ''} is the best of "
+        f"{counted(len(plan.order), 'ranked pose')}, with the score {plan.score[best]:.3f}: "
+        f"{values}."
     )
 
 
@@ -165,13 +168,11 @@ def _rays(dataset: xr.Dataset) -> Rows:
     counts = {
         status: int(np.maximum(whole[f"rays_{status.key}"].values, 0).sum()) for status in Status
     }
-    hits = max(1, int(np.maximum(whole["rays_hit"].values, 0).sum()))
-
-    def fraction(status: Status, count: int) -> str:
-        return "" if status is Status.MISSED else f"{100 * count / hits:.3g} %"
-
+    met = max(1, sum(counts.values()) - counts[Status.MISSED])
+    fractions = {status: percent(count, met) for status, count in counts.items()}
+    fractions[Status.MISSED] = ""
     return tuple(
-        (status.text.capitalize(), f"{count:,}", fraction(status, count))
+        (status.text.capitalize(), f"{count:,}", fractions[status])
         for status, count in counts.items()
         if count
     )
@@ -307,7 +308,8 @@ def _camera(camera: JsonObject, *, varied: bool) -> str:
 
 def _orbit(summary: SweepSummary) -> str:
     ranges = [
-        f"{name} {values.min():.4g} to {values.max():.4g}{unit}"
+        f"{name} {' to '.join(dict.fromkeys(f'{v:.4g}' for v in (values.min(), values.max())))}"
+        f"{unit}"
         for name, values, unit in (
             ("azimuth", summary.azimuth, "°"),
             ("elevation", summary.elevation, "°"),

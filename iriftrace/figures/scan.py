@@ -13,7 +13,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.plain import JsonObject
 from iriftrace.field.source import stated_source, synthetic_mark
-from iriftrace.figures.style import finish_axes, new_figure
+from iriftrace.figures.style import ColourScale, finish_axes, new_figure
 from iriftrace.part.part import Part
 from iriftrace.sweep.measures import Limits
 from iriftrace.triangulation.correction import Correction, CorrectionStatus
@@ -42,7 +42,7 @@ def scan_figure(scan: Scan) -> Figure:
     rows, columns = np.nonzero(np.isfinite(picture) | lost)
     left.set_xlim(columns.min() - 2, columns.max() + 2)
     left.set_ylim(rows.max() + 2, rows.min() - 2)
-    _add_bar(body, shown, left)
+    _add_bar(body, shown, left, error, limit)
     _, _, left_over = scan.best_fit()
     errors = {"as measured": error, "after best fit": UM_PER_MM * left_over}
     _draw_histogram(right, errors, (-1.5 * limit, 1.5 * limit), "error along the normal (µm)")
@@ -66,7 +66,7 @@ def correction_figure(found: Correction, part: Part, camera: Camera) -> Figure:
     shown = left.hexbin(u, v, along, gridsize=120, cmap="RdBu_r", vmin=-limit, vmax=limit)
     left.set_aspect("equal")
     left.invert_yaxis()
-    _add_bar(body, shown, left)
+    _add_bar(body, shown, left, np.asarray(shown.get_array()), limit)
     deviations = {
         name: UM_PER_MM * (np.einsum("ij,ij->i", points[good], normal) - part.face_offsets[face])
         for name, points in (("as measured", found.measured), ("corrected", found.points))
@@ -87,10 +87,12 @@ def _panels(
     return figure, body, (left, right)
 
 
-def _add_bar(body: SubFigure, shown: ScalarMappable, axes: Axes) -> None:
-    """Add the colours' bar; its ends are pointed, since a percent of the errors lies beyond."""
-    label = "error along the normal (µm)"
-    body.colorbar(shown, ax=axes, orientation="horizontal", label=label, extend="both")
+def _add_bar(
+    body: SubFigure, shown: ScalarMappable, axes: Axes, um: FloatArray, limit: float
+) -> None:
+    """Add the bar of the colours of values, um, with a pointed end where any exceed the limit."""
+    scale = ColourScale(um, (-limit, limit), "error along the normal (µm)", False, "RdBu_r")
+    scale.add_bar(body, shown, ax=axes, location="bottom")
 
 
 def _draw_histogram(axes: Axes, um: Mapping[str, FloatArray], ends: Limits, label: str) -> None:
@@ -99,7 +101,7 @@ def _draw_histogram(axes: Axes, um: Mapping[str, FloatArray], ends: Limits, labe
     for name, values in um.items():
         axes.hist(values.clip(*ends), bins, histtype="step", label=name)
     beyond = any((values < ends[0]).any() or (values > ends[1]).any() for values in um.values())
-    more = "\nthe outermost bins include all points beyond" if beyond else ""
+    more = "\nouter bins: all points beyond, too" if beyond else ""
     axes.set(xlabel=label + more, ylabel="points")
     axes.legend(fontsize="small")
     finish_axes(axes)

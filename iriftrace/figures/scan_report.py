@@ -10,6 +10,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import JsonObject, structured
 from iriftrace.core.units import ZERO_CELSIUS_K
+from iriftrace.features.fitted import cone_place
 from iriftrace.features.quantity import Quantity, SizeAtReference, Uncertainty
 from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.figures.page import file_text, name_of, value_text, write_page
@@ -170,7 +171,10 @@ def _doubtful(values: JsonObject, simulated: bool) -> list[str]:
 
 
 def _feature_note(expanded: bool) -> str:
-    text = "Diameters; for planes the form deviation. U is expanded (k = 2, larger for few fields)."
+    text = (
+        "Diameters, of a cone at the stated point of its axis; for planes the form deviation. "
+        "U is expanded (k = 2, larger for few fields)."
+    )
     if expanded:
         text += (
             " The column at: temperature at which a size holds; the last two: the size at the "
@@ -184,7 +188,9 @@ def _feature(row: JsonObject, true: str, expanded: bool) -> tuple[str, ...]:
     sized = size.by_cloud["measured"] is not None
     values = row["size_mm"] if sized else row["form_mm"]
     measured, cold = values["measured"], values[true]
-    cells = [row["kind"], row["region"] or "all points", *_held_at(size, expanded)]
+    place = cone_place(row["kind"], row["position_mm"])
+    region = " at ".join(filter(None, (row["region"] or "all points", place)))
+    cells = [row["kind"], region, *_held_at(size, expanded)]
     cells += [f"{row['points']:,}", f"{measured:.4f}", f"{cold:.4f}", _um(measured - cold)]
     if size.uncertainty is not None:
         cells += [_um(u) if sized else "" for u in _expanded(size.uncertainty)]

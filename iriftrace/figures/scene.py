@@ -15,7 +15,7 @@ from matplotlib.patheffects import withStroke
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.units import ZERO_CELSIUS_K
+from iriftrace.core.units import ZERO_CELSIUS_K, counted
 from iriftrace.field.source import synthetic_mark
 from iriftrace.figures.space import (
     View,
@@ -258,16 +258,15 @@ def _name(
 
 def _titles(shells: ShellStack, camera: Camera, devices: str) -> tuple[str, str]:
     count, drawn = len(shells.shells), len(drawn_shells(shells.shells))
-    noun = "shell" if count == 1 else "shells"
     place = ", ".join(f"{value:.4g}" for value in camera.origin).replace("-", "\N{MINUS SIGN}")
     parts = [
         synthetic_mark(shells.source),
         Path(shells.source.path).name if shells.source else None,
         f"{drawn} of {count} shells drawn" if drawn < count else None,
-        f"{shells.triangles:,} triangles",
+        counted(shells.triangles, "triangle"),
         f"camera at ({place}) mm",
     ]
     return (
-        f"Hot part, {count} {noun} of hot air (cut open){devices}",
+        f"Hot part, {counted(count, 'shell')} of hot air (cut open){devices}",
         "  ·  ".join(part for part in parts if part),
     )

@@ -44,7 +44,7 @@ _CORNER_PX = 14.0
 _NAME_GAP_PX = 48.0
 _LABEL_WIDTH_PX = 44.0
 # Room for the labels of the box: left, right, below, above.
-_MARGINS_PX = (200.0, 30.0, 100.0, 20.0)
+_MARGINS_PX = (200.0, 80.0, 100.0, 20.0)
 
 
 @frozen(eq=False)

@@ -28,6 +28,7 @@ from numpy.typing import ArrayLike
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
+from iriftrace.core.units import counted
 from iriftrace.planning.quantities import Quantity
 from iriftrace.planning.summary import SweepSummary
 from iriftrace.sweep.measures import Limits
@@ -54,7 +55,7 @@ BEST = _mark("*", 15, "white", 0.9, BEST_COLOUR)
 BEST_RING = _mark("o", 12, BEST_COLOUR, 2.0)
 FRONT_RING = _mark("o", 7, "black", 1.3)
 UNKNOWN = _mark("o", 6, "0.5", 1.1)
-WARNED = _mark("x", 5, "black", 1.0, "black")
+WARNED = _mark("X", 5.5, "white", 0.6, "black")
 
 _CANVAS = {".png": FigureCanvasAgg, ".pdf": FigureCanvasPdf}
 
@@ -218,5 +219,5 @@ def marks(summary: SweepSummary, unknown: BoolArray, mark: Look = BEST) -> list[
 
 def count_entry(text: str, count: int, mark: Look, remark: str = "") -> list[Line2D]:
     """Legend entry that counts the poses with a mark, if there are any."""
-    label = f"{text}: {count} {'pose' if count == 1 else 'poses'}{remark}"
+    label = f"{text}: {counted(count, 'pose')}{remark}"
     return [Line2D([], [], label=label, **mark)] if count else []

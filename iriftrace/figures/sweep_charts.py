@@ -242,9 +242,8 @@ def pareto_figure(summary: SweepSummary) -> Figure:
     ):
         if count:
             entries.append(Line2D([], [], label=text.format(count), **UNKNOWN))
-    text = f"Pareto front in {error}, coverage, axial and lateral resolution: "
-    ring = Line2D([], [], label=f"{text}{len(summary.front)} poses", **FRONT_RING)
-    legend_below(body, [ring, *entries])
+    text = f"Pareto front in {error}, coverage, axial and lateral resolution"
+    legend_below(body, [*count_entry(text, len(summary.front), FRONT_RING), *entries])
     return figure
 
 

@@ -14,7 +14,7 @@ from matplotlib import colormaps
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import AnyArray, FloatArray
 from iriftrace.core.errors import InputError, SetupError
-from iriftrace.core.units import ZERO_CELSIUS_K
+from iriftrace.core.units import ZERO_CELSIUS_K, counted
 from iriftrace.field.source import FieldSource, stated_source, synthetic_mark
 from iriftrace.figures.scene import (
     COLOUR_MAP,
@@ -33,6 +33,7 @@ from iriftrace.figures.space import (
     thinned,
     view_direction,
 )
+from iriftrace.figures.style import even_ticks
 from iriftrace.geometry.triangles import polydata
 from iriftrace.part.part import Part
 
@@ -80,6 +81,8 @@ def view(
     SetupError
         There is no display for a window, or no OpenGL for drawing without one.
     """
+    if not Path(path).exists():
+        raise InputError(f"There is no file {path}; give an existing one.")
     if picture is not None:
         draw = _drawing(Path(path), length_unit)
         with off_screen(SIZE_PX) as plotter:
@@ -110,10 +113,19 @@ def _window(title: str) -> Any:
 def _set_up(plotter: Any, draw: Draw) -> None:
     plotter.view_isometric()
     draw(plotter)
-    titles = {"xtitle": "x (mm)", "ytitle": "y (mm)", "ztitle": "z (mm)"}
-    plotter.show_grid(**titles, color="#666666", font_size=13, fmt="%.4g")
+    low, high = np.reshape(plotter.bounds, (3, 2)).T
+    # VTK writes numbers at even steps from end to end: the box ends at round ones.
+    step = float(np.diff(even_ticks((0.0, float((high - low).max()) or 1.0), 10))[0])
+    first = np.floor(low / step)
+    last = np.maximum(np.ceil(high / step), first + 1.0)
+    titles = {f"{axis}title": f"{axis} (mm)" for axis in "xyz"}
+    labels = {f"n_{axis}labels": int(n) for axis, n in zip("xyz", last - first + 1.0, strict=True)}
+    bounds = step * np.stack((first, last), axis=1).ravel()
+    plotter.show_grid(bounds=bounds, **titles, **labels, color="#666666", font_size=13, fmt="%.4g")
     plotter.add_axes()
-    plotter.reset_camera()
+    plotter.reset_camera(bounds=bounds)
+    # Room for the labels.
+    plotter.camera.zoom(0.9)
 
 
 def _drawing(path: Path, length_unit: str | None) -> Draw:
@@ -156,7 +168,8 @@ def _scene(path: Path) -> Draw:
         plotter.view_vector(towards.tolist(), viewup=(0.0, 0.0, 1.0))
         add_shells(plotter, shells, scene.part.centre, side)
         plotter.add_text(
-            f"{len(shells.shells)} shells, air of {celsius[0]:.0f} to {celsius[-1]:.0f} degC",
+            f"{counted(len(shells.shells), 'shell')}, air of {celsius[0]:.0f} to "
+            f"{celsius[-1]:.0f} degC",
             font_size=10,
         )
         _add_mark(plotter, shells.source)
@@ -228,8 +241,6 @@ def _sweep(path: Path) -> Draw:
 def _cloud(path: Path) -> Draw:
     from iriftrace.field.readers.vtk_process import read_file
 
-    if not path.is_file():
-        raise InputError(f"there is no file {path}; give an existing one.")
     cloud = pv.wrap(read_file(path))
     columns = {name: np.asarray(cloud.point_data[name]) for name in cloud.point_data}
     return _coloured(path, np.asarray(cloud.points, dtype=np.float64), columns)

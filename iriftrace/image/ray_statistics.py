@@ -46,6 +46,14 @@ class Statistics:
 UNKNOWN = Statistics()
 """Statistics of too few values."""
 
+OF_MET = "of all that did not miss"
+"""The denominator of `percent`, in words. Blocked rays do not hit, so hits are none."""
+
+
+def percent(count: int, met: int) -> str:
+    """A number of rays or pixels as a fraction of all that did not miss, for tables and legends."""
+    return f"{100 * count / met:.1f} %" if count >= 0.0005 * met else "< 0.1 %"
+
 
 @frozen
 class RayCounts:
@@ -67,6 +75,11 @@ class RayCounts:
     def of(self, status: Status) -> int:
         """Rays of one status."""
         return int(getattr(self, status.key))
+
+    @property
+    def met(self) -> int:
+        """Rays that met the part or another body: all but those that missed."""
+        return sum(self.of(status) for status in Status if status is not Status.MISSED)
 
     @property
     def lost(self) -> int:

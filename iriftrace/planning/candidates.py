@@ -97,10 +97,12 @@ def rankable(
     rich = np.ones(count, dtype=np.bool_)
     rich[list(reasons)] = False
     if not rich.any():
-        pose, reason = next(iter(reasons.items()))
+        # Of all the one that is the nearest to a rank.
+        pose = int(np.argmax(np.nan_to_num(metrics["coverage"])))
         raise InputError(
-            f"None of the {count} poses can be ranked for {region} (pose {pose}: {reason}); "
-            "check the positions and directions of the cameras, or rank another region."
+            f"None of the {count} poses can be ranked for {region} (pose {pose}: {reasons[pose]}); "
+            "check the positions and directions of the cameras, rank another region, or lower what "
+            "a pose must see (--min-coverage, --min-hits)."
         )
     eligible = rich.copy()
     for name in needed:

@@ -13,6 +13,7 @@ from attrs import evolve, frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
+from iriftrace.core.units import counted
 from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.image.aov_image import AovImage, Status, read_exr
 from iriftrace.image.resolution import seen_frontally
@@ -26,7 +27,7 @@ from iriftrace.planning.quantities import (
 from iriftrace.planning.rank import Plan, pareto_front, rank_poses, ranked_quietly
 from iriftrace.sweep.diagnostics import Varied, series_of, varied_of
 from iriftrace.sweep.faces import faces_seen
-from iriftrace.sweep.store import WHOLE_PART, attribute, scene_of
+from iriftrace.sweep.store import WHOLE_PART, attribute, line_of_sight_angles, scene_of
 from iriftrace.sweep.warned import warned_of
 
 if TYPE_CHECKING:
@@ -118,7 +119,8 @@ class SweepSummary:
     def value_text(self, quantity: Quantity, pose: int) -> str:
         """A metric of a pose with four digits; 0 if a resolution is only rounding."""
         frontal = quantity is self.axial and self.sees_frontally(pose)
-        return "0" if frontal else f"{quantity.values[pose]:.4g}"
+        # With zeros at the end, so that the numbers of a column are alike.
+        return "0" if frontal else f"{quantity.values[pose]:#.4g}".rstrip(".")
 
     def sees_frontally(self, pose: int) -> bool:
         """True if a pose sees only a plane across its axis, which only steps can show."""
@@ -219,14 +221,11 @@ def _other_winners(dataset: xr.Dataset, criteria: Criteria) -> dict[str, int]:
 
 
 def _angles(dataset: xr.Dataset) -> tuple[FloatArray, FloatArray, str]:
-    """Angles of the orbit; of the line of sight for poses from another source."""
-    azimuth, elevation = (dataset[name].values for name in ("azimuth", "elevation"))
-    if np.isfinite(azimuth).all() and np.isfinite(elevation).all():
-        return azimuth, elevation, "on the orbit"
-    # Rounded, so that straight down is azimuth 0 and not the angle of two rounding errors.
-    x, y, z = 0.0 - np.round(dataset["matrix"].values[:, :3, 2], 12).T
-    across = np.degrees(np.arctan2(y, x))
-    return across, np.degrees(np.arctan2(z, np.hypot(x, y))), "of the line of sight"
+    """Angles of the orbit, or of the line of sight where these are the same for all poses."""
+    angles = dataset["azimuth"].values, dataset["elevation"].values
+    sight = line_of_sight_angles(dataset["matrix"].values)
+    turn = np.remainder(np.stack(angles) - np.stack(sight) + 180.0, 360.0) - 180.0
+    return *angles, "of the line of sight" if np.abs(turn).max() < 0.01 else "on the orbit"
 
 
 def _rays(view: xr.Dataset) -> dict[Status, IntArray]:
@@ -244,7 +243,7 @@ def _subtitle(dataset: xr.Dataset, region: str, poses: int, unranked: int) -> st
         synthetic_mark(stated_source(attribute(dataset, "field"))),
         f"{scene.parent.name}/{scene.name}" if scene else None,
         "whole part" if region == WHOLE_PART else f"region {region}",
-        f"{poses} poses",
+        counted(poses, "pose"),
         f"{unranked} without a rank" if unranked else None,
     ]
     return "  ·  ".join(part for part in parts if part)

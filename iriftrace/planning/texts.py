@@ -9,6 +9,7 @@ from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray
 from iriftrace.core.errors import InputError
+from iriftrace.core.units import counted
 from iriftrace.image.resolution import FRONTAL
 from iriftrace.planning.cover import ViewLimits, ViewSet
 from iriftrace.planning.quantities import Quantity
@@ -127,7 +128,7 @@ def stability_text(summary: SweepSummary) -> str | None:
     rivals = len(varied.rivals)
     return (
         f"When one weight varies by +-50 %, the best pose ranks {varied.worst_rank} at worst; "
-        f"when all do, {rivals} other {'pose' if rivals == 1 else 'poses'} can beat it."
+        f"when all do, {counted(rivals, 'other pose')} can beat it."
     )
 
 
@@ -223,7 +224,7 @@ def views_text(summary: SweepSummary, views: ViewSet) -> str:
     )
     return (
         f"Together they see {100 * views.covered:.2f} % of the area of {_region(summary)}, of "
-        f"{100 * views.coverable:.2f} % that all poses see within the limits; {proof}"
+        f"{100 * views.coverable:.2f} % that all poses together see; {proof}"
     )
 
 

@@ -92,8 +92,8 @@ def _placed(scene: LoadedScene, poses: PoseSet, move_out: bool) -> PoseSet:
         )
     if 0 < count == len(poses):
         raise InputError(
-            f"All {count} poses stand inside the part, where there is nothing to see; check their "
-            "positions, and the unit of these with --length-unit."
+            "No pose stands outside the part, so there is nothing to see; check their positions, "
+            "and the unit of these with --length-unit."
         )
     if not move_out:
         return poses

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from iriftrace.core.arrays import BoolArray, Variables
+from iriftrace.core.arrays import BoolArray, FloatArray, Variables
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of, whole_file
 from iriftrace.core.netcdf import json_attributes, read_netcdf
@@ -61,7 +61,11 @@ _LEVEL = 4
 
 
 def pose_variables(poses: PoseSet, target: ArrayLike) -> Variables:
-    """Positions of the cameras as variables; ``distance`` is that to the target, mm, world."""
+    """Positions of the cameras as variables; ``distance`` is that to the target, mm, world.
+
+    Poses without angles of an orbit have those of their line of sight.
+    """
+    azimuth, elevation = line_of_sight_angles(poses.matrices)
     distance = np.linalg.norm(poses.origins - np.asarray(target, dtype=np.float64), axis=1)
     origins = {
         f"origin_{axis}": (
@@ -79,10 +83,25 @@ def pose_variables(poses: PoseSet, target: ArrayLike) -> Variables:
             poses.matrices,
             {"long_name": "camera to world; x right, y down, z forward", "units": "mm"},
         ),
-        "azimuth": (("pose",), poses.azimuth_deg, {"units": "degree"}),
-        "elevation": (("pose",), poses.elevation_deg, {"units": "degree"}),
+        **{
+            name: (("pose",), np.where(np.isfinite(given), given, seen), {"units": "degree"})
+            for name, given, seen in (
+                ("azimuth", poses.azimuth_deg, azimuth),
+                ("elevation", poses.elevation_deg, elevation),
+            )
+        },
         "distance": (("pose",), distance, {"units": "mm", "long_name": "camera to target"}),
     }
+
+
+def line_of_sight_angles(matrices: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Azimuth, 0 to 360, and elevation (n,), degree, from which cameras (n, 4, 4) look.
+
+    Rounded to 0.001, so that straight down is azimuth 0 and not the angle of two rounding errors.
+    """
+    x, y, z = 0.0 - np.round(matrices[:, :3, 2], 9).T
+    azimuth = np.round(np.degrees(np.arctan2(y, x)), 3)
+    return np.remainder(azimuth, 360.0), np.round(np.degrees(np.arctan2(z, np.hypot(x, y))), 3)
 
 
 def to_dataset(

@@ -308,18 +308,19 @@ def _warn_of_empty_poses(dataset: xr.Dataset) -> None:
     if 2 * empty.sum() <= len(empty):
         return
     reasons = {
-        "the camera stands in the hot air or the part, or failed": (good < 0).sum(),
-        "the part is out of focus": (empty & (blurred >= FEWEST_RAYS)).sum(),
-        "the part is hidden by another object": (empty & (hidden >= FEWEST_RAYS)).sum(),
-        "the part is out of the picture": (empty & (hits == 0)).sum(),
-        f"the part covers fewer than {FEWEST_RAYS} pixels": (
-            empty & (hits > 0) & (hits < FEWEST_RAYS)
-        ).sum(),
+        "the camera stands in the hot air or the part, or failed; move the cameras away": good < 0,
+        "the part is out of focus; move the cameras to where it is in focus, or widen the focus "
+        "interval of the scene's sensor": empty & (blurred >= FEWEST_RAYS),
+        "the part is hidden by another object; move the cameras around it": (
+            empty & (hidden >= FEWEST_RAYS)
+        ),
+        "the part is out of the picture; turn the cameras to it": empty & (hits == 0),
+        f"the part covers fewer than {FEWEST_RAYS} pixels; move the cameras closer, or use more "
+        "pixels or a longer focal length": empty & (hits > 0) & (hits < FEWEST_RAYS),
     }
-    reason = max(reasons, key=lambda text: reasons[text])
+    reason = max(reasons, key=lambda text: reasons[text].sum())
     warn(
         f"{empty.sum()} of {len(empty)} poses see fewer than {FEWEST_RAYS} good rays, mostly "
-        f"because {reason}; change the orbit, the focus interval, the focal length or the number "
-        "of pixels.",
+        f"because {reason}.",
         stacklevel=4,
     )

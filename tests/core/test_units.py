@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from iriftrace.core.errors import InputError
-from iriftrace.core.units import length_factor, parse_quantity, stated_length_unit
+from iriftrace.core.units import counted, length_factor, parse_quantity, stated_length_unit
 
 
 @pytest.mark.parametrize(
@@ -113,3 +113,7 @@ def test_remarks_state_length_units(remark, unit):
 def test_spellings_of_units_are_known():
     assert length_factor("µm") == length_factor("um") == 1e-3
     assert length_factor("Metres") == 1e3
+
+
+def test_counts_agree_with_their_nouns():
+    assert [counted(n, "pose") for n in (0, 1, 1224)] == ["0 poses", "1 pose", "1,224 poses"]

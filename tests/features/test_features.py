@@ -69,6 +69,7 @@ def check(feature: Feature, atol: float) -> None:
     assert np.linalg.norm(off) < atol
     if feature.kind == "cone":
         assert feature.half_angle == pytest.approx(0.2, abs=atol)
+        assert feature.at(PLACE + 3 * AXIS).size_mm == pytest.approx(15 + 6 * np.tan(0.2), abs=atol)
         assert feature.size_mm == pytest.approx(15.0 + 2 * along * np.tan(0.2), abs=atol)
     elif feature.size_mm is not None:
         assert feature.size_mm == pytest.approx(15.0, abs=atol)
@@ -182,6 +183,19 @@ def test_a_kind_alone_means_the_regions_that_are_one() -> None:
     points = part.vertices[part.faces[face, 0]]
     with pytest.warns(IriftraceWarning, match="cylinder is left out: No region .* 100 measured"):
         assert fit_features({"cold": points}, face, part, [FeatureChoice("cylinder")]) == ()
+
+
+def test_diameters_of_a_cone_hold_at_one_height() -> None:
+    """A cone that is measured 1 mm higher than it is has another diameter there."""
+    points = grid("cone")
+    clouds = {"measured": points + np.array((0.0, 0.0, 1.0)), "cold": points}
+    face = np.zeros(len(points), dtype=np.int64)
+    (found,) = fit_features(clouds, face, cylinder(), ["cone:"], gate=None)
+    z = found.fits["cold"].position[2]
+    assert found.place == f"(0.00, 0.00, {z:.2f}) mm"
+    sizes = found.size.by_cloud
+    assert sizes["cold"] == pytest.approx(15 + 2 * z * np.tan(0.2), abs=1e-6)
+    assert sizes["measured"] == pytest.approx(15 + 2 * (z - 1) * np.tan(0.2), abs=1e-6)
 
 
 def test_what_points_do_not_determine_is_left_out() -> None:

@@ -144,9 +144,9 @@ def test_setting_and_limits_are_complete(page: Page) -> None:
     rays = next(table for table in page.tables if table[0][0] == "outcome")
     # 3050 good, 9000 missed, 1500 out of focus.
     assert rays[1:] == [
-        ["Good", "3,050", "67 %"],
+        ["Good", "3,050", "67.0 %"],
         ["Missed the part", "9,000", ""],
-        ["Out of focus", "1,500", "33 %"],
+        ["Out of focus", "1,500", "33.0 %"],
     ]
     assert ["3", "50 good rays, fewer than 100"] in page.tables[-1]
     assert "iriftrace 9.8.7 from sweep.nc" in page.text
@@ -196,7 +196,7 @@ def test_rounding_of_a_plane_seen_frontally_is_0(resolution: Any, frontal: bool)
     assert (content["ranking"].note == "Axial resolution 0: plane seen frontally.") == frontal
     column = content["ranking"].headings.index(summary.axial.label)
     assert (content["ranking"].rows[0][column] == "0") == frontal
-    assert content["ranking"].rows[1][column] in ("20", "10")
+    assert content["ranking"].rows[1][column] in ("20.00", "10.00")
 
 
 def test_what_decides_stands_in_the_first_box() -> None:

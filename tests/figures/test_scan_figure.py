@@ -27,7 +27,7 @@ CAMERA = Camera(
 
 
 def test_colours_are_the_removed_error_and_say_that_they_end() -> None:
-    """A correction along the normal would have the other sign; 1 % of the points lie beyond."""
+    """A correction along the normal would have the other sign; points lie beyond one end."""
     part = cylinder()
     count = 1000
     rng = np.random.default_rng(2)
@@ -49,7 +49,7 @@ def test_colours_are_the_removed_error_and_say_that_they_end() -> None:
     left, right, bar = body.axes
     assert left.collections[0].get_array().max() < 0.0
     assert bar.get_xlabel() == "error along the normal (µm)"
-    assert left.collections[0].colorbar.extend == "both"
+    assert left.collections[0].colorbar.extend == "min"
     assert "beyond" in right.get_xlabel()
 
 

@@ -95,10 +95,11 @@ def test_poses_that_were_warned_of_are_crossed(summary: SweepSummary) -> None:
         for one, expected in ((summary, 0), (warned, 2)):
             figure = draw(one)
             crosses = [
+                # Black on white: dark and light colours of the map both lie behind them.
                 len(line.get_xdata())
                 for axes in all_axes(figure)
                 for line in axes.lines
-                if line.get_marker() == "x"
+                if (line.get_mfc(), line.get_mec()) == ("black", "white")
             ]
             assert sum(crosses) == expected
             assert ("Warned of, see the ranking: 2 poses" in legend_of(figure)) == bool(expected)

@@ -17,6 +17,7 @@ from iriftrace.cli.output import print_summary
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.image.aov_image import Status
 from iriftrace.image.metrics import TIMES, pose_metrics, write_metrics
+from iriftrace.image.ray_statistics import RayCounts, percent
 from iriftrace.part.regions import Regions
 from validation.oracles.aov_by_hand import make_image, make_part, plate
 
@@ -110,6 +111,8 @@ def test_rays_of_every_status_are_counted_and_sum_up() -> None:
     assert all(rays[Status(code).key] == 1 for code in codes)
     assert sum(rays[status.key] for status in Status) == rays["launched"]
     assert rays["open_boundary"] == 3
+    counts = RayCounts(**{k: n for k, n in rays.items() if k != "launched"})
+    assert percent(rays["blocked"], counts.met) == "0.6 %"
     left, right = metrics["regions"]["left"]["rays"], metrics["regions"]["right"]["rays"]
     assert left["hit"] == 90
     assert left["good"] == 84

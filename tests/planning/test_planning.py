@@ -246,7 +246,7 @@ def test_impossible_weights_are_refused(given_weights: dict[str, float], words: 
         ({"min_hits": 0}, "good rays is 0"),
         ({"min_coverage": 30}, r"coverage is 30, .*from 0 to 1"),
         ({"min_coverage": 1}, r"None of the 5 poses .*coverage 0\.\d+, less than 1"),
-        ({"min_hits": 1001}, r"None of the 5 poses .*pose 0: 1000 good rays, fewer than 1001"),
+        ({"min_hits": 1001}, r"None of the 5 poses .*pose 3: 1000 good rays, fewer than 1001"),
     ],
 )
 def test_wrong_options_are_refused(options: dict[str, Any], words: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from iriftrace.camera.orbit import fibonacci_poses, orbit_poses
+from iriftrace.camera.orbit import Orbit, fibonacci_poses, orbit_poses
 from iriftrace.camera.pose_set import PoseSet
 from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import Status
@@ -74,11 +74,13 @@ def test_other_poses_are_no_grid(poses: PoseSet) -> None:
 
 
 def test_poses_without_angles_get_those_of_their_line_of_sight() -> None:
-    """A camera on +y that looks at the origin has azimuth 90 degrees; straight above, 0 and 90."""
-    poses = orbit_poses(ORBIT, [0.0, 90.0], [0.0, 90.0])
-    found = summarise(known_sweep(PoseSet(poses.matrices), empty=()))
-    assert found.azimuth == pytest.approx([0.0, 90.0, 0.0])
-    assert found.elevation == pytest.approx([0.0, 0.0, 90.0])
+    """On a sphere they are those of the orbit; in the sweep's file too, and so in its tables."""
+    poses = orbit_poses(Orbit((0, 0, 0), (200, 200, 200)), [0.0, 90.0, 320.0], [0.0, 90.0])
+    table = known_sweep(PoseSet(poses.matrices), empty=())
+    assert table["azimuth"].values == pytest.approx([0.0, 90.0, 320.0, 0.0])
+    found = summarise(table)
+    assert found.azimuth == pytest.approx(poses.azimuth_deg)
+    assert found.elevation == pytest.approx(poses.elevation_deg)
     assert found.angles_of == "of the line of sight"
 
 

@@ -108,7 +108,7 @@ def test_demo(run: Run, tmp_path: Path) -> None:
         r"of the part's area in faces hit",
         r"lateral [\d.]+ um, axial",
         r"313,344 launched",
-        r"out of focus \([\d.]+% of",
+        r"out of focus \([\d.]+ % of",
         r"region lateral │ median [\d.]+ um",
         r"time │ load",
         r"geometric optics",

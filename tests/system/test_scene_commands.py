@@ -45,7 +45,7 @@ def test_shells_with_a_part(run: Run, hot: HotBlock, tmp_path: Path) -> None:
     assert max(map(len, printed.splitlines())) <= 80
     flat = " ".join(printed.split())
     assert "13 shells" in printed
-    assert "gap median 0.000 mm, 95th percentile 0.000 mm; wall temperature 1020 degC" in flat
+    assert "within 0.000 mm of the part, 100.0% of the part within 0.2 mm of the wall; wall" in flat
     assert "field read in mm" in flat
     names = {path.name for path in (tmp_path / "shells").iterdir()}
     assert names == {
@@ -124,7 +124,7 @@ def test_units_and_axes_of_field_and_part(run: Run, hot: HotBlock, tmp_path: Pat
         *("--part=inches.stl", "--length-unit=inch", "--part-transform=translate 0 0 -127"),
     )
     assert "field read in m" in " ".join(printed.split())
-    assert "gap median 0.000 mm" in " ".join(printed.split())
+    assert "95 % of the wall is within 0.000 mm of the part" in " ".join(printed.split())
     run("shells", hot.field, "-o", "usual", "--layers=3", "--part", hot.part)
     for key in ("refractivity", "area_mm2", "gap_part_mm"):
         usual, other = column(table_of("usual"), key), column(table_of("other"), key)

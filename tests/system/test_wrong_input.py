@@ -188,7 +188,7 @@ WRONG = {
         ("--semi-axes 3,3,3", "inside the part"),
         ("--poses gone.csv", "gone.csv"),
         # As those of a file in metres that is read in millimetres.
-        ("--poses inside.csv", "All 2 poses"),
+        ("--poses inside.csv", "No pose stands outside"),
         ("--include 99", "99"),
         ("--export a.xlsx", r"a\.xlsx.*\.csv or"),
         ("--surface a.stl", r"a\.stl.*\.vtp or"),
