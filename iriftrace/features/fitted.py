@@ -101,7 +101,7 @@ def cone_place(kind: str, positions: Mapping[str, ArrayLike]) -> str:
     """`FittedFeature.place`, for positions by cloud."""
     if kind != "cone":
         return ""
-    x, y, z = np.round(next(iter(positions.values())), 2) + 0.0
+    x, y, z = np.round(np.asarray(next(iter(positions.values()))), 2) + 0.0
     return f"({x:.2f}, {y:.2f}, {z:.2f}) mm"
 
 
