@@ -11,6 +11,7 @@ from iriftrace.cli.console import command_line, print_table, say, working
 from iriftrace.cli.options import Flag, check_input, check_output, refuse_given
 from iriftrace.cli.trace_options import TraceOptions
 from iriftrace.core.errors import warn
+from iriftrace.core.units import counted
 
 if TYPE_CHECKING:
     from iriftrace.trace.member_fit import MemberFit
@@ -134,7 +135,7 @@ def _print_fit(found: MemberFit) -> None:
     )
     counts = {"hidden": "hidden", "beside": "next to the board", "lost": "lost"}
     left_out = [f"{found.dots[key]:,} {text}" for key, text in counts.items() if key in found.dots]
-    left_out.append(f"{found.dots['outliers']:,} outliers")
+    left_out.append(counted(found.dots["outliers"], "outlier"))
     say(
         f"{found.dots['used']:,} of {found.dots['measured']:,} {_WHAT[found.unit]} were used "
         f"({', '.join(left_out)}). Measured rms {found.measured:.3g} {found.unit}, residual "

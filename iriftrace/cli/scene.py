@@ -23,7 +23,7 @@ from iriftrace.cli.options import (
 )
 from iriftrace.cli.second_options import SecondOptions, StereoOptions, devices_of
 from iriftrace.core.errors import InputError, warn
-from iriftrace.core.units import ZERO_CELSIUS_K
+from iriftrace.core.units import ZERO_CELSIUS_K, counted
 
 if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
@@ -84,7 +84,7 @@ def shells(
     notes = field_options.notes() | shell_options.notes()
     files = save_shells(stack, output, report=reports, notes=notes)
     print_shells(stack, reports, fit)
-    out.print(f"{len(files)} files in {output}", soft_wrap=True)
+    out.print(f"{counted(len(files), 'file')} in {output}", soft_wrap=True)
 
 
 def scene(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -13,21 +14,23 @@ from iriftrace.field.readers.members import member_at, members
 from validation.inputs.field_grids import AMBIENT, solid
 
 
-@pytest.fixture
-def series(tmp_path: Path) -> Path:
-    """Three times, the file names in another order than the times."""
+@pytest.fixture(params=["run.pvd", "run.vtu.series"])
+def series(tmp_path: Path, request: pytest.FixtureRequest) -> Path:
+    """Three times, the file names in another order than the times, as ParaView writes them."""
     for step, offset in (("c", 0.5), ("a", 1.0), ("b", 1.5)):
         grid = solid()
         grid.point_data["T"] = np.full(grid.n_points, AMBIENT) + offset
         grid.save(tmp_path / f"{step}.vtu")
+    times = ((0.1, "c"), (0.25, "a"), (10, "b"))
     entries = "".join(
-        f'<DataSet timestep="{time}" part="0" file="{step}.vtu"/>'
-        for time, step in ((0.1, "c"), (0.25, "a"), (10, "b"))
+        f'<DataSet timestep="{time}" part="0" file=".\\{step}.vtu"/>' for time, step in times
     )
-    path = tmp_path / "run.pvd"
-    path.write_text(
-        f'<VTKFile type="Collection" version="0.1"><Collection>{entries}</Collection></VTKFile>'
-    )
+    text = f'<VTKFile type="Collection" version="0.1"><Collection>{entries}</Collection></VTKFile>'
+    path = tmp_path / str(request.param)
+    if path.suffix == ".series":
+        files = [{"name": f"{step}.vtu", "time": time} for time, step in times]
+        text = json.dumps({"file-series-version": "1.0", "files": files})
+    path.write_text(text)
     return path
 
 
@@ -44,6 +47,15 @@ def test_a_series_lists_its_times_and_reads_each(series: Path) -> None:
         assert field.source.origin == member.label
     with pytest.warns(IriftraceWarning, match="3 states; the last one, t = 10, is used"):
         assert read_field(series).temperature_k.max() == pytest.approx(AMBIENT + 1.5)
+
+
+def test_files_of_a_series_without_times_are_no_single_state(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        solid().save(tmp_path / f"{name}.vtu")
+    sets = "".join(f'<DataSet part="0" file="{name}.vtu"/>' for name in ("a", "b"))
+    (tmp_path / "run.pvd").write_text(f"<VTKFile><Collection>{sets}</Collection></VTKFile>")
+    with pytest.raises(InputError, match="names 2 files without a timestep"):
+        members(tmp_path / "run.pvd")
 
 
 @pytest.mark.parametrize(

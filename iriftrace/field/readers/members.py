@@ -29,7 +29,8 @@ class Reader(Protocol):
 
 
 _READERS: dict[str, Reader] = {
-    **dict.fromkeys((".vtu", ".pvtu", ".vtk", ".vti", ".vtr", ".vts", ".pvd", ".vtm"), vtk_files),
+    **dict.fromkeys((".vtu", ".pvtu", ".vtk", ".vti", ".vtr", ".vts", ".vtm"), vtk_files),
+    **dict.fromkeys(vtk_files.SERIES, vtk_files),
     **dict.fromkeys((".case", ".encas"), ensight),
     **dict.fromkeys((".e", ".ex2", ".exo"), exodus),
     ".cgns": cgns,

@@ -1,7 +1,8 @@
-"""Read VTK files, series of them in a .pvd, and states as columns of COMSOL's .vtu exports."""
+"""Read VTK files, series of them (.pvd, .series), and states as columns of COMSOL's .vtu."""
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,17 +16,20 @@ from iriftrace.core.files import sha256_of
 from iriftrace.field.readers.states import Contents, State, column_of, state_number, states_of
 from iriftrace.field.readers.vtk_process import SUFFIXES, Data, read_file
 
+SERIES = (".pvd", ".series")
+"""Suffixes of files that list the files of several times, as ParaView writes them."""
+
 
 def states(path: Path) -> list[State]:
     """Label and time of every state in a file, at least one."""
-    if path.suffix.lower() == ".pvd":
+    if path.suffix.lower() in SERIES:
         return [(f"t = {time:g}", time) for time in _series(path)]
     return _states_in(read_file(path))
 
 
 def read(path: Path, member: int | None) -> Contents:
     """The data of one state, its arrays without the state's name; other states are dropped."""
-    if path.suffix.lower() == ".pvd":
+    if path.suffix.lower() in SERIES:
         found = states(path)
         number = state_number(found, member, path)
         files = list(_series(path).values())[number]
@@ -44,19 +48,16 @@ def read(path: Path, member: int | None) -> Contents:
 
 
 def _series(path: Path) -> dict[float, list[Path]]:
-    """Files of every time of a .pvd, in ascending order of time."""
-    text = path.read_bytes()
-    if b"<!" in text.replace(b"<!--", b""):
-        raise InputError(
-            f"{path} declares entities, which a series does not need and which can fill the "
-            "memory; export the series again."
-        )
+    """Files of every time of a series, in ascending order of time."""
     found: dict[float, list[Path]] = {}
     try:
-        for entry in ElementTree.fromstring(text).iter("DataSet"):
-            file = path.parent / entry.attrib["file"]
-            found.setdefault(float(entry.get("timestep", 0.0)), []).append(file)
-    except (ElementTree.ParseError, KeyError, ValueError) as error:
+        for name, time in _listed(path):
+            file = path.parent / name
+            if not file.is_file():
+                # As Windows separates folders.
+                file = path.parent / name.replace("\\", "/")
+            found.setdefault(float(time), []).append(file)
+    except (ElementTree.ParseError, LookupError, TypeError, ValueError) as error:
         raise InputError(
             f"{path} cannot be read ({error}); is it a complete file of its type?"
         ) from error
@@ -68,6 +69,28 @@ def _series(path: Path) -> dict[float, list[Path]]:
                 f"{path} names {file}, which is not an existing VTK file; export the series again."
             )
     return dict(sorted(found.items()))
+
+
+def _listed(path: Path) -> list[tuple[str, str]]:
+    """Names of a series' files with their times; raises various errors if it is damaged."""
+    if path.suffix.lower() == ".series":
+        entries = json.loads(path.read_bytes())["files"]
+        return [(str(entry["name"]), entry["time"]) for entry in entries]
+    text = path.read_bytes()
+    if b"<!" in text.replace(b"<!--", b""):
+        raise InputError(
+            f"{path} declares entities, which a series does not need and which can fill the "
+            "memory; export the series again."
+        )
+    sets = list(ElementTree.fromstring(text).iter("DataSet"))
+    without = [entry for entry in sets if "timestep" not in entry.attrib]
+    parts = {entry.get("part", "0") for entry in without}
+    if len(without) > len(parts):
+        raise InputError(
+            f"{path} names {len(without)} files without a timestep, so they would all be one "
+            "state; add the attribute timestep to each DataSet, or give the file of one state."
+        )
+    return [(entry.attrib["file"], entry.get("timestep", "0")) for entry in sets]
 
 
 def blocks_of(data: Data | None) -> Iterator[pv.DataSet]:
