@@ -272,14 +272,6 @@ def test_integrator_prepares_anew_for_another_scene(tmp_path: Path) -> None:
     assert counts[0] == counts[2] < counts[1] / 5
 
 
-def test_scene_without_shells_displaces_nothing(tmp_path: Path) -> None:
-    pixels = channels(scene({"part": part(tmp_path, sphere(10.0))}))
-    good = pixels["status.code"] == 0
-    assert good.sum() > 150
-    np.testing.assert_array_equal(pixels["path.crossings"], 0)
-    assert pixels["displacement.norm"].max() < 1e-12
-
-
 @pytest.mark.parametrize(
     ("origin", "where"),
     [((0.0, -100.0, 0.0), None), ((0.0, -18.0, 0.0), "hot air"), ((1.0, 2.0, 3.0), "part")],

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 import re
 import shlex
@@ -169,16 +168,10 @@ def test_metrics_have_every_key_of_the_schema(hot: HotBlock) -> None:
     assert sum(region["rays"]["good"] for region in regions.values()) == rays["good"]
 
 
-def test_channels_as_openexr_reads_them(hot: HotBlock) -> None:
-    """float32, exactly the listed ones, no NaN, and a header that says where it comes from."""
-    with OpenEXR.File(str(hot.image), separate_channels=True) as file:
-        channels, header = file.channels(), file.header()
-        assert set(channels) == set(CHANNELS)
-        assert len(CHANNELS) == 17
-        for channel in channels.values():
-            assert channel.type() == OpenEXR.FLOAT
-            assert channel.pixels.shape == (100, 120)
-            assert np.isfinite(channel.pixels).all()
+def test_header_says_where_the_picture_comes_from(hot: HotBlock) -> None:
+    """As OpenEXR reads it."""
+    with OpenEXR.File(str(hot.image)) as file:
+        header = file.header()
         assert {name for name in header if name.startswith("iriftrace.")} >= {
             f"iriftrace.{key}"
             for key in (
@@ -229,60 +222,6 @@ def test_definitions_change_the_scene(run: Run, hot: HotBlock) -> None:
     metrics = metrics_of("tiny.json")
     assert 0 < metrics["rays"]["good"] < 100
     assert metrics["displacement_mm"]["median"] is None
-
-
-def edited(hot: HotBlock, folder: Path, pattern: str, new: str) -> Path:
-    """A copy of the scene, changed by hand."""
-    shutil.copytree(hot.scene.parent, folder)
-    xml = folder / hot.scene.name
-    text, count = re.subn(pattern, new, xml.read_text(), flags=re.DOTALL)
-    assert count == 1
-    xml.write_text(text)
-    return xml
-
-
-def test_a_dropped_shell(run: Run, hot: HotBlock, tmp_path: Path) -> None:
-    """Every ray that met all four shells meets three, and is bent less if they alone bend it."""
-    scene = edited(hot, tmp_path / "s", r'<shape type="ply" id="shell_02">.*?</shape>', "")
-    at_shells = ("--no-figures", "-D", "bending=shells")
-    run("render", hot.scene, "-o", "four.exr", *at_shells)
-    run("render", scene, "-o", "three.exr", *at_shells, warns="3 of the 4")
-    assumptions = metrics_of("three.json")["assumptions"]
-    assert assumptions["index_rule"].startswith("edited: 3 of 4")
-    assert assumptions["bending"] == "at the shells alone"
-    four, three = channels_of("four.exr"), channels_of("three.exr")
-    good = (four["status.code"] == 0) & (three["status.code"] == 0)
-    assert good.sum() > 3500
-    less = four["path.crossings"][good] - three["path.crossings"][good]
-    assert np.median(less) == 1
-    assert less.min() >= 0
-    norms = [np.median(image["displacement.norm"][good]) for image in (four, three)]
-    assert norms[1] < 0.9 * norms[0]
-
-
-def test_a_stock_sensor(run: Run, hot: HotBlock, tmp_path: Path) -> None:
-    """Mitsuba's perspective camera with the same view sees the same, in single precision."""
-    fov = math.degrees(2.0 * math.atan(3.0 / 20.0))
-    text = hot.scene.read_text()
-    pose, film = (
-        re.search(f"<{tag} .*?</{tag}>", text[text.index("<sensor") :], re.DOTALL)[0]
-        for tag in ("transform", "film")
-    )
-    sensor = (
-        f'<sensor type="perspective"><float name="fov" value="{fov!r}"/>'
-        f'<string name="fov_axis" value="x"/><float name="near_clip" value="1"/>'
-        f'<float name="far_clip" value="1000"/>{pose}{film}</sensor>'
-    )
-    scene = edited(hot, tmp_path / "s", r"<sensor.*</sensor>", sensor)
-    scene.write_text(scene.read_text().replace('<default name="scale" value="1.0"/>', ""))
-    run("render", scene, "--no-figures")
-    ours, stock = channels_of(hot.image), channels_of(scene.with_suffix(".exr"))
-    good = (ours["status.code"] == 0) & (stock["status.code"] == 0)
-    assert good.sum() > 3700
-    for axis in "XYZ":
-        off = np.abs(ours[f"straight.{axis}"][good] - stock[f"straight.{axis}"][good])
-        assert np.percentile(off, 99) < 2e-3
-    assert metrics_of(scene.with_suffix(".json"))["camera"]["projection"] == "pinhole"
 
 
 def test_metrics_again(run: Run, hot: HotBlock, tmp_path: Path) -> None:
