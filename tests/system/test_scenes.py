@@ -27,7 +27,7 @@ def expected_counts() -> dict[str, dict[str, int]]:
 
 
 # The others take as long and show the same; each has tests of its own.
-QUICK = ("cylinder", "slab", "bevel_gear")
+QUICK = ("cylinder", "slab")
 
 
 @pytest.mark.filterwarnings("ignore:Hits of this view")
