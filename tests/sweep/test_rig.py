@@ -35,7 +35,7 @@ POSES = iriftrace.orbit_poses(ORBIT, azimuth_deg=[20.0, 35.0], elevation_deg=[0.
 
 @pytest.fixture(scope="module")
 def scene() -> LoadedScene:
-    return load_scene(SCENE, {"scale": 0.15})
+    return load_scene(SCENE, {"scale": 0.08})
 
 
 @pytest.fixture(scope="module")
