@@ -26,7 +26,8 @@ CUDA = runtime.cuda_state()
 TESTED_VARIANTS = ("llvm_ad_mono", "cuda_ad_mono") if CUDA.devices else ("llvm_ad_mono",)
 
 # Shared machines are slow at times; how long an example takes says nothing about its result.
-hypothesis.settings.register_profile("iriftrace", deadline=None)
+# Each run draws other examples.
+hypothesis.settings.register_profile("iriftrace", deadline=None, max_examples=30)
 hypothesis.settings.load_profile("iriftrace")
 
 

@@ -68,7 +68,13 @@ it, makes the wall of 1323 K 754 to 1269 K warm, so that shells end on it; where
 neighbours do not fit, shells have cracks besides. The field has no such limit."""
 
 
-@pytest.fixture(scope="module", params=list(OFF_AT_THE_WALL))
+@pytest.fixture(
+    scope="module",
+    params=[
+        *list(OFF_AT_THE_WALL)[:-1],
+        pytest.param("split from corners", marks=pytest.mark.slow),
+    ],
+)
 def written(request: pytest.FixtureRequest) -> str:
     """Who wrote the field."""
     return str(request.param)
@@ -159,6 +165,7 @@ def test_polyhedra_leave_no_slivers_and_no_open_faces() -> None:
     assert area == pytest.approx(whole, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_pieces_that_others_made_right_handed_are_oriented_like_their_neighbours() -> None:
     """Some of those pieces are turned inside out, and right-handed all the same."""
     split = split_from_corners()

@@ -43,7 +43,7 @@ def mirrored(shell: Shell) -> Shell:
 
 def sweep_both_sides(folder: Path, stack: ShellStack) -> xr.Dataset:
     """Poses to the left and the right of the plane y = 0, at three elevations."""
-    bundled = load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.2})
+    bundled = load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.1})
     part = read_part(folder_of("cylinder") / "part.ply")
     scene = load_scene(write_scene(folder, part, stack, bundled.camera, paraview=False))
     orbit = Orbit(centre=part.centre, semi_axes_mm=(310.0, 238.5, 238.5))
@@ -79,6 +79,7 @@ def test_mirror_poses_agree_on_a_mirrored_mesh(tmp_path: Path, stack: ShellStack
     np.testing.assert_allclose(left, right, atol=2)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("variant")
 def test_mirror_poses_nearly_agree_on_the_solvers_mesh(tmp_path: Path, stack: ShellStack) -> None:
     """The field was solved on one half; only its cells are cut differently on the two sides.

@@ -27,7 +27,7 @@ from iriftrace.scene.write import MemberAir, write_ensemble_scene
 from iriftrace.scenes.analytic import slab, slab_heights
 from iriftrace.sweep.sweep import run_sweep
 from iriftrace.trace.rays import trace_rays
-from iriftrace.trace.render import render_scene
+from iriftrace.trace.render import Rendering, render_scene
 from validation.inputs.cameras import camera_at
 from validation.inputs.shell_fields import scaled
 
@@ -53,6 +53,11 @@ def airs_of(*shares: float, layers: int = 1) -> list[MemberAir]:
 def ten(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A slab of hot air in ten states, each a linear perturbation of the same one."""
     return write_slab(tmp_path_factory.mktemp("ten"), airs_of(*SHARES, layers=5))[0]
+
+
+@pytest.fixture(scope="module")
+def rendered(ten: Path) -> Rendering:
+    return render_scene(ten)
 
 
 def test_shells_and_parts_of_others_are_noticed(ten: Path, tmp_path: Path) -> None:
@@ -149,26 +154,24 @@ def test_straight_rays_are_traced_once(ten: Path, monkeypatch: pytest.MonkeyPatc
 
 
 def test_members_that_do_not_fit_are_loaded_again(
-    ten: Path, monkeypatch: pytest.MonkeyPatch
+    ten: Path, rendered: Rendering, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The result does not depend on how many stay in memory."""
-    kept = render_scene(ten)
     monkeypatch.setattr(loaded_members, "KEPT_TRIANGLES", 25)
     scene = load_scene(ten)
     for _ in range(2):
         again = render_scene(scene)
-        for name in kept.image.channels:
-            assert_array_equal(again.image.channels[name], kept.image.channels[name])
+        for name, values in rendered.image.channels.items():
+            assert_array_equal(again.image.channels[name], values)
     assert scene.ensemble is not None
     assert len(scene.ensemble._kept) == 2
 
 
-def test_results_name_every_field(ten: Path) -> None:
-    rendering = render_scene(ten)
-    header = rendering.image.header
+def test_results_name_every_field(rendered: Rendering) -> None:
+    header = rendered.image.header
     assert header["ensemble"]["count"] == 10
     assert [m["label"] for m in header["ensemble"]["members"]] == [f"share {s}" for s in SHARES]
-    metrics = rendering.metrics.as_dict()
+    metrics = rendered.metrics.as_dict()
     assumptions = metrics["assumptions"]
     assert assumptions["ensemble"].startswith("displacements are means over 10 fields")
     two = "index from share -0.09; index from share -0.07"
