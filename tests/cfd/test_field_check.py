@@ -25,7 +25,7 @@ from iriftrace.field.read import read_field
 from iriftrace.field.source import FieldSource
 from iriftrace.part.part import Part, read_part
 from iriftrace.scenes import folder_of
-from iriftrace.shells.contour import contour_shells
+from iriftrace.shells.levels import index_levels
 from validation.inputs import hot_block
 from validation.inputs.conducting_sphere import (
     OUTER,
@@ -146,7 +146,8 @@ def test_open_ends_are_found_and_seen_from_above(simulated: Checked, cylinder: P
 def test_the_edge_is_open_where_the_outermost_shell_is(simulated: Checked) -> None:
     """Rays count as ``open_boundary`` where they enter behind the first of the usual shells."""
     field, check = simulated
-    outermost = contour_shells(field).temperature_k[0]
+    levels, _ = index_levels(field.ambient_refractivity, field.hottest_refractivity, 13)
+    outermost = float(field.air.temperature(levels[0]))
     assert finding(check, "edge of the data")["limit_k"] == pytest.approx(outermost, abs=1e-6)
 
 

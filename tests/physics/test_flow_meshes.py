@@ -25,7 +25,7 @@ from iriftrace.trace.rays import trace_rays
 from validation.inputs.solved_fields import SOLVED, camera_at
 
 CASE = Path(__file__).parents[2] / "validation/data/quarter_cylinder"
-VIEWS, RAYS = 20, 2000
+VIEWS, RAYS = 20, 1000
 
 
 @cache
@@ -124,11 +124,11 @@ def bundle(loaded: LoadedScene) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("engine", ["cells", "shells"])
 def test_no_ray_is_lost(scene: Path, written: str, engine: str) -> None:
-    """Of over 20,000 hits: one would be five times what is allowed."""
+    """Of over 10,000 hits."""
     loaded = load_scene(scene, engine=engine)
     status = trace_rays(loaded, *bundle(loaded)).status
     hits = int((status != Status.MISSED).sum())
-    assert hits > 20_000
+    assert hits > 10_000
     assert (status == Status.GAVE_UP).sum() == 0
     allowed = OFF_AT_THE_WALL[written] * hits if engine == "shells" else 0
     assert (status == Status.INDEX_MISMATCH).sum() <= allowed

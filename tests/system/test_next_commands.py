@@ -36,7 +36,7 @@ def test_from_the_part_to_the_picture(
     words = next_words(capsys)
     assert words == ["field", "synthetic", "my parts/part.stl", "-o", "my parts/field.vtu"]
     options = ["--expansion=14e-6/K", "--hot-temperature=900 degC", "--part-transform=rotate z 90"]
-    more = ["--ambient=25 degC", "--wall-temperature=900 degC", "--cell-size=3 mm"]
+    more = ["--ambient=25 degC", "--wall-temperature=900 degC", "--cell-size=4 mm"]
     assert main([*words, *options, *more]) == 0
     words = next_words(capsys)
     assert words[:5] == ["scene", "my parts/field.vtu", words[2], "-o", "my parts/scene/scene.xml"]

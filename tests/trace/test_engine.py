@@ -257,7 +257,7 @@ def test_an_ensemble_is_traced_alike_in_all_members(tmp_path: Path) -> None:
         found = render_scene(scene)
     assert found.image.header["engine"] == "cells"
     assert found.metrics.engine_test["through_cells"]
-    alone = render_scene(evolve(scene, air=HotAir(field), engine="cells")).image
+    alone = render_scene(evolve(scene, air=HotAir(field, layers=1), engine="cells")).image
     np.testing.assert_allclose(
         found.image.channels["displacement.norm"], alone.channels["displacement.norm"], atol=1e-7
     )
