@@ -173,22 +173,6 @@ def test_metrics_have_every_key_of_the_schema(hot: HotBlock) -> None:
     assert sum(region["rays"]["good"] for region in regions.values()) == rays["good"]
 
 
-def test_header_says_where_the_picture_comes_from(hot: HotBlock) -> None:
-    """As OpenEXR reads it."""
-    with OpenEXR.File(str(hot.image)) as file:
-        header = file.header()
-        assert {name for name in header if name.startswith("iriftrace.")} >= {
-            f"iriftrace.{key}"
-            for key in (
-                *("schema", "version", "camera", "pose", "engine", "index_rule", "normals"),
-                *("bending", "wavelength_nm", "field", "part", "variant", "length_unit", "time_s"),
-            )
-        }
-        part = json.loads(header["iriftrace.part"])
-        assert part["sha256"] == iriftrace.read_part(hot.scene.parent / "part.ply").sha256
-        assert json.loads(header["iriftrace.field"])["path"] == str(hot.field)
-
-
 def test_colours_repeat_the_channels_that_are_asked_for(run: Run, hot: HotBlock) -> None:
     run("render", hot.scene, "-o", "c.exr", "--rgb=shift", "--no-figures")
     channels = channels_of("c.exr")

@@ -102,6 +102,9 @@ def test_header_says_where_the_picture_comes_from(scene: LoadedScene, xml: Path)
     np.testing.assert_allclose(header["pose"]["origin_mm"], (0, -120, 60))
     assert header["counts"] == {"open_boundary": 0, "triangles_in_view": 3 * 1280}
     assert header["assumptions"]["engine"]
+    assert header.keys() >= {
+        *("version", "bending", "wavelength_nm", "field", "variant", "length_unit", "time_s")
+    }
     json.dumps(header, allow_nan=False)
 
 
