@@ -1,7 +1,5 @@
 """Fixtures and checks that hold for the whole test run."""
 
-from __future__ import annotations
-
 import gc
 import os
 import sys

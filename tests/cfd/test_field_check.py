@@ -1,7 +1,5 @@
 """Checks of fields against closed forms, a simulation and spoilt copies of it."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The heat that leaves with the air, against closed forms."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

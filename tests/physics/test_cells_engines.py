@@ -1,7 +1,5 @@
 """The two engines on a real field: each kind of shells converges to its own continuous solution."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

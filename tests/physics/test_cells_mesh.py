@@ -5,8 +5,6 @@ without sharing points, a part that does not fit the wall. Slab and hot cylinder
 figures of the accuracy page, which `test_cells_exact` computes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any

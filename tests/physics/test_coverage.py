@@ -1,7 +1,5 @@
 """Coverage of bodies whose visible area is known, and its independence of the tessellation."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Layered slab and hot cylinder against their exact solutions, by Snell's and Bouguer's laws."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

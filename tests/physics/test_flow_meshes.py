@@ -1,7 +1,5 @@
 """No ray is lost in the meshes of flow solvers, whoever has split their polyhedra."""
 
-from __future__ import annotations
-
 from functools import cache
 from itertools import pairwise
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Shells that bend nothing must change nothing: the noise floor of the tracer."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The real scene against an independent tracer: float64 NumPy, brute force over all triangles."""
 
-from __future__ import annotations
-
 import pytest
 
 from validation.sections.noise_floor import oracle

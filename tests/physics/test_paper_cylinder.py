@@ -1,7 +1,5 @@
 """What the paper says of the cylinder, and whether it holds here: docs/paper_cylinder.md."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import xarray as xr

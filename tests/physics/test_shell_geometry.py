@@ -4,8 +4,6 @@ The real field is a horizontal hot cylinder, solved on hexahedra, wedges, pyrami
 with slivers; its plume leaves the data through their top.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose

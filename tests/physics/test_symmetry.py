@@ -1,7 +1,5 @@
 """A symmetric field about a symmetric part gives a symmetric sweep."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import attrs

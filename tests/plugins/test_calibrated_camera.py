@@ -1,7 +1,5 @@
 """The sensor calibrated_camera against the pinhole's closed form and iriftrace.Camera."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The integrator first_hit as a Mitsuba user meets it: channels, film, determinism."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Sensors of Mitsuba itself with the integrator first_hit: perspective, orthographic, others."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import mitsuba as mi

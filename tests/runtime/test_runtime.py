@@ -3,8 +3,6 @@
 What depends on the order of imports or could kill the process runs in a process of its own.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -3,8 +3,6 @@
 Expected values are the command's own files, bit for bit, and folders as they were where work fails.
 """
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

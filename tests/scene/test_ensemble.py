@@ -1,7 +1,5 @@
 """Scenes of several fields: written, loaded, rendered and swept, against closed forms."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable

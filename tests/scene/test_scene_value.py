@@ -3,8 +3,6 @@
 Expected values are those of the same scene written and loaded again.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Thinned out shells keep place, normals, closedness and side, against the shells before."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

@@ -1,7 +1,5 @@
 """What tests of whole commands share: a user's folder, and how a command is expected to fail."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from hashlib import sha256

@@ -1,7 +1,5 @@
 """What tests share with the fixtures of conftest.py, under a name that no other folder has."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 Failing = Callable[..., str]

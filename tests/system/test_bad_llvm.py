@@ -1,7 +1,5 @@
 """A missing or dangerous LLVM is one sentence and exit code 2, and nothing is left behind."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

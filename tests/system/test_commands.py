@@ -1,7 +1,5 @@
 """The program, render and metrics as a user runs them: files, numbers and what is printed."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """The command compare on a rendering, with markers and maps that were made of it."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The components' scenes hold the parts and cameras of their script, and are small."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

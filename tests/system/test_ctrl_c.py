@@ -1,7 +1,5 @@
 """Ctrl-C at any moment: one line and exit status 130, even where an import would swallow it."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import signal

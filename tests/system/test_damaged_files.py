@@ -1,7 +1,5 @@
 """Damaged files of every format that a command reads: a valid result, or an InputError."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 
 import numpy as np

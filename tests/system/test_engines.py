@@ -1,7 +1,5 @@
 """Both engines from the command line."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The commands ``measure`` and ``correct``: a cloud through hot air, and without it."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

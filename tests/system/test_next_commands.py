@@ -1,7 +1,5 @@
 """Each command prints the next one, which runs as it is printed; files changed by hand are kept."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from pathlib import Path

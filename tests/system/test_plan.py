@@ -1,7 +1,5 @@
 """`iriftrace plan` and `iriftrace report` as a user runs them, and what they refuse."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

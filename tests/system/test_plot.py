@@ -1,7 +1,5 @@
 """`iriftrace plot` as a user runs it: pictures of a sweep and of a pose, and what it refuses."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

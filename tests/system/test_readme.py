@@ -1,7 +1,5 @@
 """Everything that the README and the pages in docs/ tell the reader to type is typed here."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import subprocess

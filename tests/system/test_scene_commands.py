@@ -1,7 +1,5 @@
 """The commands shells and scene as a user runs them: tables, files and what is printed."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Every bundled scene gives what its README says, and is what its script writes."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

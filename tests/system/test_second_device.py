@@ -1,7 +1,5 @@
 """Scenes with two devices: what ``scene --second`` writes measures; wrong ones are refused."""
 
-from __future__ import annotations
-
 import json
 import shlex
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The studies as a user runs them: files, tables, going on after a kill, and wrong input."""
 
-from __future__ import annotations
-
 import io
 import os
 import re

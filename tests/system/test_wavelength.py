@@ -1,7 +1,5 @@
 """Light of another wavelength: the scene made for it, and the scene turned to it, are the same."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

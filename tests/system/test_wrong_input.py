@@ -1,7 +1,5 @@
 """Wrong input: exit code 2, one readable message, nothing half written, no traceback."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

@@ -1,7 +1,5 @@
 """The one choice of the engine: cells where lines of sight run along the layers of hot air."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from functools import cache

@@ -3,8 +3,6 @@
 The truth lies between two members; the shifts of the dots have noise of 0.05 px.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Poses and free bundles of rays, against each other and Snell's law; input that is refused."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Errors that VDI/VDE 2634 part 2 tests, where they are known: even air and plane layers."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

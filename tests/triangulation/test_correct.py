@@ -3,8 +3,6 @@
 Against the true points of the simulation, on the part and beside it.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 import warnings

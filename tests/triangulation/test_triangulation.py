@@ -4,8 +4,6 @@ Closed forms by Snell's law in plane layers and Bouguer's around a cylinder, sym
 in space whose intersection is known.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 Against each member by itself, NumPy's standard deviations, and proportionality to the contrast.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
