@@ -23,7 +23,7 @@ from iriftrace.field.read import read_field
 from iriftrace.field.source import FieldSource
 from iriftrace.part.part import Part, read_part
 from iriftrace.scenes import folder_of
-from iriftrace.shells.levels import index_levels
+from iriftrace.shells.contour import contour_shells
 from validation.inputs import hot_block
 from validation.inputs.conducting_sphere import (
     OUTER,
@@ -141,11 +141,12 @@ def test_open_ends_are_found_and_seen_from_above(simulated: Checked, cylinder: P
     assert share_through_open_sides(field, cylinder, np.array((0.0, 400.0, -50.0))) == 0.0
 
 
-def test_the_edge_is_open_where_the_outermost_shell_is(simulated: Checked) -> None:
+def test_the_edge_is_open_where_the_outermost_shell_is(tmp_path: Path) -> None:
     """Rays count as ``open_boundary`` where they enter behind the first of the usual shells."""
-    field, check = simulated
-    levels, _ = index_levels(field.ambient_refractivity, field.hottest_refractivity, 13)
-    outermost = float(field.air.temperature(levels[0]))
+    air, block = hot_block.save(tmp_path)
+    field = read_field(air)
+    check = check_field(field, read_part(block))
+    outermost = contour_shells(field).temperature_k[0]
     assert finding(check, "edge of the data")["limit_k"] == pytest.approx(outermost, abs=1e-6)
 
 
