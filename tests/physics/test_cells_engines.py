@@ -129,12 +129,3 @@ def test_error_channel_is_the_difference_of_the_two_gradients(images: Images) ->
     np.testing.assert_allclose(found, expected, rtol=0.05, atol=0.04)
     assert np.median(np.abs(found - expected)) < 0.01 * np.median(expected)
     assert np.isfinite(constant.channels["path.error"]).all()
-
-
-def test_header_names_the_engine_and_the_field(images: Images, field: IndexField) -> None:
-    header = images["cells", "gradient"].header
-    assert header["engine"] == "cells"
-    assert header["normals"] == "recovered gradient"
-    assert header["field"]["sha256"] == field.source.sha256
-    assert header["wavelength_nm"] == field.air.wavelength_nm
-    assert images[13, "gradient"].header["engine"] == "shells"

@@ -1,6 +1,5 @@
 """The program, render and metrics as a user runs them: files, numbers and what is printed."""
 
-import json
 import os
 import re
 import shlex
@@ -13,7 +12,7 @@ from typing import Any
 import numpy as np
 import OpenEXR
 import pytest
-from failing import Run
+from failing import Run, metrics_of
 
 import iriftrace
 from iriftrace.image.aov_image import CHANNELS, Status
@@ -24,11 +23,6 @@ COMMANDS = (
     *("doctor", "shells", "scene", "render", "metrics", "demo"),
     *("sweep", "plan", "plot", "report"),
 )
-
-
-def metrics_of(path: str | Path) -> dict[str, Any]:
-    metrics: dict[str, Any] = json.loads(Path(path).read_text())
-    return metrics
 
 
 def channels_of(path: str | Path) -> dict[str, np.ndarray]:

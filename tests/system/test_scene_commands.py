@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pyvista as pv
-from failing import Run
+from failing import Run, metrics_of
 
 import iriftrace
 from iriftrace.cli import main
@@ -25,11 +25,6 @@ def table_of(folder: str | Path) -> dict[str, Any]:
 
 def column(table: dict[str, Any], key: str) -> np.ndarray:
     return np.array([row[key] for row in table["shells"]])
-
-
-def metrics_of(path: str | Path) -> dict[str, Any]:
-    metrics: dict[str, Any] = json.loads(Path(path).read_text())
-    return metrics
 
 
 def default_levels(hottest: float, layers: int) -> FloatArray:

@@ -277,7 +277,7 @@ def test_command(
     np.savetxt(
         tmp_path / "s.csv", table, delimiter=",", header="u,v,du,dv", comments="", fmt="%.9g"
     )
-    measuring = of_part(board, board.air).save(tmp_path / "part" / "scene.xml", scale=1.0)
+    measuring = of_part(board, board.air).save(tmp_path / "part" / "scene.xml", scale=0.5)
     words = ["fit", str(xml.path), str(tmp_path / "s.csv"), "--engine", "shells", "-o"]
     assert main([*words, str(tmp_path / "fitted" / "scene.xml")]) == 0
     printed = " ".join(capsys.readouterr().out.split())

@@ -244,11 +244,3 @@ def test_a_scaled_picture_states_shifts_and_steps_of_the_full_camera() -> None:
         large.as_dict()["full_camera"]["resolution"] == small.as_dict()["full_camera"]["resolution"]
     )
     assert evolve(large, full_resolution=large.camera.resolution).full_camera is None
-
-
-def test_times_add_up_and_have_the_check() -> None:
-    scene = load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.1})
-    times = render_scene(scene).metrics.time_s
-    stages = ("load", "build", "straight", "refracted", "check", "metrics")
-    assert all(value >= 0 for value in times.values())
-    assert 0 < times["check"] < sum(times[stage] for stage in stages) <= times["total"]
