@@ -31,16 +31,27 @@ def matrix_after(text: str, name: str) -> np.ndarray:
     return np.array([[float(v) for v in line.split()] for line in lines[first : first + 4]])
 
 
-def test_the_best_pose_is_printed_in_three_forms(sweep: Path, run: Run) -> None:
-    text = run("plan", sweep, "--top=3")
+def test_the_best_pose_is_printed_in_three_forms_and_ranked_ones_are_saved(
+    sweep: Path, tmp_path: Path, run: Run
+) -> None:
+    """ROS: x forward, y left, z up; and read back, the poses of the ranking, best first."""
+    file = tmp_path / "poses.json"
+    text = run("plan", sweep, "--top=3", "--save-poses", file, "--convention", "ros")
     best = int(re.search(r"^Best pose (\d+)", text, re.MULTILINE)[1])
     matrix = matrix_after(text, f"Best pose {best}")
-    np.testing.assert_allclose(matrix, read_sweep(sweep)["matrix"].values[best], atol=1e-6)
+    own = read_sweep(sweep)["matrix"].values[best]
+    np.testing.assert_allclose(matrix, own, atol=1e-6)
     xml = re.search(r'<lookat origin="(.*?)" target="(.*?)" up="(.*?)"/>', text)
     vectors = [[float(v) for v in xml[i].split(",")] for i in (1, 2, 3)]
     np.testing.assert_allclose(look_at(*vectors), matrix, atol=1e-5)
     plain = re.search(r"^Look-at: origin \((.*?)\) mm", text, re.MULTILINE)
     assert plain[1] == xml[1]
+    first = np.array(json.loads(file.read_text())["matrices"][0])
+    np.testing.assert_array_equal(first[:3, :3], own[:3, [2, 0, 1]] * (1, -1, -1))
+    np.testing.assert_array_equal(first[:3, 3], own[:3, 3])
+    back = read_poses(file, "ros")
+    assert len(back) == 3
+    np.testing.assert_allclose(back.matrices[0], own, atol=1e-12)
 
 
 def test_python_plans_as_the_command_does(sweep: Path, run: Run) -> None:
@@ -53,21 +64,6 @@ def test_python_plans_as_the_command_does(sweep: Path, run: Run) -> None:
     assert found.views is not None
     assert f"Together they see {100 * found.views.covered:.2f} %" in text
     assert found.refined is None
-
-
-def test_ranked_poses_are_saved_for_other_programs(sweep: Path, tmp_path: Path, run: Run) -> None:
-    """ROS: x forward, y left, z up; and read back, the poses of the ranking, best first."""
-    file = tmp_path / "poses.json"
-    text = run("plan", sweep, "--top=3", "--save-poses", file, "--convention", "ros")
-    best = int(re.search(r"^Best pose (\d+)", text, re.MULTILINE)[1])
-    own = read_sweep(sweep)["matrix"].values[best]
-    saved = json.loads(file.read_text())
-    first = np.array(saved["matrices"][0])
-    np.testing.assert_array_equal(first[:3, :3], own[:3, [2, 0, 1]] * (1, -1, -1))
-    np.testing.assert_array_equal(first[:3, 3], own[:3, 3])
-    back = read_poses(file, "ros")
-    assert len(back) == 3
-    np.testing.assert_allclose(back.matrices[0], own, atol=1e-12)
 
 
 def test_a_complete_sweep_says_so(hot: HotBlock, sweep: Path, run: Run) -> None:
