@@ -93,10 +93,14 @@ def _variant_is_the_one_asked_for(request: pytest.FixtureRequest) -> None:
 
 @pytest.fixture(scope="module", autouse=True)
 def _jit_memory_returned() -> Iterator[None]:
-    """Give back Dr.Jit's cached arrays after each file; compiled kernels stay, they are reused."""
+    """Give back Dr.Jit's cached arrays after each file; compiled kernels stay, they are reused.
+
+    What is still in use then, such as modules, is not looked at again.
+    """
     yield
     if "drjit" in sys.modules:
         gc.collect()
+        gc.freeze()
         sys.modules["drjit"].flush_malloc_cache()
 
 
