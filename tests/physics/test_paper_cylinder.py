@@ -9,6 +9,8 @@ from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.sweep import SweepOptions, run_sweep
 
+pytestmark = pytest.mark.slow
+
 STAND_OFF_MM = 225.0
 FULL_LENGTH_MM, RADIUS_MM = 170.0, 13.5
 

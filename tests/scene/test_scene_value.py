@@ -44,8 +44,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> iriftrace.Scene:
     return iriftrace.Scene(part, iriftrace.HotAir(field, layers=9), camera, second, "camera_2")
 
 
-@pytest.mark.parametrize("engine", ["shells", "cells"])
-@pytest.mark.parametrize("wavelength", [None, 450.0])
+@pytest.mark.parametrize(("engine", "wavelength"), [("shells", None), ("cells", 450.0)])
 def test_same_numbers_as_from_files(
     scene: iriftrace.Scene, tmp_path: Path, engine: str, wavelength: float | None
 ) -> None:

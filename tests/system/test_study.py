@@ -68,6 +68,7 @@ def test_layers_write_a_file_and_a_figure_and_print_a_table(
     assert out.stat().st_mtime_ns == written
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("line", "dimension", "length"),
     [

@@ -293,6 +293,7 @@ def test_air_that_changes_in_time_is_uncertain(
     assert found.as_dict()["unsteadiness"] == found.state.unsteadiness
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("variant")
 def test_several_fields_become_a_scene_with_two_devices(tmp_path: Path, capsys: Printed) -> None:
     field, part = hot_block.save(tmp_path)
