@@ -1,7 +1,5 @@
 """Fixtures and checks that hold for the whole test run."""
 
-from __future__ import annotations
-
 import gc
 import os
 import sys
@@ -26,7 +24,8 @@ CUDA = runtime.cuda_state()
 TESTED_VARIANTS = ("llvm_ad_mono", "cuda_ad_mono") if CUDA.devices else ("llvm_ad_mono",)
 
 # Shared machines are slow at times; how long an example takes says nothing about its result.
-hypothesis.settings.register_profile("iriftrace", deadline=None)
+# Each run draws other examples.
+hypothesis.settings.register_profile("iriftrace", deadline=None, max_examples=30)
 hypothesis.settings.load_profile("iriftrace")
 
 
@@ -94,10 +93,14 @@ def _variant_is_the_one_asked_for(request: pytest.FixtureRequest) -> None:
 
 @pytest.fixture(scope="module", autouse=True)
 def _jit_memory_returned() -> Iterator[None]:
-    """Give back Dr.Jit's cached arrays after each file; compiled kernels stay, they are reused."""
+    """Give back Dr.Jit's cached arrays after each file; compiled kernels stay, they are reused.
+
+    What is still in use then, such as modules, is not looked at again.
+    """
     yield
     if "drjit" in sys.modules:
         gc.collect()
+        gc.freeze()
         sys.modules["drjit"].flush_malloc_cache()
 
 

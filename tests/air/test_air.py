@@ -1,7 +1,5 @@
 """Refractive index of air against published values and the laws that hot air follows."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

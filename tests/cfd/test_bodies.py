@@ -1,7 +1,5 @@
 """Bodies and a floor in the air around the part: walls of the case, copies, what is refused."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

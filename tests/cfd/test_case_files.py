@@ -1,7 +1,5 @@
 """What the files of a case say, read back as facts and not as text."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

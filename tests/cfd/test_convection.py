@@ -1,7 +1,5 @@
 """The Nusselt number to be expected of a horizontal cylinder."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

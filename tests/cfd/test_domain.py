@@ -1,7 +1,5 @@
 """The box of air covers the part with room, has whole cells, and is fine where the air is hot."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import trimesh

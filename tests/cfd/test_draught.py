@@ -1,7 +1,5 @@
 """Draughts: direction, inlets, symmetry, times, and what is refused; nothing is solved here."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Families of draughts: members, what is solved and what mirrored, resuming; nothing is solved."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path

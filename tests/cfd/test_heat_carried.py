@@ -1,7 +1,5 @@
 """The heat in what the solver averaged or wrote: known states, and fields that lack some of it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Finding OpenFOAM, telling a solver that computes wrong, and what the user is told."""
 
-from __future__ import annotations
-
 import stat
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What is read from a running solver's files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Wall temperatures from a file: units, projection, warnings; nothing is solved."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Halves that become wholes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

@@ -1,7 +1,5 @@
 """Going on with a run, and judging whether it stands still; the solver here only writes files."""
 
-from __future__ import annotations
-
 import shutil
 import stat
 from pathlib import Path

@@ -1,7 +1,5 @@
 """``iriftrace field simulate`` and ``doctor`` without running OpenFOAM."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

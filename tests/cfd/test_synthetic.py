@@ -1,7 +1,5 @@
 """Synthetic hot air: its formulas, its mesh, and that every result says what it is."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """How long a simulation runs."""
 
-from __future__ import annotations
-
 import pytest
 
 from iriftrace.cfd.openfoam.times import Times, natural_times

@@ -1,7 +1,5 @@
 """Temperatures of the wall by region, with and without a transition."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Child processes: what they hand over, how they end, and that they run nothing of the folder."""
 
-from __future__ import annotations
-
 import os
 import signal
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Arrays and netCDF files whose bytes are not what their headers state."""
 
-from __future__ import annotations
-
 import io
 import pickle
 import re

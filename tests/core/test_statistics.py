@@ -1,7 +1,5 @@
 """Statistics and even sequences against numbers known by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Numbers with units: conversion, offsets, and what is refused."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

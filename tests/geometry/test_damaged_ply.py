@@ -1,7 +1,5 @@
 """PLY files whose header states what is not there."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

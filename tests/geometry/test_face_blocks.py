@@ -1,7 +1,5 @@
 """Sharing out among faces: nothing is lost or made, no face gets more than its area."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,8 +1,6 @@
 """Nearest points, gaps and the inside of surfaces, against closed forms, brute force over all
 triangles by trimesh, and the winding number."""
 
-from __future__ import annotations
-
 import numpy as np
 import pyvista as pv
 import trimesh

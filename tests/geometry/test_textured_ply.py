@@ -1,7 +1,5 @@
 """PLY files with a texture: their vertices are those of the file, whether the picture is there."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Topology of triangles: welding, slivers, winding and normals, on bodies known by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

@@ -1,7 +1,5 @@
 """Transforms written as text: order, sense of rotation, files, and what is refused."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

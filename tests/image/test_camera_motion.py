@@ -1,7 +1,5 @@
 """A small motion of the camera, got back from what it shifts in the picture."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -1,7 +1,5 @@
 """Measured against simulated shifts: where they are compared, and what the numbers say."""
 
-from __future__ import annotations
-
 import json
 import warnings
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The displacement splits at the line of sight, with the right signs, for both projections."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """The EXR must give back every bit and every header value, and refuse what would mislead."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

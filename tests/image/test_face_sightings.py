@@ -1,7 +1,5 @@
 """Sightings of faces against a count ray by ray, stored and read back."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import xarray as xr

@@ -1,7 +1,5 @@
 """Measured shifts as maps and as markers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

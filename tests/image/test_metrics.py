@@ -1,7 +1,5 @@
 """Metrics against numbers computed by hand from an image whose every pixel is known."""
 
-from __future__ import annotations
-
 import io
 import json
 from pathlib import Path

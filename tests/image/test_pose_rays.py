@@ -1,7 +1,5 @@
 """The rays that count, against the plain formulas for one vector at a time."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

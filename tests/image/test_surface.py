@@ -1,7 +1,5 @@
 """Points on the part for other programs: the numbers are those of the EXR."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -4,8 +4,6 @@ In a picture of odd width the central column has a direction component of exactl
 packet traversal then missed triangles for the whole packet: 14 % of the rays of this view.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The two engines on a real field: each kind of shells converges to its own continuous solution."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -132,12 +130,3 @@ def test_error_channel_is_the_difference_of_the_two_gradients(images: Images) ->
     np.testing.assert_allclose(found, expected, rtol=0.05, atol=0.04)
     assert np.median(np.abs(found - expected)) < 0.01 * np.median(expected)
     assert np.isfinite(constant.channels["path.error"]).all()
-
-
-def test_header_names_the_engine_and_the_field(images: Images, field: IndexField) -> None:
-    header = images["cells", "gradient"].header
-    assert header["engine"] == "cells"
-    assert header["normals"] == "recovered gradient"
-    assert header["field"]["sha256"] == field.source.sha256
-    assert header["wavelength_nm"] == field.air.wavelength_nm
-    assert images[13, "gradient"].header["engine"] == "shells"

@@ -4,8 +4,6 @@ Luneburg lens, Maxwell fish-eye, linear and parabolic media have closed forms; o
 compared with SciPy's DOP853 at a tolerance of 1e-12, which shares no code with the engine.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The closed forms that the tracer is checked with, against values of 30-digit quadrature."""
 
-from __future__ import annotations
-
 import pytest
 
 from iriftrace.scenes.analytic import cylinder_radii

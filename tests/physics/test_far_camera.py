@@ -1,7 +1,5 @@
 """Distance must not cost precision: a camera metres away sees the same noise floor."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

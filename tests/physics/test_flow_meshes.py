@@ -1,7 +1,5 @@
 """No ray is lost in the meshes of flow solvers, whoever has split their polyhedra."""
 
-from __future__ import annotations
-
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -25,7 +23,7 @@ from iriftrace.trace.rays import trace_rays
 from validation.inputs.solved_fields import SOLVED, camera_at
 
 CASE = Path(__file__).parents[2] / "validation/data/quarter_cylinder"
-VIEWS, RAYS = 20, 2000
+VIEWS, RAYS = 20, 1000
 
 
 @cache
@@ -68,7 +66,13 @@ it, makes the wall of 1323 K 754 to 1269 K warm, so that shells end on it; where
 neighbours do not fit, shells have cracks besides. The field has no such limit."""
 
 
-@pytest.fixture(scope="module", params=list(OFF_AT_THE_WALL))
+@pytest.fixture(
+    scope="module",
+    params=[
+        *list(OFF_AT_THE_WALL)[:-1],
+        pytest.param("split from corners", marks=pytest.mark.slow),
+    ],
+)
 def written(request: pytest.FixtureRequest) -> str:
     """Who wrote the field."""
     return str(request.param)
@@ -118,11 +122,11 @@ def bundle(loaded: LoadedScene) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("engine", ["cells", "shells"])
 def test_no_ray_is_lost(scene: Path, written: str, engine: str) -> None:
-    """Of over 20,000 hits: one would be five times what is allowed."""
+    """Of over 10,000 hits."""
     loaded = load_scene(scene, engine=engine)
     status = trace_rays(loaded, *bundle(loaded)).status
     hits = int((status != Status.MISSED).sum())
-    assert hits > 20_000
+    assert hits > 10_000
     assert (status == Status.GAVE_UP).sum() == 0
     allowed = OFF_AT_THE_WALL[written] * hits if engine == "shells" else 0
     assert (status == Status.INDEX_MISMATCH).sum() <= allowed
@@ -159,6 +163,7 @@ def test_polyhedra_leave_no_slivers_and_no_open_faces() -> None:
     assert area == pytest.approx(whole, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_pieces_that_others_made_right_handed_are_oriented_like_their_neighbours() -> None:
     """Some of those pieces are turned inside out, and right-handed all the same."""
     split = split_from_corners()

@@ -1,7 +1,5 @@
 """The gradient of n against what it must integrate to, and its order of convergence."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

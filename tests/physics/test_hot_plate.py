@@ -1,7 +1,5 @@
 """The hot plate's air and the engine's rays in it against independent solutions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

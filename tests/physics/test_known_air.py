@@ -3,8 +3,6 @@
 The rays of the oracle are checked with the hot cylinder's closed form, the engines with the oracle.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

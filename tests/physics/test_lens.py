@@ -1,7 +1,5 @@
 """What is measured through a distorting lens: shifts, areas, the view's edges."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Fields of which the tree keeps what was solved: their mirror images join without a gap."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

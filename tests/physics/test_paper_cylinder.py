@@ -1,7 +1,5 @@
 """What the paper says of the cylinder, and whether it holds here: docs/paper_cylinder.md."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -10,6 +8,8 @@ from iriftrace.camera.orbit import Orbit, orbit_poses
 from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.sweep import SweepOptions, run_sweep
+
+pytestmark = pytest.mark.slow
 
 STAND_OFF_MM = 225.0
 FULL_LENGTH_MM, RADIUS_MM = 170.0, 13.5

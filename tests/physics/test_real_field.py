@@ -1,7 +1,5 @@
 """A real hot-air field: no ray is lost, and the number of shells hardly matters."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.ndimage import binary_erosion, median_filter

@@ -1,7 +1,5 @@
 """Resolution of tilted planes against closed forms, nearest neighbours against brute force."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

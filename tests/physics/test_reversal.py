@@ -1,7 +1,5 @@
 """Light takes the same way back: the ray sent back from the hit returns to where it came from."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

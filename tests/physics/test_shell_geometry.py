@@ -4,8 +4,6 @@ The real field is a horizontal hot cylinder, solved on hexahedra, wedges, pyrami
 with slivers; its plume leaves the data through their top.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -153,7 +151,7 @@ def test_index_steps_along_a_line_add_up_to_the_layers_at_its_ends(plume, shells
     hot = np.flatnonzero(layer >= 3)
     assert len(hot) >= 20
     checked = 0
-    for first in hot[:25]:
+    for first in hot[:12]:
         for second in rng.choice(len(ends), 1):
             a, b = ends[first], ends[second]
             if _passes_the_part(a, b):
@@ -161,7 +159,7 @@ def test_index_steps_along_a_line_add_up_to_the_layers_at_its_ends(plume, shells
             change = sum(_step_along(shell, a, b) for shell in shells.shells)
             assert_allclose(change, e[layer[second]] - e[layer[first]], atol=1e-12)
             checked += 1
-    assert checked >= 10
+    assert checked >= 5
 
 
 def _passes_the_part(a: np.ndarray, b: np.ndarray) -> bool:

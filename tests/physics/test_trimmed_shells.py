@@ -1,7 +1,5 @@
 """Shells trimmed to a camera's view give that camera the same picture."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

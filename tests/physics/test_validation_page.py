@@ -1,7 +1,5 @@
 """docs/validation.md says what the program computes, as far as that takes seconds."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The sensor calibrated_camera with a calibration of OpenCV in the place of numbers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

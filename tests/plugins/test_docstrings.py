@@ -1,7 +1,5 @@
 """The XML and Python examples in the plugins' docstrings are typed in as they stand."""
 
-from __future__ import annotations
-
 import inspect
 import re
 from textwrap import dedent

@@ -1,7 +1,5 @@
 """Hits beside an edge lie on the face that is really met, to 1e-9 mm where a query errs by 1e-5."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import trimesh

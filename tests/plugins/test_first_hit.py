@@ -1,7 +1,5 @@
 """The integrator first_hit as a Mitsuba user meets it: channels, film, determinism."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -270,14 +268,6 @@ def test_integrator_prepares_anew_for_another_scene(tmp_path: Path) -> None:
         for s in (small, large, small)
     ]
     assert counts[0] == counts[2] < counts[1] / 5
-
-
-def test_scene_without_shells_displaces_nothing(tmp_path: Path) -> None:
-    pixels = channels(scene({"part": part(tmp_path, sphere(10.0))}))
-    good = pixels["status.code"] == 0
-    assert good.sum() > 150
-    np.testing.assert_array_equal(pixels["path.crossings"], 0)
-    assert pixels["displacement.norm"].max() < 1e-12
 
 
 @pytest.mark.parametrize(

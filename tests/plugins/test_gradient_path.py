@@ -1,7 +1,5 @@
 """The integrator gradient_path: from XML and by option, its channels, and what it refuses."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

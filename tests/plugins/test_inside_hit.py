@@ -1,7 +1,5 @@
 """The option ``inside_hit`` of ``first_hit``: rays that leave a shell again are given up."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The bsdf iso_shell: its numbers, its refraction, and pictures by Mitsuba's own integrator."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Deflections of rays between shells against quadrature of media known everywhere."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import mitsuba as mi

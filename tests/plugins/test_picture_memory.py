@@ -1,7 +1,5 @@
 """Pictures larger than memory are refused before anything is allocated."""
 
-from __future__ import annotations
-
 import resource
 from pathlib import Path
 

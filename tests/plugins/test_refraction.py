@@ -1,7 +1,5 @@
 """Snell's law, plane hits and interpolated normals against independent float64 NumPy."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import mitsuba as mi

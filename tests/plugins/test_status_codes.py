@@ -1,7 +1,5 @@
 """Each status code from a small scene made for it, and their order."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

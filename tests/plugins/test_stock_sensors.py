@@ -1,7 +1,5 @@
 """Sensors of Mitsuba itself with the integrator first_hit: perspective, orthographic, others."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import mitsuba as mi
@@ -99,6 +97,8 @@ def test_projection_of_stock_sensors_is_the_inverse_of_their_rays(sensor_type: s
     sensor = camera_of(
         mi.load_dict({"type": sensor_type, "to_world": pose, "film": window, **more})
     )
+    pinhole = sensor_type == "perspective"
+    assert sensor.description()["projection"] == ("pinhole" if pinhole else "orthographic")
     x, y = np.array((10.5, 29.5, 20.0)), np.array((5.5, 34.5, 17.0))
     origin, direction = sensor.rays64(mi.Float64(x), mi.Float64(y))
     found = sensor.project64(origin + 77.0 * direction)

@@ -1,7 +1,5 @@
 """Traps of Mitsuba, each of which once spoilt a result in silence."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

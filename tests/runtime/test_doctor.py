@@ -1,7 +1,5 @@
 """The doctor's lines: what is there, what is wrong, and the very command that mends it."""
 
-from __future__ import annotations
-
 import platform
 import sys
 from importlib.metadata import PackageNotFoundError

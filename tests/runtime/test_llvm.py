@@ -1,7 +1,5 @@
 """LLVM libraries: found, opened in a process of their own, and judged."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Bodies that only block the view: a board that is seen past a hot block, and supports."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import attrs

@@ -1,7 +1,5 @@
 """Code beside a scene or in the working folder is refused, as Mitsuba would run it."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

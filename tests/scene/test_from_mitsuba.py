@@ -1,7 +1,5 @@
 """Scenes that were made with Mitsuba itself, for the rest of the package."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import mitsuba as mi

@@ -1,11 +1,8 @@
-"""Scenes saved from Python are those that the command makes: equal files, equal pictures.
+"""Scenes saved from Python are those that the command makes: equal files, hence equal pictures.
 
 Expected values are the command's own files, bit for bit, and folders as they were where work fails.
 """
 
-from __future__ import annotations
-
-import json
 import shutil
 from pathlib import Path
 
@@ -44,14 +41,9 @@ def test_python_and_command_give_the_same_files(folder: Path) -> None:
     part = iriftrace.read_part(folder / "block.stl")
     scene = Scene(part, HotAir(field, layers=5), CAMERA)
     saved = scene.save(folder / "python" / "scene.xml", scale=1.0)
-    scene = iriftrace.load_scene(saved)
-    iriftrace.render_scene(scene).save(folder / "python.exr")
-
     words = ["scene", str(folder / "air.vtu"), str(folder / "block.stl"), "--layers=5"]
     xml = folder / "command" / "scene.xml"
     assert main([*words, "-o", str(xml), *hot_block.CAMERA, "--target=0,0,0"]) == 0
-    assert main(["render", str(xml), "-o", str(folder / "command.exr"), "--no-figures"]) == 0
-
     files = sorted(path.relative_to(xml.parent) for path in xml.parent.rglob("*.*"))
     assert Path("field.npz") in files
     assert Path("shells/shell_01.ply") in files
@@ -59,16 +51,6 @@ def test_python_and_command_give_the_same_files(folder: Path) -> None:
         same = (xml.parent / name).read_bytes() == (saved.path.parent / name).read_bytes()
         # The archive of the field states when it was packed.
         assert same or name == Path("field.npz"), name
-    ours, theirs = (iriftrace.read_exr(folder / f"{n}.exr") for n in ("python", "command"))
-    assert ours.channels.keys() == theirs.channels.keys()
-    for name, values in ours.channels.items():
-        assert np.array_equal(values, theirs.channels[name]), name
-    assert (ours.channels["displacement.norm"] > 0).sum() > 100
-    reports = [json.loads((folder / f"{n}.json").read_text()) for n in ("python", "command")]
-    for report in reports:
-        # Where the files lie, and how long each run took.
-        del report["time_s"]
-    assert reports[0] == reports[1]
     assert saved.fits[0] is not None
     assert saved.fits[0].gap_p95_mm < 0.1
     shells = iriftrace.load_shells(xml.parent)

@@ -1,7 +1,5 @@
 """Scene folders: what is written is loaded, the XML can be edited, wrong files are named."""
 
-from __future__ import annotations
-
 import gc
 import json
 import re

@@ -1,7 +1,5 @@
 """Statements of a scene on where its rays are bent, and shells that are placed by hand."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

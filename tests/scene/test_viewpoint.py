@@ -3,8 +3,6 @@
 Expected values are the solid angle of a rectangle and the rays of the bundled cylinder's camera.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Levels of the index, and shells as values, by hand."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

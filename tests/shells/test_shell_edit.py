@@ -1,7 +1,5 @@
 """Trimmed, smoothed and subdivided shells, against brute force over all pairs and closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

@@ -1,7 +1,5 @@
 """Iso-surfaces as other programs export them, against the spheres that they were made of."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

@@ -1,7 +1,5 @@
 """Shells on disk: what other programs read, what comes back, and that nothing is half written."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Report on shells: closed forms on hand-made ones, openings and gaps on real ones."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

@@ -1,7 +1,5 @@
 """Contours of fields and their derivatives, against the fields' known surfaces."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from collections.abc import Callable

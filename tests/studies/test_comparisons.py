@@ -1,7 +1,5 @@
 """Studies of layers, smoothing and meshes on the hot block."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Modes: which shells they make, and what they refuse."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

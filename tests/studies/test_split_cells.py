@@ -1,7 +1,5 @@
 """Splitting cells adds triangles to surfaces of equal index and moves none of them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

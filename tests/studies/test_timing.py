@@ -1,7 +1,5 @@
 """Studies of times count what they say; how long anything takes is not asked."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -35,7 +35,7 @@ POSES = iriftrace.orbit_poses(ORBIT, azimuth_deg=[20.0, 35.0], elevation_deg=[0.
 
 @pytest.fixture(scope="module")
 def scene() -> LoadedScene:
-    return load_scene(SCENE, {"scale": 0.15})
+    return load_scene(SCENE, {"scale": 0.08})
 
 
 @pytest.fixture(scope="module")
@@ -92,15 +92,21 @@ def test_a_criterion_ranks_by_its_error_alone(
     }
 
 
-def test_plan_says_that_both_move(
-    swept: xr.Dataset, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    file = tmp_path / "sweep.nc"
-    swept.to_netcdf(file, engine="h5netcdf")
+@pytest.fixture
+def file(swept: xr.Dataset, tmp_path: Path) -> Path:
+    swept.to_netcdf(tmp_path / "sweep.nc", engine="h5netcdf")
+    return tmp_path / "sweep.nc"
+
+
+def test_plan_says_that_both_move(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plan", str(file)]) == 0
     assert "Both devices move together" in capsys.readouterr().out
     assert main(["plan", str(file), "--criterion", "displacement"]) == 0
     assert "is for the camera alone" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.slow
+def test_both_are_moved_to_the_refined_pose(swept: xr.Dataset, file: Path, tmp_path: Path) -> None:
     refined = tmp_path / "refined.json"
     assert main(["plan", str(file), "--refine", "--evaluations=11", "-o", str(refined)]) == 0
     found = json.loads(refined.read_text())

@@ -1,7 +1,5 @@
 """What tests of whole commands share: a user's folder, and how a command is expected to fail."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from hashlib import sha256
@@ -12,6 +10,7 @@ from failing import NINE_POSES, Failing, Run
 
 from iriftrace.cli import main
 from iriftrace.figures import pose, space, style, sweep_space
+from iriftrace.runtime import doctor
 from validation.inputs import hot_block
 from validation.inputs.hot_block import HotBlock
 
@@ -51,6 +50,12 @@ def _small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(module, "DPI", dpi)
     for module in (space, sweep_space):
         monkeypatch.setattr(module, "SIZE_PX", size_px)
+
+
+@pytest.fixture
+def no_driver(monkeypatch: pytest.MonkeyPatch) -> None:
+    """3-D pictures are left out, which take most of the time of a demo."""
+    monkeypatch.setattr(doctor, "drawing_trouble", lambda: "no driver")
 
 
 def contents(folder: Path) -> dict[str, str]:

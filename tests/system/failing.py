@@ -1,8 +1,15 @@
 """What tests share with the fixtures of conftest.py, under a name that no other folder has."""
 
-from __future__ import annotations
-
+import json
 from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+
+def metrics_of(path: str | Path) -> dict[str, Any]:
+    metrics: dict[str, Any] = json.loads(Path(path).read_text())
+    return metrics
+
 
 Failing = Callable[..., str]
 Run = Callable[..., str]

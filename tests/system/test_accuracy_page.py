@@ -3,8 +3,6 @@
 Sections ``exact``, ``cells`` and ``noise`` are what `tests/physics` asserts line by line.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,27 +1,18 @@
 """A missing or dangerous LLVM is one sentence and exit code 2, and nothing is left behind."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
 from pathlib import Path
 
-import pytest
 
-from iriftrace.runtime.llvm import llvm_libraries
-
-OLD = [library.path for library in llvm_libraries() if not library.ok]
-
-
-@pytest.mark.parametrize("path", [*OLD, "/nowhere/libLLVM.so"])
-def test_demo_with_a_bad_llvm(path: str, tmp_path: Path) -> None:
-    """LLVM 15 and 16 kill the process at the first float64 maximum: it must not come so far."""
+def test_demo_with_a_bad_llvm(tmp_path: Path) -> None:
+    """tests/runtime has the libraries that are too old, which are found out in the same way."""
     program = Path(sys.executable).with_name("iriftrace")
     done = subprocess.run(
         [str(program), "demo", "-o", "out"],
         cwd=tmp_path,
-        env={**os.environ, "DRJIT_LIBLLVM_PATH": path},
+        env={**os.environ, "DRJIT_LIBLLVM_PATH": "/nowhere/libLLVM.so"},
         capture_output=True,
         text=True,
         check=False,

@@ -1,7 +1,5 @@
 """Scenes whose camera comes from a calibration of OpenCV, or has a lens distortion typed in."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

@@ -1,7 +1,5 @@
 """The components' scenes hold the parts and cameras of their script, and are small."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -68,6 +66,7 @@ def test_thinned_shells_are_open_at_data_and_wall_alone(name: str) -> None:
     }
 
 
+@pytest.mark.usefixtures("no_driver")
 def test_the_demo_brings_the_shells_that_a_scene_borrows(tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert main(["demo", "--scene", TOOTH_SCENE, "-o", str(out), "-D", "scale=0.05"]) == 0

@@ -1,13 +1,10 @@
 """Both engines from the command line."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
-from failing import Failing
 
 from iriftrace.cli import main
 from iriftrace.core.errors import IriftraceWarning
@@ -40,13 +37,6 @@ def test_scene_carries_the_field_and_render_switches_the_engine(
     assert abs(lengths[0] / lengths[1] - 1) < 0.2
     # What the engine adds can be reduced again.
     assert main(["metrics", str(exr), "-o", str(tmp_path / "again.json")]) == 0
-
-
-def test_an_older_scene_is_refused_with_what_to_do(scene: Path, fails: Failing) -> None:
-    (scene.parent / FIELD_FILE).unlink()
-    message = fails("render", scene, "--engine", "cells")
-    assert "no field file" in message
-    assert "`iriftrace scene FIELD PART -o SCENE.xml`" in message
 
 
 def test_sweep_bends_rays_through_the_field(hot: HotBlock, tmp_path: Path) -> None:

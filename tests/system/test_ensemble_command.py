@@ -1,7 +1,5 @@
 """Several states of the air on the command line: time series, spans of times, several files."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

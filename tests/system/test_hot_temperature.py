@@ -1,7 +1,5 @@
 """How far a part has grown, by --hot-temperature: one number, regions, or the field's wall."""
 
-from __future__ import annotations
-
 import json
 import re
 from functools import partial

@@ -1,7 +1,5 @@
 """Kill -9 at random moments, Ctrl-C with workers: a sweep loses nothing but poses in flight."""
 
-from __future__ import annotations
-
 import json
 import os
 import random

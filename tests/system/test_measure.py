@@ -1,7 +1,5 @@
 """The commands ``measure`` and ``correct``: a cloud through hot air, and without it."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
@@ -37,7 +35,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def scan(variant: str, scene: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     cloud = tmp_path_factory.mktemp("scan") / "scan.vtp"
-    words = ["measure", str(scene), "-o", str(cloud), "-D", "scale=0.1"]
+    words = ["measure", str(scene), "-o", str(cloud), "-D", "scale=0.05"]
     assert main([*words, "--feature", "cylinder:lateral"]) == 0
     return cloud
 
@@ -45,28 +43,21 @@ def scan(variant: str, scene: Path, tmp_path_factory: pytest.TempPathFactory) ->
 def test_a_cloud_its_numbers_and_picture_are_written(scan: Path) -> None:
     values = json.loads(scan.with_suffix(".json").read_text())
     assert values["system"] == "fringe"
-    assert values["points"]["measured"] == pv.read(scan).n_points > 5000
+    assert values["points"]["measured"] == pv.read(scan).n_points > 1200
     (feature,) = values["features"]
     air_um = 1e3 * (feature["size_mm"]["cold"] - feature["size_mm"]["measured"])
     assert 1.0 < air_um < 50.0
     assert scan.with_suffix(".png").stat().st_size > 10_000
 
 
-@pytest.mark.parametrize("suffix", [".vtp", ".xyz", ".ply"])
 def test_its_correction_gives_the_diameter_back(
-    scan: Path, scene: Path, suffix: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    scan: Path, scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Whatever kind of file the cloud comes in."""
-    cloud = tmp_path / f"cloud{suffix}"
-    points = np.asarray(pv.read(scan).points)
-    if suffix == ".xyz":
-        np.savetxt(cloud, points, header="x y z")
-    elif suffix == ".ply":
-        trimesh.PointCloud(points).export(cloud)
-    else:
-        shutil.copy(scan, cloud)
+    """Of points alone; kinds of files are in tests/clouds."""
+    cloud = tmp_path / "cloud.xyz"
+    np.savetxt(cloud, np.asarray(pv.read(scan).points), header="x y z")
     target = tmp_path / "corrected.vtp"
-    words = ["correct", str(cloud), str(scene), "-o", str(target), "-D", "scale=0.1"]
+    words = ["correct", str(cloud), str(scene), "-o", str(target), "-D", "scale=0.05"]
     assert main(words) == 0
     (corrected,) = json.loads(target.with_suffix(".json").read_text())["features"]
     (simulated,) = json.loads(scan.with_suffix(".json").read_text())["features"]
@@ -84,7 +75,7 @@ def test_rounded_coordinates_are_warned_of(
     cloud = tmp_path / "rounded.csv"
     np.savetxt(cloud, np.asarray(pv.read(scan).points).round(3), delimiter=",", fmt="%.3f")
     words = ["correct", str(cloud), str(scene), "-o", str(tmp_path / "out.vtp")]
-    assert main([*words, "-D", "scale=0.1"]) == 0
+    assert main([*words, "-D", "scale=0.05"]) == 0
     assert "rounded to 0.001 mm" in capsys.readouterr().err
 
 
@@ -127,7 +118,7 @@ def test_numbers_replace_no_file_of_the_users(
     calibration.write_text('{"K": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}')
     before = calibration.read_bytes(), part.read_bytes()
     words = [command, *([str(scan)] if command == "correct" else []), str(scene)]
-    small = ["-D", "scale=0.1", *([] if command == "correct" else ["--no-figures"])]
+    small = ["-D", "scale=0.05", *([] if command == "correct" else ["--no-figures"])]
     ending = "exr" if command == "render" else "ply"
     assert main([*words, "-o", str(tmp_path / f"camera.{ending}"), *small]) == 2
     assert f"are written to {calibration}, another file" in capsys.readouterr().err
@@ -135,7 +126,7 @@ def test_numbers_replace_no_file_of_the_users(
         assert main([*words, "-o", str(part), *small]) == 2
         assert "one of its inputs" in capsys.readouterr().err
     assert (calibration.read_bytes(), part.read_bytes()) == before
-    for _ in range(2):
+    for _ in range(2 if command == "measure" else 1):
         assert main([*words, "-o", str(tmp_path / f"new.{ending}"), *small]) == 0
 
 
@@ -156,7 +147,7 @@ def test_reports_of_a_measurement_and_its_correction(
 ) -> None:
     """One page each, with the numbers of its JSON, the picture, and all assumptions."""
     corrected = tmp_path / "c.csv"
-    words = ["correct", str(scan), str(scene), "-o", str(corrected), "-D", "scale=0.1"]
+    words = ["correct", str(scan), str(scene), "-o", str(corrected), "-D", "scale=0.05"]
     assert main([*words, "--field-uncertainty=5 %"]) == 0
     for cloud, true in ((scan, "cold"), (corrected, "corrected")):
         values = json.loads(cloud.with_suffix(".json").read_text())
@@ -187,7 +178,7 @@ def test_the_hot_part_against_its_cold_drawing(
     """1.44 % larger is said to be steel at 1050 degC; sizes of an expanded part at 20 degC."""
     points = np.asarray(pv.read(scan).points)
     np.savetxt(tmp_path / "hot.xyz", 1.01442 * points, "%.6f")
-    words = [str(scene), "-o", str(tmp_path / "c.vtp"), "-D", "scale=0.1", "--no-figures"]
+    words = [str(scene), "-o", str(tmp_path / "c.vtp"), "-D", "scale=0.05", "--no-figures"]
     assert main(["correct", str(tmp_path / "hot.xyz"), *words]) == 0
     said, doubts = (" ".join(text.split()) for text in capsys.readouterr())
     assert re.search(r"The cloud is 1\.4\d % larger than the part .*--hot-temperature", doubts)

@@ -1,7 +1,5 @@
 """Each command prints the next one, which runs as it is printed; files changed by hand are kept."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from pathlib import Path
@@ -36,7 +34,7 @@ def test_from_the_part_to_the_picture(
     words = next_words(capsys)
     assert words == ["field", "synthetic", "my parts/part.stl", "-o", "my parts/field.vtu"]
     options = ["--expansion=14e-6/K", "--hot-temperature=900 degC", "--part-transform=rotate z 90"]
-    more = ["--ambient=25 degC", "--wall-temperature=900 degC", "--cell-size=3 mm"]
+    more = ["--ambient=25 degC", "--wall-temperature=900 degC", "--cell-size=4 mm"]
     assert main([*words, *options, *more]) == 0
     words = next_words(capsys)
     assert words[:5] == ["scene", "my parts/field.vtu", words[2], "-o", "my parts/scene/scene.xml"]
@@ -77,10 +75,10 @@ def test_a_scene_that_was_changed_by_hand_is_kept(tmp_path: Path, capsys: Printe
     assert not (xml.parent / "shells" / "shell_04.ply").exists()
 
 
+@pytest.mark.usefixtures("no_driver")
 def test_a_bundled_scene_that_was_changed_by_hand_is_kept(tmp_path: Path, capsys: Printed) -> None:
     words = ["demo", "-o", str(tmp_path), "--scene", "slab", "-D", "scale=0.02"]
-    for _ in range(2):
-        assert main(words) == 0
+    assert main(words) == 0
     xml = tmp_path / "slab" / "scene.xml"
     text = f"{xml.read_text()}<!-- mine -->\n"
     xml.write_text(text)

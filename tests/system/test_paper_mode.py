@@ -1,7 +1,5 @@
 """Scenes in the paper's mode: what `iriftrace scene` writes is what the studies trace."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,15 +1,15 @@
 """`iriftrace plot` as a user runs it: pictures of a sweep and of a pose, and what it refuses."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.figure import Figure
 
 from iriftrace.cli import main
 from iriftrace.figures import sweep as sweep_figures
+from iriftrace.figures import sweep_space
 from iriftrace.planning.summary import extreme_images, summarise
 from iriftrace.runtime import doctor
 from iriftrace.sweep.store import read_sweep
@@ -65,6 +65,8 @@ def test_a_sweep_whose_scene_is_gone_is_drawn_without_it(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(sweep_figures, "sweep_charts", lambda _: {})
+    for name in ("sweep_scene_figure", "sweep_face_figure"):
+        monkeypatch.setattr(sweep_space, name, lambda *_: Figure())
     moved = tmp_path / "moved.nc"
     gone = {"scene": '{"path": "gone.xml"}', "scenes": "[]"}
     with xr.open_dataset(sweep, engine="h5netcdf") as data:

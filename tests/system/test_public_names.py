@@ -1,7 +1,5 @@
 """The public surface: what `import iriftrace` offers, and what texts say that it offers."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 import re

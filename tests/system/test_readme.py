@@ -1,7 +1,5 @@
 """Everything that the README and the pages in docs/ tell the reader to type is typed here."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import subprocess
@@ -12,6 +10,7 @@ import pytest
 
 from iriftrace.cli.program import app
 from iriftrace.image.aov_image import CHANNELS
+from iriftrace.runtime.variant import using
 
 CHECKOUT = Path(__file__).parents[2]
 PAGES = {
@@ -116,16 +115,24 @@ def test_python_examples_run_as_they_stand(folder: Path) -> None:
     assert float(left) < 0.1 * abs(float(mean))
 
 
-def test_scene_in_memory_bends_rays(tmp_path: Path) -> None:
-    printed = run(["-c", blocks("mitsuba.md", "python")[0]], tmp_path).splitlines()
+def printed_by(block: str, capsys: pytest.CaptureFixture[str]) -> list[str]:
+    """Lines that an example prints in this process, which has Mitsuba already."""
+    with using("llvm_ad_mono"):
+        exec(block, {})
+    return capsys.readouterr().out.splitlines()
+
+
+def test_scene_in_memory_bends_rays(capsys: pytest.CaptureFixture[str]) -> None:
+    printed = printed_by(blocks("mitsuba.md", "python")[0], capsys)
     # First-order integral over the formula: 1.88 um at these pixels. 13 shells are within 2 %.
     assert float(printed[0]) == pytest.approx(0.00188, rel=0.02)
     assert printed[-1] == "[0 0 0]"
 
 
-def test_central_differences_agree_for_steps_of_three_orders(tmp_path: Path) -> None:
-    printed = run(["-c", blocks("mitsuba.md", "python")[1]], tmp_path).splitlines()
-    changes = [float(line) for line in printed]
+def test_central_differences_agree_for_steps_of_three_orders(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    changes = [float(line) for line in printed_by(blocks("mitsuba.md", "python")[1], capsys)]
     assert len(changes) == 4
     assert max(changes) < 1.02 * min(changes)
 

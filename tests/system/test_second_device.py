@@ -1,7 +1,5 @@
 """Scenes with two devices: what ``scene --second`` writes measures; wrong ones are refused."""
 
-from __future__ import annotations
-
 import json
 import shlex
 from pathlib import Path
@@ -107,6 +105,7 @@ def test_the_script_writes_the_bundled_scene(tmp_path: Path) -> None:
     assert written.read_text() == (folder_of(FRINGE_SCENE) / "scene.xml").read_text()
 
 
+@pytest.mark.usefixtures("no_driver")
 def test_the_demo_ends_with_the_diameter(tmp_path: Path, capsys: Printed) -> None:
     """A hot cylinder measures too small: air of n < n0 near the wall bends lines towards the cold.
 

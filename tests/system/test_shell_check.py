@@ -1,7 +1,5 @@
 """``iriftrace render --check-shells``: the shells' distance from the field, beside the metrics."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

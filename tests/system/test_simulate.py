@@ -1,7 +1,5 @@
 """From a part to its field with OpenFOAM, on a mesh coarser than any that a user would take."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Scenes of a stereo sensor: its one calibration and the motion of its cloud place both cameras."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

@@ -1,7 +1,5 @@
 """Sweeps from the command line: schedulers, lists of poses, failed poses, products of options."""
 
-from __future__ import annotations
-
 import importlib.util
 import shutil
 import socket

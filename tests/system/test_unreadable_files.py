@@ -1,7 +1,5 @@
 """Files that may not be read, are not where they were, are damaged, or are another one's."""
 
-from __future__ import annotations
-
 import errno
 import os
 import shutil

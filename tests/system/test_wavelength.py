@@ -1,7 +1,5 @@
 """Light of another wavelength: the scene made for it, and the scene turned to it, are the same."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
@@ -101,15 +99,22 @@ def test_own_wavelength_changes_no_bit(hot: HotBlock, tmp_path: Path) -> None:
         np.testing.assert_array_equal(again.channels[name], values)
 
 
-def test_sweep_says_and_uses_the_wavelength(hot: HotBlock, tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def sweeps(hot: HotBlock, tmp_path_factory: pytest.TempPathFactory) -> dict[float, Path]:
+    """Two poses in light of both wavelengths, with their tables."""
+    folder = tmp_path_factory.mktemp("sweeps")
     words = ["sweep", str(hot.scene), "--azimuth=0:90:2", "--elevation=30"]
-    found = {}
-    for nm in (BLUE, INFRARED):
-        path = tmp_path / f"{nm:g}.nc"
-        table = path.with_suffix(".csv")
-        files = ["-o", str(path), "--export", str(table)]
+    found = {nm: folder / f"{nm:g}.nc" for nm in (BLUE, INFRARED)}
+    for nm, path in found.items():
+        files = ["-o", str(path), "--export", str(path.with_suffix(".csv"))]
         assert main([*words, *files, f"--wavelength={nm:g} nm"]) == 0
-        assert (pd.read_csv(table)["wavelength_nm"] == nm).all()
+    return found
+
+
+def test_sweep_says_and_uses_the_wavelength(sweeps: dict[float, Path]) -> None:
+    found = {}
+    for nm, path in sweeps.items():
+        assert (pd.read_csv(path.with_suffix(".csv"))["wavelength_nm"] == nm).all()
         with xr.open_dataset(path) as dataset:
             assert dataset.attrs["wavelength_nm"] == nm
             found[nm] = dataset["displacement_median"].isel(region=0).values
@@ -163,19 +168,17 @@ def test_scenes_for_different_light_are_not_ranked_together(
 
 
 def test_results_are_asked_for_the_light_they_are_of(
-    hot: HotBlock, tmp_path: Path, fails: Failing
+    hot: HotBlock, sweeps: dict[float, Path], tmp_path: Path, fails: Failing
 ) -> None:
-    sweep, image = tmp_path / "blue.nc", tmp_path / "image.exr"
-    orbit = ["--azimuth=0:90:3", "--elevation=30"]
+    sweep, image = sweeps[BLUE], tmp_path / "image.exr"
     light = "--wavelength=450 nm"
-    assert main(["sweep", str(hot.scene), "-o", str(sweep), *orbit, light]) == 0
     shutil.copy(hot.image, image)
     height, width = read_exr(image).status.shape
     np.save(tmp_path / "shift.npy", np.zeros((height, width, 2)))
     few = "--min-hits=1"
     for command in ("plan", "plot", "report"):
         message = fails(command, sweep, few, "--wavelength=633 nm")
-        assert "blue.nc is of light of 450 nm and not of 633 nm" in message
+        assert "450.nc is of light of 450 nm and not of 633 nm" in message
     assert main(["plan", str(sweep), few, "--wavelength=0.45 um"]) == 0
     for words in (["metrics", image], ["plot", image], ["compare", image, "shift.npy"]):
         message = fails(*words, light)

@@ -1,7 +1,5 @@
 """An installed wheel is complete: it traces the demo scene without the checkout."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

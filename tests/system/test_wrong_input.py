@@ -1,7 +1,5 @@
 """Wrong input: exit code 2, one readable message, nothing half written, no traceback."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex
@@ -223,20 +221,12 @@ WRONG = {
         ("-o r.pdf", "must end in .html"),
         ("-o here", "is a folder"),
         ("-o gone/report.html", "does not exist"),
-        ("--region=hat", "no region 'hat'"),
-        ("--top=0", "0 rows"),
     ],
-    "report": [
-        ("other.nc", "not a sweep"),
-        ("empty.nc", "no pose"),
-        ("gone.nc", "no sweep gone.nc"),
-    ],
+    "report": [("gone.nc", "no sweep gone.nc")],
     "plot": [
         ("gone.exr -o figures", "gone.exr"),
         ("words.exr -o figures", "not an OpenEXR"),
         ("words.csv -o figures", "neither .nc nor .exr"),
-        ("other.nc", "not a sweep"),
-        ("empty.nc", "no pose"),
         ("{sweep} -o gone/figures", "does not exist"),
     ],
     "study layers": [
@@ -353,19 +343,9 @@ def test_a_part_that_is_not_closed_is_legitimate(
 
 ORIGIN = r'origin="[^"]*"\s*target="[^"]*"'
 SCENES = [
-    ("</scene>", "", "scene.xml"),
     ('<integrator type="first_hit">', '<integrator type="sniff">', "sniff"),
-    ('id="part"', 'id="block"', 'id="part"'),
-    ("part.ply", "gone.ply", "gone.ply"),
-    ("shell_02.ply", "gone.ply", "gone.ply"),
-    ('"iso_shell"', '"iso_shall"', "iso_shall"),
-    ('"focal_length" value="20.0"', '"focal_length" value="0"', "Focal length is 0"),
-    ('"sensor_width" value="6.0"', '"sensor_width" value="-6"', "sensor|Sensor"),
     ('"focal_length" value="20.0"', '"focal_length" value="f"', '"f"'),
-    ('"focal_length" value="20.0"', '"focus" value="1"', "focus|focal_length"),
     ('"focus_far" value="250.0"', '"focus_far" value="60"', "in focus.*60 mm"),
-    ('"ext_ior" value="1.0002', '"ext_ior" value="-1.0002', "ext_ior"),
-    (ORIGIN, 'origin="600, -450, 700" target="0, 0, 0"', "in focus"),
     (ORIGIN, 'origin="nan, 0, 0" target="0, 0, 0"', "invalid lookat"),
 ]
 
@@ -376,18 +356,6 @@ def test_scenes(fails: Failing, scene: Path, old: str, new: str, words: str) -> 
     assert count
     scene.write_text(text)
     assert re.search(words, fails("render", scene, "-o", "out.exr"))
-
-
-def test_an_integrator_that_computes_light(fails: Failing, scene: Path) -> None:
-    text = re.sub(
-        r"<integrator.*</integrator>",
-        '<integrator type="path"/>',
-        scene.read_text(),
-        flags=re.DOTALL,
-    )
-    assert "path" in text
-    scene.write_text(re.sub(r'<default name="(normals|bending)".*?/>', "", text))
-    assert "first_hit" in fails("render", scene, "-o", "out.exr")
 
 
 def test_a_part_that_was_changed_since(fails: Failing, scene: Path) -> None:

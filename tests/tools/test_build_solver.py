@@ -1,7 +1,5 @@
 """Building the solver again from the distribution's source package."""
 
-from __future__ import annotations
-
 import tarfile
 from pathlib import Path
 

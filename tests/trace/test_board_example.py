@@ -1,7 +1,5 @@
 """The script of docs/board.md on rendered pictures: dots found by OpenCV, then the fit."""
 
-from __future__ import annotations
-
 import runpy
 import sys
 from pathlib import Path

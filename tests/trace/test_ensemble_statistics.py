@@ -1,7 +1,5 @@
 """Mean, scatter and worst member of images made by hand, against NumPy's."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Rays whose end is not known are never passed over in silence, and one choice serves all."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from types import SimpleNamespace
 

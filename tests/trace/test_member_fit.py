@@ -3,8 +3,6 @@
 The truth lies between two members; the shifts of the dots have noise of 0.05 px.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -86,11 +84,15 @@ def shifts(board: iriftrace.Scene, true_air: iriftrace.IndexField) -> MeasuredSh
     return measured_shifts(in_air(board, true_air), NOISE)
 
 
+@pytest.fixture(scope="module")
+def fit(board: iriftrace.Scene, shifts: MeasuredShift) -> iriftrace.MemberFit:
+    return iriftrace.fit_members(board, shifts)
+
+
 def test_twin(
-    board: iriftrace.Scene, true_air: iriftrace.IndexField, shifts: MeasuredShift
+    board: iriftrace.Scene, true_air: iriftrace.IndexField, fit: iriftrace.MemberFit
 ) -> None:
     """What the weighted correction leaves, against the block's planes and beside still air's."""
-    fit = iriftrace.fit_members(board, shifts)
     assert fit.noise == pytest.approx(NOISE, rel=0.1)
     assert fit.contained
     assert fit.ratio < 1.3
@@ -261,7 +263,11 @@ def test_shifts_that_cannot_be_fitted(board: iriftrace.Scene, shifts: MeasuredSh
 
 
 def test_command(
-    board: iriftrace.Scene, shifts: MeasuredShift, tmp_path: Path, capsys: Printed
+    board: iriftrace.Scene,
+    shifts: MeasuredShift,
+    fit: iriftrace.MemberFit,
+    tmp_path: Path,
+    capsys: Printed,
 ) -> None:
     """Files of the board's scene and of the part's; the weighted scenes correct as in memory."""
     xml = attrs.evolve(board, second=LEEWARD[1], second_id="camera_2").save(
@@ -271,22 +277,23 @@ def test_command(
     np.savetxt(
         tmp_path / "s.csv", table, delimiter=",", header="u,v,du,dv", comments="", fmt="%.9g"
     )
-    measuring = of_part(board, board.air).save(tmp_path / "part" / "scene.xml", scale=1.0)
+    measuring = of_part(board, board.air).save(tmp_path / "part" / "scene.xml", scale=0.5)
     words = ["fit", str(xml.path), str(tmp_path / "s.csv"), "--engine", "shells", "-o"]
     assert main([*words, str(tmp_path / "fitted" / "scene.xml")]) == 0
     printed = " ".join(capsys.readouterr().out.split())
     assert "These members reproduce what was measured" in printed
-    fit = json.loads((tmp_path / "fitted" / "fit.json").read_text())
-    in_memory = iriftrace.fit_members(board, shifts)
-    weights = [row["weight"] for row in fit["members"]]
-    np.testing.assert_allclose(weights, in_memory.weights.weights, atol=1e-6)
+    written = json.loads((tmp_path / "fitted" / "fit.json").read_text())
+    weights = [row["weight"] for row in written["members"]]
+    np.testing.assert_allclose(weights, fit.weights.weights, atol=1e-6)
     fitted = load_scene(tmp_path / "fitted" / "scene.xml")
     np.testing.assert_allclose(fitted.part.bounds, board.blockers[0].bounds, atol=1e-5)
     assert fitted.ensemble is not None
     assert fitted.ensemble.weights.covariance is not None
     assert fitted.second_id == "camera_2"
     other = tmp_path / "by_others" / "scene.xml"
-    assert main([*words, str(other), "--scene", str(measuring.path)]) == 0
+    twice = ["--view", str(xml.path), str(tmp_path / "s.csv")]
+    assert main([*words, str(other), "--scene", str(measuring.path), *twice]) == 0
+    assert len(json.loads(other.with_name("fit.json").read_text())["views"]) == 2
     scan = iriftrace.measure(load_scene(other, {"member": 2}))
     cloud, corrected = tmp_path / "cloud.vtp", tmp_path / "corrected.vtp"
     scan.save(cloud)
@@ -296,10 +303,5 @@ def test_command(
     numbers = json.loads(corrected.with_suffix(".json").read_text())
     rows = numbers["ensemble"]["members"]
     assert [row["weight"] for row in rows] == pytest.approx(weights, abs=1e-9)
-    twice = ["--view", str(xml.path), str(tmp_path / "s.csv")]
-    assert main([*words, str(tmp_path / "twice" / "scene.xml"), *twice]) == 0
-    fit = json.loads((tmp_path / "twice" / "fit.json").read_text())
-    assert [row["weight"] for row in fit["members"]] == pytest.approx(weights, abs=1e-9)
-    assert len(fit["views"]) == 2
     assert main([*words, str(tmp_path / "board" / "other.xml")]) == 2
     assert "folder of its own" in " ".join(capsys.readouterr().err.split())

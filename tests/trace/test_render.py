@@ -1,9 +1,6 @@
 """Poses and free bundles of rays, against each other and Snell's law; input that is refused."""
 
-from __future__ import annotations
-
 import json
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -92,13 +89,6 @@ def test_two_runs_are_identical(xml: Path, tmp_path: Path) -> None:
     assert first_metrics == second_metrics
 
 
-def test_rays_by_status_sum_to_launched(scene: LoadedScene) -> None:
-    rays = render_scene(scene).metrics.rays
-    assert rays.launched == 152 * 128
-    assert sum(rays.of(status) for status in Status) == rays.launched
-    assert rays.good == rays.hit > 1000
-
-
 def test_header_says_where_the_picture_comes_from(scene: LoadedScene, xml: Path) -> None:
     header = render_scene(scene).image.header
     assert header["schema"] == "iriftrace.aov/1"
@@ -110,6 +100,9 @@ def test_header_says_where_the_picture_comes_from(scene: LoadedScene, xml: Path)
     np.testing.assert_allclose(header["pose"]["origin_mm"], (0, -120, 60))
     assert header["counts"] == {"open_boundary": 0, "triangles_in_view": 3 * 1280}
     assert header["assumptions"]["engine"]
+    assert header.keys() >= {
+        *("version", "bending", "wavelength_nm", "field", "variant", "length_unit", "time_s")
+    }
     json.dumps(header, allow_nan=False)
 
 
@@ -239,36 +232,6 @@ def test_loaded_scene_serves_many_poses(scene: LoadedScene) -> None:
         np.testing.assert_array_equal(changed.channels[name], between.channels[name])
 
 
-def test_a_crop_window_is_a_piece_of_the_whole_picture(tmp_path: Path) -> None:
-    """Its pixels are the whole picture's, and metrics and files come out of it too."""
-    shutil.copytree(folder_of("cylinder"), tmp_path / "scene")
-    xml = tmp_path / "scene" / "scene.xml"
-    text = xml.read_text()
-    for large, small in (
-        ("2448", "306"),
-        ("2048", "256"),
-        ("1224.0", "153.0"),
-        ("1024.0", "128.0"),
-    ):
-        text = text.replace(f'"{large}"', f'"{small}"')
-    xml.write_text(text)
-    whole = render_scene(load_scene(xml, {"scale": 1})).image.channels["displacement.norm"]
-    window = "".join(
-        f'<integer name="crop_{name}" value="{value}"/>'
-        for name, value in (("offset_x", 130), ("offset_y", 110), ("width", 40), ("height", 25))
-    )
-    xml.write_text(
-        xml.read_text().replace('<film type="hdrfilm">', f'<film type="hdrfilm">{window}')
-    )
-    rendering = render_scene(load_scene(xml, {"scale": 1}))
-    piece = rendering.image.channels["displacement.norm"]
-    np.testing.assert_allclose(piece, whole[110:135, 130:170], rtol=0, atol=1e-9)
-    assert piece.max() > 1e-3
-    assert rendering.metrics.camera.resolution == (40, 25)
-    assert 0 < rendering.metrics.coverage_area < 0.2
-    rendering.save(tmp_path / "piece.exr")
-
-
 def test_a_scaled_picture_states_shifts_and_steps_of_the_full_camera() -> None:
     """Computed from a quarter of the pixels across, and measured with all of them."""
     xml = folder_of("cylinder") / "scene.xml"
@@ -281,11 +244,3 @@ def test_a_scaled_picture_states_shifts_and_steps_of_the_full_camera() -> None:
         large.as_dict()["full_camera"]["resolution"] == small.as_dict()["full_camera"]["resolution"]
     )
     assert evolve(large, full_resolution=large.camera.resolution).full_camera is None
-
-
-def test_times_add_up_and_have_the_check() -> None:
-    scene = load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.1})
-    times = render_scene(scene).metrics.time_s
-    stages = ("load", "build", "straight", "refracted", "check", "metrics")
-    assert all(value >= 0 for value in times.values())
-    assert 0 < times["check"] < sum(times[stage] for stage in stages) <= times["total"]

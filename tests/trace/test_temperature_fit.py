@@ -1,7 +1,5 @@
 """Weights of members from thermocouples in the air, and from marks on the part."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import attrs

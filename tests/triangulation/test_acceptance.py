@@ -1,7 +1,5 @@
 """Errors that VDI/VDE 2634 part 2 tests, where they are known: even air and plane layers."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -16,6 +14,8 @@ from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.regions import Regions
 from iriftrace.part.shapes.cylinder import cylinder
 from iriftrace.part.shapes.reference import ball_bar, plate, sphere
+from iriftrace.scene.write import write_scene
+from iriftrace.scene.xml import SceneSettings
 from iriftrace.scenes.analytic import slab
 from iriftrace.triangulation.acceptance import acceptance
 from iriftrace.triangulation.measure import measure
@@ -95,18 +95,11 @@ def test_the_command_says_the_errors(
     variant: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     _, shells = slab(13, air=RoundAir())
-    scene = loaded(tmp_path / "scene", plate(), shells, device(-15, 1.0, 12))
-    xml = Path(scene.path)
-    text = xml.read_text()
-    sensor = text[text.index("    <sensor") : text.index("    </sensor>") + len("    </sensor>\n")]
-    projector = sensor.replace('id="camera"', 'id="projector"')
-    start = projector.index('origin="') + len('origin="')
-    x = projector[start : projector.index(",", start)]
-    projector = projector[:start] + str(-float(x)) + projector[start + len(x) :]
-    xml.write_text(text.replace(sensor, sensor + projector))
+    two = SceneSettings(scale=1.0, second=device(15, 1.0, 12))
+    xml = write_scene(tmp_path / "scene", plate(), shells, device(-15, 1.0, 12), two)
     cloud = tmp_path / "scan.ply"
     words = ["measure", str(xml), "-o", str(cloud), "--acceptance", "--no-figures"]
-    assert main([*words, "-D", "scale=1"]) == 0
+    assert main(words) == 0
     assert "Flatness error (plane +z)" in capsys.readouterr().out
     (row,) = json.loads(cloud.with_suffix(".json").read_text())["acceptance"]
     assert row["region"] == "plane +z"

@@ -3,8 +3,6 @@
 Against the true points of the simulation, on the part and beside it.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 import warnings
@@ -47,14 +45,12 @@ def scene(request: pytest.FixtureRequest, variant: str) -> LoadedScene:
     return load_scene(folder_of("cylinder") / "scene.xml", variant=variant, engine=request.param)
 
 
-@pytest.fixture(scope="module", params=["stereo", "fringe"])
-def scan(request: pytest.FixtureRequest, scene: LoadedScene) -> Scan:
-    return measure(scene, *DEVICES, system=request.param)
+@pytest.fixture(scope="module")
+def scan(scene: LoadedScene) -> Scan:
+    return measure(scene, *DEVICES, system="fringe" if scene.engine == "shells" else "stereo")
 
 
-ONCE = pytest.mark.parametrize(
-    ("scene", "scan"), [("shells", "fringe")], indirect=True, scope="module"
-)
+ONCE = pytest.mark.parametrize("scene", ["shells"], indirect=True, scope="module")
 """For what does not depend on the engine and on the devices."""
 
 
@@ -98,27 +94,7 @@ def test_down_a_plume_it_goes_on_until_points_stay(variant: str) -> None:
     assert np.quantile(np.linalg.norm(found.points - scan.true, axis=1), 0.99) < 1e-5
 
 
-def test_where_shells_are_too_few_the_field_serves(variant: str) -> None:
-    """Straight down the plume shells miss a fifth of the error; asked for, they are used."""
-    scene = load_scene(folder_of("cylinder") / "scene.xml", variant=variant)
-    above = [
-        one.at(look_at((x, 0.1, 240.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
-        for one, x in zip(DEVICES, (-40.0, 40.0), strict=True)
-    ]
-    with pytest.warns(IriftraceWarning, match="the field data were traced instead"):
-        scan = measure(scene, *above, system="fringe")
-    assert scan.provenance["engine"] == "cells"
-    with pytest.warns(IriftraceWarning, match="the field data were traced instead"):
-        found = correct(scan.points, scene, *above, system="fringe")
-    assert found.provenance["engine"] == "cells"
-    insisted = load_scene(folder_of("cylinder") / "scene.xml", variant=variant, engine="shells")
-    with pytest.warns(IriftraceWarning, match="--engine cells"):
-        coarse = measure(insisted, *above, system="fringe")
-    assert coarse.provenance["engine"] == "shells"
-    sizes = [np.median(np.linalg.norm(one.error, axis=1)) for one in (scan, coarse)]
-    assert abs(sizes[1] / sizes[0] - 1.0) > 0.1
-
-
+@ONCE
 def test_order_and_number_of_the_points_do_not_matter(
     scan: Scan, scene: LoadedScene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -157,6 +133,7 @@ def test_where_the_field_does_not_reach_points_stay(variant: str, tmp_path: Path
     np.testing.assert_array_equal(found.points[front], scan.points[front])
 
 
+@ONCE
 def test_a_cloud_of_the_other_side_is_refused(scene: LoadedScene) -> None:
     """The devices look from -y."""
     part = scene.part
@@ -202,6 +179,7 @@ def test_the_diameter_comes_out_as_it_is(scan: Scan, scene: LoadedScene) -> None
     assert 1e3 * abs(corrected - cold) < 0.02
 
 
+@ONCE
 @pytest.mark.parametrize("what", ["scan", "correction"])
 def test_ply_and_vtp_hold_the_same_numbers(
     scan: Scan, scene: LoadedScene, what: str, tmp_path: Path

@@ -1,7 +1,5 @@
 """Errors to first order: plane layers by the formula, and the exact solver on a real field."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A cloud of the hot part against the drawing: how much larger it is, and where that is not so."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Units and motions that would put a cloud on the part are named."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import trimesh

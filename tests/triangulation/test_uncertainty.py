@@ -3,8 +3,6 @@
 Against each member by itself, NumPy's standard deviations, and proportionality to the contrast.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -30,7 +28,7 @@ from iriftrace.triangulation.correct import correct
 from iriftrace.triangulation.correction import CorrectionStatus
 from iriftrace.triangulation.field_state import field_state
 from iriftrace.triangulation.measure import measure
-from iriftrace.triangulation.scan import ScanStatus
+from iriftrace.triangulation.scan import Scan, ScanStatus
 from validation.inputs import hot_block
 from validation.inputs.cameras import camera_at
 from validation.inputs.shell_fields import scaled
@@ -44,6 +42,8 @@ CAMERA, PROJECTOR = (
 )
 TWO = SceneSettings(scale=1.0, second=PROJECTOR)
 
+FRINGE = folder_of("fringe_cylinder") / "scene.xml"
+
 Printed = pytest.CaptureFixture[str]
 
 
@@ -56,6 +56,13 @@ def three(variant: str, tmp_path_factory: pytest.TempPathFactory) -> LoadedScene
         tmp_path_factory.mktemp("three"), part, airs, CAMERA, TWO, paraview=False
     )
     return load_scene(xml, variant=variant)
+
+
+@pytest.fixture(scope="module")
+def fringe(variant: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[Scan, Path]:
+    """A scan of the bundled cylinder, and its file."""
+    scan = measure(load_scene(FRINGE, {"scale": 0.1}, variant=variant))
+    return scan, scan.save(tmp_path_factory.mktemp("fringe") / "scan.vtp")[0]
 
 
 def member(scene: LoadedScene, number: int) -> LoadedScene:
@@ -169,13 +176,11 @@ def test_nothing_is_known_of_one_field_alone(three: LoadedScene) -> None:
 
 
 def test_a_diameter_has_the_uncertainty_of_its_correction(
-    variant: str, tmp_path: Path, capsys: Printed
+    fringe: tuple[Scan, Path], tmp_path: Path, capsys: Printed
 ) -> None:
     """5 % of the field are 5 % of what was taken out; U is twice that."""
-    xml = folder_of("fringe_cylinder") / "scene.xml"
-    scan, corrected = tmp_path / "scan.vtp", tmp_path / "corrected.vtp"
-    assert main(["measure", str(xml), "-o", str(scan), "-D", "scale=0.1", "--no-figures"]) == 0
-    words = ["correct", str(scan), str(xml), "-o", str(corrected)]
+    scan, corrected = fringe[1], tmp_path / "corrected.vtp"
+    words = ["correct", str(scan), str(FRINGE), "-o", str(corrected), "--no-figures"]
     assert main(words) == 0
     said = capsys.readouterr().out
     assert "No uncertainty of the correction is stated" in said
@@ -207,18 +212,17 @@ def test_a_diameter_has_the_uncertainty_of_its_correction(
 
 
 def test_a_correction_smaller_than_the_fits_uncertainty_is_said_to_be_so(
-    tmp_path: Path, capsys: Printed, variant: str
+    fringe: tuple[Scan, Path], tmp_path: Path, capsys: Printed
 ) -> None:
     """Noise of 0.2 mm, of which 150 points leave more of the diameter than air does."""
-    xml = folder_of("fringe_cylinder") / "scene.xml"
-    scan = measure(load_scene(xml, {"scale": 0.1}, variant=variant))
+    scan, _ = fringe
     rng = np.random.default_rng(1)
     chosen = rng.choice(len(scan.points), 400, replace=False)
     points = scan.points[chosen] + rng.normal(0, 0.2, (400, 3))
     points[:8] += 0.7 * scan.normal[chosen[:8]]
     cloud = tmp_path / "cloud.xyz"
     np.savetxt(cloud, points, "%.9g")
-    words = ["correct", str(cloud), str(xml), "-o", str(tmp_path / "c.vtp")]
+    words = ["correct", str(cloud), str(FRINGE), "-o", str(tmp_path / "c.vtp"), "--no-figures"]
     words += ["--feature=cylinder:lateral", "--field-uncertainty=5 %"]
     assert main(words) == 0
     said = " ".join(capsys.readouterr().out.split())
@@ -248,9 +252,9 @@ def test_air_from_formulas_has_no_uncertainty(
     xml, scan = tmp_path / "s" / "scene.xml", tmp_path / "scan.vtp"
     for words in (
         ["part", "cylinder", "-o", str(part)],
-        ["field", "synthetic", str(part), "-o", str(field), "--cell-size=5 mm"],
-        ["scene", str(field), str(part), "-o", str(xml), *view],
-        ["measure", str(xml), "-o", str(scan), "-D", "scale=0.1", "--no-figures"],
+        ["field", "synthetic", str(part), "-o", str(field), "--cell-size=7 mm"],
+        ["scene", str(field), str(part), "-o", str(xml), "--layers=5", *view],
+        ["measure", str(xml), "-o", str(scan), "-D", "scale=0.05", "--no-figures"],
         ["correct", str(scan), str(xml), "-o", str(tmp_path / "c.vtp"), "--field-uncertainty=5 %"],
     ):
         assert main(words) == 0
@@ -290,6 +294,7 @@ def test_air_that_changes_in_time_is_uncertain(
     assert found.as_dict()["unsteadiness"] == found.state.unsteadiness
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("variant")
 def test_several_fields_become_a_scene_with_two_devices(tmp_path: Path, capsys: Printed) -> None:
     field, part = hot_block.save(tmp_path)
