@@ -63,7 +63,8 @@ def simulate(
 
     With ``--draughts`` the folder gets a family: a field for each speed and direction, named so
     that they sort, and family.json, which lists them. They use one mesh, mirror images are not
-    solved, and the same command continues an interrupted family.
+    solved, and the same command continues an interrupted family. ``--between`` adds members halfway
+    between the solved ones.
 
     Example: ``iriftrace field simulate part.stl -o case --wall-temperature "1100 degC"``
 
@@ -102,7 +103,7 @@ def simulate(
     known = wall.measured
     measured = hot.read(part, None if known is None else lambda _: known.at)
     if wind.draughts is not None and installation is not None:
-        members, cases = family_cases(measured, simulation, wind.family(), processes)
+        members, cases = family_cases(measured, simulation, wind, processes)
         _print_case(cases[members[0].name])
         simulate_family(members, cases, output, installation, wind)
         say(f"Family written; now run:  {family_scene(members, output, part, simulation, hot)}")
@@ -221,10 +222,10 @@ def _print_simulation(
 def family_cases(
     part: Part,
     simulation: SimulationOptions,
-    family: tuple[Sequence[float], Sequence[float]],
+    wind: DraughtOptions,
     processes: int,
 ) -> tuple[tuple[Member, ...], dict[str, Case]]:
-    """Members of a family of speeds, m/s, and directions, degrees, and the case of each by name."""
+    """Members of a family, and the case of each by name."""
     from iriftrace.cfd.openfoam.case import symmetric_case
     from iriftrace.cfd.openfoam.family import plan_family
 
@@ -235,10 +236,12 @@ def family_cases(
         )
     # Refuses planes that the part does not have before leaving out those through which air blows.
     still = simulation.case(part, processes, None)
-    members = plan_family(*family, simulation.mirrors, symmetric_case(still))
+    members = plan_family(
+        *wind.family(), simulation.mirrors, symmetric_case(still), between=wind.between
+    )
     sharing: dict[str, list[Draught]] = {}
     for member in members:
-        if member.draught is not None and not member.image_of:
+        if member.draught is not None and member.solved:
             sharing.setdefault(member.planes, []).append(member.draught)
     cases = {
         member.name: simulation.case(
@@ -308,9 +311,10 @@ def _solve_here(installation: Installation, tasks: Sequence[Task]) -> Iterator[J
 
 def _say_cost(cost: Cost) -> None:
     """Print the cost of the family before the first solver starts."""
-    total = cost.finished + cost.mirrored + cost.solved
+    total = cost.finished + cost.mirrored + cost.between + cost.solved
     words = [f"{cost.solved} to solve"]
     words += [f"{cost.mirrored} mirror images"] if cost.mirrored else []
+    words += [f"{cost.between} between others"] if cost.between else []
     words += [f"{cost.finished} already finished"] if cost.finished else []
     say(f"{total} members: {', '.join(words)}")
     if cost.solved:
@@ -323,6 +327,8 @@ def _say_cost(cost: Cost) -> None:
 def _finished(entry: JsonObject) -> str:
     if entry["image_of"]:
         return f"{entry['name']}: mirror image of {entry['image_of']}"
+    if entry["between"]:
+        return f"{entry['name']}: between {', '.join(entry['between'])}"
     state = "" if entry["heat_w"] is None else f", {entry['heat_w']:.1f} W"
     steady = {True: ", steady", False: ", NOT STEADY", None: ""}[entry["steady"]]
     return f"{entry['name']}: {entry['seconds']:.0f} s{state}{steady}"

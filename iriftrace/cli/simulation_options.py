@@ -11,6 +11,7 @@ from cyclopts import Group, Parameter
 
 from iriftrace.cli.options import (
     Duration,
+    Flag,
     Length,
     Numbers,
     Pressure,
@@ -217,6 +218,10 @@ class DraughtOptions:
     draught_from
         Where the air comes from: degrees in the horizontal plane (0 is +x, 90 is +y), or X,Y,Z. For
         a family the angles, 0,90,180,270.
+    between
+        Add members halfway between neighbouring speeds and directions (at most 30 degrees apart) of
+        a family. They are not solved: the plumes of those around them are moved to one place and
+        averaged.
     scheduler
         Let worker processes solve the members of a family: "local" starts them here,
         "tcp://host:8786" is the address that `dask scheduler` prints; its workers need OpenFOAM and
@@ -228,6 +233,7 @@ class DraughtOptions:
     draught: Speed | None = None
     draughts: str | None = None
     draught_from: Numbers | None = None
+    between: Flag = False
     scheduler: str | None = None
     workers: Whole | None = None
 
@@ -240,9 +246,12 @@ class DraughtOptions:
         """Refuse options that do not go together, and an invalid scheduler."""
         if self.draughts is None:
             refuse_given(
-                {"--scheduler": self.scheduler, "--workers": self.workers},
-                "lets workers solve the members of a family; give --draughts 0:0.2:0.02, or leave "
-                "it out.",
+                {
+                    "--scheduler": self.scheduler,
+                    "--workers": self.workers,
+                    "--between": self.between or None,
+                },
+                "is for the members of a family; give --draughts 0:0.2:0.02, or leave it out.",
             )
             return
         refuse_given(

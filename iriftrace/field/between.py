@@ -28,6 +28,9 @@ _SLICES = 32
 _WEAK = 1e-3
 """Fraction of the hot air of the fullest height below which a height has no centroid."""
 
+_ROUNDING = 1e-6
+"""Lack of refractivity, as a fraction of ambient, that is none."""
+
 
 def field_between(
     fields: Sequence[IndexField], weights: Sequence[float] | None = None
@@ -95,7 +98,8 @@ def _centroids(field: IndexField, heights: FloatArray) -> FloatArray:
     grid = field.grid
     volumes = np.abs(grid.compute_cell_sizes(length=False, area=False)["Volume"])
     index = np.asarray(grid.point_data_to_cell_data()["refractivity"])
-    lack = volumes * np.maximum(field.ambient_refractivity - index, 0.0)
+    lack = 1.0 - index / field.ambient_refractivity
+    lack = np.where(lack > _ROUNDING, lack, 0.0) * volumes
     centres = np.asarray(grid.cell_centers().points, dtype=np.float64)
     step = heights[1] - heights[0]
     near = np.maximum(1.0 - np.abs(centres[:, 2] - heights[:, None]) / step, 0.0) * lack

@@ -50,6 +50,21 @@ def test_planes_are_those_that_the_wind_leaves() -> None:
     }
 
 
+def test_members_between_others() -> None:
+    """Halfway between neighbours, not across 90 degrees; still air counts for all directions."""
+    members = plan_family((0.0, 0.1), (350.0, 10.0, 100.0), "", "", between=True)
+    shares = {member.name: dict(member.between) for member in members if member.between}
+    assert shares == {
+        "at_0.05_from_000": {"at_0.00": 0.5, "at_0.10_from_350": 0.25, "at_0.10_from_010": 0.25},
+        "at_0.05_from_010": {"at_0.00": 0.5, "at_0.10_from_010": 0.5},
+        "at_0.05_from_100": {"at_0.00": 0.5, "at_0.10_from_100": 0.5},
+        "at_0.05_from_350": {"at_0.00": 0.5, "at_0.10_from_350": 0.5},
+        "at_0.10_from_000": {"at_0.10_from_350": 0.5, "at_0.10_from_010": 0.5},
+    }
+    solved = plan_family((0.0, 0.1), (350.0, 10.0, 100.0), "", "")
+    assert [member for member in members if not member.between] == list(solved)
+
+
 @pytest.mark.parametrize(
     ("directions", "symmetric", "images"),
     [
@@ -194,6 +209,39 @@ def test_interrupted_family_goes_on(family: Family, meshed: list[Path], tmp_path
     assert third.solved == []
     later = {name: evolve(c, times=evolve(c.times, end=9.0)) for name, c in family[1].items()}
     assert len(run((family[0], later), tmp_path, third)[0]) == 5, "a later end is not finished"
+
+
+def test_members_between_are_made_from_the_others(
+    family: Family, meshed: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After all that is solved and mirrored, once; then also solved, if they are asked for."""
+    members, cases = family
+    middle = Member(
+        "at_0.15_from_090",
+        cases["at_0.10_from_090"].draught,
+        "",
+        between=(
+            ("at_0.10_from_090", 0.5),
+            ("at_0.20_from_090", 0.5),
+        ),
+    )
+    case = cases["at_0.10_from_090"]
+    made: list[tuple[list[str], list[float]]] = []
+
+    def write(path: Path, fields: list[str], shares: list[float]) -> None:
+        made.append((fields, shares))
+        path.touch()
+
+    monkeypatch.setattr(family_run, "read_field", lambda file, air: file.stem)
+    monkeypatch.setattr(family_run, "write_field_between", write)
+    wider = ((*members, middle), {**cases, middle.name: case})
+    done, cost = run(wider, tmp_path, Solver())
+    assert (done[-1], cost.between) == (middle.name, 1)
+    assert made == [(["at_0.10_from_090", "at_0.20_from_090"], [0.5, 0.5])]
+    assert run(wider, tmp_path, Solver())[0] == []
+    solver = Solver()
+    run(((*members, evolve(middle, between=())), wider[1]), tmp_path, solver)
+    assert solver.solved == [middle.name]
 
 
 def test_mirror_image_is_the_mirrored_field(family: Family, tmp_path: Path) -> None:

@@ -1,8 +1,10 @@
-"""Family of draughts around one part: its members, and which of them are solved or mirrored."""
+"""Family of draughts around one part: its members, solved, mirrored, or between others."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise, product
 
 import numpy as np
 from attrs import frozen
@@ -11,6 +13,9 @@ from iriftrace.cfd.openfoam.draught import Draught, check_speed, draught_from
 from iriftrace.core.errors import InputError
 
 _MOST_MEMBERS = 1000
+
+MOST_APART_DEG = 30.0
+"""Directions farther apart have no member between them: their plumes differ by more than a move."""
 
 
 @frozen
@@ -22,11 +27,18 @@ class Member:
     planes: str  # axes at whose centre plane it is mirrored, so a half or a quarter is solved
     image_of: str = ""  # name of the member whose mirror image it is, so it is not solved
     across: str = ""  # axes across which that one is mirrored
+    # Names of members and their shares, between which it lies, so it is not solved.
+    between: tuple[tuple[str, float], ...] = ()
 
     @property
     def file(self) -> str:
         """Name of its field's file."""
         return f"{self.name}.vtu"
+
+    @property
+    def solved(self) -> bool:
+        """True if its flow is solved, and not made from that of other members."""
+        return not (self.image_of or self.between)
 
 
 def check_family(speeds: Sequence[float], directions: Sequence[float]) -> None:
@@ -58,7 +70,12 @@ def check_family(speeds: Sequence[float], directions: Sequence[float]) -> None:
 
 
 def plan_family(
-    speeds: Sequence[float], directions: Sequence[float], planes: str, symmetric: str
+    speeds: Sequence[float],
+    directions: Sequence[float],
+    planes: str,
+    symmetric: str,
+    *,
+    between: bool = False,
 ) -> tuple[Member, ...]:
     """Members of a family, in the order of their names.
 
@@ -66,27 +83,74 @@ def plan_family(
     degrees from +x to +y. `planes` are axes of "xy" at whose centre plane the field may be
     mirrored; a draught that blows through a plane is solved without it. `symmetric` are axes across
     which part and wall temperatures are symmetric: mirror images of other draughts are not solved.
+    With `between` there are also members halfway between neighbouring speeds and directions.
     """
     check_family(speeds, directions)
-    digits = max(len(f"{speed:.9f}".rstrip("0").partition(".")[2]) for speed in speeds)
-    digits = max(2, digits)
     turns = sorted(float(np.mod(direction, 360.0)) for direction in directions)
     originals = _originals(turns, symmetric)
     members: list[Member] = []
+    digits = _digits(speeds)
     for speed in sorted(speeds):
         if speed == 0.0:
             # On the same mesh as others, and free to sway like them.
             first = _left(planes, turns[0]) if turns else planes
-            members.append(Member(f"at_{0.0:.{digits}f}", None, first))
+            members.append(Member(_name(speed, 0.0, digits), None, first))
             continue
         for turn in turns:
-            name = f"at_{speed:.{digits}f}_from_{_degrees(turn)}"
+            name = _name(speed, turn, digits)
             draught = draught_from(speed, (turn,))
             left = _left(planes, turn)
             original, across = originals.get(turn, (turn, ""))
-            image_of = f"at_{speed:.{digits}f}_from_{_degrees(original)}" if across else ""
+            image_of = _name(speed, original, digits) if across else ""
             members.append(Member(name, draught, left, image_of, across))
+    if between:
+        members += _halfway(
+            {
+                (speed, turn): _name(speed, turn, digits)
+                for speed, turn in product(sorted(speeds), turns)
+            }
+        )
     return tuple(members)
+
+
+def _halfway(names: Mapping[tuple[float, float], str]) -> list[Member]:
+    """Members halfway between those with these names by speed, m/s, and direction, degrees."""
+    speeds = sorted({speed for speed, _ in names})
+    turns = sorted({turn for _, turn in names})
+    of_speed = _halved(pairwise(speeds))
+    round_about = pairwise((*turns, turns[0] + 360.0)) if turns else ()
+    of_turn = {
+        middle % 360.0: (one, other % 360.0)
+        for middle, (one, other) in _halved(round_about).items()
+        if other - one <= MOST_APART_DEG
+    }
+    digits = _digits([*speeds, *of_speed])
+    found = []
+    for speed, turn in product(sorted([*speeds, *of_speed]), sorted([*turns, *of_turn])):
+        if speed == 0.0 or (speed in speeds and turn in turns):
+            continue
+        around = product(of_speed.get(speed, (speed,)), of_turn.get(turn, (turn,)))
+        # The member of still air is that of all directions.
+        shares = Counter(names[place] for place in around)
+        between = tuple((name, count / shares.total()) for name, count in shares.items())
+        draught = draught_from(speed, (turn,))
+        found.append(Member(_name(speed, turn, digits), draught, "", between=between))
+    return found
+
+
+def _halved(pairs: Iterable[tuple[float, float]]) -> dict[float, tuple[float, float]]:
+    """Pairs of neighbours by their middle."""
+    return {round(0.5 * (one + other), 9): (one, other) for one, other in pairs}
+
+
+def _digits(speeds: Iterable[float]) -> int:
+    """Decimal places that names need to distinguish speeds, at least 2."""
+    return max(2, *(len(f"{speed:.9f}".rstrip("0").partition(".")[2]) for speed in speeds))
+
+
+def _name(speed: float, turn: float, digits: int) -> str:
+    """Name of a member; still air has no direction."""
+    return f"at_{speed:.{digits}f}" + (f"_from_{_degrees(turn)}" if speed else "")
 
 
 def _originals(turns: Sequence[float], symmetric: str) -> dict[float, tuple[float, str]]:

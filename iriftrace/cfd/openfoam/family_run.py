@@ -1,4 +1,4 @@
-"""Run of a family: mesh once, solve the members, mirror the others.
+"""Run of a family: mesh once, solve members, make the others from them.
 
 Each member starts with its draught everywhere. Started from the state of a neighbour 0.02 m/s
 slower it became steady later (cylinder, 0.06 m/s): air outside the plume accelerates slowly.
@@ -14,6 +14,7 @@ from pathlib import Path
 import pyvista as pv
 from attrs import frozen
 
+from iriftrace.air.refractivity import Air
 from iriftrace.cfd.openfoam.case import RECORD, Case, read_record
 from iriftrace.cfd.openfoam.family import Member
 from iriftrace.cfd.openfoam.mesh import make_mesh
@@ -21,10 +22,12 @@ from iriftrace.cfd.openfoam.part_surface import reflected_grid
 from iriftrace.cfd.openfoam.programs import Installation, find_openfoam
 from iriftrace.cfd.openfoam.run import expected_seconds, last_time, pieces_of
 from iriftrace.cfd.openfoam.simulate import Display, check_solver, prepare, simulate
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, without_warnings
 from iriftrace.core.files import whole_file, write_whole
 from iriftrace.core.plain import JsonObject
+from iriftrace.field.between import write_field_between
 from iriftrace.field.origin import facts_of, origin_of, state_origin
+from iriftrace.field.read import read_field
 from iriftrace.field.source import FieldFacts
 
 FAMILY = "family.json"
@@ -53,6 +56,7 @@ class Cost:
 
     finished: int
     mirrored: int  # members made by mirroring
+    between: int  # members made from those around them
     solved: int  # members to solve
     cells: int  # of the largest mesh
     seconds: float  # clock time of all solvers one after another
@@ -98,7 +102,7 @@ def run_family(
     say: Callable[[str], None],
     expect: Callable[[Cost], None],
 ) -> Iterator[JsonObject]:
-    """Solve and mirror the missing members of a family; yields their entries as they are made.
+    """Make the missing members of a family; yields their entries as they are made.
 
     `cases` are by the members' names. The `folder` gets ``NAME.vtu`` of each member, `FAMILY`, and
     the OpenFOAM cases of those that `solve` solved. Callbacks: `say` gets each step, `expect` the
@@ -120,6 +124,7 @@ def run_family(
     ]
     waiting = [task for task in tasks if task.member.name not in finished]
     mirrored = [m for m in members if m.image_of and m.name not in finished]
+    between = [m for m in members if m.between and m.name not in finished]
     needed = {task.member.planes for task in waiting}
     cells = {
         task.member.planes: make_mesh(task.case, task.case_folder, installation, say)
@@ -133,11 +138,14 @@ def run_family(
         for task in waiting
     )
     most = max(cells.values(), default=0)
-    expect(Cost(len(finished), len(mirrored), len(waiting), most, seconds))
+    expect(Cost(len(finished), len(mirrored), len(between), len(waiting), most, seconds))
     for entry in solve(waiting):
         yield _keep(entry, entries, folder)
     for member in mirrored:
         write_image(member, cases[member.name], folder)
+        yield _keep(_entry(member, cases[member.name]), entries, folder)
+    for member in between:
+        _write_between(member, cases[member.name], folder)
         yield _keep(_entry(member, cases[member.name]), entries, folder)
 
 
@@ -157,12 +165,21 @@ def write_image(member: Member, case: Case, folder: Path) -> None:
         grid.save(temporary)
 
 
+def _write_between(member: Member, case: Case, folder: Path) -> None:
+    """Write the field of a member that lies between others."""
+    air = Air(temperature_k=case.ambient_k, pressure_pa=case.pressure_pa)
+    with without_warnings():
+        # The same as of any of its members, which a scene of the family repeats.
+        fields = [read_field(folder / f"{name}.vtu", air=air) for name, _ in member.between]
+    write_field_between(folder / member.file, fields, [share for _, share in member.between])
+
+
 def _tasks(members: Sequence[Member], cases: Mapping[str, Case], folder: Path) -> list[Task]:
-    """Tasks of all members that are not mirror images; the first of each mesh makes it."""
+    """Tasks of all members that are solved; the first of each mesh makes it."""
     tasks: list[Task] = []
     meshed: dict[str, Path] = {}
     for member in members:
-        if member.image_of:
+        if not member.solved:
             continue
         task = Task(member, cases[member.name], folder, meshed.get(member.planes))
         meshed.setdefault(member.planes, task.case_folder)
@@ -179,6 +196,7 @@ def _entry(member: Member, case: Case) -> JsonObject:
         "from": None if wind is None else list(wind.source),
         "velocity_m_s": [0.0, 0.0, 0.0] if wind is None else list(wind.velocity),
         "image_of": member.image_of or None,
+        "between": dict(member.between) or None,
         "end_s": case.times.end,
         "averaging_s": case.times.averaging,
         "bodies": [body.record() for body in case.bodies],
