@@ -69,7 +69,12 @@ class Case:
     truth: str
     members: tuple[str, ...]
     turns: tuple[float, ...] = (AXIS,)
+    between: tuple[tuple[int, ...], ...] = ()
+    """Further members between others, by these numbers (`iriftrace.field_between`)."""
 
+
+PAIR, SQUARE = ((0, 1),), ((0, 1), (2, 3), (0, 2), (1, 3), (0, 1, 2, 3))
+"""Places between two members, and between those of two speeds and two directions."""
 
 TURNED = tuple(f"turned/at_0.{w}_from_{turn}" for turn in ("080", "090") for w in (14, 16))
 
@@ -85,6 +90,9 @@ CASES = (
     Case("turned/at_0.15_from_085", TURNED),
     Case("turned/at_0.15_from_085", TURNED, (LEE,)),
     Case("turned/at_0.15_from_085", TURNED, (LEE, WINDWARD)),
+    Case("turned/at_0.15_from_085", TURNED, (AXIS,), SQUARE),
+    Case("turned/at_0.15_from_085", TURNED, (LEE,), SQUARE),
+    Case("turned/at_0.15_from_085", TURNED, (LEE, WINDWARD), SQUARE),
     Case("turned/at_0.15_from_085", tuple(f"turned/at_0.{w}_from_085" for w in (14, 16))),
     Case("strong/field", COARSE),
     Case("second/field", COARSE),
@@ -103,10 +111,12 @@ def main(part_file: str, folder: str) -> None:
     for case in CASES:
         air = iriftrace.HotAir(fields[case.truth])
         family = [fields[name] for name in case.members]
+        family += [iriftrace.field_between([family[n] for n in some]) for some in case.between]
         views = [_seen(part, air, family, turn) for turn in case.turns]
         fit = iriftrace.fit_members(*views[0], others=views[1:])
         found = (
-            f"{case.truth} by {', '.join(case.members)}, seen at {case.turns} deg: residual "
+            f"{case.truth} by {', '.join(case.members)}, {len(case.between)} between, seen at "
+            f"{case.turns} deg: residual "
             f"{fit.ratio:.2f} times the noise"
         )
         if fit.refused:
