@@ -1,7 +1,5 @@
 """Calibration files as OpenCV itself writes them, and what is wrong with others."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

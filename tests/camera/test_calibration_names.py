@@ -1,7 +1,5 @@
 """Names of coefficients, poses and MATLAB's intrinsics in calibrations that are nearly OpenCV's."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

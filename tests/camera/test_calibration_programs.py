@@ -1,7 +1,5 @@
 """Calibrations of other programs: COLMAP's and librealsense's are read, others named."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The camera in plain NumPy: frames, projection, solid angles, wrong input."""
 
-from __future__ import annotations
-
 import json
 import math
 from typing import Any

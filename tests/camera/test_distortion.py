@@ -1,7 +1,5 @@
 """Brown and Conrady's distortion and its inverse against OpenCV and against its own derivatives."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

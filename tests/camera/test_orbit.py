@@ -1,7 +1,5 @@
 """Orbits: where cameras stand, where they look, how they are rolled, and how they leave hot air."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

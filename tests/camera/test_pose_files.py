@@ -1,7 +1,5 @@
 """Pose files: conventions by hand and there and back, every file form, and what is refused."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sets of poses: parts of them, several joined, and matrices that are no poses."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal

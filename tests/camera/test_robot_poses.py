@@ -1,7 +1,5 @@
 """Poses of robots: each maker's angles, the flange's camera, the robot's base."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

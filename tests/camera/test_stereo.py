@@ -1,7 +1,5 @@
 """Calibrations of two cameras as OpenCV, ROS, Kalibr and MATLAB write them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Pixels in tiles: a permutation for every size of a picture, whole tiles first in every band."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

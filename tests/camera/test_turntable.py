@@ -1,7 +1,5 @@
 """A part on a turntable: what the camera sees is the part, turned."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

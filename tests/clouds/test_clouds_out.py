@@ -1,7 +1,5 @@
 """Corrected clouds as files: rows, columns, frames and units of the cloud that was measured."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which columns of a table are the measured points: read by their names, or refused with them."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from pathlib import Path

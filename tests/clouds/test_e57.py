@@ -1,7 +1,5 @@
 """Clouds in E57 files: points, units, poses and damage; written by pye57."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

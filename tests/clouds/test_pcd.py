@@ -1,7 +1,5 @@
 """Clouds in PCD files: ASCII, binary and compressed, grids, colours, units and damage."""
 
-from __future__ import annotations
-
 import base64
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """PTX files of laser scanners: the pose that they state, and directions without a point."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sizes of a hot part at the temperature of its drawing, against the drawing."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from attrs import evolve

@@ -4,8 +4,6 @@ Points of exact surfaces come back to rounding; of disturbed ones the sum of squ
 (its gradient by finite differences vanishes), which is what a least-squares fit is.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

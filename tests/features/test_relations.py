@@ -1,7 +1,5 @@
 """Distances and angles of planes, and values by region, of points in known places."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tables of thermocouples: their columns, units, and what is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

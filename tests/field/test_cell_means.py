@@ -1,7 +1,5 @@
 """Values of cells at the points around them: exact for linear fields, also where cells grow."""
 
-from __future__ import annotations
-
 import itertools
 from pathlib import Path
 

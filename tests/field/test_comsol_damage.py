@@ -1,7 +1,5 @@
 """Damaged and ambiguous COMSOL exports: each is refused in a sentence that names the fault."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """COMSOL text exports of every layout: the field read is the one that was written."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

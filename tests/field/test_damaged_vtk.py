@@ -1,7 +1,5 @@
 """Damaged files of VTK: an InputError, and the process lives on."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

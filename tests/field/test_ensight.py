@@ -1,7 +1,5 @@
 """EnSight Gold cases in text and binary, with one state and with several."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

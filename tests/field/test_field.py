@@ -1,7 +1,5 @@
 """Fields: values, units and origin against what was written, and files that are refused."""
 
-from __future__ import annotations
-
 import hashlib
 import warnings
 from pathlib import Path

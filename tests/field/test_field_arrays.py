@@ -1,7 +1,5 @@
 """Arrays by name, quantity and unit: temperatures against those that were written."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

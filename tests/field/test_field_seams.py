@@ -1,7 +1,5 @@
 """Mirrored halves: joined at their seam, against the whole, but not where a value jumps."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

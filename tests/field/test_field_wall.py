@@ -1,7 +1,5 @@
 """Inner boundary of a field: area and place of the part's surface, never the outer boundary."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Fit of part and field: gaps that are known, and mistakes of unit and axes named."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

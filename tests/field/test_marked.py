@@ -1,7 +1,5 @@
 """Cells that files mark as hidden, as copies or without a value, and NaN: left out and counted."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

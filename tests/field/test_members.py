@@ -1,7 +1,5 @@
 """States of series of files: times against those written, and how a user names one."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

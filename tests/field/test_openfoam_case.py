@@ -1,7 +1,5 @@
 """OpenFOAM cases, whole and decomposed: temperatures at walls to the last digit, linear fields."""
 
-from __future__ import annotations
-
 import gzip
 import hashlib
 import re

@@ -1,7 +1,5 @@
 """OpenFOAM cases of conjugate heat transfer, a mesh for each region: the air and its wall."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

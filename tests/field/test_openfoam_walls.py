@@ -1,7 +1,5 @@
 """OpenFOAM's walls with a gradient: value = the cell's + gradient times distance."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What a field says of itself: kind, time and symmetry, as results state them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Recovered gradients and means: exact for linear fields, symmetric, right lengths, bad cells."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

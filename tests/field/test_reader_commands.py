@@ -1,7 +1,5 @@
 """Commands with fields of every kind: what they say and write, and their errors."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

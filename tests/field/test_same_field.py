@@ -1,7 +1,5 @@
 """One field through every reader: displacements differ by the foreseen interpolation alone."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

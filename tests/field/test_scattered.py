@@ -1,7 +1,5 @@
 """Scattered points: volume of the air around cut-out parts, to the last cubic millimetre."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

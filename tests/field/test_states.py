@@ -1,7 +1,5 @@
 """Names of result columns taken apart into quantity, unit and state: names typed by hand."""
 
-from __future__ import annotations
-
 import pytest
 
 from iriftrace.field.readers.states import Column, column_of, states_of, time_in

@@ -1,7 +1,5 @@
 """Tables of COMSOL in other languages, with missing values, and with times in another order."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

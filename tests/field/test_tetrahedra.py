@@ -1,7 +1,5 @@
 """Cells split into tetrahedra: volumes add up, faces are shared whole, counts made by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

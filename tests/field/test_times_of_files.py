@@ -1,7 +1,5 @@
 """CGNS, Exodus and XDMF, which VTK alone reads: fields as in VTK's own format, and times."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

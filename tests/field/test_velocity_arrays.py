@@ -1,7 +1,5 @@
 """Velocities in files of several programs: values in m/s against those written, turned along."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """File types and cell types: volume and values of one linear grid against a box of known size."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

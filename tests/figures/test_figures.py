@@ -1,7 +1,5 @@
 """Figures of a pose and a scene: plotted values against the channels, labels against VTK's view."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The report: complete, embedded, escaped, and with the numbers of the plan."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

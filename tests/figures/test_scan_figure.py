@@ -1,7 +1,5 @@
 """The figure of a correction, what its colours and bins mean, and its report."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

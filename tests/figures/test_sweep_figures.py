@@ -1,7 +1,5 @@
 """Figures of a sweep: plotted values against the sweep's own, and every pose accounted for."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

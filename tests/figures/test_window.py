@@ -3,8 +3,6 @@
 The colours looked for are those that the legend of each kind promises.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import matplotlib.image

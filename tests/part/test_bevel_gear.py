@@ -1,7 +1,5 @@
 """Bevel gears against the geometry of cones and involutes."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The board of dots: its frame, and the sizes on its printed page, read back from the PDF."""
 
-from __future__ import annotations
-
 import re
 import zlib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Cylinders against the closed form of a prism."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

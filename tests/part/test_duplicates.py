@@ -1,7 +1,5 @@
 """Triangles that lie on others are left out of a part, with a warning that counts them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

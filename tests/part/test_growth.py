@@ -1,7 +1,5 @@
 """Thermal growth of a part: its factor, and that it travels with the file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

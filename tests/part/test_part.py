@@ -1,7 +1,5 @@
 """Reading a part: the order of faces, regions, orientation, units, expansion, and refusals."""
 
-from __future__ import annotations
-
 import warnings
 from pathlib import Path
 

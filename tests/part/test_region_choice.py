@@ -1,7 +1,5 @@
 """Regions by pattern, and with their place."""
 
-from __future__ import annotations
-
 import pytest
 import trimesh
 

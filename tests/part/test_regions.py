@@ -1,7 +1,5 @@
 """Neighbours, orientation, smooth groups and names on bodies whose patches are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import trimesh
 

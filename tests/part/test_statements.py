@@ -1,7 +1,5 @@
 """The figures behind docs/parts.md, on a sweep small enough to do by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import xarray as xr

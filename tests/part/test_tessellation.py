@@ -1,7 +1,5 @@
 """Parts with fewer or more triangles: how far they moved is known of spheres, regions stay."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A part that is not equally hot everywhere, against closed forms of free thermal expansion."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

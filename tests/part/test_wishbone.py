@@ -1,7 +1,5 @@
 """The wishbone against its own dimensions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Sweeps that the tests of rankings share: five poses worked out by hand, and random ones."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

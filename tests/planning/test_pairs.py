@@ -1,7 +1,5 @@
 """Pairs of poses: ranked by offsets as the exact solver has them; wrong requests are refused."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

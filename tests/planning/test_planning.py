@@ -1,7 +1,5 @@
 """Ranking by a table worked out by hand, by independent loops, and by what must never win."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

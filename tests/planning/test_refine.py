@@ -1,7 +1,5 @@
 """Refinement: never worse than the start, bounded, repeatable, and at the top of a known hill."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

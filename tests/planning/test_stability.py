@@ -1,7 +1,5 @@
 """How sure a ranking is: other weights, Pareto front, poses outside, and what is said of it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from attrs import evolve

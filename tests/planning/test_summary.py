@@ -1,7 +1,5 @@
 """Summary of a sweep with known numbers: units, limits, grids and angles of its poses."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Sets of views against a cube that can be counted, and against trying all sets."""
 
-from __future__ import annotations
-
 from itertools import combinations, product
 from typing import Any
 

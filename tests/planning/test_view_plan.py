@@ -1,7 +1,5 @@
 """Several views chosen from a sweep: only faces within the limits count."""
 
-from __future__ import annotations
-
 from itertools import combinations
 from typing import Any
 

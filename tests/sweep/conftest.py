@@ -1,7 +1,5 @@
 """The bundled cylinder at a tenth of its resolution, and the orbit around it."""
 
-from __future__ import annotations
-
 import pytest
 
 from iriftrace.camera.orbit import Orbit

@@ -1,7 +1,5 @@
 """Work that is interrupted goes on and gives the same file; what was done is not done again."""
 
-from __future__ import annotations
-
 import sqlite3
 from collections.abc import Callable, Iterator
 from pathlib import Path

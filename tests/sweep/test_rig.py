@@ -1,7 +1,5 @@
 """A scene with two devices is a rigid sensor: swept together, ranked by what both measure."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A sweep is its poses rendered one by one, whatever interrupts it."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

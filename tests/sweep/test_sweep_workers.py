@@ -1,7 +1,5 @@
 """Poses rendered by Dask workers: the same results, whoever renders and whoever dies."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import signal

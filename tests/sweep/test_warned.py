@@ -1,7 +1,5 @@
 """Flags of what a sweep warns of in single poses: each for its own reason."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import xarray as xr

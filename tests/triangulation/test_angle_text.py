@@ -1,7 +1,5 @@
 """Angles as they are printed: never 0 for one that is not."""
 
-from __future__ import annotations
-
 import pytest
 
 from iriftrace.cli.triangulation_text import minutes
