@@ -128,8 +128,8 @@ def _freedom(field: IndexField, points: FloatArray, most: float) -> FloatArray:
 def _source(fields: Sequence[IndexField], shares: FloatArray, mean: FloatArray) -> FieldSource:
     """Origin of the air between fields."""
     names = [Path(one.source.path).name for one in fields]
-    parts = (f"{share:.0%} {name}" for share, name in zip(shares, names, strict=True))
-    origin = f"between {', '.join(parts)}, with their plumes moved; {fields[0].source.origin}"
+    parts = ", ".join(f"{share:.0%} {name}" for share, name in zip(shares, names, strict=True))
+    origin = f"between {parts}, with their plumes moved; the first: {fields[0].source.origin}"
     digest = hashlib.sha256(mean.tobytes()).hexdigest()
     path = f"between {', '.join(names)}"
     return evolve(fields[0].source, path=path, sha256=digest, origin=origin)
