@@ -10,6 +10,7 @@
         --body second.stl --body-temperature "900 degC"
     $S -o turned --draughts 0.14:0.16:0.01 --draught-from 80,85,90 --background-cell 44mm \
         --end-time 8s --average-time 5s
+    $S -o wide --draughts 0.12:0.16:0.01 $C --end-time 8s --average-time 5s
     python -m validation.board_twin part.ply .
 
 The part is `scenes/cylinder/part.ply`; second.stl is a block of 60 x 30 x 30 mm around (0, -75, 0).
@@ -76,6 +77,8 @@ class Case:
 PAIR, SQUARE = ((0, 1),), ((0, 1), (2, 3), (0, 2), (1, 3), (0, 1, 2, 3))
 """Places between two members, and between those of two speeds and two directions."""
 
+WIDE = ("wide/at_0.12_from_090", "wide/at_0.16_from_090")
+
 TURNED = tuple(f"turned/at_0.{w}_from_{turn}" for turn in ("080", "090") for w in (14, 16))
 
 CASES = (
@@ -87,6 +90,10 @@ CASES = (
     Case("fine/at_0.13_from_090", COARSE),
     Case("fine/at_0.17_from_090", COARSE),
     Case("fine/at_0.15_from_090", COARSE[1:3]),
+    Case("wide/at_0.13_from_090", WIDE),
+    Case("wide/at_0.13_from_090", WIDE, (AXIS,), PAIR),
+    Case("wide/at_0.14_from_090", WIDE),
+    Case("wide/at_0.14_from_090", WIDE, (AXIS,), PAIR),
     Case("turned/at_0.15_from_085", TURNED),
     Case("turned/at_0.15_from_085", TURNED, (LEE,)),
     Case("turned/at_0.15_from_085", TURNED, (LEE, WINDWARD)),
