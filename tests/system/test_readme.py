@@ -110,8 +110,10 @@ def test_python_examples_run_as_they_stand(folder: Path) -> None:
     assert scanned.startswith("Scan(")
     assert 0.001 < float(of_another_camera) < 0.01
     assert "displacement.norm" in of_mitsuba
-    mean, left = run(["-c", *blocks("triangulation.md", "python")], folder).splitlines()
+    mean, *features, left = run(["-c", *blocks("triangulation.md", "python")], folder).splitlines()
     assert -0.1 < float(mean) < 0.0
+    (change,) = (line.split()[-1] for line in features if line.startswith("cylinder lateral"))
+    assert -0.1 < float(change) < 0.0
     assert float(left) < 0.1 * abs(float(mean))
 
 
