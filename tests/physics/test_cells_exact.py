@@ -36,6 +36,7 @@ LAUNCHES = launches()
 pytestmark = pytest.mark.usefixtures("variant")
 
 
+@pytest.mark.slow
 def test_every_figure_of_the_accuracy_page_is_within_its_bound(tmp_path: Path) -> None:
     """Ends, orders, speeds and ways back in closed forms; slab and cylinder, also on cells."""
     lines = SECTION.compute(tmp_path)

@@ -227,6 +227,7 @@ def other_scene(
     return load_scene(folder / "scene.xml", values, variant=variant)
 
 
+@pytest.mark.slow
 def test_scenes_focal_lengths_and_distances_in_one_sweep(
     scene: LoadedScene, other_scene: LoadedScene, poses: PoseSet, tmp_path: Path
 ) -> None:

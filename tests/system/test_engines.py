@@ -39,6 +39,7 @@ def test_scene_carries_the_field_and_render_switches_the_engine(
     assert main(["metrics", str(exr), "-o", str(tmp_path / "again.json")]) == 0
 
 
+@pytest.mark.slow
 def test_sweep_bends_rays_through_the_field(hot: HotBlock, tmp_path: Path) -> None:
     """Each pose is the cells engine's own rendering, also when it is loaded again."""
     output = tmp_path / "sweep.nc"

@@ -24,6 +24,7 @@ def next_words(printed: Printed) -> list[str]:
     return shlex.split(found[1])
 
 
+@pytest.mark.slow
 def test_from_the_part_to_the_picture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Printed
 ) -> None:

@@ -73,6 +73,7 @@ def test_a_complete_sweep_says_so(hot: HotBlock, sweep: Path, run: Run) -> None:
     assert sweep.read_bytes() == before
 
 
+@pytest.mark.slow
 def test_a_pose_is_named_with_its_lens(
     hot: HotBlock,
     tmp_path: Path,
@@ -94,6 +95,7 @@ def test_a_pose_is_named_with_its_lens(
     assert f"Pose {best[1]} (focal length {best[2]} mm) is the best" in said
 
 
+@pytest.mark.slow
 def test_another_scene_is_not_taken_for_that_of_the_sweep(scene: Path, fails: Failing) -> None:
     """One of the files that it names, or itself, has changed, or it is no longer there."""
     assert main(["sweep", str(scene), "-o", "a.nc", "--azimuth=0:90:2", "--elevation=30"]) == 0

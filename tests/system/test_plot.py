@@ -58,6 +58,7 @@ def test_without_opengl_the_rest_is_drawn(
     assert names(tmp_path / "figures", ".png") == VIEWS
 
 
+@pytest.mark.slow
 def test_a_sweep_whose_scene_is_gone_is_drawn_without_it(
     sweep: Path,
     tmp_path: Path,

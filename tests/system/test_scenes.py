@@ -48,6 +48,7 @@ def test_rays_by_status_are_those_of_the_readme(name: str) -> None:
     assert metrics.displacement_mm.median * 1e3 == pytest.approx(median_um, abs=0.06)
 
 
+@pytest.mark.slow
 def test_the_script_writes_the_bundled_scenes(tmp_path: Path) -> None:
     """The files in the tree are not older than the program: XML equal, meshes of equal size."""
     for xml in [*write_bundled(tmp_path), write_plate(tmp_path)]:

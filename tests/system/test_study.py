@@ -37,6 +37,7 @@ def test_moving_the_camera_does_not_change_the_resolution(name: str, scale: floa
     assert bound.arguments["scale"] == scale
 
 
+@pytest.mark.slow
 def test_layers_write_a_file_and_a_figure_and_print_a_table(
     hot: HotBlock, tmp_path: Path, run: Run
 ) -> None:
@@ -97,6 +98,7 @@ def test_studies_over_several_fields(
     assert out.with_suffix(".png").is_file()
 
 
+@pytest.mark.slow
 def test_times_are_printed_as_ratios(hot: HotBlock, tmp_path: Path, run: Run) -> None:
     out = tmp_path / "rays.nc"
     words = ["--scales=0.5,1", "--layers=2", *SMALL]

@@ -111,6 +111,7 @@ def sweeps(hot: HotBlock, tmp_path_factory: pytest.TempPathFactory) -> dict[floa
     return found
 
 
+@pytest.mark.slow
 def test_sweep_says_and_uses_the_wavelength(sweeps: dict[float, Path]) -> None:
     found = {}
     for nm, path in sweeps.items():

@@ -207,6 +207,7 @@ def test_the_field_is_traced_where_shells_are_too_few_and_nothing_else_is_asked_
             np.testing.assert_array_equal(plane, asked.channels[name])
 
 
+@pytest.mark.slow
 def test_a_sweep_traces_the_field_where_shells_are_too_few(
     with_field: Callable[[tuple[float, float, float]], Path], tmp_path: Path
 ) -> None:

@@ -262,6 +262,7 @@ def test_shifts_that_cannot_be_fitted(board: iriftrace.Scene, shifts: MeasuredSh
     refused("has one field", shifts, in_air(board, board.air.states[0].field))
 
 
+@pytest.mark.slow
 def test_command(
     board: iriftrace.Scene,
     shifts: MeasuredShift,

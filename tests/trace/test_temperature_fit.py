@@ -98,6 +98,7 @@ def test_thermocouples_that_cannot_be_fitted(scene: iriftrace.Scene, tmp_path: P
     refused("has one field", PLACES, attrs.evolve(scene, air=iriftrace.HotAir(state)))
 
 
+@pytest.mark.slow
 def test_command(
     scene: iriftrace.Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -95,6 +95,7 @@ def test_closed_forms_agree_with_quadrature_in_forty_digits(
     assert form(*angles) == pytest.approx(expected, abs=2e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("variant")
 def test_the_accuracy_page_holds(tmp_path: Path) -> None:
     """Also what a correction leaves of the error."""
