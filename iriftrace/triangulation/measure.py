@@ -257,7 +257,8 @@ def _nothing_in_common(forward: IntArray, solved: IntArray) -> str:
     if blurred > 0.5 * len(forward):
         return (
             "The two devices see no point of the part in common, as most of what they see is out "
-            "of focus; move them, or change focus_near and focus_far (iriftrace scene --focus)."
+            "of focus; move them, or change focus_near and focus_far (iriftrace scene --focus "
+            "NEAR:FAR)."
         )
     return "The two devices see no point of the part in common; point both at the same side."
 

@@ -63,6 +63,8 @@ def test_members_between_others() -> None:
     }
     solved = plan_family((0.0, 0.1), (350.0, 10.0, 100.0), "", "")
     assert [member for member in members if not member.between] == list(solved)
+    with pytest.raises(InputError, match="--between adds no member"):
+        plan_family((0.1,), (0.0, 90.0), "", "", between=True)
 
 
 @pytest.mark.parametrize(

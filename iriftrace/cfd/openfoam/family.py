@@ -104,12 +104,14 @@ def plan_family(
             image_of = _name(speed, original, digits) if across else ""
             members.append(Member(name, draught, left, image_of, across))
     if between:
-        members += _halfway(
-            {
-                (speed, turn): _name(speed, turn, digits)
-                for speed, turn in product(sorted(speeds), turns)
-            }
-        )
+        places = product(sorted(speeds), turns)
+        halfway = _halfway({place: _name(*place, digits) for place in places})
+        if not halfway:
+            raise InputError(
+                "--between adds no member, as there is one speed and no two directions are within "
+                f"{MOST_APART_DEG:g} degrees of each other; give more of them, or leave it out."
+            )
+        members += halfway
     return tuple(members)
 
 
