@@ -73,8 +73,10 @@ def field_between(
         moved = points.copy()
         moved[:, :2] += freedom[:, None] * np.column_stack(by_height)
         found = one.sample(moved)
-        # Beside the data, such as air that moved in from there.
-        found = np.where(np.isnan(found), one.sample(points), found)
+        # Air from beside the data does not move in.
+        beside = np.isnan(found)
+        if beside.any():
+            found[beside] = one.sample(points[beside])
         mean += share * np.where(np.isnan(found), one.ambient_refractivity, found)
     return IndexField(first.grid, mean, first.air, _source(fields, shares, mean))
 
