@@ -14,6 +14,7 @@ from .camera.pose_files import to_convention as to_convention
 from .camera.pose_set import PoseSet as PoseSet
 from .camera.stereo import StereoCalibration as StereoCalibration
 from .camera.stereo import read_stereo_calibration as read_stereo_calibration
+from .cfd.between import field_between as field_between
 from .cfd.check.check import check_field as check_field
 from .cfd.check.finding import FieldCheck as FieldCheck
 from .cfd.synthetic.field import synthetic_field as synthetic_field
@@ -24,6 +25,7 @@ from .core.errors import InputError as InputError
 from .core.errors import IriftraceError as IriftraceError
 from .core.errors import IriftraceWarning as IriftraceWarning
 from .core.errors import SetupError as SetupError
+from .core.member_weights import MemberWeights as MemberWeights
 from .features.choice import FeatureChoice as FeatureChoice
 from .features.fit import Feature as Feature
 from .features.fit import fit_feature as fit_feature
@@ -32,7 +34,6 @@ from .features.quantity import Quantity as Quantity
 from .features.relations import Relation as Relation
 from .field.air_temperatures import AirTemperatures as AirTemperatures
 from .field.air_temperatures import read_air_temperatures as read_air_temperatures
-from .field.between import field_between as field_between
 from .field.flow import AirFlow as AirFlow
 from .field.index_field import IndexField as IndexField
 from .field.part_fit import Fit as Fit
@@ -90,7 +91,6 @@ from .scene.hot_air import HotAir as HotAir
 from .scene.load import from_mitsuba as from_mitsuba
 from .scene.load import load_scene as load_scene
 from .scene.loaded import LoadedScene as LoadedScene
-from .scene.member_weights import MemberWeights as MemberWeights
 from .scene.save import SavedScene as SavedScene
 from .scene.scene import Scene as Scene
 from .shells.contour import contour_shells as contour_shells

@@ -99,7 +99,7 @@ def _unnamed_columns(table: FloatArray, file: Path) -> list[int]:
     Raises InputError where they may be other columns, or rows.
     """
     count = table.shape[1]
-    if len(table) <= 4 < _MOST_UNNAMED < count:
+    if len(table) <= 4 and count > _MOST_UNNAMED:
         raise InputError(
             f"{file} has {len(table)} rows of {count} numbers, as if each column were a point; "
             "transpose it, so that each row is one."

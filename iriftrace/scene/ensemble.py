@@ -11,10 +11,10 @@ from attrs import field, frozen
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import write_json
+from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.plain import JsonObject, plain, structured
 from iriftrace.field.source import FieldSource
 from iriftrace.scene.hot_air import AirState
-from iriftrace.scene.member_weights import MemberWeights
 
 MEMBER = "member"
 """Parameter of an ensemble's scene: number of the member that is traced alone, from 1."""

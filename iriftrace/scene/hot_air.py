@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from attrs import Factory, frozen
 
 from iriftrace.core.errors import InputError
-from iriftrace.scene.member_weights import MemberWeights
+from iriftrace.core.member_weights import MemberWeights
 
 if TYPE_CHECKING:
     from iriftrace.field.index_field import IndexField

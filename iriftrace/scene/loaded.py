@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from iriftrace.camera.camera import Camera
 from iriftrace.core.engines import AUTO, ENGINES, Bending
 from iriftrace.core.errors import InputError, without_warnings
+from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.units import parse_quantity
 from iriftrace.field.path_data import FIELD_FILE, FieldCells, load_field_file
 from iriftrace.field.source import FieldSource
@@ -24,7 +25,6 @@ from iriftrace.runtime import variant as runtime
 from iriftrace.scene.air import Integrator, traced_air
 from iriftrace.scene.ensemble import MEMBER, FieldMember, is_ensemble, member_folder, weights_of
 from iriftrace.scene.file import WAVELENGTH
-from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.shells.table import AirStatement
 
 if TYPE_CHECKING:

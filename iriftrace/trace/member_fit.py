@@ -12,12 +12,12 @@ from attrs import evolve, field, frozen
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
+from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.statistics import rms
 from iriftrace.image.shift_mixture import MOST_OUTLIERS, ShiftMixture
 from iriftrace.scene.ensemble import FieldMember
 from iriftrace.scene.loaded import LoadedEnsemble, LoadedScene
-from iriftrace.scene.member_weights import MemberWeights
 
 SCHEMA = "iriftrace.fit/2"
 

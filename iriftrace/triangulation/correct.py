@@ -19,10 +19,10 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.tiles import tile_order
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
+from iriftrace.core.member_weights import MemberWeights
 from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.part.part import Part
 from iriftrace.scene.loaded import LoadedScene
-from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.scene.scene import AnyScene
 from iriftrace.trace.engine import choose
 from iriftrace.trace.lost import warn_of_lost_points

@@ -14,6 +14,7 @@ from scipy.special import stdtrit
 from iriftrace.clouds.read import Cloud
 from iriftrace.clouds.write import by_axis, save_cloud
 from iriftrace.core.arrays import AnyArray, FloatArray, IntArray
+from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.plain import JsonObject, plain
 from iriftrace.core.statistics import spread
 from iriftrace.core.units import length_factor
@@ -26,7 +27,6 @@ from iriftrace.features.relations import Relation, relations
 from iriftrace.geometry.transform import apply
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
-from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.triangulation.field_state import FieldState
 from iriftrace.triangulation.larger import Larger
 from iriftrace.triangulation.statistics import (

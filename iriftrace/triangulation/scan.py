@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from iriftrace.camera.camera import Camera
 from iriftrace.clouds.write import by_axis, save_cloud
 from iriftrace.core.arrays import AnyArray, FloatArray, IntArray
+from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.plain import JsonObject, plain
 from iriftrace.core.statistics import spread
 from iriftrace.features.choice import FeatureChoice
@@ -21,7 +22,6 @@ from iriftrace.features.outliers import GATE
 from iriftrace.features.quantity import Quantity
 from iriftrace.features.relations import Relation, relations
 from iriftrace.part.part import Part
-from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.triangulation.acceptance import AcceptanceError
 from iriftrace.triangulation.statistics import (
     PointStatus,

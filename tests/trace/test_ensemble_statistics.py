@@ -9,6 +9,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from iriftrace.core.errors import InputError
+from iriftrace.core.member_weights import MemberWeights
 from iriftrace.image.aov_image import (
     CHANNELS,
     MEMBERS_CHANNEL,
@@ -19,7 +20,6 @@ from iriftrace.image.aov_image import (
     write_exr,
 )
 from iriftrace.image.ray_statistics import Statistics, ensemble_metrics
-from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.trace.pose_image import EnsembleStatistics
 from validation.inputs.cameras import camera_at
 from validation.oracles.aov_by_hand import make_image, plate

@@ -14,12 +14,12 @@ from attrs import evolve
 from iriftrace.air.refractivity import Air
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
+from iriftrace.core.member_weights import MemberWeights
 from iriftrace.features.quantity import Quantity, WorstMember
 from iriftrace.field.source import FieldFacts, FieldKind
 from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.loaded import LoadedScene
-from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.scene.write import write_ensemble_scene
 from iriftrace.scene.xml import SceneSettings
 from iriftrace.scenes import folder_of

@@ -9,12 +9,14 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 
 import pyvista as pv
 from attrs import frozen
 
 from iriftrace.air.refractivity import Air
+from iriftrace.cfd.between import write_field_between
 from iriftrace.cfd.openfoam.case import RECORD, Case, read_record
 from iriftrace.cfd.openfoam.family import Member
 from iriftrace.cfd.openfoam.mesh import make_mesh
@@ -25,7 +27,7 @@ from iriftrace.cfd.openfoam.simulate import Display, check_solver, prepare, simu
 from iriftrace.core.errors import InputError, without_warnings
 from iriftrace.core.files import whole_file, write_whole
 from iriftrace.core.plain import JsonObject
-from iriftrace.field.between import write_field_between
+from iriftrace.field.index_field import IndexField
 from iriftrace.field.origin import facts_of, origin_of, state_origin
 from iriftrace.field.read import read_field
 from iriftrace.field.source import FieldFacts
@@ -33,6 +35,9 @@ from iriftrace.field.source import FieldFacts
 FAMILY = "family.json"
 """Record in the family's folder: its members, and how each of the finished ones was made."""
 _CASES = "cases"
+
+_KEPT = 8
+"""Members in memory: two speeds of four directions."""
 
 
 @frozen(eq=False)
@@ -144,8 +149,10 @@ def run_family(
     for member in mirrored:
         write_image(member, cases[member.name], folder)
         yield _keep(_entry(member, cases[member.name]), entries, folder)
+    reader = _reader(folder)
     for member in between:
-        _write_between(member, cases[member.name], folder)
+        fields = [reader(name, cases[name]) for name, _ in member.between]
+        write_field_between(folder / member.file, fields, [share for _, share in member.between])
         yield _keep(_entry(member, cases[member.name]), entries, folder)
 
 
@@ -165,13 +172,17 @@ def write_image(member: Member, case: Case, folder: Path) -> None:
         grid.save(temporary)
 
 
-def _write_between(member: Member, case: Case, folder: Path) -> None:
-    """Write the field of a member that lies between others."""
-    air = Air(temperature_k=case.ambient_k, pressure_pa=case.pressure_pa)
-    with without_warnings():
-        # The same as of any of its members, which a scene of the family repeats.
-        fields = [read_field(folder / f"{name}.vtu", air=air) for name, _ in member.between]
-    write_field_between(folder / member.file, fields, [share for _, share in member.between])
+def _reader(folder: Path) -> Callable[[str, Case], IndexField]:
+    """Reader of members, which keeps those of the last places, as neighbours share them."""
+
+    @lru_cache(maxsize=_KEPT)
+    def read(name: str, case: Case) -> IndexField:
+        air = Air(temperature_k=case.ambient_k, pressure_pa=case.pressure_pa)
+        # What a field is warned of is said again where a scene is made of it.
+        with without_warnings():
+            return read_field(folder / f"{name}.vtu", air=air)
+
+    return read
 
 
 def _tasks(members: Sequence[Member], cases: Mapping[str, Case], folder: Path) -> list[Task]:

@@ -17,6 +17,7 @@ from attrs import evolve
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
+from iriftrace.core.member_weights import MemberWeights
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.origin import state_origin
 from iriftrace.field.source import FieldSource
@@ -42,25 +43,20 @@ def field_between(
     fields : sequence of IndexField
         At least two, around the same part, such as members of a family of draughts.
     weights : sequence of float, optional
-        Share of each, not negative; equal by default.
+        Relative weights, 0 or more; equal by default.
 
     Raises
     ------
     InputError
-        There are fewer than two fields or not as many weights, or a field has no hot air.
+        There are fewer than two fields or not as many weights, a weight is negative, or a field has
+        no hot air.
     """
-    shares = np.ones(len(fields)) if weights is None else np.array(weights, dtype=np.float64)
-    if len(fields) < 2 or shares.shape != (len(fields),):
+    shares = MemberWeights(np.ones(len(fields)) if weights is None else weights).weights
+    if len(fields) < 2 or len(shares) != len(fields):
         raise InputError(
-            f"{len(fields)} fields with {shares.size} weights have no air between them; give two "
+            f"{len(fields)} fields with {len(shares)} weights have no air between them; give two "
             "fields or more, and a weight for each or none."
         )
-    if not (np.isfinite(shares).all() and (shares >= 0.0).all() and shares.sum() > 0.0):
-        raise InputError(
-            f"The weights {', '.join(f'{share:g}' for share in shares)} are no shares of fields; "
-            "give finite numbers of 0 or more."
-        )
-    shares = shares / shares.sum()
     first = fields[0]
     points = np.asarray(first.grid.points, dtype=np.float64)
     heights = np.linspace(points[:, 2].min(), points[:, 2].max(), _SLICES + 1)
@@ -108,7 +104,10 @@ def _centroids(field: IndexField, heights: FloatArray) -> FloatArray:
     amount = near.sum(axis=1)
     strong = amount > _WEAK * amount.max()
     if not strong.any():
-        raise InputError(f"{field.source.path} has no air that is hotter than ambient.")
+        raise InputError(
+            f"{field.source.path} has no air that is hotter than ambient, so no plume to move; "
+            "check the ambient temperature."
+        )
     found = near[strong] @ centres[:, :2] / amount[strong, None]
     filled = [np.interp(heights, heights[strong], column) for column in found.T]
     return np.column_stack(filled)

@@ -7,9 +7,9 @@ import pytest
 import pyvista as pv
 
 from iriftrace.air.refractivity import Air
+from iriftrace.cfd.between import field_between, write_field_between
 from iriftrace.core.errors import InputError
 from iriftrace.core.statistics import rms
-from iriftrace.field.between import field_between, write_field_between
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field
 from iriftrace.field.source import FieldSource
@@ -62,8 +62,8 @@ def test_its_file_says_between_what_it_lies(tmp_path: Path) -> None:
     [
         (1, None, "1 fields with 1 weights"),
         (2, [1.0], "2 fields with 1 weights"),
-        (2, [-1.0, 2.0], "-1, 2 are no shares"),
-        (2, [0.0, 0.0], "0, 0 are no shares"),
+        (2, [-1.0, 2.0], "weights -1, 2 are not those"),
+        (2, [0.0, 0.0], "weights 0, 0 are not those"),
     ],
 )
 def test_what_has_nothing_between_is_refused(
