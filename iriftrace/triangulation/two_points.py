@@ -9,7 +9,8 @@ The line is aimed at A, beginning with A = X; the traced ray passes X by the *mi
 with a point Y of its last straight segment and its direction d, and A - m is the next aim. The
 deflection changes little between neighbouring aims, so each round shrinks the miss by the factor
 :math:`|\partial\delta / \partial x|`, some 1e-3 on a part's side, up to 0.3 straight down a plume.
-Where that is not below 1 the point has several images.
+Where that is not below 1 the point has several images. Two misses give the factor: where the next
+miss, with a margin of `MARGIN`, is then below `MISS_MM`, the last correction is not traced again.
 
 Points need not lie on the part: a ray continues along its last straight segment.
 """
@@ -29,6 +30,9 @@ MISS_MM = 1e-6
 
 ROUNDS = 8
 
+MARGIN = 10.0
+"""Of a miss that is foretold by the two before it; the factor depends on the miss's direction."""
+
 
 @frozen(eq=False)
 class LinesOfSight:
@@ -40,7 +44,7 @@ class LinesOfSight:
 
     direction: FloatArray  # (n, 3), unit; that of the last round where none was found
     offset: FloatArray  # (n, 3), mm, from the point to the aim of the line
-    found: BoolArray  # the refracted ray passes the point by `MISS_MM` at most
+    found: BoolArray  # the refracted ray passes the point by `MISS_MM` at most, traced or foretold
     residual: FloatArray  # mm
     face: IntArray  # of the part, under the ray's end; -1 where it meets none
     in_air: BoolArray  # the ray met hot air
@@ -62,7 +66,7 @@ def lines_of_sight(
     """
     aim = points + (0.0 if offset is None else offset)
     direction = unit_vectors(aim - origin)
-    miss = np.full(len(points), np.inf)
+    miss = np.full(len(points), np.nan)
     residual = np.full(len(points), np.nan)
     face = np.full(len(points), -1)
     in_air, lost = np.zeros((2, len(points)), dtype=bool)
@@ -70,18 +74,21 @@ def lines_of_sight(
     for _ in range(rounds):
         if len(active) == 0:
             break
-        direction[active] = unit_vectors(aim[active] - origin)
         last_point, last_direction, face[active], crossings, lost[active] = refracted_hits(
             scene, origin, direction[active]
         )
         beyond = points[active] - last_point
         along = np.einsum("ij,ij->i", beyond, last_direction)
         off = along[:, None] * last_direction - beyond
-        miss[active] = row_lengths(off)
         residual[active] = np.where(face[active] >= 0, along, np.nan)
         in_air[active] = crossings > 0
-        unsettled = ~(miss[active] <= MISS_MM) & ~lost[active]
-        active = active[unsettled]
-        aim[active] -= off[unsettled]
+        now = row_lengths(off)
+        foretold = MARGIN * now**2 / miss[active]
+        corrected = ~(now <= MISS_MM) & ~lost[active]
+        miss[active] = np.where(corrected & (foretold <= MISS_MM), foretold, now)
+        active = active[corrected]
+        aim[active] -= off[corrected]
+        direction[active] = unit_vectors(aim[active] - origin)
+        active = active[~(miss[active] <= MISS_MM)]
     found = (miss <= MISS_MM) & ~lost
     return LinesOfSight(direction, aim - points, found, residual, face, in_air, lost)

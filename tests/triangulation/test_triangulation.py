@@ -13,14 +13,17 @@ import pyvista as pv
 from attrs import evolve
 
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.geometry.triangles import cross_rows, row_lengths
 from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import slab
+from iriftrace.trace.rays import refracted_hits
 from iriftrace.triangulation.devices import nearest_point, on_plane
 from iriftrace.triangulation.measure import measure
 from iriftrace.triangulation.scan import Scan, ScanStatus
+from iriftrace.triangulation.two_points import MISS_MM, lines_of_sight
 from validation.inputs.scene_rays import loaded
 from validation.inputs.shell_fields import AMBIENT, field_of
 from validation.line import beyond
@@ -100,6 +103,19 @@ def test_closed_forms_agree_with_quadrature_in_forty_digits(
 def test_the_accuracy_page_holds(tmp_path: Path) -> None:
     """Also what a correction leaves of the error."""
     assert beyond(SECTION.compute(tmp_path)) == []
+
+
+def test_lines_of_sight_pass_their_points_traced_or_foretold(cylinder: LoadedScene) -> None:
+    """The last correction of most lines is not traced again: here it is."""
+    eye = aside(20)
+    points = measure(cylinder, aside(-40), eye, system="stereo").true
+    assert not lines_of_sight(cylinder, eye.origin, points, rounds=1).found.any()
+    lines = lines_of_sight(cylinder, eye.origin, points, rounds=2)
+    assert lines.found.all()
+    last_point, along, *_ = refracted_hits(cylinder, eye.origin, lines.direction)
+    assert row_lengths(cross_rows(points - last_point, along)).max() <= MISS_MM
+    aims = cross_rows(points + lines.offset - eye.origin, lines.direction)
+    np.testing.assert_allclose(aims, 0, atol=1e-9)
 
 
 def test_devices_may_be_exchanged(cylinder: LoadedScene) -> None:
