@@ -18,6 +18,21 @@ from numpy.typing import ArrayLike
 
 from iriftrace.camera.calibration_file import CalibrationValues, calibration_content, folded
 from iriftrace.camera.calibration_matlab import is_matlab, matlab_camera
+from iriftrace.camera.calibration_names import (
+    DISTORTION,
+    FISHEYE,
+    HEIGHT,
+    LENS,
+    MATRIX,
+    PINHOLE,
+    PROJECTION,
+    ROTATION,
+    SIZE,
+    TRANSLATION,
+    WIDTH,
+    refuse_different,
+    without_scalars,
+)
 from iriftrace.camera.calibration_pixels import check_order, check_pixels
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import Distortion
@@ -32,38 +47,8 @@ LARGEST_PIXEL_MM = 0.5
 LARGEST_ROUNDING = 1.5e-3
 """Largest relative change of lengths by a rotation matrix that has three decimals."""
 
-# Case and punctuation do not count: camera_matrix is cameraMatrix and Camera_Matrix.
-MATRIX = ("camera_matrix", "K", "M", "intrinsic_matrix", "camera_intrinsics", "mtx", "KK")
-PINHOLE = ("intrinsics",)
-"""Focal lengths and principal point in Kalibr, four numbers; a matrix in other files."""
-
-DISTORTION = (
-    "distortion_coefficients",
-    "distortion_coeffs",
-    "dist_coeffs",
-    "dist_coeff",
-    "dist_coefs",
-    "dist_coef",
-    "distortion_coefficient",
-    "distortion",
-    "dist",
-    "kc",
-    "D",
-)
-WIDTH = ("image_width", "width")
-HEIGHT = ("image_height", "height")
-SIZE = ("image_size", "img_size", "resolution", "size")
-"""Width and height together."""
-
-ROTATION = ("rvec", "rotation_vector", "R", "rotation", "rotation_matrix", "Rot", "om")
-TRANSLATION = ("tvec", "translation_vector", "T", "t", "translation", "Trans")
-PROJECTION = ("P", "projection_matrix")
-LENS = ("distortion_model", "camera_model")
-FISHEYE = ("fisheye_model", "fisheye")
 _VIEWS = ("extrinsic_parameters",)
 _OF_A_POSE = re.compile("extrinsic|pose|world|position|orientation")
-_PINHOLE_SCALARS = ("fx", "fy", "cx", "cy")
-_LENS_SCALARS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 _RADTAN = ("radtan", "radial-tangential", "radial_tangential", "radialtangential")
 """Names of k1, k2, p1, p2 in Kalibr and its like."""
 
@@ -178,6 +163,7 @@ def read_calibration(path: str | Path, *, length_mm: float | None = None) -> Cal
 def calibration_of(values: CalibrationValues, length_mm: float) -> Calibration:
     """Calibration of one camera's named values; see `read_calibration`."""
     values = matlab_camera(values)
+    refuse_different(values)
     _refuse_other_models(values)
     matrix = _matrix(values)
     width, height = _resolution(values)
@@ -190,26 +176,6 @@ def calibration_of(values: CalibrationValues, length_mm: float) -> Calibration:
         matrix=_pose(values, length_mm),
         views=_views(values),
     )
-
-
-def without_scalars(values: CalibrationValues) -> CalibrationValues:
-    """Values with `intrinsics` and coefficients in place of fx, fy, cx, cy and k1, k2, p1 ..."""
-    content = dict(values.content)
-    pinhole = [values.named((name,)) for name in _PINHOLE_SCALARS]
-    scalars = all(isinstance(value, int | float) for value in pinhole)
-    if scalars:
-        content[PINHOLE[0]] = pinhole
-    named = values.named(DISTORTION)
-    source = values
-    if isinstance(named, Mapping) and "data" not in named:
-        source = evolve(values, content=named)
-    lens = {name: source.named((name,)) for name in _LENS_SCALARS}
-    # k1 to k4 without p1 are those of a fisheye lens.
-    brown = isinstance(lens["k1"], int | float) and (lens["k4"] is None or lens["p1"] is not None)
-    several = scalars or isinstance(lens["k2"], int | float)
-    if brown and (source is not values or (named is None and several)):
-        content[DISTORTION[0]] = [0.0 if value is None else value for value in lens.values()]
-    return evolve(values, content=content)
 
 
 def to_world(rotation: FloatArray, translation: FloatArray) -> FloatArray:

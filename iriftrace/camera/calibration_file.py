@@ -6,7 +6,7 @@ import json
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping
-from itertools import chain
+from itertools import chain, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +31,7 @@ LARGEST_VALUES = 4_000_000
 
 
 _LENGTH_UNIT = ("length_unit", "units", "unit", "translation_unit", "length_units")
+_OF_PIXELS = ("", "px", "pixel", "pixels")
 
 
 class _MatrixLoader(yaml.SafeLoader):  # type: ignore[misc, unused-ignore]
@@ -56,6 +57,13 @@ class _MatrixLoader(yaml.SafeLoader):  # type: ignore[misc, unused-ignore]
             raise yaml.YAMLError(f"its aliases stand for more than {LARGEST_VALUES:,} values")
         return node
 
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[object, object]:
+        """A mapping, whose names differ."""
+        names = (key for key, _ in node.value if isinstance(key, yaml.ScalarNode))
+        _once((key.value, None) for key in names)
+        values: dict[object, object] = super().construct_mapping(node, deep)
+        return values
+
 
 def _children(node: yaml.Node) -> Iterable[yaml.Node]:
     """Nodes that a sequence or a mapping holds."""
@@ -64,6 +72,20 @@ def _children(node: yaml.Node) -> Iterable[yaml.Node]:
     if isinstance(node, yaml.MappingNode):
         return [child for pair in node.value for child in pair]
     return ()
+
+
+class _TwiceError(Exception):
+    """A name that is there twice."""
+
+
+def _once(pairs: Iterable[tuple[str, object]]) -> dict[str, object]:
+    """Names and values as a mapping; `_TwiceError` for a name that is there twice."""
+    values: dict[str, object] = {}
+    for name, value in pairs:
+        if name in values:
+            raise _TwiceError(name)
+        values[name] = value
+    return values
 
 
 _MatrixLoader.add_multi_constructor(
@@ -99,9 +121,13 @@ def calibration_content(path: Path) -> Mapping[str, object]:
         if text.lstrip().startswith("<"):
             content: object = _xml_values(text)
         elif text.lstrip().startswith("{"):
-            content = json.loads(text)
+            content = json.loads(text, object_pairs_hook=_once)
         else:
             content = _yaml_values(text)
+    except _TwiceError as error:
+        raise InputError(
+            f"The calibration {path} has {error} twice; leave out the one that is not meant."
+        ) from error
     except (ValueError, RecursionError, yaml.YAMLError, ElementTree.ParseError) as error:
         raise InputError(
             f"{path} is neither YAML, XML nor JSON of a calibration "
@@ -140,7 +166,7 @@ def _xml_values(text: str) -> dict[str, object]:
     root = ElementTree.fromstring(text)
     if root.tag != "opencv_storage":
         raise ValueError(f"its XML is <{root.tag}> and not OpenCV's <opencv_storage>")
-    return {entry.tag: _xml_value(entry) for entry in root}
+    return _once((entry.tag, _xml_value(entry)) for entry in root)
 
 
 def _xml_value(entry: ElementTree.Element) -> object:
@@ -148,7 +174,7 @@ def _xml_value(entry: ElementTree.Element) -> object:
     if len(entry) and all(child.tag == "_" for child in entry):
         return [_xml_value(child) for child in entry]
     if len(entry):
-        return {child.tag: _xml_value(child) for child in entry}
+        return _once((child.tag, _xml_value(child)) for child in entry)
     text = (entry.text or "").strip()
     words = text.split()
     return text.strip('"') if text.startswith('"') or len(words) < 2 else words
@@ -157,6 +183,16 @@ def _xml_value(entry: ElementTree.Element) -> object:
 def folded(name: str) -> str:
     """A name without case and punctuation: camera_matrix and cameraMatrix are the same."""
     return "".join(letter for letter in name.casefold() if letter.isalnum())
+
+
+def _numbers(value: object) -> FloatArray:
+    """Numbers of a matrix, flat; one NaN for what has others than numbers."""
+    if isinstance(value, Mapping):
+        value = value.get("data")
+    try:
+        return np.asarray(value, dtype=np.float64).ravel()
+    except (TypeError, ValueError):
+        return np.array((np.nan,))
 
 
 @frozen(eq=False)
@@ -175,7 +211,15 @@ class CalibrationValues:
     @property
     def length_unit(self) -> str | None:
         """Unit of lengths that the file states, as `length_factor` takes it."""
-        return LENGTH_UNITS.get(str(self.named(_LENGTH_UNIT)).casefold())
+        stated = self.named(_LENGTH_UNIT)
+        if not isinstance(stated, str) or stated.casefold() in _OF_PIXELS:
+            return None
+        if stated.casefold() not in LENGTH_UNITS:
+            raise self.wrong(
+                f"its unit {stated!r} is not known here; give the unit of translations "
+                "(--calibration-length-unit)"
+            )
+        return LENGTH_UNITS[stated.casefold()]
 
     def wrong(self, fault: str) -> InputError:
         """The error for a fault of this file."""
@@ -183,10 +227,10 @@ class CalibrationValues:
 
     def named(self, names: Iterable[str]) -> object:
         """Value under the first of the names that the file has, in any case; None without one."""
-        name = self._spelling(names)
+        name = self.spelling(names)
         return None if name is None else self.content[name]
 
-    def _spelling(self, names: Iterable[str]) -> str | None:
+    def spelling(self, names: Iterable[str]) -> str | None:
         """The first of the names that the file has, as it writes it."""
         names = tuple(names)
         any_case = {folded(str(name)): name for name in self.content}
@@ -194,21 +238,27 @@ class CalibrationValues:
         found = (any_case[folded(name)] for name in names if folded(name) in any_case)
         return next(chain(exact, found), None)
 
+    def refuse_different(self, names: Iterable[str]) -> None:
+        """Refuse a file with several of the names that has as many but other numbers for each."""
+        known = set(map(folded, names))
+        there = [name for name in self.content if folded(str(name)) in known]
+        arrays = [(name, _numbers(self.content[name])) for name in there]
+        for (first, one), (second, two) in pairwise(arrays):
+            if len(one) == len(two) and not np.array_equal(one, two, equal_nan=True):
+                raise self.wrong(
+                    f"{first} and {second} are different; leave out the one that is not meant"
+                )
+
     def array(self, names: tuple[str, ...], counts: tuple[int, ...] = ()) -> FloatArray:
         """Numbers of a matrix, flat; how many there may be (any when empty)."""
-        name = self._spelling(names)
+        name = self.spelling(names)
         value = None if name is None else self.content[name]
         if value is None:
             raise self.wrong(f"{names[0]} is missing, without which there are no rays; add it")
-        if isinstance(value, Mapping):
-            if "data" not in value:
-                listed = ", ".join(map(str, value))
-                raise self.wrong(f"{name} has the entries {listed} instead of numbers alone")
-            value = value["data"]
-        try:
-            numbers = np.asarray(value, dtype=np.float64).ravel()
-        except (TypeError, ValueError):
-            numbers = np.array((np.nan,))
+        if isinstance(value, Mapping) and "data" not in value:
+            listed = ", ".join(map(str, value))
+            raise self.wrong(f"{name} has the entries {listed} instead of numbers alone")
+        numbers = _numbers(value)
         if not np.isfinite(numbers).all():
             raise self.wrong(f"{name} has entries that are not finite numbers; write it again")
         if counts and len(numbers) not in counts:

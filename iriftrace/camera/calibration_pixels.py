@@ -12,6 +12,9 @@ from iriftrace.core.errors import warn
 SHORTEST_FOCAL = 0.15
 """Fraction of a picture's width: lenses without fisheye see less than 147 degrees."""
 
+NEAR_CORNER = 0.05
+"""Fraction of a picture's width and height; offsets from the middle are smaller, places larger."""
+
 LARGEST_TANGENTIAL = 0.03
 """Larger p1 and p2 than those of lenses, which move points by a few pixels."""
 
@@ -46,6 +49,11 @@ def check_pixels(values: CalibrationValues, matrix: FloatArray, size: IntArray) 
             "give the width first"
         )
     across, down = centre / size
+    if max(abs(across), abs(down)) < NEAR_CORNER:
+        raise values.wrong(
+            f"its principal point ({centre[0]:.4g}, {centre[1]:.4g}) px is at the corner of the "
+            "pictures, so it is counted from their middle; add half of their width and height"
+        )
     if off > 0.5:
         warn(
             f"The principal point ({centre[0]:.0f}, {centre[1]:.0f}) px in {values.called} lies "

@@ -37,7 +37,7 @@ _OTHERS = (
     ),
     (r"^\[(?:LEFT|RIGHT)_CAM_", "a ZED camera", _IN_OPENCVS),
     (r"\bFocus:\s*foc\b", "HALCON", _IN_OPENCVS),
-    (r"^\s*fc\s*=\s*\[", "Bouguet's toolbox", _IN_OPENCVS),
+    (r"^\s*fc(?:_left)?\s*=\s*\[", "Bouguet's toolbox", _IN_OPENCVS),
 )
 
 

@@ -14,6 +14,16 @@ import numpy as np
 from attrs import evolve, frozen
 
 from iriftrace.camera.calibration import (
+    Calibration,
+    calibration_of,
+    exact_rotation,
+    is_part_of_a_distortion,
+    rotation_in,
+    to_world,
+)
+from iriftrace.camera.calibration_file import CalibrationValues, calibration_content, folded
+from iriftrace.camera.calibration_matlab import is_matlab, matlab_length_unit, matlab_motion
+from iriftrace.camera.calibration_names import (
     DISTORTION,
     FISHEYE,
     HEIGHT,
@@ -25,16 +35,9 @@ from iriftrace.camera.calibration import (
     SIZE,
     TRANSLATION,
     WIDTH,
-    Calibration,
-    calibration_of,
-    exact_rotation,
-    is_part_of_a_distortion,
-    rotation_in,
-    to_world,
+    refuse_different,
     without_scalars,
 )
-from iriftrace.camera.calibration_file import CalibrationValues, calibration_content, folded
-from iriftrace.camera.calibration_matlab import is_matlab, matlab_length_unit, matlab_motion
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import length_factor
@@ -274,11 +277,12 @@ def _motion(
     ]
     for values in (rest, *parts, second):
         if values.named(ROTATION) is not None and values.named(TRANSLATION) is not None:
-            if first.named(TRANSLATION) is not None and first.array(TRANSLATION, (3,)).any():
+            if _stands_elsewhere(first, turned=values is second):
                 raise first.wrong(
                     "both cameras have a pose of their own; write a file for each and read these "
                     "(--calibration and --second-calibration)"
                 )
+            refuse_different(values)
             return rotation_in(values), values.array(TRANSLATION, (3,)), "mm"
     rectified = [camera.named(_RECTIFICATION) for camera in (first, second)]
     projected = [camera.named(PROJECTION) for camera in (first, second)]
@@ -289,6 +293,17 @@ def _motion(
         "R and T from camera 1 to camera 2 are missing, as stereoCalibrate gives them (its names "
         f"are {_listed(rest if rest.content else second)}); add both"
     )
+
+
+def _stands_elsewhere(first: CalibrationValues, *, turned: bool) -> bool:
+    """True if camera 1 has a pose other than the identity.
+
+    Its rotation counts only if `turned`, as it is the rectification in files with R and T.
+    """
+    moved = first.named(TRANSLATION) is not None and first.array(TRANSLATION, (3,)).any()
+    if moved or not turned or first.named(ROTATION) is None:
+        return bool(moved)
+    return not np.allclose(rotation_in(first), np.eye(3), atol=1e-6)
 
 
 def _motion_of_rectified(

@@ -8,7 +8,7 @@ import pytest
 
 from iriftrace.camera.calibration import read_calibration
 from iriftrace.core.errors import InputError, IriftraceWarning
-from validation.inputs.calibration_files import COEFFICIENTS, plain
+from validation.inputs.calibration_files import COEFFICIENTS, MATRIX, plain
 
 COEFFICIENTS_BY_NAME = dict(zip(("k1", "k2", "p1", "p2", "k3"), COEFFICIENTS.tolist(), strict=True))
 
@@ -75,7 +75,39 @@ def test_remarks_in_windows_encoding_may_state_the_unit(tmp_path: Path) -> None:
     assert matrix[2, 3] == pytest.approx(-400.0)
 
 
-def test_a_matrix_of_named_numbers_is_refused(tmp_path: Path) -> None:
-    path = plain(tmp_path / "a.json", camera_matrix={"FX": 3650, "FY": 3650, "CX": 9, "CY": 9})
-    with pytest.raises(InputError, match="camera_matrix has the entries FX, FY, CX, CY instead of"):
+TWICE = {
+    "yaml": "camera: {K: [1], K: [2]}",
+    "json": '{"a": {"K": [1], "K": [2]}}',
+    "xml": "<opencv_storage><K>1</K><K>2</K></opencv_storage>",
+}
+
+
+@pytest.mark.parametrize("ending", TWICE)
+def test_a_name_that_is_there_twice_is_refused(tmp_path: Path, ending: str) -> None:
+    path = tmp_path / f"a.{ending}"
+    path.write_text(TWICE[ending])
+    with pytest.raises(InputError, match="has K twice; leave out the one that is not meant"):
+        read_calibration(path)
+
+
+@pytest.mark.parametrize("name", ["K", "cameraMatrix"])
+def test_two_names_of_one_value_have_the_same_numbers(tmp_path: Path, name: str) -> None:
+    read_calibration(plain(tmp_path / "a.json", **{name: MATRIX.tolist()}))
+    path = plain(tmp_path / "b.json", **{name: (MATRIX + np.eye(3)).tolist()})
+    with pytest.raises(InputError, match=f"camera_matrix and {name} are different"):
+        read_calibration(path)
+
+
+def test_a_unit_that_is_not_known_is_refused(tmp_path: Path) -> None:
+    path = plain(tmp_path / "a.json", rvec=[0, 0, 0], tvec=[0, 0, 1], unit="furlong")
+    with pytest.raises(InputError, match="unit 'furlong' is not known here; give the unit"):
+        read_calibration(path)
+    matrix = read_calibration(path, length_mm=25.4).matrix
+    assert matrix is not None
+    assert matrix[2, 3] == pytest.approx(-25.4)
+
+
+def test_a_matrix_of_other_named_numbers_is_refused(tmp_path: Path) -> None:
+    path = plain(tmp_path / "a.json", camera_matrix={"f": 3650, "x": 9, "y": 9})
+    with pytest.raises(InputError, match="camera_matrix has the entries f, x, y instead of"):
         read_calibration(path)

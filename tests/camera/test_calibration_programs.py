@@ -71,6 +71,21 @@ def test_what_is_not_read_is_named(tmp_path: Path, text: str, said: str) -> None
         read(tmp_path, text)
 
 
+def test_zivids_intrinsics(tmp_path: Path) -> None:
+    """As its SDK saves them, without the resolution, which is added as the refusal says."""
+    text = (
+        "__version__:\n  serializer: 1\n  data: 1\n"
+        "CameraIntrinsics:\n"
+        "  CameraMatrix:\n    CX: 650\n    CY: 498\n    FX: 3653\n    FY: 3657\n"
+        "  Distortion:\n    K1: -0.25\n    K2: 0.1\n    K3: 0.03\n    P1: 0.001\n    P2: -0.002\n"
+    )
+    with pytest.raises(InputError, match="image_width and image_height are missing"):
+        read(tmp_path, text)
+    found = read(tmp_path, f"{text}image_width: 1280\nimage_height: 1024\n")
+    assert (found.focal_px, found.centre_px) == ((3653.0, 3657.0), (650.0, 498.0))
+    assert found.distortion.coefficients[:5] == (*LENS, 0.03)
+
+
 def plain(**changes: Any) -> str:
     values = {"K": MATRIX, "D": [*LENS, 0.0], "width": 1280, "height": 1024}
     return json.dumps({**values, **changes})
@@ -82,6 +97,7 @@ def plain(**changes: Any) -> str:
         ({"K": np.transpose(MATRIX).tolist()}, r"column by column \(transposed\)"),
         ({"K": [[16, 0, 2.2], [0, 16, 1.8], [0, 0, 1]]}, "16 px for pictures 1280 px wide"),
         ({"K": [[2.8, 0, 0.5], [0, 3.5, 0.5], [0, 0, 1]]}, "2.8 px for pictures 1280 px wide"),
+        ({"K": [[3653, 0, 9.5], [0, 3657, -7], [0, 0, 1]]}, "counted from their middle"),
         ({"width": 1024, "height": 1280}, "is the middle of pictures 1280 px wide"),
     ],
 )

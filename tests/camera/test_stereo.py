@@ -149,6 +149,7 @@ def test_left_and_right_exchanged(tmp_path: Path) -> None:
         ({"image_width": None, "image_height": None}, "image_width and image_height are missing"),
         ({"M0": np.eye(3), "D0": np.zeros(5)}, "more than two cameras"),
         ({"T": np.zeros(3)}, "0 mm apart"),
+        ({"rvec": np.zeros(3), "tvec": np.ones(3)}, "T and tvec are different"),
         ({"T": np.eye(4)}, "T has 16 numbers instead of 3"),
         ({"fisheye_model": 1}, "fisheye model, which is not modelled"),
     ],
@@ -176,6 +177,11 @@ def test_cameras_calibrated_one_by_one(tmp_path: Path) -> None:
     single.write_text(json.dumps(values | {"rvec": [0, 0, 1], "tvec": [0, 0, 9]}))
     with pytest.raises(InputError, match="both cameras have a pose of their own"):
         read_stereo_calibration(single, single)
+    single.write_text(json.dumps(values | {"R": [0, 0, 1], "T": [0, 0, 0]}))
+    other = tmp_path / "other.json"
+    other.write_text(json.dumps(values | {"R": [0, 0, 1.3], "T": [-200, 0, 0]}))
+    with pytest.raises(InputError, match="both cameras have a pose of their own"):
+        read_stereo_calibration(single, other)
     with pytest.raises(InputError, match="3 files are given"):
         read_stereo_calibration(left, left, left)
 
