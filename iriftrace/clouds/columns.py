@@ -46,6 +46,9 @@ _MEANS_POINT = frozenset(
 )
 """Words that say no more of a coordinate than that it is one."""
 
+_MEASURED = frozenset("meas measured measurement actual act ist gemessen mesuré".split())
+"""Words that say of a coordinate that others next to it are not the measured ones."""
+
 _NOT_CARTESIAN = frozenset(
     "r range radius rho distance theta phi azimuth elevation polar angle lat latitude lon "
     "longitude u v row col column line sample disparity".split()
@@ -89,6 +92,8 @@ def coordinate_columns(names: Sequence[str]) -> list[int] | None:
     """Numbers of the columns x, y and z of the points; None where they are not one each."""
     axes = [(number, axis_of(name)) for number, name in enumerate(names)]
     points = [(axis.number, number) for number, axis in axes if axis and not axis.what]
+    if any(axis.what in _MEASURED for _, axis in axes if axis):
+        return None
     if sorted(axis for axis, _ in points) != [0, 1, 2]:
         return None
     return [number for _, number in sorted(points)]
@@ -168,7 +173,9 @@ def _may_be_names(words: Sequence[str], count: int) -> bool:
     # Three columns are x, y and z, but for names that say otherwise.
     units = [word for word in words if word.strip(" []()<>").casefold() in LENGTH_UNITS]
     others = [word for word in words if _BRACKETS.sub("", word).casefold() in _NOT_CARTESIAN]
-    return bool(axes or others) or (count > 3 and not units)
+    # A single word such as "by" only ends like one.
+    several = any(not axis.what for axis in axes) or len({axis.number for axis in axes}) > 1
+    return several or bool(others) or (count > 3 and not units)
 
 
 def words_of(line: str, count: int) -> list[str]:

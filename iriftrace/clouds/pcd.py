@@ -111,8 +111,11 @@ def _table(data: bytes, form: str, kind: np.dtype[np.void], count: int) -> AnyAr
             raise ValueError(f"it states {size:,} bytes and has {len(data):,}")
     elif form != "binary":
         raise ValueError(f"its data are {form!r}")
-    if count < 0 or len(data) < count * kind.itemsize:
-        raise ValueError(f"it states {count:,} points of {kind.itemsize} bytes and is shorter")
+    # Some writers end the file with a line break.
+    if count < 0 or len(data) // kind.itemsize != count:
+        raise ValueError(
+            f"it states {count:,} points of {kind.itemsize} bytes and is shorter or longer"
+        )
     if not columnwise:
         return np.frombuffer(data, kind, count)
     table, start = np.empty(count, dtype=kind), 0

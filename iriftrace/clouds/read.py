@@ -16,6 +16,7 @@ from iriftrace.clouds.columns import (
     refuse_corrected,
     unit_of,
 )
+from iriftrace.clouds.missing import marked_rows
 from iriftrace.clouds.text import read_table
 from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray
 from iriftrace.core.errors import InputError, warn
@@ -51,8 +52,8 @@ class Cloud:
     """A cloud as its file has it, row by row.
 
     Rows are in the file's unit ("mm", "m" ...) and frame. Those that are not finite, exactly
-    (0, 0, 0) or not valid by a column (``valid``, ``mask``; then NaN here) are of pixels that the
-    sensor did not measure.
+    (0, 0, 0), not valid by a column (``valid``, ``mask``) or marked by a number such as -9999
+    (both then NaN here) are of pixels that the sensor did not measure.
     """
 
     rows: FloatArray  # (m, 3)
@@ -140,13 +141,14 @@ def _warn_of_rounding(points: FloatArray, file: Path) -> None:
 
 
 def _measured(rows: FloatArray, columns: Columns, file: Path) -> BoolArray:
-    """Mask of the rows (m, 3) that were measured: finite, not all 0, and valid by their columns."""
+    """Mask of the rows (m, 3) that were measured: finite, not all 0, valid by columns, no marks."""
     finite = (np.abs(rows) < _LARGEST).all(axis=1)
     wrong = {"not finite": ~finite, "exactly (0, 0, 0)": ~rows.any(axis=1)}
     for name, values in columns.items():
         if found := _VALIDITY.fullmatch(name.casefold()):
             invalid = values == 0 if found["valid"] else values != 0
             wrong[f"not valid by the column {name}"] = np.asarray(invalid)
+    wrong |= marked_rows(rows, ~np.logical_or.reduce(list(wrong.values())))
     measured = np.ones(len(rows), dtype=bool)
     counts = []
     for are, which in wrong.items():

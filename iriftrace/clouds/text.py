@@ -55,10 +55,12 @@ def read_table(
         return np.empty((0, 3)), "", {}
     before = [line for line in lines[: lines.index(rows[0])] if line.strip()]
     refuse_corrected(file, before)
-    if before and lines.count(before[-1]) > 1:
+    between = _between(lines, rows)
+    if between:
         warn(
-            f"{file.name} repeats its line of names, as of several scans one after the other; "
-            "correct each by itself, as the sensor stood elsewhere.",
+            f"{file.name} has lines between its points that are none, such as {between[0]!r}, and "
+            "are left out; if they part several scans, correct each by itself, as the sensor "
+            "stood elsewhere.",
             stacklevel=4,
         )
     rows = list(_without_count(rows, file))
@@ -123,6 +125,15 @@ def _rows(lines: Sequence[str]) -> list[str]:
     """Lines of numbers, without comments."""
     found = [line for line in lines if line.strip() and is_numbers(line.lstrip(f"{MARKS} "))]
     return [line for line in found if not line.lstrip().startswith(tuple(MARKS))]
+
+
+def _between(lines: Sequence[str], rows: Sequence[str]) -> list[str]:
+    """Lines after the first row and before the last that are neither rows nor empty."""
+    last = len(lines) - 1 - lines[::-1].index(rows[-1])
+    inner, points = lines[lines.index(rows[0]) : last], set(rows)
+    if len(inner) == len(rows) - 1:
+        return []
+    return [line.strip() for line in inner if line.strip(f"{MARKS} ,;\t") and line not in points]
 
 
 def _filled(lines: Sequence[str], first: str) -> int:

@@ -39,6 +39,7 @@ def read_ply(path: Path) -> PlyMesh:
     A damaged file raises the errors of trimesh's reader, or ValueError.
     """
     head = _checked_header(path)
+    _check_rows(path, head)
     header = head.decode("utf-8", "replace").splitlines()
     remarks = [line for line in header if line.startswith(("comment ", "obj_info "))]
     # Imported when needed, because writing a mesh needs no reader.
@@ -105,6 +106,24 @@ def _checked_header(path: Path) -> bytes:
         raise ValueError(f"its header states at least {least:,} bytes, and it has {size:,}")
     return head
 
+
+def _check_rows(path: Path, head: bytes) -> None:
+    """A ValueError if a file of text has other rows than its header states.
+
+    Readers count from the beginning, so a point too few or too many makes points of faces.
+    """
+    if not _TEXT.search(head):
+        return
+    stated = sum(map(int, _COUNT.findall(head)))
+    with path.open("rb") as file:
+        file.seek(len(head))
+        there = sum(bool(line.strip()) for line in file) - 1
+    if there != stated:
+        raise ValueError(f"its header states {stated:,} rows, and it has {there:,}")
+
+
+_TEXT = re.compile(rb"(?m)^format[ \t]+ascii")
+_COUNT = re.compile(rb"(?m)^element[ \t]+\S+[ \t]+(\d+)")
 
 HEADER_LIMIT = 1_000_000
 """Bytes in which a header ends, comments included."""

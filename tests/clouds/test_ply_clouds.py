@@ -26,8 +26,23 @@ def test_a_ply_that_was_cut_is_refused(tmp_path: Path) -> None:
     names = "".join(f"property double {axis}\n" for axis in "xyz")
     header = f"ply\nformat ascii 1.0\nelement vertex 21\n{names}end_header"
     np.savetxt(tmp_path / "a.ply", POINTS, header=header, comments="")
-    with pytest.raises(InputError, match="states 21 vertices, and it has 20"):
+    with pytest.raises(InputError, match="states 21 rows, and it has 20"):
         read_cloud(tmp_path / "a.ply")
+
+
+@pytest.mark.parametrize("vertices", [19, 22])
+def test_a_ply_of_text_has_as_many_rows_as_its_header_states(tmp_path: Path, vertices: int) -> None:
+    """Rows too many were left out, and faces read as points, from the beginning of the file."""
+    names = "".join(f"property double {axis}\n" for axis in "xyz")
+    faces = "element face 2\nproperty list uchar int vertex_indices\n"
+    path = tmp_path / "a.ply"
+    rows = "".join(f"{x} {y} {z}\n" for x, y, z in POINTS) + "3 0 1 2\n3 0 1 2\n\n"
+    head = f"ply\nformat ascii 1.0\nelement vertex 20\n{names}{faces}end_header\n"
+    path.write_text(head + rows)
+    assert len(read_cloud(path).points) == 20
+    path.write_text(head.replace("vertex 20", f"vertex {vertices}") + rows)
+    with pytest.raises(InputError, match=f"states {vertices + 2} rows, and it has 22"):
+        read_cloud(path)
 
 
 @pytest.mark.parametrize("kind", ["ascii", "binary_little_endian"])
