@@ -28,7 +28,7 @@ _EXACT = {
     "density": ("rho", "density"),
 }
 _LOOSE = {
-    "temperature": re.compile(r"t[_.]|temp|.*temperature"),
+    "temperature": re.compile(r"t[_./]|temp|.*temperature"),
     "index": re.compile(r"n[_.]|.*refractive|.*refractivity|.*index_of_refraction"),
     "density": re.compile(r"rho|.*density"),
 }
@@ -52,6 +52,12 @@ SI = {"temperature": "kelvin", "density": "kg/m^3", "index": "1"}
 """Unit used for each quantity, and assumed where neither file nor user states one."""
 
 _IN_BRACKETS = re.compile(r".*[\s_]*[(\[{](?P<unit>[^()\[\]{}]+)[)\]}]\s*")
+_BEHIND = re.compile(
+    r".*?[\s_./:]+(?:in[\s_]+)?"
+    r"(?P<unit>[KC]|°[CF]|deg[\s_]?[CF]|(?i:celsius|kelvin|fahrenheit))"
+)
+"""Units of temperatures without brackets: ``T_degC``, ``T_K``, ``T/°C``, ``T in C``."""
+
 # Spellings of programs other than scientific libraries.
 _SPELLINGS = {
     "kelvin": "K",
@@ -60,7 +66,7 @@ _SPELLINGS = {
     **dict.fromkeys(("°c", "ºc", "℃", "deg c", "deg. c", "degree c", "grad c"), "degC"),
     "degrees celsius": "degC",
     "fahrenheit": "degF",
-    "°f": "degF",
+    **dict.fromkeys(("°f", "deg f"), "degF"),
     "r": "degR",
     "kg/m3": "kg/m^3",
     "g/cm3": "g/cm^3",
@@ -213,7 +219,7 @@ def _unit_of(
     name, quantity = choice.name, choice.quantity
     given = temperature_unit if quantity == "temperature" else None
     if units is None:
-        found = _IN_BRACKETS.fullmatch(name)
+        found = _IN_BRACKETS.fullmatch(name) or _BEHIND.fullmatch(name)
         stated = found["unit"].strip() if found and _is_unit(found["unit"], quantity) else ""
     else:
         stated = units.get(name, "")
@@ -255,7 +261,8 @@ def _is_unit(text: str, quantity: str) -> bool:
 
 def _scale(unit: str, quantity: str) -> tuple[float, float]:
     """Offset and factor that convert a unit to the quantity's SI unit."""
-    name = _SPELLINGS.get(unit.strip().lower(), unit.strip())
+    words = " ".join(re.split(r"[\s_]+", unit.strip()))
+    name = _SPELLINGS.get(words.lower(), words)
     # Two values determine a linear unit; converting a million numbers with pint would be slow.
     zero = parse_quantity(f"0 {name}", SI[quantity])
     return zero, (parse_quantity(f"100 {name}", SI[quantity]) - zero) / 100.0

@@ -1,5 +1,6 @@
 """Arrays by name, quantity and unit: temperatures against those that were written."""
 
+import re
 import warnings
 
 import numpy as np
@@ -22,6 +23,31 @@ def test_temperature_units(tmp_path, unit):
     grid.point_data["T"] = convert[unit]
     field = read_field(saved(grid, tmp_path / "f.vtu"), temperature_unit=unit)
     assert_allclose(field.temperature_k, kelvin, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        *(("T_degC", "degC"), ("T_deg_C", "degC"), ("T/°C", "degC"), ("Temperature in C", "degC")),
+        *(("temp_celsius", "degC"), ("Temperature_C", "degC"), ("Temperature [C]", "degC")),
+        *(("T_degF", "degF"), ("T_Fahrenheit", "degF"), ("T_K", "K"), ("T/K", "K")),
+        *(("T_f", "K"), ("T_c", "K"), ("T_gas", "K")),
+    ],
+)
+def test_a_unit_in_the_name_is_that_of_the_values(tmp_path, name, unit):
+    """Hot everywhere, so that no value is too cold to be in kelvin."""
+    grid = solid()
+    kelvin = np.linspace(700.0, 900.0, grid.n_points)
+    grid.clear_data()
+    convert = {"K": kelvin, "degC": kelvin - 273.15, "degF": kelvin * 1.8 - 459.67}
+    grid.point_data[name] = convert[unit]
+    path = saved(grid, tmp_path / "f.vtu")
+    with pytest.warns(IriftraceWarning, match=r"coolest air in .* has 700\.0 K"):
+        field = read_field(path)
+    assert_allclose(field.temperature_k, kelvin, rtol=1e-12)
+    if name not in ("T_f", "T_c", "T_gas"):
+        with pytest.raises(InputError, match=rf"states that '{re.escape(name)}' is in"):
+            read_field(path, temperature_unit="degF" if unit == "K" else "K")
 
 
 @pytest.mark.filterwarnings("ignore:.* is an average over time")
