@@ -28,6 +28,7 @@ _MOST_UNNAMED = 16
 
 _QUOTES = str.maketrans("", "", "\"'[](){}")
 _QUOTED_COMMA = re.compile(r"\"([-+\d]*),(\d+)\"")
+_DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
 _REMARK = re.compile(r"(?<=[\d.])\s+(?:#|//|%).*")
 _DASHES = re.compile(r"\s*-+(?:\s*[,;\t]\s*-+)+\s*")
 _DATE = re.compile(r"\d[:/]\d|\d-\d|\d\.\d+\.\d")
@@ -78,6 +79,11 @@ def read_table(
     if names or chosen is not None:
         places = columns_of_points(names, count, chosen, file)
     else:
+        if separator == "," and count > 5 and not np.mod(table, 1).any():
+            raise InputError(
+                f"{file} has {count} columns of whole numbers between commas, as if these were "
+                "decimal signs too; export it with decimal points, or with semicolons."
+            )
         places = _unnamed_columns(table, file)
     bare = [name.strip(f"{MARKS} \t\"'") for name in names] if len(names) == count else [""] * count
     further = {bare[i] or f"column_{i + 1}": table[:, i] for i in range(count) if i not in places}
@@ -209,6 +215,8 @@ def _cells(rows: Sequence[str]) -> tuple[Sequence[str], str | None, bool]:
     """Rows without quotes and brackets, their separator, and if it ends all of them."""
     if not any("." in row for row in rows):
         rows = [_QUOTED_COMMA.sub(r"\1.\2", row) for row in rows]
+        if all(", " in row and _DECIMAL_COMMA.search(row) for row in rows):
+            rows = [_DECIMAL_COMMA.sub(".", row) for row in rows]
     bare = [row.translate(_QUOTES) for row in rows]
     separator = separator_of(bare[0])
     if separator is None and any(re.search(r"^\t|\t\t|\t$", row) for row in bare):

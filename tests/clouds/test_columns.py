@@ -92,6 +92,7 @@ def test_cells_may_be_quoted_or_empty_and_a_count_may_come_first(tmp_path: Path)
     [
         '"1,5","2,5","-3,5"\n"4,5","5,5","6,5"\n',
         "[1.5, 2.5, -3.5]\n[4.5, 5.5, 6.5]\n",
+        "1,5, 2,5, -3,5\n4,5, 5,5, 6,5\n",
         "1.5 2.5 -3.5 # first\n4.5 5.5 6.5  // second\n",
         "Time,x,y,z\n12:00:01,1.5,2.5,-3.5\n12:00:02,4.5,5.5,6.5\n",
         "2024-01-31;1,5;2,5;-3,5\n2024-01-31;4,5;5,5;6,5\n",
@@ -108,6 +109,13 @@ def test_quotes_brackets_remarks_and_dates_are_no_part_of_numbers(
     columns = ("2", "3", "4") if text.startswith("2024") else None
     read = read_cloud(cloud, columns=columns).points
     np.testing.assert_array_equal(read, [(1.5, 2.5, -3.5), (4.5, 5.5, 6.5)])
+
+
+def test_decimal_commas_between_commas_are_refused(tmp_path: Path) -> None:
+    cloud = tmp_path / "cloud.csv"
+    cloud.write_text("1,5,2,5,-3,5\n4,5,5,5,6,5\n")
+    with pytest.raises(InputError, match="6 columns of whole numbers between commas"):
+        read_cloud(cloud)
 
 
 def test_quoted_signs_between_thousands_are_refused(tmp_path: Path) -> None:
