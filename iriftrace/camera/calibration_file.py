@@ -18,6 +18,7 @@ from iriftrace.camera.calibration_programs import (
     realsense_values,
     refuse_other_programs,
 )
+from iriftrace.camera.unique_names import TwiceError, once
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import text_in
@@ -60,7 +61,7 @@ class _MatrixLoader(yaml.SafeLoader):  # type: ignore[misc, unused-ignore]
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[object, object]:
         """A mapping, whose names differ."""
         names = (key for key, _ in node.value if isinstance(key, yaml.ScalarNode))
-        _once((key.value, None) for key in names)
+        once((key.value, None) for key in names)
         values: dict[object, object] = super().construct_mapping(node, deep)
         return values
 
@@ -72,20 +73,6 @@ def _children(node: yaml.Node) -> Iterable[yaml.Node]:
     if isinstance(node, yaml.MappingNode):
         return [child for pair in node.value for child in pair]
     return ()
-
-
-class _TwiceError(Exception):
-    """A name that is there twice."""
-
-
-def _once(pairs: Iterable[tuple[str, object]]) -> dict[str, object]:
-    """Names and values as a mapping; `_TwiceError` for a name that is there twice."""
-    values: dict[str, object] = {}
-    for name, value in pairs:
-        if name in values:
-            raise _TwiceError(name)
-        values[name] = value
-    return values
 
 
 _MatrixLoader.add_multi_constructor(
@@ -121,10 +108,10 @@ def calibration_content(path: Path) -> Mapping[str, object]:
         if text.lstrip().startswith("<"):
             content: object = _xml_values(text)
         elif text.lstrip().startswith("{"):
-            content = json.loads(text, object_pairs_hook=_once)
+            content = json.loads(text, object_pairs_hook=once)
         else:
             content = _yaml_values(text)
-    except _TwiceError as error:
+    except TwiceError as error:
         raise InputError(
             f"The calibration {path} has {error} twice; leave out the one that is not meant."
         ) from error
@@ -166,7 +153,7 @@ def _xml_values(text: str) -> dict[str, object]:
     root = ElementTree.fromstring(text)
     if root.tag != "opencv_storage":
         raise ValueError(f"its XML is <{root.tag}> and not OpenCV's <opencv_storage>")
-    return _once((entry.tag, _xml_value(entry)) for entry in root)
+    return once((entry.tag, _xml_value(entry)) for entry in root)
 
 
 def _xml_value(entry: ElementTree.Element) -> object:
@@ -174,7 +161,7 @@ def _xml_value(entry: ElementTree.Element) -> object:
     if len(entry) and all(child.tag == "_" for child in entry):
         return [_xml_value(child) for child in entry]
     if len(entry):
-        return _once((child.tag, _xml_value(child)) for child in entry)
+        return once((child.tag, _xml_value(child)) for child in entry)
     text = (entry.text or "").strip()
     words = text.split()
     return text.strip('"') if text.startswith('"') or len(words) < 2 else words

@@ -27,10 +27,11 @@ from iriftrace.camera.pose_set import PoseSet, refuse_distorted
 from iriftrace.camera.pose_table import ANGLES, MATRIX, columns_of_table, unlike_robot
 from iriftrace.camera.robot_poses import RobotName
 from iriftrace.camera.robot_programs import table_of_program
+from iriftrace.camera.unique_names import TwiceError, once
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import array_in, text_in, whole_file
-from iriftrace.core.units import length_factor
+from iriftrace.core.units import LENGTH_UNITS, length_factor
 from iriftrace.geometry.transform import checked_matrix, nearest_rotations, rigid_motion
 
 SCHEMA = "iriftrace.poses/1"
@@ -250,7 +251,11 @@ def _columns(path: Path, robot: RobotName | None) -> dict[str, object]:
 
 def _object(text: str, path: Path) -> dict[str, object]:
     try:
-        data = json.loads(text)
+        data = json.loads(text, object_pairs_hook=once)
+    except TwiceError as error:
+        raise InputError(
+            f"{path} has {error} twice; leave out the one that is not meant."
+        ) from error
     except (json.JSONDecodeError, RecursionError) as error:
         raise InputError(f"{path} is not valid JSON ({error}); write it again.") from error
     columns = data if isinstance(data, dict) else {"matrices": data}
@@ -260,7 +265,9 @@ def _object(text: str, path: Path) -> dict[str, object]:
         )
     # Whether poses were aimed is nothing that a file could state.
     known = ("matrices", "convention", "length_unit", *ANGLES)
-    return {key: columns[key] for key in known if key in columns}
+    found = {key: columns[key] for key in known if key in columns}
+    unit = columns.get("unit", columns.get("units"))
+    return found if unit is None else {"length_unit": LENGTH_UNITS.get(str(unit), unit), **found}
 
 
 def _stack(values: object, path: Path) -> FloatArray:

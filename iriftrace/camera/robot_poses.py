@@ -29,7 +29,7 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, warn
 
 RobotName = Literal[
     "abb", "fanuc", "kawasaki", "kuka", "mitsubishi", "staubli", "universal", "yaskawa"
@@ -71,12 +71,21 @@ class RobotFormat:
                 )
             rotations = Rotation.from_rotvec(values, degrees=degrees)
         else:
+            if not angle_unit and 0.0 < np.abs(values).max() < _HALF_TURN_RAD:
+                warn(
+                    f"All angles {', '.join(self.columns)} are below {_HALF_TURN_RAD}, as of "
+                    "radians, and are read as degrees; state their unit in their names, such as "
+                    f"{self.columns[0]} [rad] or {self.columns[0]} [deg]."
+                )
             rotations = Rotation.from_euler(self.rotation, values, degrees=degrees)
         return np.asarray(rotations.as_matrix())
 
 
 _TURN_DEG = 361.0
 """Length of a rotation vector by which a full turn is surely exceeded."""
+
+_HALF_TURN_RAD = 3.15
+"""Angles in radians are at most this large, those in degrees rarely all so small."""
 
 _RX_RY_RZ = ("rx", "ry", "rz")
 

@@ -290,6 +290,8 @@ def test_malformed_tables(tmp_path, text, message):
         (json.dumps({"matrices": [np.eye(4).tolist()], "azimuth_deg": [1, 2]}), "'azimuth_deg' is"),
         (json.dumps({"matrices": [np.eye(4).tolist()], "elevation_deg": "up"}), "'elevation_deg'"),
         (json.dumps({"matrices": [np.eye(4).tolist()], "convention": 5}), "states convention 5"),
+        (json.dumps({"matrices": np.eye(4).tolist(), "units": "meters"}), "length_unit 'm'"),
+        ('{"matrices": [], "matrices": []}', "has matrices twice; leave out"),
         (json.dumps([np.diag((1.0, 1.0, 1.0, np.nan)).tolist()]), "not finite"),
     ],
 )

@@ -61,6 +61,15 @@ def test_angles_are_those_of_the_maker(tmp_path, robot):
     assert_allclose(in_radians, matrix, atol=1e-15)
 
 
+def test_angles_that_are_rather_radians_are_warned_of(tmp_path):
+    angles = "0,0,9,0.5,-1.2,3.1\n"
+    with pytest.warns(IriftraceWarning, match=r"a, b, c are below 3\.15, as of radians"):
+        read_poses(written(tmp_path, f"x,y,z,a,b,c\n{angles}"), robot="kuka")
+    for unit in ("deg", "rad"):
+        names = ",".join(f"{name} [{unit}]" for name in "abc")
+        read_poses(written(tmp_path, f"x,y,z,{names}\n{angles}"), robot="kuka")
+
+
 def test_a_tool_that_points_down(tmp_path):
     # KUKA's pose of a tool that looks at the table: A 90, B 0, C 180.
     path = written(tmp_path, "X;Y;Z;A;B;C\n0;0;500;90;0;180\n")
