@@ -202,6 +202,12 @@ def rotation_in(values: CalibrationValues, names: tuple[str, ...] = ROTATION) ->
             "rad, more than a whole turn, so it is in degrees or no rotation vector; give "
             "radians (axis times angle, as of OpenCV's Rodrigues), or the rotation matrix"
         )
+    if np.linalg.norm(numbers) > 1.01 * np.pi:
+        warn(
+            f"The rotation vector {numbers.tolist()} in {values.called} turns by more than half a "
+            "turn, as OpenCV's Rodrigues never gives; if it is in degrees, give radians.",
+            stacklevel=4,
+        )
     rotation: FloatArray = Rotation.from_rotvec(numbers).as_matrix()
     return rotation
 
@@ -336,7 +342,7 @@ def _refuse_two_cameras(values: CalibrationValues) -> None:
     two = [
         str(name)
         for name, value in values.content.items()
-        if _OF_TWO.fullmatch(folded(str(name))) and not isinstance(value, int | float)
+        if _OF_TWO.fullmatch(folded(str(name))) and not isinstance(value, int | float | str)
     ]
     if two and values.named((*MATRIX, *PINHOLE)) is None:
         raise values.wrong(

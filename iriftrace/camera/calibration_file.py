@@ -6,6 +6,7 @@ import json
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from itertools import chain, pairwise
 from pathlib import Path
 
@@ -78,6 +79,10 @@ def _children(node: yaml.Node) -> Iterable[yaml.Node]:
 _MatrixLoader.add_multi_constructor(
     "tag:yaml.org,2002:opencv-",
     lambda loader, _suffix, node: loader.construct_mapping(node, deep=True),
+)
+# Words to YAML 1.1, which wants a point and a sign, as in 1.0e+3.
+_MatrixLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"[-+]?\d+(?:\.\d*)?[eE][-+]?\d+$"), "-+0123456789"
 )
 
 
@@ -157,13 +162,15 @@ def _xml_values(text: str) -> dict[str, object]:
 
 
 def _xml_value(entry: ElementTree.Element) -> object:
-    """A mapping, a sequence (its entries have the tag ``_``), or words; one word for a scalar."""
+    """A mapping, a sequence (its entries have the tag ``_``), or words; a number or one word."""
     if len(entry) and all(child.tag == "_" for child in entry):
         return [_xml_value(child) for child in entry]
     if len(entry):
         return once((child.tag, _xml_value(child)) for child in entry)
     text = (entry.text or "").strip()
     words = text.split()
+    with suppress(ValueError):
+        return float(text)
     return text.strip('"') if text.startswith('"') or len(words) < 2 else words
 
 

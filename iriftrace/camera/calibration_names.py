@@ -38,6 +38,8 @@ LENS = ("distortion_model", "camera_model")
 FISHEYE = ("fisheye_model", "fisheye")
 _PINHOLE_SCALARS = ("fx", "fy", "cx", "cy")
 _LENS_SCALARS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+_UNMODELLED = ("skew", "b1", "b2", "s1", "s2", "s3", "s4", "tau_x", "tau_y", "p3", "p4")
+"""Numbers of lenses next to these, in OpenCV and Metashape."""
 
 
 def without_scalars(values: CalibrationValues) -> CalibrationValues:
@@ -68,6 +70,14 @@ def without_scalars(values: CalibrationValues) -> CalibrationValues:
     several = scalars or isinstance(lens["k2"], int | float)
     if brown and (source is not values or (named is None and several)):
         content[DISTORTION[0]] = [0.0 if value is None else value for value in lens.values()]
+        # Those of OpenCV's rational model come together; k4 alone is that of another polynomial.
+        alone = ("k4",) if lens["k5"] is None else ()
+        for name in (*_UNMODELLED, *alone):
+            if source.named((name,)) not in (None, 0):
+                raise values.wrong(
+                    f"it has {name} = {source.named((name,))}, which is not modelled; calibrate "
+                    "with k1 to k3, p1 and p2 only"
+                )
     return evolve(values, content=content)
 
 

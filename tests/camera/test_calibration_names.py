@@ -31,6 +31,40 @@ def test_k1_to_k4_alone_are_not_read_as_brown_conrady(tmp_path: Path) -> None:
         read_calibration(path)
 
 
+@pytest.mark.parametrize("name", ["skew", "b2", "s1", "tau_x", "p3", "k4"])
+def test_numbers_of_lenses_that_are_not_modelled_are_refused(tmp_path: Path, name: str) -> None:
+    """k4 of the rational model has k5 and k6 next to it."""
+    lens = {**COEFFICIENTS_BY_NAME, name: 0.5}
+    for changes in (lens, {"distortion_coefficients": lens}):
+        path = plain(tmp_path / "a.json", **({"distortion_coefficients": None} | changes))
+        with pytest.raises(InputError, match=rf"has {name} = 0\.5, which is not modelled"):
+            read_calibration(path)
+    rational = {**COEFFICIENTS_BY_NAME, "k4": 0.5, "k5": 0.0, "k6": 0.0, "skew": 0}
+    path = plain(tmp_path / "a.json", distortion_coefficients=rational)
+    assert read_calibration(path).distortion.coefficients[5:] == (0.5, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("ending", ["yaml", "xml"])
+def test_single_numbers_in_any_notation(tmp_path: Path, ending: str) -> None:
+    values = {"fx": "3.65e3", "fy": "365e1", "cx": "1210", "cy": "1.03E3", "k1": "-8e-2"}
+    values |= {"k2": "0.11", "p1": "4e-4", "image_width": "2448", "image_height": "2048"}
+    path = tmp_path / f"a.{ending}"
+    if ending == "yaml":
+        path.write_text("".join(f"{name}: {value}\n" for name, value in values.items()))
+    else:
+        words = "".join(f"<{name}>{value}</{name}>" for name, value in values.items())
+        path.write_text(f"<opencv_storage>{words}</opencv_storage>")
+    found = read_calibration(path)
+    assert (found.focal_px, found.centre_px) == ((3650.0, 3650.0), (1210.0, 1030.0))
+    assert found.distortion.coefficients[:4] == (-0.08, 0.11, 4e-4, 0.0)
+
+
+def test_a_rotation_vector_of_more_than_half_a_turn_is_warned_of(tmp_path: Path) -> None:
+    path = plain(tmp_path / "a.json", rvec=[0.5, 4.5, 0.2], tvec=[0, 0, 500])
+    with pytest.warns(IriftraceWarning, match="by more than half a turn, .* if it is in degrees"):
+        read_calibration(path)
+
+
 @pytest.mark.parametrize("k3", [0.2, 0.0])
 def test_a_k3_in_the_place_of_p1_is_noticed(tmp_path: Path, k3: float) -> None:
     other_order = [-0.08, 0.11, k3, 0.0004, -0.0002]
