@@ -192,7 +192,11 @@ def test_columns_of_meshes_are_chosen_too(ending: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "header", ["x [m],y [m],z [m]", "x_m,y_m,z_m", "x,y,z\nm,m,m", "# unit: m\n# x y z"]
+    "header",
+    [
+        *("x [m],y [m],z [m]", "x_m,y_m,z_m", "x,y,z\nm,m,m", "# unit: m\n# x y z"),
+        *("Maßeinheit,m\nx,y,z", "# Unité : m\nx,y,z", '"Units","meters"\n"x","y","z"'),
+    ],
 )
 def test_a_unit_beside_the_names_is_that_of_the_numbers(header: str, tmp_path: Path) -> None:
     mark = "," if "," in header else " "
