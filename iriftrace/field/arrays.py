@@ -218,11 +218,10 @@ def _unit_of(
     """Unit of an array with a temperature or density."""
     name, quantity = choice.name, choice.quantity
     given = temperature_unit if quantity == "temperature" else None
-    if units is None:
-        found = _IN_BRACKETS.fullmatch(name) or _BEHIND.fullmatch(name)
+    stated = "" if units is None else units.get(name, "")
+    if not stated:
+        found = (_IN_BRACKETS.fullmatch(name) if units is None else None) or _BEHIND.fullmatch(name)
         stated = found["unit"].strip() if found and _is_unit(found["unit"], quantity) else ""
-    else:
-        stated = units.get(name, "")
     if stated and not _is_unit(stated, quantity):
         if given is None:
             raise InputError(

@@ -90,6 +90,7 @@ def test_the_latest_time_is_not_the_last_column(tmp_path: Path) -> None:
         "x(mm) y(mm) z(mm) T(K)",
         "X-Position(mm) Y-Position(mm) Z-Koordinate(mm) Temperatur(K)",
         "x_mm y_mm z_mm T_kelvin",
+        "x/mm y/mm z/mm Temp_K",
         "x_mm y_mm z_mm static-temperature_kelvin",
     ],
 )

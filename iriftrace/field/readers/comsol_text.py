@@ -30,7 +30,7 @@ from iriftrace.field.readers.states import Column, column_of
 AXES = ("x", "y", "z")
 _COORDINATE = re.compile(
     r"(?P<axis>[xyz])(?:[-_ ]?(?:coord(?:inate)?|koordinate|location|position))?"
-    r"(?:_(?P<unit>um|mm|cm|m|inch))?"
+    r"(?:_(?P<unit>um|mm|cm|m|in|inch))?"
     r"|points?[:_](?P<number>[012])",
     re.IGNORECASE,
 )

@@ -26,7 +26,7 @@ _GLUED_UNIT = re.compile(r"(?P<name>[^()]+)\((?P<unit>K|°[CF]|deg[CF]|um|mm|cm|
 _UNIT_AFTER = re.compile(r"(?P<name>.*\S)[_\s](?P<unit>deg[CF]|celsius|kelvin)", re.IGNORECASE)
 
 _UNIT_BEHIND = re.compile(
-    r"(?P<name>[^\s/]+)(?:\s*/\s*|\s+in\s+)(?P<unit>K|°[CF]|deg[CF]|[uµμ]m|[mc]?m|kg/m(?:\^?3|³))"
+    r"(?P<name>[^\s/]+)(?:\s*/\s*|\s+in\s+)(?P<unit>K|°[CF]|deg[CF]|[uµμ]m|[mc]?m|in|kg/m(?:\^?3|³))"
 )
 """As in ``T/K`` and ``x in mm``."""
 
