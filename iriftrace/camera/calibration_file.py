@@ -228,9 +228,11 @@ class CalibrationValues:
         """The first of the names that the file has, as it writes it."""
         names = tuple(names)
         any_case = {folded(str(name)): name for name in self.content}
-        exact = (name for name in names if name in self.content)
-        found = (any_case[folded(name)] for name in names if folded(name) in any_case)
-        return next(chain(exact, found), None)
+        # imageSize is image_size before size is another size, but k is K only without M.
+        words = (name for name in names if name in self.content or len(name) > 1)
+        in_order = chain(words, names)
+        found = (name if name in self.content else any_case.get(folded(name)) for name in in_order)
+        return next((name for name in found if name is not None), None)
 
     def refuse_different(self, names: Iterable[str]) -> None:
         """Refuse a file with several of the names that has as many but other numbers for each."""

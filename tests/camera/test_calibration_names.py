@@ -124,6 +124,14 @@ def test_a_name_that_is_there_twice_is_refused(tmp_path: Path, ending: str) -> N
         read_calibration(path)
 
 
+def test_the_size_of_a_board_is_not_that_of_pictures(tmp_path: Path) -> None:
+    none = {"image_width": None, "image_height": None}
+    path = plain(tmp_path / "a.json", imageSize=[2448, 2048], size=[11, 8], **none)
+    assert read_calibration(path).resolution == (2448, 2048)
+    path = plain(tmp_path / "b.json", camera_matrix=None, k=0.04, M=MATRIX.tolist())
+    assert read_calibration(path).focal_px == (3653.8, 3657.25)
+
+
 @pytest.mark.parametrize("name", ["K", "cameraMatrix"])
 def test_two_names_of_one_value_have_the_same_numbers(tmp_path: Path, name: str) -> None:
     read_calibration(plain(tmp_path / "a.json", **{name: MATRIX.tolist()}))
