@@ -186,6 +186,9 @@ def _cameras_in(
         sides = ("left", "right") if "left" in named[0] and "right" in named[1] else ("1", "2")
         return files[0], files[1], evolve(files[0], content={}), sides
     values = evolve(files[0], content={**files[0].content, **files[-1].content})
+    inner = values.named(PINHOLE)
+    if isinstance(inner, Mapping) and "data" not in inner:
+        values = evolve(values, content={**inner, **values.content})
     first, second, sides = _two_cameras(values)
     return first, second, values, sides
 

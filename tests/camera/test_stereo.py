@@ -64,6 +64,13 @@ def test_a_name_for_the_whole(tmp_path: Path) -> None:
     _assert_the_rig(read_stereo_calibration(tmp_path / "b.yaml"), rig.COEFFICIENTS)
 
 
+def test_intrinsics_and_extrinsics_in_two_mappings(tmp_path: Path) -> None:
+    values = json.loads(rig.opencv(tmp_path / "a.json").read_text())
+    motion = {name: values.pop(name) for name in ("R", "T")}
+    (tmp_path / "b.json").write_text(json.dumps({"intrinsics": values, "extrinsics": motion}))
+    _assert_the_rig(read_stereo_calibration(tmp_path / "b.json"), rig.COEFFICIENTS)
+
+
 def test_intrinsics_and_extrinsics_in_two_files(tmp_path: Path) -> None:
     """As OpenCV's stereo_calib writes them; R1, P1 and the like are of rectified pictures."""
     inner = rig.opencv(tmp_path / "intrinsics.yml", R=None, T=None)
