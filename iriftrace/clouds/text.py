@@ -112,6 +112,11 @@ def _unnamed_columns(table: FloatArray, file: Path) -> list[int]:
             f"{file} has {len(table)} rows of {count} numbers, as if each column were a point; "
             "transpose it, so that each row is one."
         )
+    if count > _MOST_UNNAMED:
+        raise InputError(
+            f"{file} has {count} columns without names, as a map of heights has them; export a "
+            "point with x, y and z in each row, or choose its columns by number (--columns 1,2,3)."
+        )
     if count > 3 and _counts_rows(table[:, 0]):
         raise InputError(
             f"The first of the {count} columns in {file} counts the rows, and none has a name; "

@@ -111,6 +111,13 @@ def test_quotes_brackets_remarks_and_dates_are_no_part_of_numbers(
     np.testing.assert_array_equal(read, [(1.5, 2.5, -3.5), (4.5, 5.5, 6.5)])
 
 
+def test_a_map_of_heights_is_refused(tmp_path: Path) -> None:
+    np.savetxt(tmp_path / "map.csv", np.tile(POINTS, (1, 3)), delimiter=",")
+    with pytest.raises(InputError, match="30 columns without names, as a map of heights"):
+        read_cloud(tmp_path / "map.csv")
+    assert len(read_cloud(tmp_path / "map.csv", columns=("1", "2", "3")).points) == len(POINTS)
+
+
 def test_decimal_commas_between_commas_are_refused(tmp_path: Path) -> None:
     cloud = tmp_path / "cloud.csv"
     cloud.write_text("1,5,2,5,-3,5\n4,5,5,5,6,5\n")
