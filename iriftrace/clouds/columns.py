@@ -49,9 +49,6 @@ _MEANS_POINT = frozenset(
 _MEASURED = frozenset("meas measured measurement actual act ist gemessen mesuré".split())
 """Words that say of a coordinate that others next to it are not the measured ones."""
 
-_UNIT = re.compile("unit|einheit|unid|eenheid|enhe[td]|единиц|単位|单位|單位")
-"""In the word for a unit in several languages."""
-
 _NOT_CARTESIAN = frozenset(
     "r range radius rho distance theta phi azimuth elevation polar angle lat latitude lon "
     "longitude u v row col column line sample disparity".split()
@@ -226,17 +223,8 @@ def unit_of(names: Sequence[str], lines: Iterable[str], chosen: Sequence[int], c
             return LENGTH_UNITS[words[chosen[0]]]
         if len(words) == 1 and words[0] in LENGTH_UNITS:
             return LENGTH_UNITS[words[0]]
-        if stated := stated_length_unit(line) or _unit_in_cells(line):
+        if stated := stated_length_unit(line):
             return stated
-    return ""
-
-
-def _unit_in_cells(line: str) -> str:
-    """Length unit of a line such as ``Maßeinheit;m``; "" for none."""
-    cells = [cell.strip(f"{MARKS} \"'[]()") for cell in re.split(r"[;,:=\t]", line)]
-    match [cell for cell in cells if cell]:
-        case [name, unit] if _UNIT.search(name.casefold()):
-            return LENGTH_UNITS.get(unit.casefold(), "")
     return ""
 
 

@@ -32,6 +32,9 @@ _STATED_UNIT = re.compile(
     r"|\b(?:coordinates|positions|koordinaten)\s+(?:are\s+)?in\s+([a-zµμ]+)",
     re.IGNORECASE,
 )
+_WORD_FOR_UNIT = re.compile(r"\bunit|\bunid|einheit|eenheid|enhe[td]|единиц|単位|单位|單位")
+"""In the word for a unit in several languages."""
+
 _NAME = r"[A-Za-z°µμ%_]+(?:(?:\*\*|\^)[-+]?\d+)?"
 _QUANTITY = re.compile(
     r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*"
@@ -56,8 +59,12 @@ def parse_quantity(text: str | float, unit: str) -> float:
 
 
 def stated_length_unit(remark: str) -> str:
-    """Length unit that a remark states, as in ``# Unit: mm``; "" for none."""
-    found = (match[1] or match[2] for match in _STATED_UNIT.finditer(remark))
+    """Length unit that a remark states, as in ``# Unit: mm`` or ``Maßeinheit;mm``; "" for none."""
+    found = [match[1] or match[2] for match in _STATED_UNIT.finditer(remark)]
+    cells = (cell.strip(" #/%*!\"'[]()") for cell in re.split(r"[;,:=\t]", remark))
+    match [cell for cell in cells if cell]:
+        case [name, unit] if _WORD_FOR_UNIT.search(name.casefold()):
+            found.append(unit)
     return next(
         (LENGTH_UNITS[name] for name in map(str.casefold, found) if name in LENGTH_UNITS), ""
     )
