@@ -116,7 +116,10 @@ def report_content(
         best_pose=best,
         stability=stability_text(summary),
         varied_weights=[
-            (metric_name(name, plan.criteria), *map(str, chain.from_iterable(zip(ranks, varied.winners[name], strict=True))))
+            (
+                metric_name(name, plan.criteria),
+                *map(str, chain.from_iterable(zip(ranks, varied.winners[name], strict=True))),
+            )
             for name, ranks in varied.ranks.items()
         ],
         rays=_rays(dataset),
