@@ -124,7 +124,7 @@ def minutes(degrees: float) -> str:
     """An angle in minutes, or in seconds if it is smaller than one minute."""
     if degrees < 1 / 60:
         return f"{round(3600 * degrees, 4):.2g} arcsec"
-    return f"{round(60 * degrees, 1 if degrees < 1 / 6 else 0):g}'"
+    return f"{round(60 * degrees, 1 if degrees < 1 / 6 else 0):g} arcmin"
 
 
 def say_relations(related: Sequence[Relation], true: str, synthetic: bool = False) -> None:

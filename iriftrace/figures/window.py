@@ -56,6 +56,7 @@ SCALAR_BAR: Any = {
 """Next to the drawn objects, not over its axes."""
 
 _MESHES = (".ply", ".stl", ".obj", ".glb", ".gltf", ".off")
+_OTHER_CLOUDS = (".asc", ".xyz", ".pts", ".pcd", ".ptx", ".e57")
 _WITHOUT_DISPLAY = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
 
 
@@ -144,6 +145,8 @@ def _drawing(path: Path, length_unit: str | None) -> Draw:
         return known[suffix](path)
     if suffix in _MESHES:
         return _part(path, length_unit)
+    if suffix in _OTHER_CLOUDS:
+        raise InputError(f"{path} is a cloud; one is shown from a .vtp or .ply: write it as that.")
     return _field(path)
 
 

@@ -132,6 +132,9 @@ def test_what_cannot_be_shown_says_why(tmp_path: Path) -> None:
         view(damaged, tmp_path / "view.png")
     with pytest.raises(InputError, match="There is no file"):
         view(tmp_path / "gone.vtp", tmp_path / "view.png")
+    (tmp_path / "cloud.asc").write_text("0 0 0")
+    with pytest.raises(InputError, match=r"shown from a \.vtp or \.ply"):
+        view(tmp_path / "cloud.asc", tmp_path / "view.png")
     text = tmp_path / "notes.md"
     text.write_text("x")
     with pytest.raises(InputError, match="not a field file"):
