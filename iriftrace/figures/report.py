@@ -101,6 +101,7 @@ def report_content(
     part = name_of(attribute(dataset, "part"))
     device = "camera" if summary.devices is None else "sensor"
     best, varied = plan.best, stability(plan)
+    second = summary.second_at(summary.matrices[best])
     return dict(
         title=f"Where to put the {device}: {part}",
         question=_question(summary, device, part),
@@ -114,6 +115,8 @@ def report_content(
         front=front_table(summary),
         best=pose_text(summary.matrices[best], summary.distance[best]),
         best_pose=best,
+        second=None if second is None else pose_text(second, summary.distance[best]),
+        device=summary.rig.get("device", ""),
         stability=stability_text(summary),
         varied_weights=[
             (

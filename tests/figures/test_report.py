@@ -76,6 +76,7 @@ def with_rig(table: xr.Dataset) -> xr.Dataset:
         table[f"error_normal_{statistic}"] = table[f"displacement_{statistic}"]
     table["coverage_measured"] = table["coverage"]
     table["points_measured"] = table["rays_good"]
+    table.attrs["rig"] = json.dumps({"device": "camera_2", "to_first": np.eye(4).tolist()})
     return table
 
 
@@ -193,6 +194,7 @@ def test_texts_name_the_ranked_error(
         f"<td>{error}</td>",
     ):
         assert said in text, said
+    assert ('inside the second sensor (id="camera_2")' in text) is rig
 
 
 def test_a_winner_that_is_not_clear_is_said() -> None:
