@@ -40,8 +40,8 @@ def file_text(named: JsonObject) -> str:
 
 
 def origin_text(mark: str | None, origin: str) -> str:
-    """Origin of a field; the mark of a synthetic one is in place of the origin's first word."""
-    return f"{mark}: {origin.removeprefix('synthetic: ')}" if mark else f"Field: {origin}"
+    """Origin of a field or several; the mark of synthetic ones replaces that word in them."""
+    return f"{mark}: {origin.replace('synthetic: ', '')}" if mark else f"Field: {origin}"
 
 
 def value_text(value: object) -> str:

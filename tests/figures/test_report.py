@@ -176,7 +176,8 @@ def test_texts_name_the_ranked_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rig: bool
 ) -> None:
     """A rig is ranked by the error of its points, and displacement is of one camera."""
-    drawn = dict.fromkeys(("pareto", "map_displacement", "view_smallest_displacement"), Figure())
+    names = ("pareto", "map_displacement", "map_scatter", "scene_scatter")
+    drawn = dict.fromkeys((*names, "view_smallest_displacement"), Figure())
     monkeypatch.setattr(report_module, "sweep_charts", lambda _: drawn)
     monkeypatch.setattr(report_module, "sweep_pictures", lambda *_: ({}, ()))
     monkeypatch.setattr(report_module, "figure_bytes", lambda _: DOT)
@@ -192,6 +193,8 @@ def test_texts_name_the_ranked_error(
         f"the pose with the smallest 95th-percentile {error} sees",
         f"as one of these in 95th-percentile {error}, coverage",
         f"<td>{error}</td>",
+        "Scatter over the fields, over the direction",
+        "coloured by scatter over the fields",
     ):
         assert said in text, said
     assert ('inside the second sensor (id="camera_2")' in text) is rig
@@ -236,7 +239,7 @@ def test_rounding_of_a_plane_seen_frontally_is_0(resolution: Any, frontal: bool)
 def test_what_decides_stands_in_the_first_box() -> None:
     """The field is made up, and the sweep warned of the best pose."""
     table = sweep()
-    origin = "synthetic: formulas, no simulation"
+    origin = "synthetic: formulas, no simulation; synthetic: others"
     field = FieldSource("air.vtu", "12", "T", "temperature", "mm", origin)
     table.attrs["field"] = json.dumps(plain(field))
     table.attrs["part"] = json.dumps({"path": "/a/part.ply", "source": "flange.stl"})
@@ -249,7 +252,7 @@ def test_what_decides_stands_in_the_first_box() -> None:
     field_text, engines, warned = content["rests_on"]
     assert engines.startswith("1 of 4 poses were traced through the field data")
     assert dict(content["assumptions"])["engine"].endswith(engines)
-    assert field_text.startswith("SYNTHETIC FIELD: formulas, no simulation.")
+    assert field_text.startswith("SYNTHETIC FIELD: formulas, no simulation; others.")
     assert "shells too few" in warned
     assert "part reaches beyond the picture" in warned
     column = content["ranking"].headings.index("warned")
