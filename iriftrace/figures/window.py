@@ -341,7 +341,7 @@ def _part(path: Path, length_unit: str | None) -> Draw:
     return draw
 
 
-def _add_legend(plotter: pv.Plotter, colours: Mapping[str, str | FloatArray]) -> None:
+def _add_legend(plotter: pv.Plotter, colours: Mapping[str, Any]) -> None:
     """Name the colours in black at the upper left, since light ones cannot be read as text."""
     height = min(0.024 * len(colours), 0.93)
     entries = [[name, "black"] for name in colours]
@@ -351,8 +351,8 @@ def _add_legend(plotter: pv.Plotter, colours: Mapping[str, str | FloatArray]) ->
     legend.ScalarVisibilityOn()
     for number, colour in enumerate(colours.values()):
         symbol = pv.wrap(legend.GetEntrySymbol(number))
-        rgb = np.tile(np.uint8(255 * np.array(to_rgb(colour))), (symbol.n_points, 1))
-        symbol.point_data.set_array(rgb, "rgb")
+        rgb = (255.0 * np.asarray(to_rgb(colour), dtype=np.float64)).astype(np.uint8)
+        symbol.point_data.set_array(np.tile(rgb, (symbol.n_points, 1)), "rgb")
         symbol.GetPointData().SetActiveScalars("rgb")
         legend.SetEntrySymbol(number, symbol)
 
