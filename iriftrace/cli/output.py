@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
 TOO_FEW = "fewer than 100 good rays, so no numbers"
 
+LEAST_OUTSIDE = 0.0005
+"""Fraction of a part outside the picture or focus from which it is printed."""
+
 
 def print_shells(stack: ShellStack, reports: Sequence[ShellReport], fit: Fit | None) -> None:
     """One row per shell: index, temperature, size, openings, gaps and cuts; and the part's fit."""
@@ -102,8 +105,11 @@ def print_camera(camera: Camera, scale: float) -> None:
         out.print(f"Lens distortion {camera.distortion}.")
 
 
-def print_view(part: Part, camera: Camera, remedy: str) -> None:
-    """Print the fractions of the part outside the picture and focus, if any, and a remedy."""
+def print_view(part: Part, camera: Camera, move: str, refocus: str, end: str = "") -> None:
+    """Print the fractions of the part outside the picture and focus, if any, and the remedies.
+
+    `move` helps against both, `refocus` only where the part is out of focus.
+    """
     from iriftrace.scene.viewpoint import part_view
 
     view = part_view(part, camera)
@@ -111,10 +117,11 @@ def print_view(part: Part, camera: Camera, remedy: str) -> None:
     missing = [
         f"{_percent(fraction)} is {place}"
         for place, fraction in fractions.items()
-        if fraction >= 0.0005
+        if fraction >= LEAST_OUTSIDE
     ]
     if missing:
-        say(f"Of the part's side that faces the camera {' and '.join(missing)}; {remedy}.")
+        remedy = " or ".join([move] + [refocus] * (view.out_of_focus >= LEAST_OUTSIDE))
+        say(f"Of the part's side that faces the camera {' and '.join(missing)}; {remedy}{end}.")
 
 
 def print_summary(metrics: PoseMetrics) -> None:

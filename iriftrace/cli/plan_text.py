@@ -56,7 +56,20 @@ def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
 
 def _print_swept(kind: str, summary: SweepSummary, pose: int) -> None:
     name = f"{kind} {pose}{setting_text(summary, pose)}"
-    print_pose(name, summary.matrices[pose], summary.distance[pose])
+    _print_devices(name, summary, summary.matrices[pose], summary.distance[pose])
+
+
+def _print_devices(
+    name: str, summary: SweepSummary, matrix: FloatArray, distance_mm: float
+) -> None:
+    """Print the camera's pose, and that of a rig's second device, which moves with it."""
+    second = summary.second_at(matrix)
+    if second is None:
+        print_pose(name, matrix, distance_mm)
+        return
+    device = summary.rig["device"]
+    print_pose(name, matrix, distance_mm, "the first sensor")
+    print_pose("Second device with it", second, distance_mm, f'the second sensor (id="{device}")')
 
 
 def print_views(summary: SweepSummary, views: ViewSet, limits: ViewLimits) -> None:
@@ -91,7 +104,7 @@ def print_refined(summary: SweepSummary, refined: Refinement) -> None:
         rows.append((metric.label, *(f"{factor * value:.4g}" for value in values)))
     print_table("Metrics", ("", "swept pose", "refined pose"), rows, texts=[""])
     name = f"Refined pose{setting_text(summary, refined.start)}"
-    print_pose(name, refined.matrix, refined.distance_mm)
+    _print_devices(name, summary, refined.matrix, refined.distance_mm)
 
 
 def setting_text(summary: SweepSummary, pose: int) -> str:

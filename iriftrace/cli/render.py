@@ -205,8 +205,8 @@ def _print_rendering(rendering: Rendering, loaded: LoadedScene, files: list[Path
     from iriftrace.cli.output import print_summary, print_view
 
     print_summary(rendering.metrics)
-    remedy = "move the camera or change focus_near and focus_far in the scene's file"
-    print_view(loaded.part, rendering.image.camera, remedy)
+    move, refocus = "move the camera", "change focus_near and focus_far"
+    print_view(loaded.part, rendering.image.camera, move, refocus, " in the scene's file")
     say("Files: " + ", ".join(map(str, files)))
 
 

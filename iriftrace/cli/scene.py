@@ -330,10 +330,9 @@ def _print_scene(
     from iriftrace.cli.output import print_camera, print_view
 
     print_camera(camera, settings.scale)
-    remedy = (
-        "change its place (--origin) or its --focus, or leave out both for a camera that sees all"
-    )
-    print_view(part, camera, remedy)
+    move, refocus = "change its place (--origin)", "its --focus"
+    end = ", or leave out --origin and --focus for a camera that sees all"
+    print_view(part, camera, move, refocus, end)
     say(f"Scene{of_what} written; now run:  {command_line('render', path)}")
     if settings.second is not None:
         x, y, z = settings.second.origin

@@ -39,6 +39,11 @@ def file_text(named: JsonObject) -> str:
     return name_of(named) + (f" (SHA-256 {sha256[:12]}\N{HORIZONTAL ELLIPSIS})" if sha256 else "")
 
 
+def origin_text(mark: str | None, origin: str) -> str:
+    """Origin of a field or several; the mark of synthetic ones replaces that word in them."""
+    return f"{mark}: {origin.replace('synthetic: ', '')}" if mark else f"Field: {origin}"
+
+
 def value_text(value: object) -> str:
     """A JSON value as a cell of a table."""
     return ", ".join(map(str, value)) if isinstance(value, list) else str(value)

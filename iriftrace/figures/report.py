@@ -16,12 +16,20 @@ from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import counted
 from iriftrace.field.source import stated_source, synthetic_mark
-from iriftrace.figures.page import Rows, file_text, name_of, value_text, write_page
+from iriftrace.figures.page import (
+    Rows,
+    file_text,
+    name_of,
+    origin_text,
+    value_text,
+    write_page,
+)
 from iriftrace.figures.style import figure_bytes
 from iriftrace.figures.sweep import sweep_charts, sweep_pictures
 from iriftrace.image.aov_image import Status
 from iriftrace.image.ray_statistics import percent
 from iriftrace.image.resolution import FRONTAL
+from iriftrace.planning.candidates import name_of as metric_name
 from iriftrace.planning.cover import NO_LIMITS, ViewLimits, plan_views
 from iriftrace.planning.stability import stability
 from iriftrace.planning.texts import (
@@ -47,22 +55,25 @@ if TYPE_CHECKING:
 
 
 # In the order of the page; a picture that is not listed comes last, under its file's name.
+# {error} is the ranked one, of a rig the error along the normal.
 _CAPTIONS = {
-    "pareto": "Coverage against displacement, coloured by lateral resolution. Ringed poses are "
+    "pareto": "Coverage against {error}, coloured by lateral resolution. Ringed poses are "
     "beaten by no other one in everything at once.",
     "map_score": "Combined score over the direction or distance from which the camera looks.",
-    "map_displacement": "Displacement over the direction or distance from which the camera looks.",
+    "map_displacement": "{title} over the direction or distance from which the camera looks.",
     "map_coverage": "Seen fraction of the area over the direction or distance of the camera.",
     "map_axial": "Resolution along the line of sight.",
     "map_lateral": "Resolution across the line of sight.",
+    "map_scatter": "Scatter over the fields, over the direction or distance of the camera.",
     "scene_score": "The camera poses around the part, coloured by the combined score.",
-    "scene_displacement": "The camera poses around the part, coloured by displacement.",
+    "scene_displacement": "The camera poses around the part, coloured by {error}.",
     "scene_coverage": "The camera poses around the part, coloured by coverage.",
     "scene_axial": "The camera poses around the part, coloured by axial resolution.",
     "scene_lateral": "The camera poses around the part, coloured by lateral resolution.",
+    "scene_scatter": "The camera poses around the part, coloured by scatter over the fields.",
     "view_best": "What the best pose sees.",
-    "view_smallest_displacement": "What the pose with the smallest displacement sees.",
-    "view_largest_displacement": "What the pose with the largest displacement sees.",
+    "view_smallest_displacement": "What the pose with the smallest {error} sees.",
+    "view_largest_displacement": "What the pose with the largest {error} sees.",
     "faces_displacement": "How far hot air moves the points of each face, over all poses.",
     "faces_times_seen": "How many poses see each face.",
     "faces_incidence": "The best angle at which any pose sees each face.",
@@ -92,6 +103,7 @@ def report_content(
     part = name_of(attribute(dataset, "part"))
     device = "camera" if summary.devices is None else "sensor"
     best, varied = plan.best, stability(plan)
+    second = summary.second_at(summary.matrices[best])
     return dict(
         title=f"Where to put the {device}: {part}",
         question=_question(summary, device, part),
@@ -101,12 +113,18 @@ def report_content(
         setting=_setting_rows(dataset, summary),
         assumptions=_assumptions(dataset),
         ranking=ranking,
+        error=in_words(summary.displacement),
         front=front_table(summary),
         best=pose_text(summary.matrices[best], summary.distance[best]),
         best_pose=best,
+        second=None if second is None else pose_text(second, summary.distance[best]),
+        device=summary.rig.get("device", ""),
         stability=stability_text(summary),
         varied_weights=[
-            (name, *map(str, chain.from_iterable(zip(ranks, varied.winners[name], strict=True))))
+            (
+                metric_name(name, plan.criteria),
+                *map(str, chain.from_iterable(zip(ranks, varied.winners[name], strict=True))),
+            )
             for name, ranks in varied.ranks.items()
         ],
         rays=_rays(dataset),
@@ -220,11 +238,11 @@ def _rests_on(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
     fields = _fields(dataset)
     origins = _distinct(one.get("origin") or "not stated" for one in fields)
     marks = (synthetic_mark(stated_source(one)) for one in fields)
-    mark = next(filter(None, marks), "Field")
+    mark = next(filter(None, marks), None)
     assumed = attribute(dataset, "assumptions")
     time = assumed.get("field_time", "not stated")
     sentences = (
-        f"{mark}: {'; '.join(origins)}. Time of the field: {time}.",
+        f"{origin_text(mark, '; '.join(origins))}. Time of the field: {time}.",
         assumed.get("field_fit", ""),
         _engines_text(dataset),
         summary.devices,
@@ -365,7 +383,9 @@ def write_report(
         figures=[
             {
                 "name": name,
-                "caption": _CAPTIONS.get(name, name),
+                "caption": _CAPTIONS.get(name, name).format(
+                    error=content["error"], title=summary.displacement.title
+                ),
                 "png": base64.b64encode(figure_bytes(figures[name])).decode("ascii"),
             }
             for name in names

@@ -13,7 +13,7 @@ from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.features.fitted import cone_place
 from iriftrace.features.quantity import Quantity, SizeAtReference, Uncertainty
 from iriftrace.field.source import stated_source, synthetic_mark
-from iriftrace.figures.page import file_text, name_of, value_text, write_page
+from iriftrace.figures.page import file_text, name_of, origin_text, value_text, write_page
 from iriftrace.triangulation.statistics import RegionValues
 
 SCHEMAS = {"iriftrace.scan/1": "cold", "iriftrace.correction/1": "corrected"}
@@ -155,7 +155,7 @@ def _doubtful(values: JsonObject, simulated: bool) -> list[str]:
     """Facts that limit the reliability of the numbers."""
     assumed = values["assumptions"]
     mark = synthetic_mark(stated_source(values.get("field")))
-    said = [f"{mark or 'Field'}: {assumed['field_origin']}."]
+    said = [f"{origin_text(mark, assumed['field_origin'])}."]
     if "field_fit" in assumed:
         said.append(str(assumed["field_fit"]))
     if larger := values.get("larger"):

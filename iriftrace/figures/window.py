@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 from matplotlib import colormaps
+from matplotlib.colors import to_rgb
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import AnyArray, FloatArray
@@ -26,6 +27,8 @@ from iriftrace.figures.scene import (
     sight_lines,
 )
 from iriftrace.figures.space import (
+    BLOCKER_COLOUR,
+    PART_COLOUR,
     SIZE_PX,
     add_blockers,
     add_part,
@@ -53,6 +56,7 @@ SCALAR_BAR: Any = {
 """Next to the drawn objects, not over its axes."""
 
 _MESHES = (".ply", ".stl", ".obj", ".glb", ".gltf", ".off")
+_OTHER_CLOUDS = (".asc", ".xyz", ".pts", ".pcd", ".ptx", ".e57")
 _WITHOUT_DISPLAY = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
 
 
@@ -141,6 +145,8 @@ def _drawing(path: Path, length_unit: str | None) -> Draw:
         return known[suffix](path)
     if suffix in _MESHES:
         return _part(path, length_unit)
+    if suffix in _OTHER_CLOUDS:
+        raise InputError(f"{path} is a cloud; one is shown from a .vtp or .ply: write it as that.")
     return _field(path)
 
 
@@ -154,8 +160,14 @@ def _scene(path: Path) -> Draw:
     first = scene if scene.ensemble is None else next(iter(scene.ensemble.scenes()))
     files = read_scene_file(path, first.variables).shell_paths
     shells = load_shells(files[0].parent) if files else None
+    named = {"part": PART_COLOUR, "camera": SIGHT_COLOUR}
+    if scene.second is not None:
+        named[scene.second_id.replace("_", " ")] = SECOND_COLOUR
+    if blockers:
+        named["blocks the view"] = BLOCKER_COLOUR
 
     def draw(plotter: pv.Plotter) -> None:
+        _add_legend(plotter, named)
         add_part(plotter, scene.part)
         add_blockers(plotter, blockers)
         add_device(plotter, scene.camera, scene.part, SIGHT_COLOUR)
@@ -168,8 +180,8 @@ def _scene(path: Path) -> Draw:
         plotter.view_vector(towards.tolist(), viewup=(0.0, 0.0, 1.0))
         add_shells(plotter, shells, scene.part.centre, side)
         plotter.add_text(
-            f"{counted(len(shells.shells), 'shell')}, air of {celsius[0]:.0f} to "
-            f"{celsius[-1]:.0f} degC",
+            f"{counted(len(shells.shells), 'shell')}, air of {celsius[0]:.0f} degC (blue) to "
+            f"{celsius[-1]:.0f} degC (yellow)",
             font_size=10,
         )
         _add_mark(plotter, shells.source)
@@ -189,6 +201,7 @@ def _pose(path: Path) -> Draw:
     moved = 1e3 * image.channels["displacement.norm"][good].astype(np.float64)
 
     def draw(plotter: pv.Plotter) -> None:
+        _add_legend(plotter, {"part without a displacement": PART_COLOUR, "camera": SIGHT_COLOUR})
         add_part(plotter, part)
         _add_points(plotter, hits, moved, CLOUD_COLUMNS["displacement"])
         _add_mark(plotter, stated_source(image.header.get("field")))
@@ -225,7 +238,7 @@ def _sweep(path: Path) -> Draw:
         plotter.add_mesh(
             poses,
             scalars=summary.score.title,
-            cmap="viridis_r",
+            cmap="viridis",
             nan_color="#b3b3b3",
             scalar_bar_args=SCALAR_BAR,
         )
@@ -320,14 +333,28 @@ def _part(path: Path, length_unit: str | None) -> Draw:
     names = placed_regions(part)
 
     def draw(plotter: pv.Plotter) -> None:
-        for number, (name, colour) in enumerate(zip(names, colours, strict=True)):
+        for number, colour in enumerate(colours):
             of_region = polydata(part.vertices, part.faces[part.region_of_face == number])
-            plotter.add_mesh(of_region, color=colour, ambient=0.3, label=name)
-        size = 0.25, min(0.03 * len(colours), 0.95)
-        legend: Any = plotter.add_legend
-        legend(loc="upper left", face="rectangle", bcolor=None, size=size)
+            plotter.add_mesh(of_region, color=colour, ambient=0.3)
+        _add_legend(plotter, dict(zip(names, colours, strict=True)))
 
     return draw
+
+
+def _add_legend(plotter: pv.Plotter, colours: Mapping[str, Any]) -> None:
+    """Name the colours in black at the upper left, since light ones cannot be read as text."""
+    height = min(0.024 * len(colours), 0.93)
+    entries = [[name, "black"] for name in colours]
+    add: Any = plotter.add_legend
+    legend = add(entries, face="rectangle", bcolor=None, size=(0.25, height))
+    legend.SetPosition(0.0, 0.96 - height)
+    legend.ScalarVisibilityOn()
+    for number, colour in enumerate(colours.values()):
+        symbol = pv.wrap(legend.GetEntrySymbol(number))
+        rgb = (255.0 * np.asarray(to_rgb(colour), dtype=np.float64)).astype(np.uint8)
+        symbol.point_data.set_array(np.tile(rgb, (symbol.n_points, 1)), "rgb")
+        symbol.GetPointData().SetActiveScalars("rgb")
+        legend.SetEntrySymbol(number, symbol)
 
 
 def add_device(plotter: pv.Plotter, camera: Camera, part: Part, colour: str) -> None:

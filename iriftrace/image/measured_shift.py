@@ -139,8 +139,9 @@ def _markers(file: Path) -> tuple[FloatArray, FloatArray]:
     ]
     names = [name.lower() for name in rows[0][1]] if rows else []
     if not set(COLUMNS) <= set(names):
+        has = f"has the columns {', '.join(names)}" if names else "is empty"
         raise InputError(
-            f"{file} has the columns {', '.join(names) or 'none'}, but the first line of a list of "
+            f"{file} {has}, but the first line of a list of "
             "markers names u, v, du, dv: position and shift, px, (0, 0) the first pixel's centre."
         )
     selected = [names.index(name) for name in COLUMNS]

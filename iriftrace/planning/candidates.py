@@ -114,6 +114,8 @@ def rankable(
             )
         for pose in np.flatnonzero(rich & ~known).tolist():
             called = name_of(name, criteria)
+            if called == "error of diameters":
+                called += " (too few points on each cylinder, cone and sphere)"
             reasons[pose] = (
                 f"{reasons[pose]}, {called}" if pose in reasons else f"no value of {called}"
             )

@@ -144,6 +144,8 @@ def _of_spreads(
     spreads: Mapping[str, float], needed: Sequence[str], criteria: Criteria, count: int
 ) -> list[str]:
     """Sentences about metrics that do not differ, or hardly, between the ranked poses."""
+    if count == 1:
+        return ["Only one pose is ranked, so its score of 0 compares it with no other pose."]
     messages = []
     if same := [name for name in needed if spreads[name] <= _ROUNDING]:
         messages.append(
@@ -151,10 +153,15 @@ def _of_spreads(
             f"{', '.join(name_of(name, criteria) for name in same)}, which therefore "
             "counts 0 in the score."
         )
+    little = "so their order says little."
+    if len(needed) > 1:
+        little = (
+            "which the normalisation stretches so that it decides as much as the others; give it "
+            "the weight 0 if so little does not matter."
+        )
     messages += [
         f"The ranked poses differ in {name_of(name, criteria)} only by {100 * spreads[name]:.2g} "
-        "%, which the normalisation stretches so that it decides as much as the others; give "
-        "it the weight 0 if so little does not matter."
+        f"%, {little}"
         for name in needed
         if _ROUNDING < spreads[name] < _LITTLE
     ]

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import Factory, evolve, frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
+from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import counted
 from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.image.aov_image import AovImage, Status, read_exr
@@ -32,6 +33,7 @@ from iriftrace.sweep.warned import warned_of
 
 if TYPE_CHECKING:
     import xarray as xr
+    from numpy.typing import ArrayLike
 
 
 STATISTICS = {"mean": "mean", "median": "median", "p95": "95th percentile"}
@@ -75,6 +77,9 @@ class SweepSummary:
         Standard deviation over the members of an ensemble; None for a single field.
     devices : str or None
         Number of devices that the ranking is for, a sentence; None for one camera.
+    rig : dict
+        ``device``, the id of the second device, and ``to_first``, (4, 4), mm, from its frame to the
+        camera's; empty for one camera.
     """
 
     displacement: Quantity
@@ -99,6 +104,7 @@ class SweepSummary:
     other_winners: dict[str, int]
     scatter: Quantity | None = None
     devices: str | None = None
+    rig: JsonObject = Factory(dict)
 
     @property
     def metrics(self) -> tuple[Quantity, ...]:
@@ -109,6 +115,10 @@ class SweepSummary:
     def of_camera(self) -> bool:
         """True if poses are ranked by the displacement of the camera's rays."""
         return self.plan.criteria.criterion == "displacement"
+
+    def second_at(self, matrix: ArrayLike) -> FloatArray | None:
+        """Pose (4, 4) of a rig's second device where the camera's is `matrix`; None without one."""
+        return np.asarray(matrix) @ np.array(self.rig["to_first"]) if self.rig else None
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -201,6 +211,7 @@ def summarise(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> SweepSummar
         other_winners=_other_winners(dataset, criteria),
         scatter=scatter_quantity(view, plan.criteria, enough),
         devices=devices_text(dataset, plan.criteria),
+        rig=attribute(dataset, "rig"),
     )
 
 

@@ -53,6 +53,9 @@ def write_table(path: Path, dataset: xr.Dataset) -> None:
     others = [name for name in dataset.sizes if name not in ("pose", "region")]
     table = dataset.drop_dims(others).sel(region=WHOLE_PART).drop_vars("region").to_dataframe()
     # A table has no header for values that hold for all poses.
+    # A negative count is one that a pose does not have.
+    for name in table.select_dtypes("integer"):
+        table[name] = table[name].astype("Int64").mask(table[name] < 0)
     table["wavelength_nm"] = dataset.attrs.get("wavelength_nm")
     with whole_file(path) as temporary:
         if path.suffix.lower() == ".csv":

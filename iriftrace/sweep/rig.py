@@ -32,6 +32,10 @@ class Rig:
         """The second device where the first one is at ``matrix`` (4, 4), mm, camera to world."""
         return self.device.at(matrix @ self.to_first)
 
+    def as_dict(self, device: str) -> JsonObject:
+        """Plain JSON values for a sweep; `device` is the id of the second one in the scene."""
+        return {"device": device, "to_first": self.to_first.tolist()}
+
     def same_as(self, other: Rig | None) -> bool:
         """True if another rig measures the same from the same poses."""
         if other is None:

@@ -266,13 +266,14 @@ def _dataset(
     first = series[0]
     part = first.scene.part
     poses = joined(one.poses for one in series)
+    rig = None if first.rig is None else first.rig.as_dict(first.scene.second_id)
     numbers = range(len(poses))
     measured = metric_variables(
         map(journal.entry, numbers),
         len(poses),
         part.region_names,
         ensemble=any(one.scene.ensemble is not None for one in series),
-        rig=first.rig is not None,
+        rig=rig is not None,
     )
     failures = measured["failure"][1]
     images = [
@@ -293,6 +294,7 @@ def _dataset(
             "camera": first.camera.as_dict(),
             "scenes": scenes_attribute(series, sources),
             "include": list(options.include),
+            **({} if rig is None else {"rig": rig}),
         },
     )
     return found.assign({WARNED: warned_variable(found)})

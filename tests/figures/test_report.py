@@ -70,6 +70,16 @@ def sweep() -> xr.Dataset:
     return with_faces(table, seen, [1.0, 2.0, 1.0])
 
 
+def with_rig(table: xr.Dataset) -> xr.Dataset:
+    """The same sweep of two devices."""
+    for statistic in ("mean", "median", "p95"):
+        table[f"error_normal_{statistic}"] = table[f"displacement_{statistic}"]
+    table["coverage_measured"] = table["coverage"]
+    table["points_measured"] = table["rays_good"]
+    table.attrs["rig"] = json.dumps({"device": "camera_2", "to_first": np.eye(4).tolist()})
+    return table
+
+
 @pytest.fixture
 def page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Page:
     """The report with one dot in place of the figures, which are tested elsewhere."""
@@ -161,6 +171,35 @@ def test_every_field_of_an_ensemble_is_named() -> None:
     assert "air_2.vtu" in named
 
 
+@pytest.mark.parametrize("rig", [False, True])
+def test_texts_name_the_ranked_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rig: bool
+) -> None:
+    """A rig is ranked by the error of its points, and displacement is of one camera."""
+    names = ("pareto", "map_displacement", "map_scatter", "scene_scatter")
+    drawn = dict.fromkeys((*names, "view_smallest_displacement"), Figure())
+    monkeypatch.setattr(report_module, "sweep_charts", lambda _: drawn)
+    monkeypatch.setattr(report_module, "sweep_pictures", lambda *_: ({}, ()))
+    monkeypatch.setattr(report_module, "figure_bytes", lambda _: DOT)
+    table = with_rig(sweep()) if rig else sweep()
+    file = tmp_path / "sweep.nc"
+    file.write_bytes(b"content")
+    write_report(tmp_path / "report.html", file, table, summarise(table))
+    text = " ".join((tmp_path / "report.html").read_text(encoding="utf-8").split())
+    error = "error along the normal" if rig else "displacement"
+    for said in (
+        f"Coverage against 95th-percentile {error}, coloured",
+        f"95th-percentile {error} over the direction",
+        f"the pose with the smallest 95th-percentile {error} sees",
+        f"as one of these in 95th-percentile {error}, coverage",
+        f"<td>{error}</td>",
+        "Scatter over the fields, over the direction",
+        "coloured by scatter over the fields",
+    ):
+        assert said in text, said
+    assert ('inside the second sensor (id="camera_2")' in text) is rig
+
+
 def test_a_winner_that_is_not_clear_is_said() -> None:
     """Pose 0 sees a tenth of pose 1; with these weights both score the same."""
     table = sweep()
@@ -200,7 +239,7 @@ def test_rounding_of_a_plane_seen_frontally_is_0(resolution: Any, frontal: bool)
 def test_what_decides_stands_in_the_first_box() -> None:
     """The field is made up, and the sweep warned of the best pose."""
     table = sweep()
-    origin = "synthetic: formulas, no simulation"
+    origin = "synthetic: formulas, no simulation; synthetic: others"
     field = FieldSource("air.vtu", "12", "T", "temperature", "mm", origin)
     table.attrs["field"] = json.dumps(plain(field))
     table.attrs["part"] = json.dumps({"path": "/a/part.ply", "source": "flange.stl"})
@@ -213,7 +252,7 @@ def test_what_decides_stands_in_the_first_box() -> None:
     field_text, engines, warned = content["rests_on"]
     assert engines.startswith("1 of 4 poses were traced through the field data")
     assert dict(content["assumptions"])["engine"].endswith(engines)
-    assert field_text.startswith("SYNTHETIC FIELD: synthetic: formulas, no simulation.")
+    assert field_text.startswith("SYNTHETIC FIELD: formulas, no simulation; others.")
     assert "shells too few" in warned
     assert "part reaches beyond the picture" in warned
     column = content["ranking"].headings.index("warned")

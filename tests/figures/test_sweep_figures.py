@@ -375,7 +375,7 @@ def test_scattered_poses_are_all_there() -> None:
 
 
 def test_a_single_pose_can_be_drawn(tmp_path: Path) -> None:
-    with pytest.warns(UserWarning, match="do not differ"):
+    with pytest.warns(UserWarning, match="Only one pose"):
         one = summarise(known_sweep(GRID.take([5]), empty=()))
     assert len(sweep_charts(one)) == 9
     figure = sweep_scene_figure(one, one.displacement, Surroundings())

@@ -25,8 +25,8 @@ SCALE = ("-D", "scale=0.05")
 
 HUES = {
     "pose.exr": {PART_COLOUR: 0.0005},
-    # The best pose of four is the yellow end of the scale.
-    "sweep.nc": {"#fde725": 0.0005},
+    # The best pose of four is the dark end of the scale, as in the maps of `plot`.
+    "sweep.nc": {"#440154": 0.0005},
     # Hot air makes the cylinder too small: errors are below 0, and red.
     "scan.vtp": {"#f09c7b": 0.0005},
     "corrected.ply": {"#21918c": 0.0005},
@@ -103,6 +103,13 @@ def test_a_scene_shows_both_devices(tmp_path: Path) -> None:
     assert share_of(two, SECOND_COLOUR) > 0.0005
 
 
+def test_colours_are_named_in_black(tmp_path: Path) -> None:
+    """Of a part's regions, and of part, camera and second device of a scene."""
+    regions = drawn(folder_of("wishbone") / "part.ply", tmp_path)
+    assert share_of(regions, "black") > 0.0003
+    assert share_of(drawn(folder_of("fringe_cylinder") / "scene.xml", tmp_path), "black") > 0.0004
+
+
 def test_a_field_of_formulas_is_marked(tmp_path: Path) -> None:
     made = tmp_path / "made.vtu"
     grid = pv.read(folder_of("cylinder") / "field.vtu")
@@ -125,6 +132,9 @@ def test_what_cannot_be_shown_says_why(tmp_path: Path) -> None:
         view(damaged, tmp_path / "view.png")
     with pytest.raises(InputError, match="There is no file"):
         view(tmp_path / "gone.vtp", tmp_path / "view.png")
+    (tmp_path / "cloud.asc").write_text("0 0 0")
+    with pytest.raises(InputError, match=r"shown from a \.vtp or \.ply"):
+        view(tmp_path / "cloud.asc", tmp_path / "view.png")
     text = tmp_path / "notes.md"
     text.write_text("x")
     with pytest.raises(InputError, match="not a field file"):

@@ -81,7 +81,7 @@ def test_markers(tmp_path: Path, text: str) -> None:
     ("name", "text", "message"),
     [
         ("a.csv", "x,y\n1,2\n", "has the columns x, y, but"),
-        ("a.csv", "", "has the columns none, but"),
+        ("a.csv", "", "is empty, but"),
         ("a.csv", "u,v,du,dv\n", "has no measured shift"),
         ("a.csv", "u,v,du,dv\n1,2,,\n", "has no measured shift"),
         ("a.csv", "u,v,du,dv\n1,2,3\n", "line 2 has 3 columns"),

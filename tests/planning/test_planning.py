@@ -146,6 +146,16 @@ def test_poses_that_see_nothing_never_win_and_change_nothing() -> None:
     assert 0 in rank_poses(table, Criteria(min_hits=99)).order
 
 
+def test_a_pose_without_a_diameter_says_why() -> None:
+    table = five()
+    table["error_normal_p95"] = table["displacement_p95"]
+    table["coverage_measured"] = table["coverage"]
+    table["points_measured"] = table["rays_good"]
+    table["size_error"] = table["displacement_p95"].where(table["pose"] != 2)
+    plan = rank_poses(table, Criteria(criterion="features"))
+    assert plan.unranked[2].endswith("(too few points on each cylinder, cone and sphere)")
+
+
 def test_poses_that_see_too_little_never_win_and_change_nothing() -> None:
     """The best by far in all else sees 4 % of the part."""
     columns = {name: [0.04 if name == "coverage" else 0.0, *FIVE[name]] for name in METRICS}
@@ -190,10 +200,13 @@ def test_a_metric_that_hardly_differs_is_said_to_decide_as_much() -> None:
     assert plan.constant == ()
     assert np.ptp(plan.normalised["lateral"]) == 1.0
     assert len(plan.warnings) == 1
+    # A metric that is the only one cannot get the weight 0.
+    with pytest.warns(IriftraceWarning, match=r"only by 0\.1 %, so their order says little\."):
+        rank_poses(five(lateral=little), Criteria(0, 0, 0, 1))
 
 
 def test_one_pose_is_the_best_of_one() -> None:
-    with pytest.warns(IriftraceWarning, match="displacement, coverage, axial, lateral"):
+    with pytest.warns(IriftraceWarning, match="Only one pose is ranked"):
         plan = rank_poses(sweep_table([1], [0.1], [1], [1]))
     assert plan.order.tolist() == [0]
     assert plan.score.tolist() == [0]

@@ -97,9 +97,15 @@ def test_commands_say_what_a_picture_does_not_hold(
     words = ["scene", str(tmp_path / "air.vtu"), str(tmp_path / "block.stl"), "--layers=2"]
     cut, whole = (tmp_path / name / "scene.xml" for name in ("cut", "whole"))
     assert main([*words, "-o", str(cut), "--origin=60,-45,70", "--target=21,28,0"]) == 0
-    assert "outside the picture; change its place (--origin)" in capsys.readouterr().out
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "outside the picture; change its place (--origin), or leave out --origin" in printed
+    assert main([*words, "-o", str(cut.parents[1] / "near" / "scene.xml"), "--focus=1:2"]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "out of focus; change its place (--origin) or its --focus, or leave out" in printed
     assert main([*words, "-o", str(whole)]) == 0
     assert "outside the picture" not in capsys.readouterr().out
     for scene, said in ((cut, True), (whole, False)):
         assert main(["render", str(scene), "-D", "scale=0.02", "--no-figures"]) == 0
-        assert ("outside the picture; move the camera" in capsys.readouterr().out) is said
+        assert (
+            "outside the picture; move the camera in the scene's file" in capsys.readouterr().out
+        ) is said

@@ -1,6 +1,7 @@
 """A scene with two devices is a rigid sensor: swept together, ranked by what both measure."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -101,6 +102,21 @@ def test_plan_says_that_both_move(file: Path, capsys: pytest.CaptureFixture[str]
     assert "Both devices move together" in capsys.readouterr().out
     assert main(["plan", str(file), "--criterion", "displacement"]) == 0
     assert "is for the camera alone" in " ".join(capsys.readouterr().out.split())
+
+
+def test_poses_of_both_devices_are_printed(
+    scene: LoadedScene, swept: xr.Dataset, file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """They stand to each other as in the scene."""
+    assert main(["plan", str(file)]) == 0
+    printed = capsys.readouterr().out
+    assert 'inside the second sensor (id="projector"):' in " ".join(printed.split())
+    rows = [line.split() for line in printed.splitlines() if re.fullmatch(r"( +[-\d.]+){4}", line)]
+    camera, second = np.array(rows, dtype=np.float64).reshape(2, 4, 4)
+    best = swept["matrix"].values[rank_poses(swept).best]
+    np.testing.assert_allclose(camera, best, atol=1e-6)
+    motion = np.linalg.inv(scene.camera.matrix) @ scene.second.matrix
+    np.testing.assert_allclose(second, best @ motion, atol=1e-5)
 
 
 @pytest.mark.slow

@@ -210,6 +210,10 @@ def test_table_has_a_row_for_each_pose(
     table = pd.read_csv(path, index_col="pose") if suffix == ".csv" else pd.read_parquet(path)
     assert table.index.tolist() == list(range(dataset.sizes["pose"]))
     assert table.columns[0] == "displacement_mean"
+    # A pose that was traced through the field data has no triangles in view.
+    triangles = dataset["triangles_in_view"].values
+    assert (triangles < 0).any()
+    assert table["triangles_in_view"].isna().tolist() == (triangles < 0).tolist()
     for name in ("displacement_median", "elevation", "rays_good", "sightings", "focal_length"):
         variable = dataset[name]
         whole = variable.sel(region="part") if "region" in variable.dims else variable
