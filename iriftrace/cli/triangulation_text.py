@@ -19,9 +19,6 @@ if TYPE_CHECKING:
 MOST_LINES = 12
 """Distances and angles, and regions, that are printed; the JSON file has all."""
 
-MANY_LEFT_OUT = 0.01
-"""Fraction of a simulated cloud, which has no outliers, from which those left out are explained."""
-
 
 def say_field(provenance: JsonObject) -> None:
     """Print the field that the numbers come from, and its misfits."""
@@ -45,11 +42,6 @@ def say_features(
                 f"; {feature.left_out:,} of {count:,} points left out, farther from it than "
                 f"{gate:g} robust standard deviations or as near to another region"
             )
-            if true == "cold" and feature.left_out > MANY_LEFT_OUT * count:
-                form += (
-                    "; this cloud has no noise, so that they are those that the air moves most "
-                    "(--gate none fits them, too)"
-                )
         size = feature.size
         effect = _effect(size, true, synthetic)
         at = f" at {feature.place} of its axis" if feature.place else ""

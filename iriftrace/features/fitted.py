@@ -133,12 +133,13 @@ def fit_features(
     member of an ensemble. The default choice is `found_features`. Warns of points that do not fit
     the feature or leave its diameter uncertain, and omits what they do not determine.
 
-    Outliers of the cloud ``"measured"`` (else of the first), and points as near to other regions,
-    by `inliers`, are removed from all. The diameters of a cone are all those at the same height.
+    Outliers of the cloud ``"corrected"`` (else of the first), which hot air does not move, and
+    points as near to other regions, by `inliers`, are removed from all. The diameters of a cone are
+    all those at the same height.
     """
     wanted = checked_choices(choices, part)
     check_gate(gate)
-    gated = clouds.get("measured", next(iter(clouds.values())))
+    gated = clouds.get("corrected", next(iter(clouds.values())))
     members = list(by_member)
     found = found_features(part, face)
     features = []
