@@ -154,8 +154,7 @@ def read_calibration(path: str | Path, *, length_mm: float | None = None) -> Cal
     if unread and calibration.matrix is None and not calibration.views and not is_matlab(values):
         warn(
             f"The calibration {path} has {', '.join(unread)}, which is not read as the camera's "
-            "pose; write rvec and tvec (or R and T), from the part's frame to the camera's.",
-            stacklevel=2,
+            "pose; write rvec and tvec (or R and T), from the part's frame to the camera's."
         )
     return calibration
 
@@ -205,8 +204,7 @@ def rotation_in(values: CalibrationValues, names: tuple[str, ...] = ROTATION) ->
     if np.linalg.norm(numbers) > 1.01 * np.pi:
         warn(
             f"The rotation vector {numbers.tolist()} in {values.called} turns by more than half a "
-            "turn, as OpenCV's Rodrigues never gives; if it is in degrees, give radians.",
-            stacklevel=4,
+            "turn, as OpenCV's Rodrigues never gives; if it is in degrees, give radians."
         )
     rotation: FloatArray = Rotation.from_rotvec(numbers).as_matrix()
     return rotation
@@ -223,8 +221,7 @@ def exact_rotation(values: CalibrationValues, matrix: FloatArray) -> FloatArray:
     if off > 1e-6:
         warn(
             f"The rotation matrix in {values.called} is rounded to few digits; the nearest "
-            f"rotation is used, and directions are uncertain by about {off:.1g} rad.",
-            stacklevel=4,
+            f"rotation is used, and directions are uncertain by about {off:.1g} rad."
         )
     (rotation,) = nearest_rotations(matrix[None])
     return np.asarray(rotation, dtype=np.float64)
@@ -301,8 +298,7 @@ def _distortion(values: CalibrationValues) -> Distortion:
         warn(
             f"{values.called} has four distortion coefficients and names no lens model; they are "
             "read as k1, k2, p1, p2. If they are k1 to k4 of a fisheye lens (cv2.fisheye), "
-            "calibrate with cv2.calibrateCamera; if not, add distortion_model: plumb_bob.",
-            stacklevel=4,
+            "calibrate with cv2.calibrateCamera; if not, add distortion_model: plumb_bob."
         )
     check_order(values, numbers)
     try:

@@ -28,8 +28,7 @@ def check_order(values: CalibrationValues, coefficients: FloatArray) -> None:
         warn(
             f"{values.called} has the tangential distortion p1 = {p1:g}, p2 = {p2:g}, {why}; "
             "if its coefficients are k1, k2, k3, p1, p2, write them in OpenCV's order "
-            "k1, k2, p1, p2, k3.",
-            stacklevel=5,
+            "k1, k2, p1, p2, k3."
         )
 
 
@@ -58,14 +57,12 @@ def check_pixels(values: CalibrationValues, matrix: FloatArray, size: IntArray) 
         warn(
             f"The principal point ({centre[0]:.0f}, {centre[1]:.0f}) px in {values.called} lies "
             f"outside the pictures of {size[0]} x {size[1]} px; if this is not a projector, the "
-            "camera matrix is of another resolution.",
-            stacklevel=4,
+            "camera matrix is of another resolution."
         )
     elif abs(across - down) < 0.05 and min(abs(across - 0.5), abs(down - 0.5)) > 0.15:
         warn(
             f"The principal point ({centre[0]:.0f}, {centre[1]:.0f}) px in {values.called} is the "
             f"middle of pictures of about {2 * centre[0]:.0f} x {2 * centre[1]:.0f} px, and not of "
             f"{size[0]} x {size[1]} px; if the pictures were not cropped, the camera matrix is of "
-            "another resolution.",
-            stacklevel=4,
+            "another resolution."
         )

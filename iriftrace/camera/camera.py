@@ -32,6 +32,9 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
 from iriftrace.geometry.triangles import unit_vectors
 
+MOST_PIXELS = 2**32
+"""Rays of a picture are numbered in 32 bits."""
+
 PROJECTIONS = ("pinhole", "orthographic")
 
 
@@ -231,6 +234,11 @@ class Camera:
             raise InputError(f"scale is {scale}, so no pixel is left; give a positive number.")
         (width, height), (x, y) = self.resolution, self.principal_point_px
         resolution = max(1, round(width * scale)), max(1, round(height * scale))
+        if math.prod(resolution) >= MOST_PIXELS:
+            raise InputError(
+                f"scale is {scale:g}, which gives {resolution[0]:,} x {resolution[1]:,} pixels; "
+                "give a smaller number, since a picture has fewer than 2^32."
+            )
         point = (
             (x + 0.5) * resolution[0] / width - 0.5,
             (y + 0.5) * resolution[1] / height - 0.5,

@@ -181,8 +181,7 @@ def _check_angles(azimuths: FloatArray, elevations: FloatArray) -> None:
     if len(np.unique(np.remainder(azimuths, 360.0))) < len(azimuths):
         warn(
             "Some azimuths are equal but for full turns, so their poses are traced and ranked "
-            "more than once; end the range before it closes, such as 0:350:36.",
-            stacklevel=3,
+            "more than once; end the range before it closes, such as 0:350:36."
         )
 
 

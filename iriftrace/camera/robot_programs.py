@@ -56,8 +56,7 @@ def table_of_program(text: str, path: Path) -> tuple[RobotName, str] | None:
             warn(
                 f"The positions in {path.name} ({len(rows)}) are those of the program's tool in "
                 "its base (user frame, work object): give the camera in that tool (--hand-eye) and "
-                "the motion from that base to the part (--base-to-part).",
-                stacklevel=4,
+                "the motion from that base to the part (--base-to-part)."
             )
             unit = " [m]" if robot == "universal" else ""
             names = [f"{axis}{unit}" for axis in "xyz"] + list(ROBOTS[robot].columns)

@@ -162,8 +162,7 @@ def read_stereo_calibration(
     if sides[0] in ("left", "l") and (-rotation.T @ shift)[0] < 0.0:
         warn(
             f"In {rest.path} the right camera stands to the left of the left one. If that is "
-            "wrong, R and T lead from right to left: invert them.",
-            stacklevel=2,
+            "wrong, R and T lead from right to left: invert them."
         )
     else:
         _check_axes(rest, rotation, shift)
@@ -351,12 +350,10 @@ def _check_axes(values: CalibrationValues, rotation: FloatArray, shift_mm: Float
             f"The axes of the two cameras in {values.path} meet {meeting_mm:.3g} mm in front of "
             "them. If they stand farther from what they see, T is in another unit: state it "
             "(--calibration-length-unit), or multiply T by the size of a square if the target's "
-            "points were given in squares.",
-            stacklevel=3,
+            "points were given in squares."
         )
     if to_nearest < 0.0:
         warn(
             f"The axes of the two cameras in {values.path} lead apart by {angle:.0f} degrees; if "
-            "they meet, R is transposed, or R and T are of different directions.",
-            stacklevel=3,
+            "they meet, R is transposed, or R and T are of different directions."
         )

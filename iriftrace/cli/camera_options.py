@@ -153,8 +153,7 @@ class CameraOptions:
         if found.matrix is None and found.views and self.origin is None and self.target is None:
             warn(
                 f"{self.calibration} has {found.views} views of a calibration board, which are not "
-                "the camera's pose, so it looks from its usual place; give --origin and --target.",
-                stacklevel=2,
+                "the camera's pose, so it looks from its usual place; give --origin and --target."
             )
         return found
 

@@ -79,8 +79,7 @@ def fit(
     if not found.contained:
         warn(
             f"{found.verdict} The uncertainty of corrections includes the residual; closer members "
-            "(other speeds and directions of the draught, finer meshes) make it smaller.",
-            stacklevel=1,
+            "(other speeds and directions of the draught, finer meshes) make it smaller."
         )
     with working("Writing the scene"):
         listed = write_fitted_scene(scene or board, found.serving, output, of_board=scene is None)

@@ -191,8 +191,7 @@ def scene(
     if len(states) > len(fields) and field_options.time is None:
         warn(
             f"All {len(states)} states are averaged as an ensemble, {states[0].label} to "
-            f"{states[-1].label}; choose one with --time latest, or all with --time all.",
-            stacklevel=1,
+            f"{states[-1].label}; choose one with --time latest, or all with --time all."
         )
     if len(states) > 1:
 

@@ -183,7 +183,7 @@ def _print_wall(case: Case) -> None:
         low, high = (f"{kelvin:.2f} K" for kelvin in (measured.kelvins.min(), wall.hottest))
         say(f"  wall from {measured.path}: {low} to {high} at {len(measured.points):,} points")
         if far := measured.far_faces(case.part, case.size.wall):
-            warn(far, stacklevel=2)
+            warn(far)
         return
     from iriftrace.part.region_choice import placed_regions
 

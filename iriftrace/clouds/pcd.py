@@ -72,8 +72,7 @@ def _read(path: Path) -> PcdCloud:
     if viewpoint != _IDENTITY:
         warn(
             f"{path.name} states a VIEWPOINT ({' '.join(header['VIEWPOINT'])}), which is not "
-            "applied; if its points are in the sensor's frame, use --cloud-to-part.",
-            stacklevel=5,
+            "applied; if its points are in the sensor's frame, use --cloud-to-part."
         )
     return PcdCloud(
         np.column_stack([columns[axis] for axis in "xyz"]).astype(np.float64),

@@ -110,7 +110,7 @@ def read_cloud(
     if file.suffix.lower() == ".stl":
         # Every triangle has its own corners.
         rows = np.unique(rows, axis=0)
-        _warn(
+        warn(
             f"{file.name} is a mesh made of measured points, often from several scans, and an STL "
             "does not say from which; correct the cloud of each scan before it is merged or "
             "meshed."
@@ -126,15 +126,11 @@ def read_cloud(
     return cloud
 
 
-def _warn(text: str) -> None:
-    warn(text, stacklevel=4)
-
-
 def _warn_of_rounding(points: FloatArray, file: Path) -> None:
     # Next to what single precision leaves of a rounded number.
     allowed = 1e-9 + np.minimum(np.finfo(np.float32).eps * np.abs(points), 1e-4)
     if (np.abs(points - points.round(COARSE_DECIMALS)) <= allowed).all():
-        _warn(
+        warn(
             f"All coordinates in {file.name} are rounded to {10.0**-COARSE_DECIMALS:g} mm or "
             "coarser, which may be as much as hot air displaces them; export more decimals."
         )
@@ -158,7 +154,7 @@ def _measured(rows: FloatArray, columns: Columns, file: Path) -> BoolArray:
     if not measured.any():
         raise InputError(f"No point was measured: {', '.join(counts)}; export the cloud again.")
     for text in counts:
-        _warn(f"{text}, as of pixels that a sensor did not measure, and are left out.")
+        warn(f"{text}, as of pixels that a sensor did not measure, and are left out.")
     return measured
 
 

@@ -61,8 +61,7 @@ def read_table(
         warn(
             f"{file.name} has lines between its points that are none, such as {between[0]!r}, and "
             "are left out; if they part several scans, correct each by itself, as the sensor "
-            "stood elsewhere.",
-            stacklevel=4,
+            "stood elsewhere."
         )
     rows = list(_without_count(rows, file))
     if not rows:
@@ -97,7 +96,7 @@ def _without_numbered_columns(table: FloatArray, file: Path) -> FloatArray:
     numbered = table[0][~np.isnan(table[0])]
     if len(numbered) < 3 or not np.array_equal(numbered, np.arange(len(numbered))):
         return table
-    warn(f"The first row of {file.name} numbers the columns from 0, and is left out.", stacklevel=5)
+    warn(f"The first row of {file.name} numbers the columns from 0, and is left out.")
     return table[1:]
 
 
@@ -189,10 +188,7 @@ def _numbers_alone(columns: dict[str, FloatArray], file: Path) -> dict[str, Floa
     kept = {name: values for name, values in columns.items() if not np.isnan(values).all()}
     words = [name for name in columns if name not in kept]
     if words:
-        warn(
-            f"{file.name} has columns of words or dates, which are left out: {', '.join(words)}.",
-            stacklevel=4,
-        )
+        warn(f"{file.name} has columns of words or dates, which are left out: {', '.join(words)}.")
     return kept
 
 
@@ -210,8 +206,7 @@ def _without_count(rows: Sequence[str], file: Path) -> Sequence[str]:
     if count != len(rows) - 1:
         warn(
             f"{file.name} states {count:,} points and holds {len(rows) - 1:,}; it may be cut "
-            "short: export the cloud again.",
-            stacklevel=4,
+            "short: export the cloud again."
         )
     return rows[1:]
 

@@ -5,9 +5,11 @@ Every message says what is wrong (with the value), why it matters and what to do
 
 from __future__ import annotations
 
+import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from traceback import walk_stack
 
 
 class IriftraceError(Exception):
@@ -26,9 +28,13 @@ class IriftraceWarning(UserWarning):
     """The result is valid, but the user should know its limits."""
 
 
-def warn(text: str, *, stacklevel: int = 3) -> None:
-    """Issue an `IriftraceWarning`; the level is that of `warnings.warn` where this is called."""
-    warnings.warn(text, IriftraceWarning, stacklevel=stacklevel + 1)
+def warn(text: str) -> None:
+    """Issue an `IriftraceWarning` at the line of the user's program that called the package."""
+    package = __name__.partition(".")[0]
+    # What attrs generates has no module's name, and other packages may be in between.
+    modules = [frame.f_globals.get("__name__", package) for frame, _ in walk_stack(sys._getframe())]
+    ours = [n for n, name in enumerate(modules) if name.partition(".")[0] == package]
+    warnings.warn(text, IriftraceWarning, stacklevel=ours[-1] + 2)
 
 
 @contextmanager

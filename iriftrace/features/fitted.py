@@ -153,7 +153,7 @@ def fit_features(
             fits = {name: fit_feature(cloud[chosen], kind) for name, cloud in clouds.items()}
             same = [fit_feature(cloud[chosen], kind) for cloud in members]
         except InputError as error:
-            warn(f"{choice} is left out: {error}", stacklevel=3)
+            warn(f"{choice} is left out: {error}")
             continue
         doubts = (
             _doubt(fit, np.ptp(clouds[name][chosen], axis=0).max(), region, found)
@@ -161,7 +161,7 @@ def fit_features(
         )
         doubt = other_surface(part, kind, region) or next(filter(None, doubts), None)
         if doubt:
-            warn(doubt, stacklevel=3)
+            warn(doubt)
         if kind == "cone":
             # Rounded, so that the height can be stated as exactly as the diameter.
             place = np.round(next(iter(fits.values())).position, 2)

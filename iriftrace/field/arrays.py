@@ -155,8 +155,7 @@ def point_values(grid: pv.UnstructuredGrid, name: str, path: str) -> FloatArray:
     values = finite_values(grid.cell_data, name, path)
     warn(
         f"{name!r} in {path} is given in the cells; its mean at the points misses the values at "
-        "the wall, so export point data when the solver can.",
-        stacklevel=3,
+        "the wall, so export point data when the solver can."
     )
     return point_means(grid, values)
 
@@ -189,8 +188,7 @@ def _resembles(name: str, quantity: str) -> bool:
 def _warn_of_averages(name: str, averages: list[str], path: str) -> None:
     warn(
         f"{path} has {name!r}, which is used, of one moment, and its average over time; for air "
-        f"that is not steady give {averages[0]!r} (--array {averages[0]}).",
-        stacklevel=5,
+        f"that is not steady give {averages[0]!r} (--array {averages[0]})."
     )
 
 
@@ -347,7 +345,6 @@ def _from_index(values: FloatArray, name: str, path: str) -> FloatArray:
     if refractivity is not values and np.array_equal(values, values.astype(np.float32)):
         warn(
             f"The array {name!r} in {path} holds n in single precision, which leaves steps of "
-            "1.2e-7 and a coarse gradient; export n-1, the temperature or double precision.",
-            stacklevel=4,
+            "1.2e-7 and a coarse gradient; export n-1, the temperature or double precision."
         )
     return refractivity

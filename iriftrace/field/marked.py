@@ -74,8 +74,7 @@ def without_gaps(grid: pv.UnstructuredGrid, name: str, path: str) -> pv.Unstruct
     there = f"the {np.count_nonzero(cells)} cells there" if at_points else "they"
     warn(
         f"{what}{np.count_nonzero(missing)} of {len(missing)} {places}; {there} are left out, and "
-        "rays stay straight there.",
-        stacklevel=3,
+        "rays stay straight there."
     )
     return chosen_cells(grid, np.flatnonzero(~cells))
 

@@ -143,8 +143,7 @@ def read_field(
         warn(
             f"{choice.name!r} in {path} is an average over time, but the index follows the average "
             "density, which differs from that of the average temperature where the air fluctuates; "
-            "average the density too, such as rhoMean, if the solver can.",
-            stacklevel=2,
+            "average the density too, such as rhoMean, if the solver can."
         )
     if choice.quantity == "temperature" and quantity is None and array is None:
         _warn_of_other_index(raw, result)
@@ -169,15 +168,11 @@ def read_volume(path: str | Path, *, member: int | None = None, flow: bool = Fal
     if member is None and len(contents.states) > 1:
         warn(
             f"{path} has {len(contents.states)} states; the last one, {contents.states[-1][0]}, "
-            "is used; choose another with the time option (--time).",
-            stacklevel=4,
+            "is used; choose another with the time option (--time)."
         )
     grid = _joined(contents.data, path)
     if has_higher_order(grid):
-        warn(
-            f"{path} has cells of higher order; only the values at their corners are used.",
-            stacklevel=4,
-        )
+        warn(f"{path} has cells of higher order; only the values at their corners are used.")
     origins = (one_line(contents.origin), origin_of(contents.data))
     pieces = linear_volume(grid)
     volume = without_seams(pieces)
@@ -206,8 +201,7 @@ def _joined(data: Data, path: Path) -> pv.UnstructuredGrid:
             )
         warn(
             f"{path} marks {left_out} of {count} cells as hidden, as copies or as without a value "
-            f"({names}); they are left out.",
-            stacklevel=5,
+            f"({names}); they are left out."
         )
     blocks = [volume_cells(block.cells) for block in found]
     blocks = [block for block in blocks if block.n_cells]
@@ -283,8 +277,7 @@ def _warn_of_other_ambient(result: IndexField) -> None:
                 if TEMPERATURE_RANGE[0] <= coolest <= TEMPERATURE_RANGE[1]
                 else "no room is like that: check the array's unit (temperature_unit, "
                 "--temperature-unit)."
-            ),
-            stacklevel=3,
+            )
         )
 
 
@@ -303,6 +296,5 @@ def _warn_of_other_index(raw: pv.UnstructuredGrid, result: IndexField) -> None:
             f"temperature {result.source.array!r}, which is used: where the air has "
             f"{result.temperature_k[worst]:.0f} K, {name!r} says n-1 = {stored[worst]:.4g} and the "
             f'density scaling {result.refractivity[worst]:.4g}; give array="{name}" '
-            f"(--array {name}) to use it.",
-            stacklevel=3,
+            f"(--array {name}) to use it."
         )

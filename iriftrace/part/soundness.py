@@ -52,16 +52,14 @@ def check_unit(path: Path, vertices: FloatArray, stated: str, chosen: str) -> No
     if stated != chosen:
         warn(
             f"{path} declares its unit as {stated} but is read as {chosen}; leave length_unit "
-            "(--length-unit) out if the file is right.",
-            stacklevel=3,
+            "(--length-unit) out if the file is right."
         )
         return
     size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     if is_unlikely_size(size):
         warn(
             f"{path} is {size:.3g} mm across when read as {chosen}, which is unlikely for a "
-            "measured part; check length_unit (--length-unit).",
-            stacklevel=3,
+            "measured part; check length_unit (--length-unit)."
         )
 
 
@@ -79,8 +77,7 @@ def distinct_triangles(path: str, welded: IntArray) -> BoolArray:
         warn(
             f"{path} has {repeated} triangles that lie exactly on others (a body that was exported "
             "twice, both sides of a surface, or the wall between two bodies that touch); they are "
-            "left out.",
-            stacklevel=4,
+            "left out."
         )
     return keep
 
@@ -127,23 +124,18 @@ def oriented_outward(
         faces = np.where(flip[:, None], faces[:, ::-1], faces)
         warn(
             f"{path} has {np.count_nonzero(flip)} triangles that face the other way than their "
-            "neighbours; they were turned over.",
-            stacklevel=3,
+            "neighbours; they were turned over."
         )
     if neighbours.open_edges:
         warn(
             f"{path} is not closed ({neighbours.open_edges} open edges): coverage refers to the "
             "remaining surface, rays may pass through the holes, and the inside of the part is "
-            "unknown; rays through a hole count what they find behind it.",
-            stacklevel=3,
+            "unknown; rays through a hole count what they find behind it."
         )
         return faces, neighbours
     if signed_volume(vertices - vertices.mean(axis=0), faces) < 0.0:
         faces = faces[:, ::-1]
-        warn(
-            f"{path} has inward-facing normals (negative volume); all triangles were turned over.",
-            stacklevel=3,
-        )
+        warn(f"{path} has inward-facing normals (negative volume); all triangles were turned over.")
     return faces, neighbours
 
 

@@ -105,7 +105,7 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
     if "coverage" in needed:
         messages += _of_face_sizes(dataset, criteria.region, metrics["coverage"], ranked)
     for message in messages:
-        warn(message, stacklevel=2)
+        warn(message)
     return Plan(
         order=order.astype(np.int64),
         score=score,

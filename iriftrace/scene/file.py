@@ -145,17 +145,20 @@ def _shell_meshes(shells: Sequence[mi.Properties], in_layers: bool, path: Path) 
 
 def _warn_of_lost_accuracy(nodes: Sequence[SceneNode], has_shells: bool, path: Path) -> None:
     if any(_plugin(node) == "dielectric" for node in nodes):
-        warn(
-            f"{path} has shells with Mitsuba's dielectric, whose single-precision index ratio "
-            "costs up to 0.6 % of the deflection; use iso_shell.",
-            stacklevel=4,
-        )
+        warn_of_dielectric(str(path))
     if has_shells and not any(_flag(n.props, "embree_use_robust_intersections") for n in nodes):
         warn(
             f"{path} does not set embree_use_robust_intersections, so single rays can slip between "
-            'triangles; add <boolean name="embree_use_robust_intersections" value="true"/>.',
-            stacklevel=4,
+            'triangles; add <boolean name="embree_use_robust_intersections" value="true"/>.'
         )
+
+
+def warn_of_dielectric(name: str) -> None:
+    """Warn of a scene whose shells are Mitsuba's."""
+    warn(
+        f"{name} has shells with Mitsuba's dielectric, whose single-precision index ratio costs up "
+        "to 0.6 % of the deflection; use iso_shell."
+    )
 
 
 def require_scene(path: Path) -> None:

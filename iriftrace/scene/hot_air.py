@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from os import PathLike
 from typing import TYPE_CHECKING
 
 from attrs import Factory, frozen
@@ -127,9 +128,14 @@ class HotAir:
         Raises
         ------
         InputError
-            There is neither a field nor shells, there are shells of several fields, not as many
-            labels or weights as fields, or a weight is negative.
+            There is neither a field nor shells, but the name of a file, there are shells of several
+            fields, not as many labels or weights as fields, or a weight is negative.
         """
+        if isinstance(field, str | PathLike):
+            raise InputError(
+                f"HotAir takes a field and not the name of its file; give "
+                f'iriftrace.read_field("{field}").'
+            )
         several = isinstance(field, Sequence)
         fields = list(field) if isinstance(field, Sequence) else [field]
         if not fields or (fields[0] is None and shells is None):

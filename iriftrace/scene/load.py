@@ -22,7 +22,14 @@ from iriftrace.part.part import Part, part_of_mesh, read_part
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.air import air_statement_of, other_shells, traced_air, warn_of_another_part
 from iriftrace.scene.ensemble import MEMBER, members_of
-from iriftrace.scene.file import WAVELENGTH, check_meshes, of_the_file, read_scene_file, readable
+from iriftrace.scene.file import (
+    WAVELENGTH,
+    check_meshes,
+    of_the_file,
+    read_scene_file,
+    readable,
+    warn_of_dielectric,
+)
 from iriftrace.scene.loaded import (
     LoadedEnsemble,
     LoadedScene,
@@ -176,6 +183,8 @@ def from_mitsuba(scene: mi.Scene) -> LoadedScene:
     started = time.perf_counter()
     tables = integrator.prepare(scene).tables
     found = traced_air(integrator, AirStatement(), name, tables)
+    if tables.stock_shells:
+        warn_of_dielectric(name)
     return LoadedScene(
         path=None,
         part=part_of_mesh(*tables.part_arrays(), name=name),

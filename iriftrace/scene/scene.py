@@ -70,6 +70,19 @@ class Scene:
     variant: str | None = None
     blockers: tuple[Part, ...] = field(default=(), converter=tuple)
 
+    def __attrs_post_init__(self) -> None:
+        """Raise InputError for what is still to be read, such as a file's name."""
+        for value, kind, remedy in (
+            (self.part, Part, 'part = iriftrace.read_part("part.stl")'),
+            (self.air, HotAir, "air = iriftrace.HotAir(field)"),
+            (self.camera, Camera, "camera = iriftrace.Camera(...)"),
+        ):
+            if not isinstance(value, kind):
+                raise InputError(
+                    f"A Scene is made of Part, HotAir and Camera, and {value!r} is no "
+                    f"{kind.__name__}; give {remedy}."
+                )
+
     @engine.validator
     def _check_engine(self, _: Attribute[str], engine: str) -> None:
         check_engine(engine)
@@ -91,7 +104,7 @@ class Scene:
         """
         for fit in filter(None, self._fits):
             for message in fit.warnings:
-                warn(message, stacklevel=2)
+                warn(message)
         for state in self.air.states:
             bodies = (self.part, *self.blockers)
             refuse_bad_places(self.camera, self.second, bodies, state.shells, state.field)

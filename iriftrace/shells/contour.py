@@ -161,6 +161,5 @@ def _warn_of_missing(field: IndexField, surfaces: FloatArray, found: Iterable[in
         warn(
             f"No surface for level {names} ({np.min(temperature):.0f} to "
             f"{np.max(temperature):.0f} K): the field has no such air, or only pieces below the "
-            "size limit; these shells are left out.",
-            stacklevel=3,
+            "size limit; these shells are left out."
         )

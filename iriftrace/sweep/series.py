@@ -101,8 +101,7 @@ def _placed(scene: LoadedScene, poses: PoseSet, move_out: bool) -> PoseSet:
     if moved.any():
         warn(
             f"{moved.sum()} of {len(poses)} poses stood in the hot air and were moved back along "
-            "their line of sight.",
-            stacklevel=4,
+            "their line of sight."
         )
     return free
 

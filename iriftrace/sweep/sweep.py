@@ -323,6 +323,5 @@ def _warn_of_empty_poses(dataset: xr.Dataset) -> None:
     reason = max(reasons, key=lambda text: reasons[text].sum())
     warn(
         f"{empty.sum()} of {len(empty)} poses see fewer than {FEWEST_RAYS} good rays, mostly "
-        f"because {reason}.",
-        stacklevel=4,
+        f"because {reason}."
     )

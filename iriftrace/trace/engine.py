@@ -49,6 +49,8 @@ _WHEN = (
     "when every second shell is left out, as where lines of sight run along the layers of hot air"
 )
 
+_PREVENTED = '--engine shells, in Python engine="shells", prevents this'
+
 CHANGE = "change of the hits without every second shell, 95th percentile"
 """Name of `EngineTest.p95_mm` in files."""
 
@@ -146,8 +148,7 @@ def _by_samples(scene: LoadedScene, samples: list[_Sample]) -> Choice:
         warn(
             f"The shells are too coarse for this view, but the field loses {lost:.1%} of its "
             "rays in cells that are badly shaped, so the shells are used; check the field's "
-            "mesh (iriftrace field check), or write the scene with --layers 40.",
-            stacklevel=4,
+            "mesh (iriftrace field check), or write the scene with --layers 40."
         )
         return Choice(scene, worst)
     _warn_of_coarse_shells(worst, cells is not None)
@@ -253,10 +254,10 @@ def _warn_of_coarse_shells(found: EngineTest, through_cells: bool) -> None:
             "meeting one, so that they are not refracted"
         )
     warn(
-        f"{change}; the field data were traced instead (--engine shells prevents this)."
+        f"{change}; the field data were traced instead ({_PREVENTED})."
         if through_cells
-        else f"{change}; trace the field data (--engine cells), or use more shells (--layers 20).",
-        stacklevel=4,
+        else f'{change}; trace the field data (--engine cells, in Python engine="cells"), or use '
+        "more shells (--layers 20, in Python layers=20)."
     )
 
 
@@ -271,7 +272,7 @@ def warn_of_coarse_poses(
     for these, what in (
         (
             coarse & (through_cells == 1),
-            "the field data were traced there (--engine shells prevents this)",
+            f"the field data were traced there ({_PREVENTED})",
         ),
         (
             coarse & (through_cells != 1),
@@ -282,6 +283,5 @@ def warn_of_coarse_poses(
             warn(
                 f"Hits of {these.sum()} of {len(these)} poses change by over {LIMIT:.0%} of the "
                 f"displacement (95th percentiles, variable engine_test_p95), by up to "
-                f"{1e3 * np.nanmax(p95_mm[these]):.3g} um, {_WHEN}; {what}.",
-                stacklevel=4,
+                f"{1e3 * np.nanmax(p95_mm[these]):.3g} um, {_WHEN}; {what}."
             )

@@ -9,8 +9,8 @@ LIMIT = 0.005
 """Fraction of a view's hits above which a warning is issued."""
 
 REMEDY = (
-    "use the other engine (--engine shells or cells), and write the scene again from the "
-    "solver's own mesh, without --triangles"
+    "use the other engine (--engine shells or cells, in Python engine=), and write the scene again "
+    "from the solver's own mesh, without --triangles"
 )
 
 

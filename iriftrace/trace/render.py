@@ -157,5 +157,6 @@ def _refuse_empty(image: AovImage) -> None:
         raise InputError(
             f"No ray that hits the part is in focus: the hits are {lengths.min():.1f} to "
             f"{lengths.max():.1f} mm away, the focus interval is {camera.focus_mm[0]:g} to "
-            f"{camera.focus_mm[1]:g} mm; move the camera or change focus_near and focus_far."
+            f"{camera.focus_mm[1]:g} mm; move the camera or change focus_near and focus_far "
+            "(iriftrace scene --focus NEAR:FAR)."
         )

@@ -129,9 +129,9 @@ def _view(
     check_count(len(shifts.places), len(ensemble), "dots on the board")
     _check_in_picture(shifts, camera)
     hot = shifts.places + shifts.shifts
-    chosen = choose(scene, camera).scene.ensemble
-    assert chosen is not None
-    points, status = _seen(chosen.scenes(), camera, hot)
+    traced = choose(scene, camera).scene
+    assert traced.ensemble is not None
+    points, status = _seen(traced.ensemble.scenes(), camera, hot)
     good = (status == Status.GOOD).all(axis=0)
     dots = _counts(status)
     _check_dots(dots, len(ensemble))
@@ -143,7 +143,7 @@ def _view(
         alone = ShiftMixture(predicted, measured, free)
         noise = shift_noise(places[alone.used], alone.left(alone.weights))
     _check_spread(rms((predicted - predicted.mean(axis=0)).ravel()), noise)
-    return _View(scene, camera, shifts, places, predicted, measured, free, dots, noise)
+    return _View(traced, camera, shifts, places, predicted, measured, free, dots, noise)
 
 
 def _motions(views: Sequence[tuple[float, _View]]) -> FloatArray:

@@ -161,8 +161,7 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
     if median < LEAST_ANGLE:
         warn(
             f"The lines of the two devices meet at {np.degrees(median):.2g} degrees (median), so "
-            "that small errors of either become large in depth; set them farther apart.",
-            stacklevel=4,
+            "that small errors of either become large in depth; set them farther apart."
         )
     return Scan(
         points=points,

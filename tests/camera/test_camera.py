@@ -162,6 +162,8 @@ def test_scaled_camera_sees_the_same() -> None:
     for scale in (0, -1, math.nan, math.inf):
         with pytest.raises(InputError, match=f"scale is {scale}"):
             paper().scaled(scale)
+    with pytest.raises(InputError, match=r"which gives .* pixels; give a smaller number"):
+        paper().scaled(1e9)
 
 
 def test_dictionary_round_trip_through_json() -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from iriftrace.core.errors import InputError, IriftraceWarning, SetupError
 from iriftrace.runtime import variant as runtime
-from iriftrace.scene.load import load_scene
+from iriftrace.scene.load import from_mitsuba, load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import slab
 from iriftrace.shells.files import read_shell, write_shell
@@ -270,6 +270,10 @@ def test_stock_dielectric_counts_as_shell_and_warns(xml: Path, edit: Edit) -> No
     xml.write_text(re.sub(own, "", xml.read_text()))
     with pytest.warns(IriftraceWarning, match="dielectric, whose single-precision index ratio"):
         loaded = load_scene(xml)
+    with pytest.warns(
+        IriftraceWarning, match=r"^Your mi\.Scene has shells with Mitsuba's dielectric"
+    ):
+        from_mitsuba(loaded.mitsuba_scene)
     rough = trace_rays(loaded, *ray)
     assert rough.crossings[0] == exact.crossings[0] == 3
     assert rough.status[0] == 0

@@ -129,6 +129,10 @@ def test_shells_alone_have_no_cells(scene: iriftrace.Scene) -> None:
 def test_what_cannot_be_a_scene_is_refused(scene: iriftrace.Scene, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="needs air"):
         iriftrace.HotAir()
+    with pytest.raises(InputError, match=r'give iriftrace\.read_field\("air\.vtu"\)'):
+        iriftrace.HotAir("air.vtu")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"'part\.stl' is no Part; give .*read_part"):
+        attrs.evolve(scene, part="part.stl")
     field, shells = scene.air.states[0].field, scene.air.states[0].shells
     with pytest.raises(InputError, match="Ready-made shells belong to one field"):
         iriftrace.HotAir([field, field], shells=shells)

@@ -203,6 +203,16 @@ def test_a_second_board_tells_the_direction(board: iriftrace.Scene, tmp_path: Pa
         iriftrace.fit_members(views[0], seen[0], others=[(others, seen[1])])
 
 
+def test_the_engine_is_stated_that_traced_the_members(
+    board: iriftrace.Scene, fields: list[iriftrace.IndexField], shifts: MeasuredShift
+) -> None:
+    """Too few shells, so that the fields' cells are traced."""
+    coarse = attrs.evolve(board, air=iriftrace.HotAir(fields, layers=6), engine="auto")
+    with pytest.warns(iriftrace.IriftraceWarning, match="field data were traced instead"):
+        found = iriftrace.fit_members(coarse, shifts)
+    assert found.provenance["engine"] == "cells"
+
+
 def test_weights_are_the_least_squares_on_the_simplex() -> None:
     """Against the optimality conditions: the gradient is equal where w > 0 and larger where not."""
     random = np.random.default_rng(4)

@@ -134,8 +134,7 @@ def read_measured_wall(
         warn(
             f"{path} does not state the unit of {choice.name!r}, which is read in K: "
             f"{kelvins.min() - ZERO_CELSIUS_K:.0f} to {kelvins.max() - ZERO_CELSIUS_K:.0f} degC; "
-            "state it (--wall-temperature-unit K or degC).",
-            stacklevel=3,
+            "state it (--wall-temperature-unit K or degC)."
         )
     return MeasuredWall(str(path), sha256_of(path), points, kelvins, faces)
 
@@ -169,8 +168,7 @@ def _without_gaps(data: pv.DataSet, name: str, path: Path) -> pv.DataSet:
         return data
     warn(
         f"{path} has no temperature at {np.count_nonzero(missing)} of {len(missing)} points, which "
-        "are left out.",
-        stacklevel=4,
+        "are left out."
     )
     kept = pv.PolyData(data.points[~missing])
     kept.point_data[name] = data.point_data[name][~missing]

@@ -79,5 +79,5 @@ def write_synthetic_field(
         grid.save(temporary)
     field = _field_of(grid, air, Air(temperature_k=air.ambient_k), str(path))
     for message in fit_part_to_field(field, air.part).warnings:
-        warn(message, stacklevel=2)
+        warn(message)
     return grid

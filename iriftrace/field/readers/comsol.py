@@ -206,8 +206,7 @@ def _without_gaps(table: _Table, names: dict[str, Column], path: Path) -> _Table
         )
     warn(
         f"{path} has no number (NaN) at {np.count_nonzero(missing)} of {len(missing)} points; they "
-        "are left out.",
-        stacklevel=5,
+        "are left out."
     )
     if table.cells is None:
         return evolve(table, points=table.points[~missing], values=table.values[~missing])

@@ -64,8 +64,7 @@ def read(path: Path, member: int | None, *, flow: bool = False) -> Contents:
     if float(time) == 0.0:
         warn(
             f"The only time of the case {path} is 0, whose values are usually the initial ones and "
-            "not a result; run the solver, or reconstructPar if its results are elsewhere.",
-            stacklevel=5,
+            "not a result; run the solver, or reconstructPar if its results are elsewhere."
         )
     pieces = [_piece(piece, time, case.region, flow) for piece in case.pieces]
     _refuse_missing_pieces(case)
@@ -196,8 +195,7 @@ def _case(path: Path) -> _Case:
         if latest > last:
             warn(
                 f"{folder} is reconstructed up to t = {whole[-1]}, which is read, but its "
-                f"processors continue to t = {latest:g}; run reconstructPar to read later times.",
-                stacklevel=5,
+                f"processors continue to t = {latest:g}; run reconstructPar to read later times."
             )
         return _Case(folder, (folder,), whole, region)
     if apart:

@@ -163,8 +163,7 @@ def _set_value(piece: Piece, patch: str, name: str, entries: Entries, file: Path
             )
         warn(
             f"{what}patch {patch} (type {entries['type']}); the values of the cells next to it are "
-            "used.",
-            stacklevel=7,
+            "used."
         )
         return
     owner = _owners(piece.grid, mesh)

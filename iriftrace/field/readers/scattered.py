@@ -52,8 +52,7 @@ def merged(points: FloatArray, values: FloatArray, path: Path) -> tuple[FloatArr
             )
     warn(
         f"{path} repeats {len(points) - len(unique)} points with the same values; each is used "
-        "once.",
-        stacklevel=5,
+        "once."
     )
     return unique, means
 
