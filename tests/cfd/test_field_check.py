@@ -159,6 +159,12 @@ def test_spoilt_fields_are_found_out(simulated: Checked, cylinder: Part) -> None
     assert finding(check, "wall temperature")["verdict"] == "bad"
     assert finding(check, "coolest air")["verdict"] == "bad"
     assert check.verdict == "bad"
+    cold = cylinder.transformed(np.diag((0.986, 0.986, 0.986, 1.0)))
+    (gap,) = (
+        one for one in check_field(field, cold).findings if one.name == "field's wall to part"
+    )
+    assert gap.verdict == "bad"
+    assert "--expansion" in gap.remark
     object.__setattr__(spoilt, "gradient", 1.3 * spoilt.gradient)
     errors = gradient_errors(spoilt, wall_state(spoilt, cylinder))
     assert np.median(errors) == pytest.approx(0.3, abs=0.03)

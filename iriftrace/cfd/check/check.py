@@ -107,11 +107,13 @@ def check_field(
 
 def _gap(fit: Fit) -> Finding:
     median_mm, p95_mm = fit.gap_median_mm, fit.gap_p95_mm
+    good = p95_mm <= LARGEST_GAP_MM
+    remedy = "" if good else "; a cold drawing in the field of a hot part needs --expansion"
     return Finding(
         "field's wall to part",
         f"{median_mm:.3g} mm",
-        "good" if p95_mm <= LARGEST_GAP_MM else "bad",
-        f"median gap; 95th percentile {p95_mm:.3g} mm, at most {LARGEST_GAP_MM} mm",
+        "good" if good else "bad",
+        f"median gap; 95th percentile {p95_mm:.3g} mm, at most {LARGEST_GAP_MM} mm{remedy}",
         {"median_mm": median_mm, "p95_mm": p95_mm},
     )
 
