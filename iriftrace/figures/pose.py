@@ -24,7 +24,7 @@ from iriftrace.core.plain import JsonObject
 from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.figures.style import COLOURS, DPI, TEXT_COLOUR, ColourScale, legend_below
 from iriftrace.image.aov_image import AovImage, Status
-from iriftrace.image.displacement import good_mask, lines_of_sight, signed_components
+from iriftrace.image.displacement import directions_to, good_mask, signed_components
 from iriftrace.image.ray_statistics import FEWEST_RAYS, OF_MET, percent
 from iriftrace.sweep.faces import displacement_limits
 
@@ -184,7 +184,7 @@ def _values(image: AovImage, good: BoolArray, what: Shown) -> FloatArray:
     if not what.signed:
         return image.channels[what.channel][good].astype(np.float64)
     camera = image.camera
-    sight = lines_of_sight(camera, image.vector("straight", good))
+    sight = directions_to(camera, image.vector("straight", good))
     moved = image.vector("displacement", good)
     return signed_components(moved, sight, camera.matrix[:3, 0])[what.channel]
 

@@ -62,7 +62,7 @@ def good_mask(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> Boo
     return good
 
 
-def lines_of_sight(camera: Camera, hits: FloatArray) -> FloatArray:
+def directions_to(camera: Camera, hits: FloatArray) -> FloatArray:
     """(n, 3) unit vectors, world, from the camera to n hits ((n, 3) array, mm, world)."""
     if camera.projection == "orthographic":
         return np.broadcast_to(camera.forward, hits.shape)
@@ -109,7 +109,7 @@ def displacement_map(image: AovImage, include: Collection[int] = (Status.GOOD,))
         `include` names rays without a displacement.
     """
     good = good_mask(image, include)
-    sight = lines_of_sight(image.camera, image.vector("straight", good))
+    sight = directions_to(image.camera, image.vector("straight", good))
     norm, lateral, axial = (np.zeros(good.shape, dtype=np.float64) for _ in range(3))
     norm[good] = image.channels["displacement.norm"][good]
     lateral[good], axial[good] = split_displacement(image.vector("displacement", good), sight)

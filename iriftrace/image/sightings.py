@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from iriftrace.core.arrays import AnyArray, Float32Array, FloatArray, Int32Array, Variables
 from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import AovImage, Status
-from iriftrace.image.displacement import good_mask, lines_of_sight
+from iriftrace.image.displacement import directions_to, good_mask
 from iriftrace.part.part import Part
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ def sight_faces(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> F
     np.minimum.at(angle, row, image.channels["incidence.angle"][good])
     # From the refracted hits to the straight lines of sight, mm.
     vectors = image.vector("displacement", good)
-    sight = lines_of_sight(image.camera, image.vector("straight", good))
+    sight = directions_to(image.camera, image.vector("straight", good))
     offsets = sight * np.einsum("ij,ij->i", vectors, sight)[:, None] - vectors
     seen = np.flatnonzero(rays)
     return FaceSightings(
