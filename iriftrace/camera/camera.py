@@ -32,8 +32,8 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
 from iriftrace.geometry.triangles import unit_vectors
 
-MOST_PIXELS = 2**32
-"""Rays of a picture are numbered in 32 bits."""
+LONGEST_SIDE = 2**31
+"""Pixels of a side are counted in 32 bits."""
 
 PROJECTIONS = ("pinhole", "orthographic")
 
@@ -234,10 +234,10 @@ class Camera:
             raise InputError(f"scale is {scale}, so no pixel is left; give a positive number.")
         (width, height), (x, y) = self.resolution, self.principal_point_px
         resolution = max(1, round(width * scale)), max(1, round(height * scale))
-        if math.prod(resolution) >= MOST_PIXELS:
+        if max(resolution) >= LONGEST_SIDE:
             raise InputError(
                 f"scale is {scale:g}, which gives {resolution[0]:,} x {resolution[1]:,} pixels; "
-                "give a smaller number, since a picture has fewer than 2^32."
+                "give a smaller number, since a side has fewer than 2^31."
             )
         point = (
             (x + 0.5) * resolution[0] / width - 0.5,
