@@ -285,4 +285,4 @@ def turntable_poses(matrix: ArrayLike, table: str, centre: ArrayLike) -> PoseSet
     poses = np.tile(np.eye(4), (len(turns), 1, 1))
     poses[:, :3, :3] = turns @ pose[:3, :3]
     poses[:, :3, 3] = point + turns @ (pose[:3, 3] - point)
-    return PoseSet(poses)
+    return PoseSet(poses, table_deg=angles)

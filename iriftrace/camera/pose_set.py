@@ -33,6 +33,8 @@ class PoseSet:
         Camera to world; columns x right, y down, z forward, origin.
     azimuth_deg, elevation_deg : (n,) array, degree
         Angles of the orbit that a pose was made from; NaN (the default) for a pose without.
+    table_deg : (n,) array, degree
+        Angle by which the part is turned on its table; NaN (the default) without one.
 
     Raises
     ------
@@ -43,9 +45,11 @@ class PoseSet:
     matrices: FloatArray = field(converter=fixed)
     azimuth_deg: FloatArray = field(converter=fixed)
     elevation_deg: FloatArray = field(converter=fixed)
+    table_deg: FloatArray = field(converter=fixed)
 
     @azimuth_deg.default
     @elevation_deg.default
+    @table_deg.default
     def _no_angle(self) -> FloatArray:
         return np.full(len(self.matrices), np.nan)
 
@@ -54,7 +58,9 @@ class PoseSet:
             raise InputError(
                 f"Poses have the shape {self.matrices.shape}; give 4x4 matrices, (n, 4, 4)."
             )
-        for name, angle in (("azimuths", self.azimuth_deg), ("elevations", self.elevation_deg)):
+        for name, angle in zip(
+            ("azimuths", "elevations", "table angles"), self.angles, strict=True
+        ):
             if angle.shape != (len(self),):
                 raise InputError(
                     f"There are {angle.size} {name} for {len(self)} poses; give one for each."
@@ -63,6 +69,11 @@ class PoseSet:
 
     def __len__(self) -> int:
         return len(self.matrices)
+
+    @property
+    def angles(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Azimuths, elevations and angles of the table, (n,) arrays, degree."""
+        return self.azimuth_deg, self.elevation_deg, self.table_deg
 
     @property
     def origins(self) -> FloatArray:
@@ -79,16 +90,15 @@ class PoseSet:
         chosen = np.atleast_1d(np.asarray(indices))
         if chosen.dtype != np.bool_:
             chosen = chosen.astype(np.int64)  # an empty list comes as float
-        return PoseSet(self.matrices[chosen], self.azimuth_deg[chosen], self.elevation_deg[chosen])
+        return PoseSet(self.matrices[chosen], *(angle[chosen] for angle in self.angles))
 
 
 def joined(pose_sets: Iterable[PoseSet]) -> PoseSet:
     """All poses of several sets, one set after the other."""
     parts = [PoseSet(np.empty((0, 4, 4))), *pose_sets]
+    angles = zip(*(poses.angles for poses in parts), strict=True)
     return PoseSet(
-        np.concatenate([poses.matrices for poses in parts]),
-        np.concatenate([poses.azimuth_deg for poses in parts]),
-        np.concatenate([poses.elevation_deg for poses in parts]),
+        np.concatenate([poses.matrices for poses in parts]), *map(np.concatenate, angles)
     )
 
 

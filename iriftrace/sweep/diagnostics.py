@@ -14,7 +14,11 @@ from iriftrace.core.arrays import IntArray
 if TYPE_CHECKING:
     import xarray as xr
 
-_LENGTHS = (("focal_length", "focal length", "focal"), ("stand_off", "stand-off", "off"))
+_NUMBERS = (
+    ("focal_length", "focal length", "focal", "mm"),
+    ("stand_off", "stand-off", "off", "mm"),
+    ("table", "table's angle", "table", "deg"),
+)
 
 
 @frozen
@@ -42,23 +46,25 @@ class Varied:
 
 
 def varied_of(dataset: xr.Dataset) -> tuple[Varied, ...]:
-    """Scene, focal length and stand-off, if they differ between the poses of a sweep."""
+    """Scene, focal length, stand-off and table's angle, if they differ between a sweep's poses."""
     found = []
     scenes = [str(name) for name in dataset["scene"].values]
     if len(set(scenes)) > 1:
         found.append(Varied("scene", "scene", "", tuple(_told_apart(scenes))))
-    for variable, name, short_name in _LENGTHS:
-        values = tuple(f"{value:g}" for value in dataset[variable].values.tolist())
-        if len(set(values)) > 1:
-            found.append(Varied(name, short_name, "mm", values))
+    for variable, *names in _NUMBERS:
+        if variable in dataset.coords:
+            values = tuple(f"{value:g}" for value in dataset[variable].values.tolist())
+            if len(set(values)) > 1:
+                found.append(Varied(*names, values))
     return tuple(found)
 
 
 def series_of(varied: tuple[Varied, ...], poses: int) -> dict[str, IntArray]:
     """Poses that differ only in position: a description (may be empty) and their numbers."""
     numbers: dict[str, list[int]] = {}
+    settings = tuple(one for one in varied if one.short != "table")
     for pose in range(poses):
-        numbers.setdefault(setting_of(varied, pose), []).append(pose)
+        numbers.setdefault(setting_of(settings, pose), []).append(pose)
     return {text: np.array(members, dtype=np.int64) for text, members in numbers.items()}
 
 

@@ -41,6 +41,11 @@ PLACE = (
 )
 """Coordinates of the poses."""
 
+TABLE = "table"
+"""Coordinate of the poses of a part on a turntable: its angle."""
+
+_OF_TABLE = {"units": "degree", "long_name": "angle of the turned part"}
+
 SIGHTING = "sighting"
 """Dimension of the rows of all poses."""
 
@@ -66,6 +71,7 @@ def pose_variables(poses: PoseSet, target: ArrayLike) -> Variables:
     Poses without angles of an orbit have those of their line of sight.
     """
     azimuth, elevation = line_of_sight_angles(poses.matrices)
+    table = poses.table_deg
     distance = np.linalg.norm(poses.origins - np.asarray(target, dtype=np.float64), axis=1)
     origins = {
         f"origin_{axis}": (
@@ -91,6 +97,7 @@ def pose_variables(poses: PoseSet, target: ArrayLike) -> Variables:
             )
         },
         "distance": (("pose",), distance, {"units": "mm", "long_name": "camera to target"}),
+        **({TABLE: (("pose",), table, _OF_TABLE)} if np.isfinite(table).any() else {}),
     }
 
 
@@ -122,7 +129,7 @@ def to_dataset(
             **json_attributes(attributes),
         },
     )
-    return found.set_coords([name for name in PLACE if name in found])
+    return found.set_coords([name for name in (*PLACE, TABLE) if name in found])
 
 
 def write_sweep(path: Path, dataset: xr.Dataset, sightings: Iterable[FaceSightings]) -> None:

@@ -11,6 +11,8 @@ import trimesh
 from failing import Failing
 
 from iriftrace.cli import main
+from iriftrace.planning.criteria import Criteria
+from iriftrace.planning.summary import summarise
 from iriftrace.sweep.store import read_sweep
 from validation.inputs.hot_block import HotBlock
 
@@ -49,6 +51,23 @@ def test_what_is_not_installed(
     )
     message = fails(*f"sweep {hot.scene} -o a.nc {ORBIT} {option}".split())
     assert "not installed; in the clone: pip install -e '.[" in message
+
+
+def test_a_turntables_angle_is_stated(
+    hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As a column of the plan, and of the best pose; poses at all angles are of one series."""
+    sweep = tmp_path / "turned.nc"
+    assert main(f"sweep {hot.scene} -o {sweep} --turntable z:20:80:30".split()) == 0
+    dataset = read_sweep(sweep)
+    assert dataset["table"].values.tolist() == [20.0, 50.0, 80.0]
+    capsys.readouterr()
+    assert main(["plan", str(sweep), "--min-hits", "1"]) == 0
+    printed = capsys.readouterr().out
+    best = summarise(dataset, Criteria(min_hits=1)).plan.best
+    assert f"Best pose {best} (table's angle {dataset['table'].values[best]:g} deg)" in printed
+    assert "table" in printed.split(), "the heading of a column"
+    assert len(summarise(dataset, Criteria(min_hits=1)).series) == 1
 
 
 def test_scenes_of_different_parts(fails: Failing, hot: HotBlock, tmp_path: Path) -> None:
