@@ -11,9 +11,15 @@
     $S -o turned --draughts 0.14:0.16:0.01 --draught-from 80,85,90 --background-cell 44mm \
         --end-time 8s --average-time 5s
     $S -o wide --draughts 0.12:0.16:0.01 $C --end-time 8s --average-time 5s
-    python -m validation.board_twin part.ply .
+    iriftrace part cylinder -o stub.ply --diameter 50mm --length 70mm
+    S='iriftrace field simulate stub.ply --wall-temperature 950degC --background-cell 44mm'
+    $S -o stub/still_case --field stub/still.vtu --end-time 4s --average-time 2s
+    $S -o stub/true_case --field stub/at_0.14_from_080.vtu --draught "0.14 m/s" \
+        --draught-from 80 --end-time 4s --average-time 2s
+    $S -o stub --draughts 0.12:0.16:0.04 --draught-from 75,90 --end-time 4s --average-time 2s
+    python -m validation.board_twin .
 
-The part is `scenes/cylinder/part.ply`; second.stl is a block of 60 x 30 x 30 mm around (0, -75, 0).
+part.ply is `scenes/cylinder/part.ply`; second.stl is a block of 60 x 30 x 30 mm around (0, -75, 0).
 A state that is not a member is the truth: its traced shifts get 0.05 px of noise, and the cloud of
 two devices to the lee is corrected.
 """
@@ -39,8 +45,8 @@ from validation.inputs.leaning_air import measured_shifts
 
 BOARD = Board((240.0, 240.0), 3.5)
 
-TO_WORLD = np.array(((0, 0, 1.0, -235.0), (1.0, 0, 0, 0), (0, 1.0, 0, 60.0), (0, 0, 0, 1.0)))
-"""The board stands across the cylinder's axis, 150 mm behind its end."""
+BEHIND_MM = 150.0
+"""The board stands across the cylinder's axis, so far behind its end."""
 
 AXIS, LEE, WINDWARD = 0.0, -35.0, 35.0
 """Turns of board and camera about the vertical, degrees: seen along the axis, or from one side."""
@@ -57,8 +63,6 @@ DEVICE = iriftrace.Camera(focal_length_mm=25.0, sensor_mm=(8.0, 6.4), resolution
 
 NOISE_PX = 0.05
 
-STILL = "family/at_0.00"
-
 FINE = tuple(f"fine/at_0.{w}_from_090" for w in (12, 14, 16, 18))
 COARSE = tuple(f"coarse/at_0.{w}_from_090" for w in (12, 14, 16, 18))
 
@@ -72,6 +76,8 @@ class Case:
     turns: tuple[float, ...] = (AXIS,)
     between: tuple[tuple[int, ...], ...] = ()
     """Further members between others, by these numbers (`iriftrace.field_between`)."""
+    part: str = "part.ply"
+    still: str = "family/at_0.00"
 
 
 PAIR, SQUARE = ((0, 1),), ((0, 1), (2, 3), (0, 2), (1, 3), (0, 1, 2, 3))
@@ -80,6 +86,10 @@ PAIR, SQUARE = ((0, 1),), ((0, 1), (2, 3), (0, 2), (1, 3), (0, 1, 2, 3))
 WIDE = ("wide/at_0.12_from_090", "wide/at_0.16_from_090")
 
 TURNED = tuple(f"turned/at_0.{w}_from_{turn}" for turn in ("080", "090") for w in (14, 16))
+
+STUB = tuple(f"stub/at_0.{w}_from_{turn}" for turn in ("075", "090") for w in (12, 16))
+
+OF_STUB = "stub.ply", "stub/still"
 
 CASES = (
     Case("fine/at_0.15_from_090", FINE),
@@ -101,21 +111,24 @@ CASES = (
     Case("turned/at_0.15_from_085", TURNED, (LEE,), SQUARE),
     Case("turned/at_0.15_from_085", TURNED, (LEE, WINDWARD), SQUARE),
     Case("turned/at_0.15_from_085", tuple(f"turned/at_0.{w}_from_085" for w in (14, 16))),
+    Case("stub/at_0.14_from_080", STUB, (AXIS,), (), *OF_STUB),
+    Case("stub/at_0.14_from_080", STUB, (LEE,), SQUARE, *OF_STUB),
+    Case("stub/at_0.14_from_080", STUB, (LEE, WINDWARD), SQUARE, *OF_STUB),
     Case("strong/field", COARSE),
     Case("second/field", COARSE),
 )
 
 
-def main(part_file: str, folder: str) -> None:
+def main(folder: str) -> None:
     """Print a row for each case."""
-    part = iriftrace.read_part(part_file)
     first, second = (
         DEVICE.at(iriftrace.look_at((x, -283.0, 283.0), (0.0, 0.0, 0.0))) for x in (-75.0, 75.0)
     )
-    names = {STILL, *(name for case in CASES for name in (case.truth, *case.members))}
+    names = {name for case in CASES for name in (case.truth, case.still, *case.members)}
     fields = {name: iriftrace.read_field(Path(folder) / f"{name}.vtu") for name in sorted(names)}
 
     for case in CASES:
+        part = iriftrace.read_part(Path(folder) / case.part)
         air = iriftrace.HotAir(fields[case.truth])
         family = [fields[name] for name in case.members]
         family += [iriftrace.field_between([family[n] for n in some]) for some in case.between]
@@ -131,7 +144,7 @@ def main(part_file: str, folder: str) -> None:
             continue
         true = iriftrace.Scene(part, air, first, second, "camera_2", engine="cells")
         scan = iriftrace.measure(true)
-        by_still, _ = _left(scan, evolve(true, air=iriftrace.HotAir(fields[STILL])))
+        by_still, _ = _left(scan, evolve(true, air=iriftrace.HotAir(fields[case.still])))
         weighted = iriftrace.HotAir(family, weights=fit.weights)
         left, u = _left(scan, evolve(true, air=weighted))
         assert u is not None
@@ -148,7 +161,8 @@ def _seen(
 ) -> tuple[iriftrace.Scene, MeasuredShift]:
     """A board's scene in the air of the members, and the shifts of its dots in the true air."""
     turned = parse_transform(f"rotate z {turn}")
-    to_world = turned @ TO_WORLD
+    behind = part.bounds[0, 0] - BEHIND_MM
+    to_world = turned @ ((0, 0, 1.0, behind), (1.0, 0, 0, 0), (0, 1.0, 0, 60.0), (0, 0, 0, 1.0))
     camera = BOARD_CAMERA.at(turned @ BOARD_CAMERA.matrix)
     board = BOARD.part.transformed(to_world)
     seen = iriftrace.Scene(board, air, camera, blockers=(part,), engine="cells")
