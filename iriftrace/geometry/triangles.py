@@ -50,8 +50,9 @@ def row_lengths(vectors: FloatArray) -> FloatArray:
 
 def unit_vectors(vectors: FloatArray) -> FloatArray:
     """(n, 3) vectors scaled to length 1; zero stays zero."""
-    length = row_lengths(vectors)[:, None]
-    return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
+    length = row_lengths(vectors)
+    length[length == 0.0] = 1.0
+    return vectors / length[:, None]
 
 
 def smooth_normals(vertices: Float32Array | FloatArray, faces: IntArray) -> FloatArray:

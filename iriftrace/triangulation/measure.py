@@ -16,7 +16,7 @@ import numpy as np
 from attrs import evolve
 from numpy.typing import NDArray
 
-from iriftrace.camera.camera import Camera
+from iriftrace.camera.camera import Camera, within
 from iriftrace.camera.tiles import pixels_in_tiles
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
@@ -278,4 +278,4 @@ def _towards_part(device: Camera, part: Part, pixels: FloatArray) -> NDArray[np.
     if device.distortion is not None or not np.isfinite(places).all():
         return np.ones(len(pixels), dtype=np.bool_)
     low, high = places.min(axis=0), places.max(axis=0)
-    return np.asarray(((pixels >= low - 1.0) & (pixels <= high + 1.0)).all(axis=1))
+    return within(pixels, low - 1.0, high + 1.0)
