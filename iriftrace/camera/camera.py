@@ -27,22 +27,13 @@ from iriftrace.camera.distortion import (
     undistorted,
 )
 from iriftrace.camera.pose_set import fixed
+from iriftrace.camera.tiles import within
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
 from iriftrace.geometry.triangles import unit_vectors
 
-LONGEST_SIDE = 2**31
-"""Pixels of a side are counted in 32 bits."""
-
 PROJECTIONS = ("pinhole", "orthographic")
-
-
-def within(places: FloatArray, low: FloatArray, high: FloatArray) -> BoolArray:
-    """(n,) mask of the places (n, 2) in a rectangle; of NaN False."""
-    # Axis by axis, which takes an eighth of the time of pairs.
-    (u, v), (left, top), (right, bottom) = places.T, low, high
-    return np.asarray((u >= left) & (u <= right) & (v >= top) & (v <= bottom))
 
 
 def _pair(value: Sequence[float]) -> tuple[float, float]:
@@ -204,8 +195,7 @@ class Camera:
 
     def holds(self, places: ArrayLike) -> BoolArray:
         """(n,) mask of the image positions (n, 2), px, that lie in the picture; of NaN False."""
-        upper_left, _, lower_right, _ = self.corners
-        return within(np.asarray(places), upper_left, lower_right)
+        return within(np.asarray(places), *self.corners[[0, 2]])
 
     def _pixel_centres(self) -> FloatArray:
         """(n, 2) centres of all pixels, px, row by row."""
@@ -240,11 +230,8 @@ class Camera:
             raise InputError(f"scale is {scale}, so no pixel is left; give a positive number.")
         (width, height), (x, y) = self.resolution, self.principal_point_px
         resolution = max(1, round(width * scale)), max(1, round(height * scale))
-        if max(resolution) >= LONGEST_SIDE:
-            raise InputError(
-                f"scale is {scale:g}, which gives {resolution[0]:,} x {resolution[1]:,} pixels; "
-                "give a smaller number, since a side has fewer than 2^31."
-            )
+        if max(resolution) >= 2**31:  # Mitsuba counts them in 32 bits
+            raise InputError(f"scale is {scale:g}: over 2^31 pixels a side; give a smaller one.")
         point = (
             (x + 0.5) * resolution[0] / width - 0.5,
             (y + 0.5) * resolution[1] / height - 0.5,
@@ -317,8 +304,7 @@ class Camera:
         """(n, 3) points from the world's frame to the camera's, mm."""
         offset = np.asarray(points, dtype=np.float64) - self.origin
         # Not by BLAS, whose threads wait for cores that the tracer's own threads still hold.
-        rotated: FloatArray = np.einsum("ij,jk->ik", offset, self.matrix[:3, :3])
-        return rotated
+        return np.asarray(np.einsum("ij,jk->ik", offset, self.matrix[:3, :3]))
 
     def project(self, points: ArrayLike) -> FloatArray:
         """Image positions of world points.

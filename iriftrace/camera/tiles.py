@@ -1,11 +1,11 @@
-"""Order of a picture's pixels, or of points in it, that lets neighbouring rays run together."""
+"""Pixels and places of a picture: an order in which neighbouring rays run together, and masks."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 
 TILE = 4
 """Side of a tile, px. A packet of the ray query holds 16 rays (8 without AVX-512)."""
@@ -41,3 +41,10 @@ def tile_order(places: FloatArray) -> IntArray:
     column, row = (pixels // TILE).T
     inner = pixels % TILE
     return np.argsort((row * _WIDEST + column) * TILE**2 + inner[:, 1] * TILE + inner[:, 0])
+
+
+def within(places: FloatArray, low: FloatArray, high: FloatArray) -> BoolArray:
+    """(n,) mask of the places (n, 2) in a rectangle; of NaN False."""
+    # Axis by axis, which takes an eighth of the time of pairs.
+    (u, v), (left, top), (right, bottom) = places.T, low, high
+    return np.asarray((u >= left) & (u <= right) & (v >= top) & (v <= bottom))

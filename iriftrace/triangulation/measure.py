@@ -16,8 +16,8 @@ import numpy as np
 from attrs import evolve
 from numpy.typing import NDArray
 
-from iriftrace.camera.camera import Camera, within
-from iriftrace.camera.tiles import pixels_in_tiles
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.tiles import pixels_in_tiles, within
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.member_weights import MemberWeights
