@@ -51,11 +51,11 @@ def varied_of(dataset: xr.Dataset) -> tuple[Varied, ...]:
     scenes = [str(name) for name in dataset["scene"].values]
     if len(set(scenes)) > 1:
         found.append(Varied("scene", "scene", "", tuple(_told_apart(scenes))))
-    for variable, *names in _NUMBERS:
+    for variable, name, short_name, unit in _NUMBERS:
         if variable in dataset.coords:
             values = tuple(f"{value:g}" for value in dataset[variable].values.tolist())
             if len(set(values)) > 1:
-                found.append(Varied(*names, values))
+                found.append(Varied(name, short_name, unit, values))
     return tuple(found)
 
 
