@@ -30,6 +30,9 @@ from iriftrace.part.part import Part
 NO_FEATURE = 0.1
 """Form deviation as a fraction of the extent beyond which a fitted feature means nothing."""
 
+NARROW = 0.01
+"""Width of a plane's points over their length, below which they are those of an edge."""
+
 
 @frozen(eq=False)
 class FittedFeature:
@@ -150,6 +153,7 @@ def fit_features(
         try:
             _refuse_unmeasured(choice, count, part, found)
             chosen = chosen[inliers(gated[chosen], kind, gate, _beside(part, region))]
+            _refuse_strip(gated[chosen], kind)
             fits = {name: fit_feature(cloud[chosen], kind) for name, cloud in clouds.items()}
             same = [fit_feature(cloud[chosen], kind) for cloud in members]
         except InputError as error:
@@ -191,6 +195,17 @@ def _refuse_unmeasured(
         raise InputError(
             f"No region of this kind has {FEWEST_MEASURED} measured points; those that have "
             f"are {', '.join(map(str, found)) or 'none'}."
+        )
+
+
+def _refuse_strip(points: FloatArray, kind: str) -> None:
+    """Refuse a plane whose points are those of an edge: hot air turns it by more than a degree."""
+    moments = np.linalg.eigvalsh(np.cov(points.T)) if kind == "plane" else np.ones(3)
+    across, along = np.sqrt(12.0 * np.maximum(moments[1:], 0.0))
+    if across < NARROW * along:
+        raise InputError(
+            f"its points lie in a strip {along:.3g} mm long and {across:.2g} mm wide, which "
+            "determines no plane; look at it less from the side."
         )
 
 

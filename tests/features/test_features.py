@@ -6,6 +6,7 @@ Points of exact surfaces come back to rounding; of disturbed ones the sum of squ
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.spatial.transform import Rotation
 
 from iriftrace.core.errors import InputError, IriftraceWarning
@@ -14,7 +15,7 @@ from iriftrace.features.fit import Feature, fit_feature
 from iriftrace.features.fitted import fit_features
 from iriftrace.features.outliers import inliers
 from iriftrace.geometry.query import Surface
-from iriftrace.part.part import Part, read_part
+from iriftrace.part.part import Part, part_of_mesh, read_part
 from iriftrace.part.shapes.cylinder import cylinder
 from iriftrace.scenes import folder_of
 
@@ -292,6 +293,22 @@ def test_distances_are_the_residuals(kind: str) -> None:
     points = placed(grid(kind) + np.random.default_rng(2).normal(0, 0.01, grid(kind).shape))
     found = fit_feature(points, kind)
     np.testing.assert_allclose(found.distances(points), found.residuals, atol=1e-9)
+
+
+def test_a_plane_seen_as_an_edge_is_left_out() -> None:
+    mesh = trimesh.creation.box((50.0, 20.0, 20.0))
+    part = part_of_mesh(mesh.vertices, mesh.faces, name="bar")
+    points, face = part.surface.even_places(20_000)
+    top = part.surface.normals[face, 2] > 0.9
+    (plane,) = (part.region_names[n] for n in np.unique(part.region_of_face[face[top]]))
+
+    def fitted(width: float) -> int:
+        seen = top & (points[:, 1] < width - 10.0)
+        return len(fit_features({"cold": points[seen]}, face[seen], part, [f"plane:{plane}"]))
+
+    assert fitted(3.0) == 1
+    with pytest.warns(IriftraceWarning, match=r"in a strip .* mm long and 0\.\d+ mm wide"):
+        assert fitted(0.3) == 0
 
 
 def test_fits_leave_the_outliers_of_the_corrected_cloud_out_of_all() -> None:
