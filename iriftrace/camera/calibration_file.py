@@ -19,10 +19,10 @@ from iriftrace.camera.calibration_programs import (
     realsense_values,
     refuse_other_programs,
 )
-from iriftrace.camera.unique_names import TwiceError, once
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import text_in
+from iriftrace.core.plain import TwiceError, once
 from iriftrace.core.units import LENGTH_UNITS, stated_length_unit
 
 LARGEST_BYTES = 4_000_000

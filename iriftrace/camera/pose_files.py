@@ -27,10 +27,10 @@ from iriftrace.camera.pose_set import PoseSet, refuse_distorted
 from iriftrace.camera.pose_table import ANGLES, MATRIX, columns_of_table, unlike_robot
 from iriftrace.camera.robot_poses import RobotName
 from iriftrace.camera.robot_programs import table_of_program
-from iriftrace.camera.unique_names import TwiceError, once
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import array_in, text_in, whole_file
+from iriftrace.core.plain import TwiceError, once
 from iriftrace.core.units import LENGTH_UNITS, length_factor
 from iriftrace.geometry.transform import checked_matrix, nearest_rotations, rigid_motion
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -22,6 +22,23 @@ _KINDS: dict[type, tuple[str, tuple[type, ...]]] = {
     float: ("number", (int, float)),
     str: ("text", (str,)),
 }
+
+
+class TwiceError(Exception):
+    """A name that is there twice."""
+
+
+def once(pairs: Iterable[tuple[str, object]]) -> dict[str, object]:
+    """Names and values as a mapping; `TwiceError` for a name that is there twice.
+
+    Parsers of YAML, JSON and XML would keep its last value.
+    """
+    values: dict[str, object] = {}
+    for name, value in pairs:
+        if name in values:
+            raise TwiceError(name)
+        values[name] = value
+    return values
 
 
 def plain(value: object) -> Any:

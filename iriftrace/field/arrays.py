@@ -54,7 +54,7 @@ SI = {"temperature": "kelvin", "density": "kg/m^3", "index": "1"}
 _IN_BRACKETS = re.compile(r".*[\s_]*[(\[{](?P<unit>[^()\[\]{}]+)[)\]}]\s*")
 _BEHIND = re.compile(
     r".*?[\s_./:]+(?:in[\s_]+)?"
-    r"(?P<unit>[KC]|°[CF]|deg[\s_]?[CF]|(?i:celsius|kelvin|fahrenheit))"
+    r"(?P<unit>[KC]|°[CF]|(?i:deg[\s_]?[CF]|celsius|kelvin|fahrenheit))"
 )
 """Units of temperatures without brackets: ``T_degC``, ``T_K``, ``T/°C``, ``T in C``."""
 
@@ -63,10 +63,10 @@ _SPELLINGS = {
     "kelvin": "K",
     "celsius": "degC",
     "degree celsius": "degC",
-    **dict.fromkeys(("°c", "ºc", "℃", "deg c", "deg. c", "degree c", "grad c"), "degC"),
+    **dict.fromkeys(("°c", "ºc", "℃", "degc", "deg c", "deg. c", "degree c", "grad c"), "degC"),
     "degrees celsius": "degC",
     "fahrenheit": "degF",
-    **dict.fromkeys(("°f", "deg f"), "degF"),
+    **dict.fromkeys(("°f", "degf", "deg f"), "degF"),
     "r": "degR",
     "kg/m3": "kg/m^3",
     "g/cm3": "g/cm^3",
@@ -210,16 +210,22 @@ def _scalar_names(grid: pv.DataSet) -> list[str]:
     )
 
 
+def stated_unit(choice: Choice, units: Mapping[str, str] | None) -> str:
+    """Unit of an array by the file's `units`, or else by its name; "" if neither states one."""
+    if stated := (units or {}).get(choice.name, ""):
+        return stated
+    in_brackets = _IN_BRACKETS.fullmatch(choice.name) if units is None else None
+    found = in_brackets or _BEHIND.fullmatch(choice.name)
+    return found["unit"].strip() if found and _is_unit(found["unit"], choice.quantity) else ""
+
+
 def _unit_of(
     choice: Choice, units: Mapping[str, str] | None, temperature_unit: str | None, path: str
 ) -> str:
     """Unit of an array with a temperature or density."""
     name, quantity = choice.name, choice.quantity
     given = temperature_unit if quantity == "temperature" else None
-    stated = "" if units is None else units.get(name, "")
-    if not stated:
-        found = (_IN_BRACKETS.fullmatch(name) if units is None else None) or _BEHIND.fullmatch(name)
-        stated = found["unit"].strip() if found and _is_unit(found["unit"], quantity) else ""
+    stated = stated_unit(choice, units)
     if stated and not _is_unit(stated, quantity):
         if given is None:
             raise InputError(

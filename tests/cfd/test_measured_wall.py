@@ -12,6 +12,7 @@ from iriftrace.cfd.openfoam.measured_wall import MeasuredWall, read_measured_wal
 from iriftrace.cfd.openfoam.wall import measured_wall, wall_temperature
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.geometry.triangles import polydata
 from iriftrace.part.part import Part, save_part
 
 
@@ -51,6 +52,14 @@ def test_units_are_those_of_header_or_option(
     found = read_measured_wall(table(cylinder, tmp_path / "t.csv", header, scale, zero), *units)
     assert found.points == pytest.approx(cylinder.face_centres, abs=1e-6)
     assert found.kelvins == pytest.approx(ramp(cylinder.face_centres))
+
+
+def test_the_unit_in_the_name_of_a_surfaces_array_is_stated(cylinder: Part, tmp_path: Path) -> None:
+    """And warned of nowhere (warnings are errors here)."""
+    surface = polydata(cylinder.vertices, cylinder.faces)
+    surface.point_data["T_degC"] = np.full(len(cylinder.vertices), 900.0)
+    surface.save(tmp_path / "wall.vtp")
+    assert read_measured_wall(tmp_path / "wall.vtp").kelvins == pytest.approx(1173.15)
 
 
 def test_table_without_header_and_with_more_columns(cylinder: Part, tmp_path: Path) -> None:

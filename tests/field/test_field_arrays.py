@@ -29,7 +29,12 @@ def test_temperature_units(tmp_path, unit):
     ("name", "unit"),
     [
         *(("T_degC", "degC"), ("T_deg_C", "degC"), ("T/°C", "degC"), ("Temperature in C", "degC")),
-        *(("temp_celsius", "degC"), ("Temperature_C", "degC"), ("Temperature [C]", "degC")),
+        *(
+            ("temp_celsius", "degC"),
+            ("T_degc", "degC"),
+            ("Temperature_C", "degC"),
+            ("Temperature [C]", "degC"),
+        ),
         *(("T_degF", "degF"), ("T_Fahrenheit", "degF"), ("T_K", "K"), ("T/K", "K")),
         *(("T_f", "K"), ("T_c", "K"), ("T_gas", "K")),
     ],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from functools import cached_property
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import check_readable, sha256_of
 from iriftrace.core.units import ZERO_CELSIUS_K, length_factor
-from iriftrace.field.arrays import choose_array, finite_values, to_kelvin
+from iriftrace.field.arrays import choose_array, finite_values, stated_unit, to_kelvin
 from iriftrace.field.readers.comsol import length_unit_of
 from iriftrace.field.readers.comsol_text import AXES, spreadsheet_columns, text_file
 from iriftrace.field.readers.states import Column
@@ -130,7 +129,7 @@ def read_measured_wall(
         raise InputError(f"{path} has coordinates that are not finite numbers; export them again.")
     units = stated if stated and choice.name in stated else None
     kelvins = to_kelvin(values, choice, units, temperature_unit, str(path))
-    if not (units or temperature_unit or re.search(r"[(\[]", choice.name)):
+    if not (stated_unit(choice, units) or temperature_unit):
         warn(
             f"{path} does not state the unit of {choice.name!r}, which is read in K: "
             f"{kelvins.min() - ZERO_CELSIUS_K:.0f} to {kelvins.max() - ZERO_CELSIUS_K:.0f} degC; "

@@ -23,8 +23,6 @@ _UNIT_IN_SQUARES = re.compile(r"(?P<name>.*?\S)[\s_]*\[(?P<unit>[^\[\]]+)\]")
 _GLUED_UNIT = re.compile(r"(?P<name>[^()]+)\((?P<unit>K|°[CF]|deg[CF]|um|mm|cm|m|kg/m\^?3)\)")
 """Units of other programs; ``aveop1(T)`` is a function."""
 
-_UNIT_AFTER = re.compile(r"(?P<name>.*\S)[_\s](?P<unit>deg[CF]|celsius|kelvin)", re.IGNORECASE)
-
 _UNIT_BEHIND = re.compile(
     r"(?P<name>[^\s/]+)(?:\s*/\s*|\s+in\s+)(?P<unit>K|°[CF]|deg[CF]|[uµμ]m|[mc]?m|in|kg/m(?:\^?3|³))"
 )
@@ -84,7 +82,7 @@ def column_of(text: str) -> Column:
         name = found["name"]
         state = re.sub(r"([,:;])[\s_]*", r"\1 ", found["state"]).strip()
     unit = None
-    forms = (_UNIT, _UNIT_IN_SQUARES, _GLUED_UNIT, _UNIT_AFTER, _UNIT_BEHIND)
+    forms = (_UNIT, _UNIT_IN_SQUARES, _GLUED_UNIT, _UNIT_BEHIND)
     if found := next(filter(None, (form.fullmatch(name) for form in forms)), None):
         name, unit = found["name"], found["unit"].strip()
     return Column(name, unit, state)
