@@ -49,6 +49,7 @@ endef
 lint: $(VENV)/installed-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
+	$(BIN)/ruff check --preview --select PLW1514 iriftrace plugins scenes validation bench tools
 	$(call rooms)
 	cd build/imports && $(abspath $(BIN))/mypy --config-file ../../pyproject.toml
 

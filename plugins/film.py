@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import mitsuba as mi
+import psutil
 
 from iriftrace.core.errors import InputError
 from iriftrace.plugins.kernels import types as dt
@@ -25,16 +25,13 @@ _LIMIT_OF_CONTAINER = Path("/sys/fs/cgroup/memory.max")
 
 
 def memory_bytes() -> float:
-    """Memory of the GPU, machine or container; infinite where the system does not say."""
+    """Memory of the GPU (infinite where it does not say), machine or container."""
     if (current_variant() or "").startswith("cuda"):
         return cuda_state().memory_bytes or float("inf")
-    try:
-        installed = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    except (AttributeError, ValueError, OSError):
-        installed = float("inf")
+    installed = float(psutil.virtual_memory().total)
     try:
         # "max" where there is no limit.
-        return min(installed, float(_LIMIT_OF_CONTAINER.read_text()))
+        return min(installed, float(_LIMIT_OF_CONTAINER.read_text(encoding="utf-8")))
     except (OSError, ValueError):
         return installed
 

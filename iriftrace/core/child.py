@@ -1,8 +1,8 @@
 """Read files in a child process; a crash, timeout or memory overrun raises `ChildError`.
 
 Libraries trust the header of a file: a damaged file can crash the process that reads it, run for
-ever or fill the memory. One server imports a reader's libraries and forks for each file, so a
-crash does not affect the next file.
+ever or fill the memory. One process reads file after file and imports the readers' libraries once;
+after a crash the next file gets a new process.
 """
 
 from __future__ import annotations
@@ -10,30 +10,36 @@ from __future__ import annotations
 import atexit
 import json
 import os
-import resource
 import signal
-import socket
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import suppress
 from importlib import import_module
 from threading import Lock
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
+import psutil
 
 if TYPE_CHECKING:
     from iriftrace.core.arrays import AnyArray
     from iriftrace.core.plain import JsonObject
 
-_SECONDS, _BYTES_A_SECOND = 5, 1_000_000
-"""Processor time of a child: small files take 0.1 s, and text, the slowest, 10 MB a second."""
+_SECONDS, _BYTES_A_SECOND = 10, 1_000_000
+"""Processor time for a file: small ones take 0.1 s, the first one 2 s more for its libraries, and
+text, the slowest, 10 MB a second."""
 
 _MEMORY, _MEMORY_A_BYTE = 3 << 30, 64
-"""Address space of a child: VTK's libraries take 1 GB, and compression packs fields 3 to 20 times.
+"""Memory for a file: VTK's libraries take up to 1 GB, and compression packs fields 3 to 20 times.
 
 A file that packs better than 64 times and is larger than 2 GB does not hold a solver's field.
 """
+
+_POLL = 0.1  # s
+
+_TOO_LARGE = "it needs more memory than it may take"
 
 _ARRAY = "\0"
 """Key of an array's type and shape in JSON; no name in a file has it."""
@@ -51,81 +57,115 @@ def read_in_child(function: str, size: int, *arguments: object) -> Any:
     the function raises an error, exceeds its limits or crashes.
     """
     seconds, memory = _SECONDS + size // _BYTES_A_SECOND, _MEMORY + _MEMORY_A_BYTE * size
-    answer, status = _server.ask([function, arguments, memory, seconds])
-    if answer is None:
-        code = os.waitstatus_to_exitcode(status)
-        if code in (-signal.SIGXCPU, -signal.SIGKILL):
-            raise ChildError(f"its reader is still busy with it after {seconds} s")
-        name = signal.Signals(-code).name if code < 0 else f"exit status {code}"
-        raise ChildError(f"its reader broke down, {name}")
+    answer = _reader.ask(json.dumps([function, arguments]).encode(), seconds, memory)
     if "error" in answer:
         raise ChildError(answer["error"])
     return answer["value"]
 
 
-class _Server:
-    """The process that forks; started when first needed, and again after a fork of this one."""
+class _Process:
+    """One process that reads until it is ended, or breaks down."""
+
+    def __init__(self) -> None:
+        self.owner = os.getpid()
+        self.running = subprocess.Popen(
+            # -P: no modules are imported from the working folder.
+            [sys.executable, "-P", "-m", "iriftrace.core.child"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            # Ctrl-C is for the parent, which ends the child. Windows knows the flag only.
+            start_new_session=True,
+            creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
+        )
+
+    def usable(self) -> bool:
+        """Whether it runs and belongs to this process, not to the one that this is a fork of."""
+        return self.owner == os.getpid() and self.running.poll() is None
+
+    def ask(self, request: bytes, seconds: int, memory: int) -> JsonObject | None:
+        """Answer to a request, None if the process breaks down; ChildError beyond the limits."""
+        asked, answers = self.running.stdin, self.running.stdout
+        assert asked is not None
+        assert answers is not None
+        before = self._used()
+        with ThreadPoolExecutor(1) as threads:
+            answer = threads.submit(_received, answers)
+            try:
+                with suppress(OSError):  # it has broken down
+                    asked.write(request + b"\n")
+                    asked.flush()
+                while not wait([answer], _POLL).done:
+                    time, held = np.subtract(self._used(), before)
+                    if time > seconds:
+                        raise ChildError(f"its reader is still busy with it after {seconds} s")
+                    if held > memory:
+                        raise ChildError(_TOO_LARGE)
+            except BaseException:
+                self.running.kill()  # which ends the thread
+                raise
+            return answer.result()
+
+    def _used(self) -> tuple[float, int]:
+        """Processor time (s) and memory (bytes) so far; none of a process that has ended."""
+        try:
+            process = psutil.Process(self.running.pid)
+            times = process.cpu_times()
+            return times.user + times.system, process.memory_info().rss
+        except psutil.Error:
+            return 0.0, 0
+
+    def end(self) -> int:
+        """End it, whatever it is reading; its exit code."""
+        self.running.kill()
+        with self.running:  # closes the pipes
+            return self.running.wait()
+
+
+class _Reader:
+    """Starts the process when it is first needed, and a new one after a failure."""
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._process: subprocess.Popen[bytes] | None = None
-        self._channel: socket.socket | None = None
-        self._owner = 0
+        self._process: _Process | None = None
 
-    def ask(self, request: Sequence[object]) -> tuple[JsonObject | None, int]:
-        """Answer, None if it is cut short, and the status with which the reading process ended."""
+    def ask(self, request: bytes, seconds: int, memory: int) -> JsonObject:
+        """Answer to a request; ChildError if there is none within the limits."""
         with self._lock:
-            channel = self._started()
-            try:
-                reading, writing = os.pipe()
-                with open(reading, "rb") as answer:
-                    try:
-                        socket.send_fds(channel, [json.dumps(request).encode()], [writing])
-                    finally:
-                        os.close(writing)
-                    found = _received(answer)
-                status = channel.recv(4)
-            except BaseException:
-                # An answer that is still pending must not be read as the next one.
-                self.stop()
-                raise
-            return found, int.from_bytes(status, "little")
+            used = self._process is not None and self._process.usable()
+            answer, code = self._asked(request, seconds, memory)
+            if answer is None and used:
+                # What an earlier file left in the process may be the reason.
+                answer, code = self._asked(request, seconds, memory)
+        if answer is None:
+            name = signal.Signals(-code).name if code < 0 else f"exit status {code}"
+            raise ChildError(f"its reader broke down, {name}")
+        return answer
 
-    def _started(self) -> socket.socket:
-        alive = self._process is not None and self._process.poll() is None
-        if self._channel is None or self._owner != os.getpid() or not alive:
+    def _asked(self, request: bytes, seconds: int, memory: int) -> tuple[JsonObject | None, int]:
+        """Answer, or None and the exit code of the process that broke down."""
+        if self._process is None or not self._process.usable():
             self.stop()
-            self._channel, theirs = socket.socketpair()
-            with theirs:
-                self._process = subprocess.Popen(
-                    # -P: no modules are imported from the working folder.
-                    [sys.executable, "-P", "-m", "iriftrace.core.child", str(theirs.fileno())],
-                    pass_fds=[theirs.fileno()],
-                    stdin=subprocess.DEVNULL,
-                    stdout=subprocess.DEVNULL,
-                    stderr=subprocess.DEVNULL,
-                    # Ctrl-C is for the parent, which ends the child.
-                    start_new_session=True,
-                )
-            self._owner = os.getpid()
-        return self._channel
+            self._process = _Process()
+        try:
+            answer = self._process.ask(request, seconds, memory)
+        except BaseException:
+            # An answer that is still pending must not be read as the next one.
+            self.stop()
+            raise
+        return answer, 0 if answer is not None else self.stop()
 
-    def stop(self) -> None:
-        """End the process and what it is reading."""
-        if self._process is not None and self._owner == os.getpid():
-            if self._process.poll() is None:
-                os.killpg(self._process.pid, signal.SIGKILL)
-            self._process.wait()
-        if self._channel is not None:
-            self._channel.close()
-        self._process = self._channel = None
+    def stop(self) -> int:
+        """End the process, if there is one of this process; its exit code."""
+        process, self._process = self._process, None
+        return process.end() if process is not None and process.owner == os.getpid() else 0
 
 
-_server = _Server()
-atexit.register(_server.stop)
+_reader = _Reader()
+atexit.register(_reader.stop)
 
 
-def _received(answer: BinaryIO) -> JsonObject | None:
+def _received(answers: IO[bytes]) -> JsonObject | None:
     """What `_answer` wrote: a line of JSON, and the bytes of its arrays; None if cut short."""
     arrays: list[AnyArray] = []
 
@@ -136,70 +176,43 @@ def _received(answer: BinaryIO) -> JsonObject | None:
         arrays.append(np.empty(shape, dtype=kind))
         return arrays[-1]
 
-    line = answer.readline()
+    line = answers.readline()
     if not line.endswith(b"\n"):
         return None
     value: JsonObject = json.loads(line, object_hook=made)
     for array in filter(np.size, arrays):
-        if answer.readinto(array.data.cast("B")) != array.nbytes:  # type: ignore[attr-defined]
+        if answers.readinto(array.data.cast("B")) != array.nbytes:  # type: ignore[attr-defined]
             return None
     return value
 
 
-def _answer(out: BinaryIO, work: Callable[..., object], arguments: Sequence[object]) -> None:
+def _answer(out: IO[bytes], function: str, arguments: Sequence[object]) -> None:
     arrays: list[AnyArray] = []
 
     def placeholder(array: AnyArray) -> JsonObject:
         arrays.append(np.ascontiguousarray(array))
         return {_ARRAY: [array.dtype.str, array.shape]}
 
+    module, _, name = function.partition(":")
+    work = getattr(import_module(module), name)
     try:
         head = json.dumps({"value": work(*arguments)}, default=placeholder)
     except Exception as error:  # libraries that read files raise any
         arrays.clear()
-        said = " ".join(str(error).split())
-        head = json.dumps({"error": said or "it needs more memory than it may take"})
+        head = json.dumps({"error": " ".join(str(error).split()) or _TOO_LARGE})
     out.write(head.encode() + b"\n")
     for array in filter(np.size, arrays):
         out.write(array.data)
+    out.flush()
 
 
-def _limit(memory: int, seconds: int) -> None:
-    """Limit this process to some address space (bytes) and processor time, and leave no core."""
-    for kind, limit in (
-        (resource.RLIMIT_AS, memory),
-        (resource.RLIMIT_CPU, seconds),
-        (resource.RLIMIT_CORE, 0),
-    ):
-        _, most = resource.getrlimit(kind)
-        limit = limit if most == resource.RLIM_INFINITY else min(limit, most)
-        resource.setrlimit(kind, (limit, limit))
-
-
-def _serve(channel: socket.socket) -> None:
-    """Fork for each request, and say how its process ended."""
-    while True:
-        line, descriptors, _, _ = socket.recv_fds(channel, 1 << 16, 1)
-        if not line:
-            return
-        (function, arguments, memory, seconds), (descriptor,) = json.loads(line), descriptors
-        module, _, name = function.partition(":")
-        # Before the fork: libraries are imported once.
-        work = getattr(import_module(module), name)
-        child = os.fork()
-        if child == 0:
-            try:
-                _limit(memory, seconds)
-                with open(descriptor, "wb") as out:
-                    _answer(out, work, arguments)
-                # Skips the interpreter's clean-up, which would affect state of the parent.
-                os._exit(0)
-            finally:
-                os._exit(1)
-        os.close(descriptor)
-        _, status = os.waitpid(child, 0)
-        channel.sendall(status.to_bytes(4, "little"))
+def _serve() -> None:
+    """Answer the requests of standard input, a line each, until it ends."""
+    with os.fdopen(os.dup(1), "wb") as answers:
+        os.dup2(2, 1)  # libraries may print
+        for line in sys.stdin.buffer:
+            _answer(answers, *json.loads(line))
 
 
 if __name__ == "__main__":
-    _serve(socket.socket(fileno=int(sys.argv[1])))
+    _serve()

@@ -63,6 +63,14 @@ def write_json(path: str | Path, values: object) -> None:
     write_whole(path, text + "\n")
 
 
+def seen_from(folder: Path, file: str | Path) -> str:
+    """Relative path to a file with ``/``; the absolute one if it is on another drive of Windows."""
+    try:
+        return Path(os.path.relpath(file, folder)).as_posix()
+    except ValueError:
+        return Path(file).absolute().as_posix()
+
+
 def sha256_of(path: Path) -> str:
     """Hexadecimal SHA-256 of a file's bytes."""
     with path.open("rb") as file:

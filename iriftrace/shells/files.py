@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,7 +13,7 @@ from attrs import evolve
 
 from iriftrace.core.arrays import AnyIntArray, Float32Array
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import sha256_of, whole_file, write_json, write_whole
+from iriftrace.core.files import seen_from, sha256_of, whole_file, write_json, write_whole
 from iriftrace.core.plain import plain, structured
 from iriftrace.geometry import ply
 from iriftrace.geometry.triangles import polydata
@@ -72,7 +71,7 @@ def save_shells(
         for path, row in zip(written, stated.shells, strict=False)
     )
     if part is not None:
-        part = evolve(part, file=Path(os.path.relpath(part.file, folder)).as_posix())
+        part = evolve(part, file=seen_from(folder, part.file))
     table = plain(evolve(stated, shells=rows, part=part))
     for row, found in zip(table["shells"], report or (), strict=False):
         row |= found.as_dict()

@@ -76,7 +76,9 @@ def setting_of(varied: tuple[Varied, ...], pose: int) -> str:
 def _told_apart(names: list[str]) -> list[str]:
     """Paths without their common beginning and end."""
     folders = {name: Path(name).parent for name in names}
-    if len({Path(name).name for name in names}) == 1 and len(set(folders.values())) > 1:
+    one_name = len({Path(name).name for name in names}) == 1
+    drives = {folder.absolute().drive for folder in folders.values()}  # of Windows
+    if one_name and len(drives) == 1 and len(set(folders.values())) > 1:
         common = os.path.commonpath([folder.absolute() for folder in folders.values()])
         return [os.path.relpath(folders[name].absolute(), common) for name in names]
     return [f"{folders[name].name}/{Path(name).name}" for name in names]

@@ -47,13 +47,19 @@ def test_each_end_has_its_reason(
     assert read_in_child("builtins:abs", 0, -1) == 1
 
 
-def test_a_killed_server_is_started_again() -> None:
+def test_a_killed_process_is_started_again() -> None:
     read_in_child("builtins:abs", 0, -1)
-    process = child._server._process
+    process = child._reader._process
     assert process is not None
-    os.kill(process.pid, signal.SIGKILL)
-    process.wait()
+    os.kill(process.running.pid, signal.SIGKILL)
+    process.running.wait()
     assert read_in_child("builtins:abs", 0, -2) == 2
+
+
+def test_a_process_that_an_earlier_file_has_damaged_is_replaced() -> None:
+    """Its death is not said of the file that it reads then."""
+    read_in_child("faulthandler:dump_traceback_later", 0, 0.2, False, 2, True)  # and ends it
+    assert read_in_child("time:sleep", 0, 0.5) is None
 
 
 def test_modules_of_the_working_folder_are_not_run(
@@ -69,7 +75,7 @@ def test_modules_of_the_working_folder_are_not_run(
         file.create_variable("v", ("x",), data=[1.0])
     pv.Sphere().save(tmp_path / "good.vtp")
     monkeypatch.chdir(tmp_path)
-    child._server.stop()
+    child._reader.stop()
     check_netcdf(tmp_path / "good.nc")
     assert read_file(tmp_path / "good.vtp").n_points > 0
     assert not marker.exists()

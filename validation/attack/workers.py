@@ -75,7 +75,10 @@ def _last_words() -> str:
 
 def _work(channel: Connection, room: str, valid: dict[int, dict[str, bytes]]) -> None:
     """Read one case after the other as the parent names them."""
-    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    used = (
+        int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[0])
+        * resource.getpagesize()
+    )
     resource.setrlimit(resource.RLIMIT_AS, (used + MOST_BYTES,) * 2)
     folder = Path(room)
     while True:

@@ -96,7 +96,7 @@ def grid(path: Path, axes: Sequence[FloatArray], columns: Mapping[str, FloatArra
         rows = values.reshape(-1, len(axes[0]))
         lines += ["% Data", f"% {name}"]
         lines += ["".join(_number(v, ".").ljust(_WIDTH) for v in row) for row in rows]
-    path.write_text("\n".join(lines) + "\n")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path
 
 

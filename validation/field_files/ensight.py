@@ -63,5 +63,5 @@ def write(
         case += ["filename increment: 1", "time values:", *map(str, times)]
     else:
         case += [f"scalar per node: T {stem}.T"]
-    path.write_text("\n".join(case) + "\n")
+    path.write_text("\n".join(case) + "\n", encoding="utf-8")
     return path

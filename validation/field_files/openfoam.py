@@ -210,6 +210,6 @@ def _write(
 
 def entry(path: Path, key: str) -> str:
     """Value of the first entry of a name in an OpenFOAM file."""
-    found = re.search(rf"^\s*{key}\s+([^;]+);", path.read_text(), re.M)
+    found = re.search(rf"^\s*{key}\s+([^;]+);", path.read_text(encoding="utf-8"), re.M)
     assert found, (path, key)
     return found[1]

@@ -67,6 +67,7 @@ def write(
     path.write_text(
         '<?xml version="1.0"?>\n<!DOCTYPE Xdmf SYSTEM "Xdmf.dtd" []>\n'
         '<Xdmf Version="3.0" xmlns:xi="http://www.w3.org/2001/XInclude">\n'
-        f"<Domain>{grids}</Domain>\n</Xdmf>\n"
+        f"<Domain>{grids}</Domain>\n</Xdmf>\n",
+        encoding="utf-8",
     )
     return path

@@ -35,5 +35,5 @@ def written_by_opencv(path: Path, **more: np.ndarray) -> Path:
 
 def plain(path: Path, **changes: Any) -> Path:
     values = {key: value for key, value in {**PLAIN, **changes}.items() if value is not None}
-    path.write_text(json.dumps(values))
+    path.write_text(json.dumps(values), encoding="utf-8")
     return path

@@ -63,7 +63,7 @@ def pyyaml(path: Path, **changes: Any) -> Path:
         )
     }
     values = cameras | {"R": ROTATION.tolist(), "T": TRANSLATION.tolist(), **changes}
-    path.write_text(yaml.safe_dump(values))
+    path.write_text(yaml.safe_dump(values), encoding="utf-8")
     return path
 
 
@@ -84,7 +84,7 @@ def kalibr(path: Path, **of_each: Any) -> Path:
             **of_each,
         }
     chain["cam1"]["T_cn_cnm1"] = motion.tolist()
-    path.write_text(yaml.safe_dump(chain))
+    path.write_text(yaml.safe_dump(chain), encoding="utf-8")
     return path
 
 
@@ -156,7 +156,7 @@ def matlab(path: Path, *, old: bool) -> Path:
             "R": ROTATION.tolist(),
             "Translation": shift,
         }
-    path.write_text(json.dumps(values))
+    path.write_text(json.dumps(values), encoding="utf-8")
     return path
 
 
@@ -168,5 +168,5 @@ def from_matlab_to_opencv(path: Path) -> Path:
         values[f"distortionCoefficients{number + 1}"] = coefficients.tolist()
     values["rotationOfCamera2"] = ROTATION.tolist()
     values["translationOfCamera2"] = TRANSLATION.tolist()
-    path.write_text(json.dumps(values))
+    path.write_text(json.dumps(values), encoding="utf-8")
     return path

@@ -208,7 +208,7 @@ def is_stored(case: Case, folder: Path) -> bool:
 def read_record(file: Path) -> JsonObject:
     """Content of a JSON file in a case's folder; raises InputError if it is damaged."""
     try:
-        stored = json.loads(file.read_text())
+        stored = json.loads(file.read_text(encoding="utf-8"))
     except ValueError as error:
         stored = error
     if not isinstance(stored, dict):

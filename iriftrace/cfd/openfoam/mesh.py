@@ -15,7 +15,7 @@ from iriftrace.cfd.openfoam.case import Case, read_record
 from iriftrace.cfd.openfoam.case_files import nonuniform, uniform, write_start
 from iriftrace.cfd.openfoam.programs import Installation, OpenFoamError, cell_count, run_program
 from iriftrace.cfd.openfoam.wall import wall_temperature
-from iriftrace.core.files import write_whole
+from iriftrace.core.files import text_in, write_whole
 from iriftrace.field.readers.vtk_files import blocks_by_name
 
 _DONE = "mesh.json"
@@ -48,7 +48,7 @@ def make_mesh(
         for what, program, arguments in _STEPS:
             say(f"Mesh: {what}")
             log = run_program(installation, folder, program, *arguments)
-            cells = cell_count(log.read_text(errors="replace"))
+            cells = cell_count(text_in(log))
     else:
         cells = int(read_record(like / _DONE)["cells"])
         shutil.copytree(like / "constant/polyMesh", folder / "constant/polyMesh")

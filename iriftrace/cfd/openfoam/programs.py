@@ -5,18 +5,18 @@ from __future__ import annotations
 import os
 import re
 import shutil
-import signal
 import subprocess
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
+import psutil
 from attrs import field, frozen
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import SetupError
-from iriftrace.core.files import sha256_of
+from iriftrace.core.files import sha256_of, text_in
 
 SOLVER = "buoyantPimpleFoam"
 TOOLS = ("blockMesh", "surfaceFeatureExtract", "snappyHexMesh", "checkMesh")
@@ -184,7 +184,7 @@ def _series(folder: Path, name: str) -> FloatArray:
     """Rows of a table that every start of the solver writes into a folder of its own."""
     rows: dict[float, list[float]] = {}
     for file in sorted(folder.glob(f"*/{name}*"), key=lambda f: float(f.parent.name)):
-        for line in file.read_text(errors="replace").splitlines():
+        for line in text_in(file).splitlines():
             try:
                 values = [float(word) for word in line.split()]
             except ValueError:
@@ -239,7 +239,7 @@ def run_program(
             stdout=file,
             stderr=subprocess.STDOUT,
             env=installation.environment,
-            # A process group of its own, so that its children end with it.
+            # Ctrl-C is for this process, which ends it.
             start_new_session=True,
         )
         try:
@@ -260,10 +260,13 @@ def run_program(
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    if process.poll() is None:
-        os.killpg(process.pid, signal.SIGTERM)
-        try:
-            process.wait(10)
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
+    """End a program and what it has started, such as the processes of ``mpirun``."""
+    with suppress(psutil.NoSuchProcess):
+        program = psutil.Process(process.pid)
+        family = [program, *program.children(recursive=True)]
+        for one in family:
+            with suppress(psutil.NoSuchProcess):
+                one.terminate()
+        for one in psutil.wait_procs(family, timeout=10)[1]:
+            one.kill()
+    process.wait()

@@ -118,7 +118,7 @@ def _clock(folder: Path) -> Iterator[Callable[[], float]]:
 
     def counted() -> float:
         try:
-            return float(file.read_text())
+            return float(file.read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return 0.0
 

@@ -16,7 +16,7 @@ import pyvista as pv
 from attrs import frozen
 
 from iriftrace.core.errors import InputError, warn
-from iriftrace.core.files import sha256_of_list
+from iriftrace.core.files import sha256_of_list, text_in
 from iriftrace.field.arrays import quantity_of
 from iriftrace.field.flow import TEMPERATURE, VELOCITY, VELOCITY_OVER_TEMPERATURE, is_motion
 from iriftrace.field.readers.openfoam_mesh import Piece, joined, split_piece
@@ -134,7 +134,7 @@ def _fluid_region(case: Path) -> str:
         return ""
     properties = case / "constant/regionProperties"
     if properties.is_file():
-        stated = _FLUIDS.search(_COMMENT.sub("", properties.read_text(errors="replace")))
+        stated = _FLUIDS.search(_COMMENT.sub("", text_in(properties)))
         fluids = stated[1].split() if stated else []
     else:
         places = [(r, p / time / r) for r in regions for p in pieces for time in _times(p, r)]
@@ -234,7 +234,7 @@ def _solver(folder: Path) -> str:
     control = folder / "system/controlDict"
     if not control.is_file():
         return ""
-    found = re.search(r"^\s*application\s+(\w+)\s*;", control.read_text(errors="replace"), re.M)
+    found = re.search(r"^\s*application\s+(\w+)\s*;", text_in(control), re.M)
     return f" {found[1]}" if found else ""
 
 

@@ -18,6 +18,7 @@ import pyvista as pv
 from iriftrace.core.arrays import AnyArray, IntArray
 from iriftrace.core.child import ChildError, read_in_child
 from iriftrace.core.errors import InputError
+from iriftrace.core.files import text_in
 
 if TYPE_CHECKING:
     from iriftrace.field.readers.vtk_child import Arrays, Cells, Described
@@ -67,7 +68,7 @@ def read_file(path: Path) -> Data:
 def read_ensight(path: Path, time: str) -> Data:
     """Blocks of one time of an EnSight case ("" for the only one); InputError if damaged."""
     # The files that it names, with asterisks in place of the number of a step.
-    words = {word.strip('"') for word in path.read_text(errors="replace").split()}
+    words = {word.strip('"') for word in text_in(path).split()}
     names = [re.sub(r"\*+", "*", word) for word in words if re.search(r"[^*/.]", word)]
     # An absolute name replaces the folder.
     named = {Path(file) for name in names for file in glob(str(path.parent / name))}
