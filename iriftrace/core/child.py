@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from iriftrace.core.arrays import AnyArray
     from iriftrace.core.plain import JsonObject
 
-_SECONDS, _BYTES_A_SECOND = 10, 1_000_000
-"""Processor time for a file: small ones take 0.1 s, the first one 2 s more for its libraries, and
-text, the slowest, 10 MB a second."""
+_SECONDS, _BYTES_A_SECOND = 5, 1_000_000
+"""Processor time for a file: small ones take 0.1 s, the first one up to 2 s more for its libraries,
+and text, the slowest, 10 MB a second."""
 
 _MEMORY, _MEMORY_A_BYTE = 3 << 30, 64
 """Memory for a file: VTK's libraries take up to 1 GB, and compression packs fields 3 to 20 times.
