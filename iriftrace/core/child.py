@@ -8,6 +8,7 @@ after a crash the next file gets a new process.
 from __future__ import annotations
 
 import atexit
+import faulthandler
 import json
 import os
 import signal
@@ -37,6 +38,9 @@ _MEMORY, _MEMORY_A_BYTE = 3 << 30, 64
 A file that packs better than 64 times and is larger than 2 GB does not hold a solver's field.
 """
 
+_PATIENCE = 10
+"""Hours on the clock for one of processor time, on a busy machine."""
+
 _POLL = 0.1  # s
 
 _TOO_LARGE = "it needs more memory than it may take"
@@ -57,7 +61,7 @@ def read_in_child(function: str, size: int, *arguments: object) -> Any:
     the function raises an error, exceeds its limits or crashes.
     """
     seconds, memory = _SECONDS + size // _BYTES_A_SECOND, _MEMORY + _MEMORY_A_BYTE * size
-    answer = _reader.ask(json.dumps([function, arguments]).encode(), seconds, memory)
+    answer = _reader.ask(json.dumps([function, arguments, seconds]).encode(), seconds, memory)
     if "error" in answer:
         raise ChildError(answer["error"])
     return answer["value"]
@@ -211,7 +215,11 @@ def _serve() -> None:
     with os.fdopen(os.dup(1), "wb") as answers:
         os.dup2(2, 1)  # libraries may print
         for line in sys.stdin.buffer:
-            _answer(answers, *json.loads(line))
+            function, arguments, seconds = json.loads(line)
+            # Ends the process, should the parent be killed while a library runs for ever.
+            faulthandler.dump_traceback_later(_PATIENCE * seconds, exit=True)
+            _answer(answers, function, arguments)
+            faulthandler.cancel_dump_traceback_later()
 
 
 if __name__ == "__main__":

@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import h5netcdf
@@ -60,6 +62,18 @@ def test_a_process_that_an_earlier_file_has_damaged_is_replaced() -> None:
     """Its death is not said of the file that it reads then."""
     read_in_child("faulthandler:dump_traceback_later", 0, 0.2, False, 2, True)  # and ends it
     assert read_in_child("time:sleep", 0, 0.5) is None
+
+
+def test_a_process_whose_parent_was_killed_ends() -> None:
+    """Even in a library that never returns to Python."""
+    command = [sys.executable, "-P", "-m", "iriftrace.core.child"]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+    ) as process:
+        assert process.stdin is not None
+        process.stdin.write(b'["math:factorial", [100000000], 0.1]\n')
+        process.stdin.flush()
+        assert process.wait(60) == 1
 
 
 def test_modules_of_the_working_folder_are_not_run(
