@@ -8,15 +8,13 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 from attrs import evolve
-from numpy.typing import NDArray
 
 from iriftrace.air.refractivity import Air
+from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.shells.hessian import radial_derivatives
 from iriftrace.shells.levels import index_levels
 from iriftrace.shells.stack import Shell, ShellStack
-
-FloatArray = NDArray[np.float64]
 
 WALL_K = 1373.15
 SLAB_MM = 20.0
@@ -131,9 +129,7 @@ def _with_derivatives(
     return evolve(shell, derivatives=derivatives)
 
 
-def tube(
-    radius: float, length: float, sections: int
-) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
+def tube(radius: float, length: float, sections: int) -> tuple[FloatArray, IntArray, FloatArray]:
     """A tube along x around the origin, mm, open at both ends, with `sections` facets around.
 
     Vertices (n, 3), faces (m, 3), which face outward, and the radial unit normals (n, 3).
@@ -146,14 +142,10 @@ def tube(
     following = (near + 1) % sections
     faces = np.concatenate(
         (
-            np.column_stack((near, near + sections, following)),
-            np.column_stack((following, near + sections, following + sections)),
+            np.column_stack((following, near + sections, near)),
+            np.column_stack((following + sections, near + sections, following)),
         )
     )
-    corners = vertices[faces]
-    facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    if (facing[0] * radial[0]).sum() < 0:
-        faces = faces[:, ::-1]
     return vertices, faces, np.concatenate((radial, radial))
 
 
