@@ -9,15 +9,21 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import FloatArray
 from iriftrace.image.aov_image import CHANNELS
 from iriftrace.plugins.film import camera_of
 from iriftrace.plugins.kernels import types as dt
-from iriftrace.plugins.kernels.bundle import Bundle, Trace, paired_straight_rays, trace_bundle
+from iriftrace.plugins.kernels.bundle import (
+    Bundle,
+    StraightHits,
+    Trace,
+    paired_straight_rays,
+    trace_bundle,
+)
 from iriftrace.plugins.kernels.prepared import PreparedScene
-from iriftrace.plugins.kernels.queries import StraightHits, counted
+from iriftrace.plugins.kernels.queries import counted
 from iriftrace.plugins.picture import PixelRays, channel_values, sharp_rays, written
 from iriftrace.runtime.variant import full_precision
 
@@ -59,20 +65,12 @@ def integrator_class(variant: str) -> type:
             matrix = np.asarray(camera_of(sensor).description()["matrix"])
             return self.surroundings_of(scene, matrix[:3, 3])
 
-        def surroundings_of(self, scene: mi.Scene, point: NDArray[np.float64]) -> str | None:
+        def surroundings_of(self, scene: mi.Scene, point: FloatArray) -> str | None:
             """The surroundings of a point (3,), mm, world, in the same words."""
             return self.prepare(scene).surroundings(point)
 
         def trace(
-            self,
-            scene: mi.Scene,
-            rays: dt.Rays,
-            count: int,
-            *,
-            focus: tuple[float, float],
-            coherent: bool,
-            trace_all: bool,
-            straight: StraightHits | None = None,
+            self, scene: mi.Scene, rays: dt.Rays, count: int, *, coherent: bool, **options: Any
         ) -> Bundle:
             """Trace a bundle of rays; see :func:`iriftrace.plugins.kernels.bundle.trace_bundle`."""
             prepared = self.prepare(scene)
@@ -82,10 +80,8 @@ def integrator_class(variant: str) -> type:
                 count,
                 bend=self.bender(prepared, coherent),
                 check=self.checking(prepared),
-                focus=focus,
                 coherent=coherent,
-                trace_all=trace_all,
-                straight=straight,
+                **options,
             )
 
         def bender(self, prepared: PreparedScene, coherent: bool) -> dt.Bend:

@@ -9,11 +9,12 @@ import mitsuba as mi
 
 from iriftrace.plugins.aov_integrator import integrator_class
 from iriftrace.plugins.kernels import types as dt
+from iriftrace.plugins.kernels.bundle import straight_hits
 from iriftrace.plugins.kernels.layers import AtShells, InLayers
 from iriftrace.plugins.kernels.ledger import index_check
 from iriftrace.plugins.kernels.march import refracted_hits
 from iriftrace.plugins.kernels.prepared import PreparedScene, with_every_second_shell
-from iriftrace.plugins.kernels.queries import HIT_PART, straight_hits
+from iriftrace.plugins.kernels.queries import HIT_PART
 from iriftrace.plugins.kernels.tables import SceneTables
 from iriftrace.plugins.properties import choice, flag, whole_number
 
@@ -114,18 +115,14 @@ def plugin_class(variant: str) -> type:
 
         def bender(self, prepared: PreparedScene, coherent: bool) -> dt.Bend:
             """Refraction by the scene's shells."""
-            tables = prepared.tables
-            rule = self.rule(tables)
+            rule = self.rule(prepared.tables)
             return lambda origin, direction: refracted_hits(
-                prepared.scene,
-                prepared.opaque,
-                tables,
+                prepared,
                 origin,
                 direction,
                 coherent=coherent,
                 bending=rule,
                 max_crossings=self.max_crossings,
-                step=prepared.step,
                 drop_inside_hits=self.inside_hit == "drop",
             )
 
@@ -145,11 +142,7 @@ def plugin_class(variant: str) -> type:
             fewer = self._fewer[1]
             if fewer is None:
                 return None
-            straight = straight_hits(
-                *(prepared.opaque, prepared.tables, origin, direction),
-                coherent=False,
-                step=prepared.step,
-            )
+            straight = straight_hits(prepared, origin, direction, coherent=False)
             ends = []
             for each in (prepared, fewer):
                 hits = self.bender(each, False)(origin, direction)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from functools import cache
 
 import mitsuba as mi
-import numpy as np
-from numpy.typing import NDArray
 
+from iriftrace.core.arrays import FloatArray
 from iriftrace.field.path_data import FieldCells, load_field_file
 from iriftrace.image.aov_image import CHANNELS, ERROR_CHANNEL
 from iriftrace.plugins.aov_integrator import integrator_class
@@ -114,7 +113,7 @@ def plugin_class(variant: str) -> type:
             prepared: PreparedScene = super().prepare(scene)
             return prepared
 
-        def surroundings_of(self, scene: mi.Scene, point: NDArray[np.float64]) -> str | None:
+        def surroundings_of(self, scene: mi.Scene, point: FloatArray) -> str | None:
             """The surroundings of a point; which air it is, the field says, and not the shells."""
             prepared = self.prepare(scene)
             if prepared.surroundings(point) == "part":
@@ -124,14 +123,7 @@ def plugin_class(variant: str) -> type:
         def bender(self, prepared: PreparedScene, coherent: bool) -> dt.Bend:
             """The ray equation."""
             return lambda origin, direction: curved_hits(
-                prepared.opaque,
-                prepared.tables,
-                self.air,
-                origin,
-                direction,
-                coherent=coherent,
-                max_steps=self.max_steps,
-                step=prepared.step,
+                prepared, self.air, origin, direction, coherent=coherent, max_steps=self.max_steps
             )
 
         def checking(self, prepared: PreparedScene) -> dt.Check:

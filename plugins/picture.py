@@ -10,8 +10,8 @@ import mitsuba as mi
 from iriftrace.camera.tiles import pixels_in_tiles
 from iriftrace.plugins.film import camera_of, check_film, check_picture_size
 from iriftrace.plugins.kernels import types as dt
-from iriftrace.plugins.kernels.bundle import Trace
-from iriftrace.plugins.kernels.queries import HIT_PART, StraightHits
+from iriftrace.plugins.kernels.bundle import StraightHits, Trace
+from iriftrace.plugins.kernels.queries import HIT_PART
 
 
 class PixelRays:

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
-from numpy.typing import NDArray
 
 from iriftrace.camera.calibration import Calibration, read_calibration
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import ORDER, Distortion
+from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import length_factor
 from iriftrace.plugins.kernels import types as dt
@@ -127,7 +127,7 @@ def camera_of(props: mi.Properties, resolution: tuple[int, int]) -> Camera:
     )
 
 
-def _pose(props: dt.Properties) -> NDArray[np.float64] | None:
+def _pose(props: dt.Properties) -> FloatArray | None:
     """Camera to world, (4, 4) array, mm, where the properties have one."""
     return flip_axes(props["to_world"].matrix) if "to_world" in props else None
 
@@ -166,9 +166,7 @@ def _calibrated(
     )
 
 
-def _calibrated_pose(
-    props: mi.Properties, calibration: Calibration, path: Path
-) -> NDArray[np.float64]:
+def _calibrated_pose(props: mi.Properties, calibration: Calibration, path: Path) -> FloatArray:
     """Camera to world, (4, 4) array, mm: that of the scene, or else that of the calibration."""
     own = _pose(props)
     if "length_unit" in props and (own is not None or calibration.matrix is None):

@@ -5,18 +5,18 @@ Both use the law of ideal gas (n - 1 falls as 1/T) between ambient air and a wal
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import trimesh
 from attrs import evolve
-from numpy.typing import NDArray
 
 from iriftrace.air.refractivity import Air
+from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.shells.hessian import radial_derivatives
 from iriftrace.shells.levels import index_levels
 from iriftrace.shells.stack import Shell, ShellStack
-
-FloatArray = NDArray[np.float64]
 
 WALL_K = 1373.15
 SLAB_MM = 20.0
@@ -48,25 +48,16 @@ def slab(
     air = air or Air()
     half = size_mm / 2
     square = np.array([[-half, -half], [half, -half], [half, half], [-half, half]])
-    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    faces, upwards = np.array([[0, 1, 2], [0, 2, 3]]), np.tile((0.0, 0.0, 1.0), (4, 1))
     surfaces, indices = _levels(layers, air, rule)
-    shells = [
-        Shell(
-            layer=k + 1,
-            refractivity=float(surfaces[k]),
-            ext=float(indices[k]),
-            int_=float(indices[k + 1]),
-            vertices=np.column_stack((square, np.full(4, height))),
-            faces=faces,
-            normals=np.tile((0.0, 0.0, 1.0), (4, 1)),
-        )
-        for k, height in enumerate(slab_heights(surfaces, air))
+    meshes = [
+        (np.column_stack((square, np.full(4, height))), faces, upwards)
+        for height in slab_heights(surfaces, air)
     ]
-    per_mm = (WALL_K - air.temperature_k) / SLAB_MM
-    shells = [_with_derivatives(shell, per_mm, np.inf, air, rule) for shell in shells]
+    gradients = [((WALL_K - air.temperature_k) / SLAB_MM, np.inf)] * len(meshes)
     box = trimesh.creation.box((size_mm, size_mm, 5.0))
     box.apply_translation((0, 0, -2.5))
-    return _part(box), ShellStack(shells, air, rule)
+    return _part(box), _stack(surfaces, indices, meshes, gradients, air, rule)
 
 
 def concentric_cylinders(
@@ -87,26 +78,14 @@ def concentric_cylinders(
     air = air or Air()
     surfaces, indices = _levels(layers, air, rule)
     radii = cylinder_radii(surfaces, air).tolist()
-    shells = [
-        Shell(
-            k + 1,
-            float(surfaces[k]),
-            float(indices[k]),
-            float(indices[k + 1]),
-            *tube(radius, length_mm, sections),
-        )
-        for k, radius in enumerate(radii)
-    ]
+    meshes = [tube(radius, length_mm, sections) for radius in radii]
     rise = (WALL_K - air.temperature_k) / np.log(HOT_AIR_RADIUS_MM / CYLINDER_RADIUS_MM)
-    shells = [
-        _with_derivatives(shell, rise / radius, radius, air, rule)
-        for shell, radius in zip(shells, radii, strict=True)
-    ]
+    gradients = [(rise / radius, radius) for radius in radii]
     solid = trimesh.creation.cylinder(
         CYLINDER_RADIUS_MM, length_mm, sections=part_sections or sections
     )
     solid.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, (0, 1, 0)))
-    return _part(solid), ShellStack(shells, air, rule)
+    return _part(solid), _stack(surfaces, indices, meshes, gradients, air, rule)
 
 
 def _levels(layers: int, air: Air, rule: str) -> tuple[FloatArray, FloatArray]:
@@ -114,26 +93,37 @@ def _levels(layers: int, air: Air, rule: str) -> tuple[FloatArray, FloatArray]:
     return index_levels(air.ambient_refractivity, hottest, layers, rule)
 
 
-def _with_derivatives(
-    shell: Shell, kelvin_per_mm: float, radius_mm: float, air: Air, rule: str
-) -> Shell:
-    """A shell with the derivatives of the index, from the gradient of the temperature there.
+_Mesh = tuple[FloatArray, IntArray, FloatArray]
+"""Vertices, faces and normals at the vertices."""
 
-    With n - 1 = C / T and T linear in z, or in log(r).
+
+def _stack(
+    surfaces: FloatArray,
+    indices: FloatArray,
+    meshes: Sequence[_Mesh],
+    gradients: Sequence[tuple[float, float]],
+    air: Air,
+    rule: str,
+) -> ShellStack:
+    """Shells with the derivatives of the index, from those of the temperature.
+
+    `gradients` are that of the temperature at each shell, K/mm, and the radius there, mm: n - 1 is
+    C / T, and T linear in z or in log(r).
     """
-    if rule == "outer":
-        return shell
-    assert shell.normals is not None
-    slope = shell.refractivity / float(air.temperature(shell.refractivity)) * kelvin_per_mm
-    bend = 2.0 * slope**2 / shell.refractivity - slope / radius_mm
-    step = shell.ext - shell.int_
-    derivatives = radial_derivatives(shell.normals, slope, bend, radius_mm, step)
-    return evolve(shell, derivatives=derivatives)
+    shells = []
+    for k, (mesh, (kelvin_per_mm, radius_mm)) in enumerate(zip(meshes, gradients, strict=True)):
+        level, ext, inside = float(surfaces[k]), float(indices[k]), float(indices[k + 1])
+        shell = Shell(k + 1, level, ext, inside, *mesh)
+        if rule != "outer" and shell.normals is not None:
+            slope = level / float(air.temperature(level)) * kelvin_per_mm
+            bend = 2.0 * slope**2 / level - slope / radius_mm
+            found = radial_derivatives(shell.normals, slope, bend, radius_mm, ext - inside)
+            shell = evolve(shell, derivatives=found)
+        shells.append(shell)
+    return ShellStack(shells, air, rule)
 
 
-def tube(
-    radius: float, length: float, sections: int
-) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
+def tube(radius: float, length: float, sections: int) -> tuple[FloatArray, IntArray, FloatArray]:
     """A tube along x around the origin, mm, open at both ends, with `sections` facets around.
 
     Vertices (n, 3), faces (m, 3), which face outward, and the radial unit normals (n, 3).
@@ -146,14 +136,10 @@ def tube(
     following = (near + 1) % sections
     faces = np.concatenate(
         (
-            np.column_stack((near, near + sections, following)),
-            np.column_stack((following, near + sections, following + sections)),
+            np.column_stack((following, near + sections, near)),
+            np.column_stack((following + sections, near + sections, following)),
         )
     )
-    corners = vertices[faces]
-    facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    if (facing[0] * radial[0]).sum() < 0:
-        faces = faces[:, ::-1]
     return vertices, faces, np.concatenate((radial, radial))
 
 

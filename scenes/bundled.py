@@ -38,12 +38,6 @@ FRINGE_SCENE = "fringe_cylinder"
 FRINGE_DEVICES_MM = ((-55.0, -275.0, 60.0), (55.0, -275.0, 60.0))
 """Camera and projector, 110 mm apart along the cylinder's axis; both pictures hold all of it."""
 
-NOTES = {
-    "cylinder": {"time": "steady", "symmetry": "a quarter was solved and mirrored"},
-    "slab": {"time": "steady", "symmetry": "analytic, plane layers"},
-    "concentric_cylinders": {"time": "steady", "symmetry": "analytic, axial symmetry"},
-}
-
 
 def write_bundled(folder: str | Path) -> list[Path]:
     """Write every bundled scene into a folder; returns the XML files."""
@@ -52,30 +46,24 @@ def write_bundled(folder: str | Path) -> list[Path]:
     # Named as it lies beside the scene, and not where this machine has it.
     field = evolve(field, source=evolve(field.source, path=FIELD, origin=FIELD_ORIGIN))
     shells = contour_shells(field)
-    scenes = {
-        "cylinder": (
-            cylinder,
-            shells,
-            (150.0, -100.0, 120.0),
-            report_shells(shells, field, cylinder),
-        ),
-        "slab": (*slab(size_mm=160.0), (120.0, 0.0, 90.0), None),
-        "concentric_cylinders": (*concentric_cylinders(), (60.0, -110.0, 60.0), None),
-    }
-    written = []
-    for name, (part, stack, origin, report) in scenes.items():
-        camera = scene_camera(origin, (0.0, 0.0, 0.0), (50.0, 250.0))
-        written.append(
-            write_scene(
-                Path(folder) / name,
-                part,
-                AirState(field if name == "cylinder" else None, ready=stack, report=report),
-                camera,
-                SceneSettings(scale=SCALE, notes=NOTES[name]),
-                paraview=False,
-            )
+    around = AirState(field, ready=shells, report=report_shells(shells, field, cylinder))
+    tubes = concentric_cylinders()
+    scenes = (
+        ("cylinder", cylinder, around, (150.0, -100.0, 120.0), "a quarter was solved and mirrored"),
+        ("slab", *slab(size_mm=160.0), (120.0, 0.0, 90.0), "analytic, plane layers"),
+        ("concentric_cylinders", *tubes, (60.0, -110.0, 60.0), "analytic, axial symmetry"),
+    )
+    return [
+        write_scene(
+            Path(folder) / name,
+            part,
+            air,
+            scene_camera(origin, (0.0, 0.0, 0.0), (50.0, 250.0)),
+            SceneSettings(scale=SCALE, notes={"time": "steady", "symmetry": symmetry}),
+            paraview=False,
         )
-    return written
+        for name, part, air, origin, symmetry in scenes
+    ]
 
 
 def write_plate(folder: Path, wall_k: float = HOT_PLATE_K) -> Path:

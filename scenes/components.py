@@ -14,6 +14,7 @@ from attrs import evolve, frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
+from iriftrace.core.arrays import FloatArray
 from iriftrace.core.files import whole_file
 from iriftrace.field.read import read_field
 from iriftrace.part.part import Part, save_part
@@ -107,8 +108,7 @@ def write_component(folder: Path, name: str, field_path: Path) -> Path:
         AirState(None, ready=stack, report=report),
         component.camera(),
         SceneSettings(
-            scale=component.scale,
-            notes={"time": component.time, "symmetry": component.symmetry},
+            scale=component.scale, notes={"time": component.time, "symmetry": component.symmetry}
         ),
         paraview=False,
     )
@@ -123,11 +123,7 @@ def write_tooth(folder: Path, gear: Path) -> Path:
 
 
 def write_beside(
-    target: Path,
-    other: Path,
-    part: Part,
-    camera: Camera,
-    settings: SceneSettings,
+    target: Path, other: Path, part: Part, camera: Camera, settings: SceneSettings
 ) -> Path:
     """Write a scene beside another one, in whose shells its part lies; returns the XML file.
 
@@ -147,7 +143,7 @@ def write_beside(
     return xml
 
 
-def tooth_centre(part: Part) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def tooth_centre(part: Part) -> FloatArray:
     """(3,) array, mm: middle of the surface of the region `TOOTH`, rounded to 0.1 mm."""
     own = part.region_of_face == part.region_names.index(TOOTH)
     middle = np.average(part.face_centres[own], axis=0, weights=part.face_areas[own])

@@ -12,21 +12,18 @@ import numpy as np
 import pyvista as pv
 import trimesh
 from attrs import field, frozen
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.integrate import solve_bvp
 from scipy.interpolate import PPoly
 
 from iriftrace.air import thermophysics as gas
 from iriftrace.air.refractivity import Air
+from iriftrace.cfd.check.nusselt import GRAVITY
+from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.field.index_field import FieldSource, IndexField
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.shapes.board import Board
-
-FloatArray = NDArray[np.float64]
-
-GRAVITY = 9.81
-"""m/s2, as in `iriftrace field simulate`."""
 
 WIDTH_MM, HEIGHT_MM, THICKNESS_MM = 50.0, 100.0, 5.0
 """Size of the bundled plate along x, z and y. Its hot wall lies in y = 0, its lower edge in z = 0,

@@ -165,7 +165,7 @@ def _run(
     air = HotAir(volumes[-1], layers=1, notes=options.field.notes())
     stack = air.states[0].shells
     camera = options.camera.camera(mesh, volumes[-1], stack)
-    refuse_camera_inside(camera.origin, (mesh,), stack, volumes[-1])
+    refuse_camera_inside(camera.origin, (mesh,), air.states[0])
     scene = Scene(mesh, air, camera.scaled(scale), variant=traced_by)
     described = describe(scene, dict(zip(names_of(fields), volumes, strict=True)), modes)
     with pose_progress(output, "Cases") as report:

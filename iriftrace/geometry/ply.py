@@ -38,8 +38,7 @@ def read_ply(path: Path) -> PlyMesh:
 
     A damaged file raises the errors of trimesh's reader, or ValueError.
     """
-    head = _checked_header(path)
-    _check_rows(path, head)
+    head, rows = _checked_header(path)
     header = head.decode("utf-8", "replace").splitlines()
     remarks = [line for line in header if line.startswith(("comment ", "obj_info "))]
     # Imported when needed, because writing a mesh needs no reader.
@@ -58,7 +57,7 @@ def read_ply(path: Path) -> PlyMesh:
     raw = mesh.metadata.get("_ply_raw", {})
     # A file of no vertices is an empty scene to trimesh.
     vertices = np.array(getattr(mesh, "vertices", ()), dtype=np.float64).reshape(-1, 3)
-    stated = int((_VERTICES.search(head) or (b"", len(vertices)))[1])
+    stated = rows.get(b"vertex", 0)
     if len(vertices) != stated:
         raise ValueError(f"its header states {stated:,} vertices, and it has {len(vertices):,}")
     faces = np.asarray(getattr(mesh, "faces", ()), dtype=np.int64)
@@ -85,50 +84,41 @@ def check_corners(vertices: FloatArray, faces: IntArray) -> None:
         raise ValueError(f"a triangle names vertex {wrong}, but there are {len(vertices)}")
 
 
-def _checked_header(path: Path) -> bytes:
-    """The header; a ValueError if it states more than the file has, which readers make room for."""
+def _checked_header(path: Path) -> tuple[bytes, dict[bytes, int]]:
+    """The header, and the number of rows that it states of each element.
+
+    A ValueError if it states more than the file has, which readers make room for; or, in a file of
+    text, other rows: readers count from the beginning, so a point too few or too many makes points
+    of faces.
+    """
     with path.open("rb") as file:
         head, end, _ = file.read(HEADER_LIMIT).partition(b"end_header")
-    if not end:
-        raise ValueError("its header has no end")
-    least, count, text = 0, 0, False
-    for line in head.splitlines():
-        match line.split():
-            case [b"format", kind, *_]:
-                text = kind == b"ascii"
-            case [b"element", _, number]:
-                count = int(number)
-            case [b"property", b"list", kind, *_] | [b"property", kind, _]:
-                # A digit and what separates it from the next.
-                least += count * (2 if text else _BYTES.get(kind, 1))
-    size = path.stat().st_size
-    if least > size:
-        raise ValueError(f"its header states at least {least:,} bytes, and it has {size:,}")
-    return head
-
-
-def _check_rows(path: Path, head: bytes) -> None:
-    """A ValueError if a file of text has other rows than its header states.
-
-    Readers count from the beginning, so a point too few or too many makes points of faces.
-    """
-    if not _TEXT.search(head):
-        return
-    stated = sum(map(int, _COUNT.findall(head)))
-    with path.open("rb") as file:
+        if not end:
+            raise ValueError("its header has no end")
+        rows: dict[bytes, int] = {}
+        least, count, text = 0, 0, False
+        for line in head.splitlines():
+            match line.split():
+                case [b"format", kind, *_]:
+                    text = kind == b"ascii"
+                case [b"element", name, number]:
+                    count = rows[name] = int(number)
+                case [b"property", b"list", kind, *_] | [b"property", kind, _]:
+                    # A digit and what separates it from the next.
+                    least += count * (2 if text else _BYTES.get(kind, 1))
+        size = path.stat().st_size
+        if least > size:
+            raise ValueError(f"its header states at least {least:,} bytes, and it has {size:,}")
         file.seek(len(head))
-        there = sum(bool(line.strip()) for line in file) - 1
-    if there != stated:
-        raise ValueError(f"its header states {stated:,} rows, and it has {there:,}")
+        stated = sum(rows.values())
+        if text and stated != (there := sum(bool(line.strip()) for line in file) - 1):
+            raise ValueError(f"its header states {stated:,} rows, and it has {there:,}")
+    return head, rows
 
-
-_TEXT = re.compile(rb"(?m)^format[ \t]+ascii")
-_COUNT = re.compile(rb"(?m)^element[ \t]+\S+[ \t]+(\d+)")
 
 HEADER_LIMIT = 1_000_000
 """Bytes in which a header ends, comments included."""
 
-_VERTICES = re.compile(rb"(?m)^element[ \t]+vertex[ \t]+(\d+)")
 _CAPITAL_AXIS = re.compile(rb"(?m)^property[ \t]+\w+[ \t]+[XYZ][ \t\r]*$")
 """Coordinates by names that some programs write and few readers know."""
 

@@ -48,8 +48,7 @@ class Surface:
     @cached_property
     def areas(self) -> FloatArray:
         """(m,) areas of the triangles, mm^2."""
-        areas: FloatArray = np.linalg.norm(area_vectors(self.vertices, self.faces), axis=1)
-        return areas
+        return as_float64(np.linalg.norm(area_vectors(self.vertices, self.faces), axis=1))
 
     @cached_property
     def normals(self) -> FloatArray:
@@ -105,8 +104,7 @@ class Surface:
 
     def distance(self, points: ArrayLike) -> FloatArray:
         """Distance (k,), mm, of points (k, 3), mm, from the surface."""
-        distance: FloatArray = np.linalg.norm(as_float64(points) - self.nearest(points)[0], axis=1)
-        return distance
+        return as_float64(np.linalg.norm(as_float64(points) - self.nearest(points)[0], axis=1))
 
     def distance_gradient(self, points: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Distance (k,), mm, of points (k, 3), mm, from the surface, and its gradient.
@@ -201,8 +199,7 @@ class _Columns:
         return column.clip(0, self.count - 1)
 
     def _key(self, column: IntArray) -> IntArray:
-        key: IntArray = column[:, 0] * self.count[1] + column[:, 1]
-        return key
+        return np.asarray(column[:, 0] * self.count[1] + column[:, 1])
 
     def crossings_above(self, points: FloatArray) -> IntArray:
         """Number of triangles above each point."""
@@ -232,8 +229,7 @@ class _Columns:
         with np.errstate(invalid="ignore", divide="ignore"):
             heights = self.vertices[faces.T, 2]
             height = np.einsum("ij,ij->j", weight, heights) / weight.sum(axis=0)
-        above: BoolArray = covers & (height > points[:, 2])
-        return above
+        return np.asarray(covers & (height > points[:, 2]))
 
 
 def runs(lengths: IntArray) -> tuple[IntArray, IntArray]:

@@ -43,7 +43,7 @@ def weld(vertices: Float32Array | FloatArray) -> IntArray:
     return first[number]
 
 
-def _edge_keys(faces: IntArray) -> tuple[IntArray, BoolArray]:
+def edge_keys(faces: IntArray) -> tuple[IntArray, BoolArray]:
     """For each side of each triangle a number that is the same on both sides of its edge.
 
     The smaller vertex number in the upper 32 bits, the larger one in the lower; and whether the
@@ -55,7 +55,7 @@ def _edge_keys(faces: IntArray) -> tuple[IntArray, BoolArray]:
 
 def edges_of(faces: IntArray) -> tuple[IntArray, IntArray]:
     """Edges of (m, 3) triangles: vertex numbers (k, 2), rising, and each side's edge (m, 3)."""
-    key, edge = np.unique(_edge_keys(faces)[0], return_inverse=True)
+    key, edge = np.unique(edge_keys(faces)[0], return_inverse=True)
     return np.stack((key >> 32, key & 0xFFFFFFFF), axis=1), edge.reshape(faces.shape)
 
 
@@ -73,7 +73,7 @@ def find_neighbours(faces: IntArray) -> Neighbours:
     """
     a, b, c = faces.T
     proper = np.flatnonzero((a != b) & (b != c) & (c != a))
-    key, upward = _edge_keys(faces[proper])
+    key, upward = edge_keys(faces[proper])
     order = np.argsort(key, kind="stable")
     first = np.flatnonzero(np.concatenate(([True], np.diff(key[order]) != 0)))[: len(order)]
     count = np.diff(np.append(first, len(order)))
@@ -92,8 +92,7 @@ def connected(pairs: IntArray, count: int) -> IntArray:
     """(count,) array: number of the connected group of each of `count` nodes."""
     weights = np.ones(len(pairs), dtype=np.int8)
     graph = coo_array((weights, (pairs[:, 0], pairs[:, 1])), shape=(count, count))
-    labels: IntArray = connected_components(graph, directed=False)[1].astype(np.int64)
-    return labels
+    return np.asarray(connected_components(graph, directed=False)[1].astype(np.int64))
 
 
 def cells_to_flip(
@@ -125,36 +124,36 @@ def cells_to_flip(
     return np.where(lower[piece] >= 0, ~on_lower, on_lower), kept == flipped
 
 
-def faces_to_flip(neighbours: Neighbours, areas: FloatArray) -> BoolArray:
-    """(m,) bool array: faces whose vertex order must be reversed so that neighbours agree.
+def wound_alike(
+    vertices: Float32Array | FloatArray, faces: IntArray, neighbours: Neighbours
+) -> tuple[IntArray, int]:
+    """Faces (m, 3), of which some were turned so that neighbours agree, and how many.
 
-    In each connected component the orientation that covers the smaller of the (m,) areas gives way.
-    An InputError for a one-sided surface, like a Moebius strip.
+    In each connected piece the orientation that covers the smaller area gives way. An InputError
+    for a one-sided surface, like a Moebius strip.
     """
-    flipped, one_sided = cells_to_flip(neighbours.pairs, neighbours.opposed, areas)
+    if neighbours.opposed.all():
+        return faces, 0
+    areas = np.linalg.norm(area_vectors(vertices, faces), axis=1)
+    turned, one_sided = cells_to_flip(neighbours.pairs, neighbours.opposed, areas)
     if one_sided.any():
         raise InputError(
             "the surface is one-sided (like a Moebius strip), so no side of it is outside; repair "
             "the mesh."
         )
-    return flipped
+    return np.where(turned[:, None], faces[:, ::-1], faces), int(np.count_nonzero(turned))
 
 
 def wind_consistently(
     vertices: Float32Array | FloatArray, faces: IntArray
 ) -> tuple[IntArray, IntArray]:
-    """Turn triangles so that neighbours run along their common edge in opposite directions.
+    """Faces as by `wound_alike`, and the (m,) number of the connected piece of every triangle.
 
-    Returns the (m, 3) faces, of the two windings of a piece the one that turns the smaller area,
-    and the (m,) number of the connected piece of every triangle. Pieces that touch in a vertex, or
-    in an edge of more than two triangles, are separate. An InputError if a piece has one side only.
+    Pieces that touch in a vertex, or in an edge of more than two triangles, are separate.
     """
     faces = np.asarray(faces, dtype=np.int64)
     neighbours = find_neighbours(faces)
-    if not neighbours.opposed.all():
-        areas = np.linalg.norm(area_vectors(vertices, faces), axis=1)
-        turned = faces_to_flip(neighbours, areas)
-        faces = np.where(turned[:, None], faces[:, ::-1], faces)
+    faces, _ = wound_alike(vertices, faces, neighbours)
     return faces, connected(neighbours.pairs, len(faces))
 
 
@@ -220,8 +219,7 @@ def _is_flat(vertices: Float32Array, faces: IntArray) -> BoolArray:
     edge = points[np.roll(faces, -1, axis=1)] - points[faces]
     longest = np.maximum.reduce(np.einsum("ijk,ijk->ji", edge, edge))
     areas = area_vectors(points, faces)
-    flat: BoolArray = row_lengths(areas) <= 1e-12 * longest
-    return flat
+    return np.asarray(row_lengths(areas) <= 1e-12 * longest)
 
 
 def _without_repeats(faces: IntArray) -> IntArray:
@@ -236,8 +234,7 @@ def _without_repeats(faces: IntArray) -> IntArray:
     count = np.diff(np.append(first, len(ranked)))
     if len(faces) == 0 or count.max() == 1:
         return faces
-    kept: IntArray = faces[np.sort(order[first[count % 2 == 1]])]
-    return kept
+    return np.asarray(faces[np.sort(order[first[count % 2 == 1]])])
 
 
 def _split_neighbours(vertices: Float32Array, faces: IntArray, flat: IntArray) -> IntArray:

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import (
-    AnyArray,
     AnyIntArray,
     BoolArray,
     Float32Array,
     FloatArray,
     IntArray,
+    as_float64,
 )
 
 if TYPE_CHECKING:
@@ -44,8 +44,7 @@ def cross_rows(u: FloatArray, v: FloatArray) -> FloatArray:
 def row_lengths(vectors: FloatArray) -> FloatArray:
     """(n,) array: lengths of (n, 3) vectors."""
     # As fast again as numpy.linalg.norm for many short vectors.
-    lengths: FloatArray = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
-    return lengths
+    return as_float64(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
 
 
 def unit_vectors(vectors: FloatArray) -> FloatArray:
@@ -92,7 +91,5 @@ def polydata(vertices: ArrayLike, faces: ArrayLike) -> pv.PolyData:
     """Triangles as VTK's mesh."""
     import pyvista as pv
 
-    corners: AnyArray = np.asarray(faces)
-    points: AnyArray = np.asarray(vertices)
-    mesh: pv.PolyData = pv.PolyData.from_regular_faces(points, corners)
+    mesh: pv.PolyData = pv.PolyData.from_regular_faces(np.asarray(vertices), np.asarray(faces))
     return mesh

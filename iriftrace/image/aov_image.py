@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 from attrs import field, frozen
-from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of, whole_file
 from iriftrace.core.plain import JsonObject
@@ -86,24 +86,32 @@ class Status(IntEnum):
     impossible deflection gets 5, even if it misses the part, and before 3 and 4.
     """
 
-    GOOD = 0
+    text: str
+    """The outcome in words, for tables and legends."""
+
+    GOOD = 0, "good"
     """Straight and refracted ray hit the part, and the index steps add up."""
-    MISSED = 1
+    MISSED = 1, "missed the part"
     """Both rays missed the part, or the straight one did and only rays that hit are traced on."""
-    OUT_OF_FOCUS = 2
+    OUT_OF_FOCUS = 2, "out of focus"
     """The straight ray's length from camera to hit lies outside the focus interval."""
-    REFRACTED_MISSED = 3
+    REFRACTED_MISSED = 3, "only the straight ray hit"
     """The straight ray hit the part, but the refracted one missed it."""
-    ONLY_REFRACTED = 4
+    ONLY_REFRACTED = 4, "only the refracted ray hit"
     """The refracted ray hit the part, but the straight one missed it."""
-    INDEX_MISMATCH = 5
+    INDEX_MISMATCH = 5, "inconsistent deflection"
     """Both hit, but the index steps do not add up to the layer at the hit; or the refracted ray is
     deflected by more than the index range along it can give."""
-    GAVE_UP = 6
+    GAVE_UP = 6, "lost on the way"
     """The refracted ray could not be followed to its end: it was lost, or reached the limit of
     crossings or steps."""
-    BLOCKED = 7
+    BLOCKED = 7, "another object in the way"
     """Another opaque object is in the way of either ray."""
+
+    def __new__(cls, code: int, text: str) -> Status:
+        status = int.__new__(cls, code)
+        status._value_, status.text = code, text
+        return status
 
     @property
     def key(self) -> str:
@@ -114,23 +122,6 @@ class Status(IntEnum):
     def lost(self) -> bool:
         """True if the ray's end is not known for a reason other than the view."""
         return self in (Status.INDEX_MISMATCH, Status.GAVE_UP)
-
-    @property
-    def text(self) -> str:
-        """The outcome in words, for tables and legends."""
-        return _OUTCOMES[self]
-
-
-_OUTCOMES = {
-    Status.GOOD: "good",
-    Status.MISSED: "missed the part",
-    Status.OUT_OF_FOCUS: "out of focus",
-    Status.REFRACTED_MISSED: "only the straight ray hit",
-    Status.ONLY_REFRACTED: "only the refracted ray hit",
-    Status.INDEX_MISMATCH: "inconsistent deflection",
-    Status.GAVE_UP: "lost on the way",
-    Status.BLOCKED: "another object in the way",
-}
 
 
 @frozen(eq=False)
@@ -187,7 +178,7 @@ class AovImage:
         return int(width), int(height)
 
     @property
-    def status(self) -> NDArray[np.int64]:
+    def status(self) -> IntArray:
         """(height, width) array of the codes of `Status`."""
         return np.rint(self.channels["status.code"]).astype(np.int64)
 
@@ -250,7 +241,7 @@ class AovImage:
                 "its entries, which are needed here; render the scene again."
             )
 
-    def vector(self, name: str, where: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
+    def vector(self, name: str, where: BoolArray | None = None) -> FloatArray:
         """Components of one quantity as columns of an array.
 
         Parameters

@@ -24,12 +24,12 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from attrs import frozen
 
 from iriftrace.camera.camera import Camera
-from iriftrace.camera.distortion import Distortion
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.geometry.face_blocks import share_out
 from iriftrace.image.aov_image import AovImage, Status
@@ -41,9 +41,7 @@ from iriftrace.part.part import Part
 class Coverage:
     """Area of a part with m faces and r regions that one pose sees, mm^2."""
 
-    face_footprints: (
-        FloatArray  # (m,) of the rays' footprints on each face, at most the face's area
-    )
+    face_footprints: FloatArray  # (m,) of the rays on each face, at most its area
     faces: FloatArray  # (r,) of the faces that a ray hits
     footprints: FloatArray  # (r,) sum of `face_footprints`
     total: FloatArray  # (r,) of the region
@@ -109,11 +107,11 @@ def _footprints(camera: Camera, rays: PoseRays) -> FloatArray:
     if camera.projection == "orthographic":
         return camera.pixel_area_mm2 / cosine
     solid_angle = _solid_angles(
-        camera.focal_length_mm,
-        camera.sensor_mm,
-        camera.resolution,
-        camera.principal_point_px,
-        camera.distortion,
+        focal_length_mm=camera.focal_length_mm,
+        sensor_mm=camera.sensor_mm,
+        resolution=camera.resolution,
+        principal_point_px=camera.principal_point_px,
+        distortion=camera.distortion,
     )
     areas: FloatArray = solid_angle[rays.pixels]
     areas *= rays.distance
@@ -136,22 +134,9 @@ def _facing(part: Part, camera: Camera) -> BoolArray:
 
 
 @lru_cache(maxsize=4)
-def _solid_angles(
-    focal_length_mm: float,
-    sensor_mm: tuple[float, float],
-    resolution: tuple[int, int],
-    principal_point_px: tuple[float, float],
-    distortion: Distortion | None,
-) -> FloatArray:
+def _solid_angles(**intrinsics: Any) -> FloatArray:
     """Solid angles of all pixels, row by row, sr; the same in every pose of a camera."""
-    camera = Camera(
-        focal_length_mm=focal_length_mm,
-        sensor_mm=sensor_mm,
-        resolution=resolution,
-        principal_point_px=principal_point_px,
-        distortion=distortion,
-    )
-    angles = camera.pixel_solid_angle().ravel()
+    angles = Camera(**intrinsics).pixel_solid_angle().ravel()
     angles.setflags(write=False)
     return angles
 

@@ -22,17 +22,13 @@ RGB = {
 }
 """Channels that R, G and B may repeat, for programs that show no others; the third of two is 0."""
 
-
 PREFIX = "iriftrace."
-
 
 RGB_ENTRY = "rgb"
 """Key of the header that states which channels R, G and B repeat."""
 
-
 # More threads than this gain nothing for RLE: copying the pixels takes longer than packing them.
 THREADS = min(4, os.cpu_count() or 1)
-
 
 FloatImage = NDArray[np.float32]
 

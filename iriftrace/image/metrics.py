@@ -240,7 +240,7 @@ def pose_metrics(
 
     counts = image.header.get("counts") or {}
     times = image.header.get("time_s") or {}
-    included = [Status(code).key for code in sorted(include)]
+    included = [status.key for status in Status if status in include]
     full = image.header.get("full_resolution")
     outermost = image.channels["part.face"] > 0
     outermost[1:-1, 1:-1] = False

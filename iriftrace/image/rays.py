@@ -11,7 +11,7 @@ from collections.abc import Collection
 import numpy as np
 from attrs import frozen
 
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import AovImage
 from iriftrace.image.displacement import good_mask
@@ -93,8 +93,7 @@ def _components(image: AovImage, name: str, pixels: IntArray) -> FloatArray:
 
 def _product(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
     # Not by BLAS, whose threads wait for cores that the tracer's own threads still hold.
-    product: FloatArray = np.einsum("ij,jn->in", matrix, vectors)
-    return product
+    return as_float64(np.einsum("ij,jn->in", matrix, vectors))
 
 
 def _sum_of_products(first: FloatArray, second: FloatArray) -> FloatArray:

@@ -12,9 +12,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 
-from iriftrace.core.arrays import AnyArray, Float32Array, FloatArray, Int32Array, Variables
+from iriftrace.core.arrays import (
+    AnyArray,
+    BoolArray,
+    Float32Array,
+    FloatArray,
+    Int32Array,
+    Variables,
+)
 from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.displacement import directions_to, good_mask
@@ -173,17 +179,12 @@ def sightings_of(dataset: xr.Dataset, pose: int) -> FaceSightings:
 
 
 def seen_by_pose(
-    dataset: xr.Dataset,
-    *,
-    max_displacement_mm: float = math.inf,
-    max_incidence_deg: float = 90.0,
-    min_rays: int = 1,
-) -> NDArray[np.bool_]:
+    dataset: xr.Dataset, *, max_displacement_mm: float = math.inf, max_incidence_deg: float = 90.0
+) -> BoolArray:
     """Faces that each pose of a sweep sees well enough: (n, m) bool, of n poses and m faces.
 
     A face does not count if its mean displacement or smallest angle of incidence is larger than a
-    limit, or if fewer good rays hit it. Raises InputError if a limit lets nothing pass, or the
-    sweep has no face data.
+    limit. Raises InputError if a limit lets nothing pass, or the sweep has no face data.
     """
     if not max_displacement_mm > 0.0:
         raise InputError(
@@ -194,19 +195,10 @@ def seen_by_pose(
             f"The largest angle of incidence is {max_incidence_deg:g} degrees, but rays arrive at "
             "0 to 90; give a limit in between."
         )
-    if min_rays < 1:
-        raise InputError(
-            f"With at least {min_rays} rays, faces that no ray hits would count as seen; give 1 or "
-            "more."
-        )
     poses = dataset.sizes["pose"]
     seen = np.zeros((poses, dataset.sizes["face"]), dtype=np.bool_)
     for pose in range(poses):
         found = sightings_of(dataset, pose)
-        enough = (
-            (found.displacement <= max_displacement_mm)
-            & (found.incidence <= max_incidence_deg)
-            & (found.rays >= min_rays)
-        )
-        seen[pose, found.face[enough]] = True
+        small = found.displacement <= max_displacement_mm
+        seen[pose, found.face[small & (found.incidence <= max_incidence_deg)]] = True
     return seen

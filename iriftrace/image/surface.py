@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import FloatArray, as_float64
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
 from iriftrace.geometry.ply import write_ply_points
@@ -81,8 +81,7 @@ def _straight_hits(image: AovImage, part: Part, pixels: np.ndarray) -> FloatArra
     normal = part.face_normals[face]
     height = part.face_offsets[face] - np.einsum("ij,ij->i", normal, origin)
     length = height / np.einsum("ij,ij->i", normal, direction)
-    points: FloatArray = origin + length[:, None] * direction
-    return points
+    return as_float64(origin + length[:, None] * direction)
 
 
 def _unit_of(name: str) -> str:

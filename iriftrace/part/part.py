@@ -9,8 +9,8 @@ import numpy as np
 from attrs import evolve, frozen
 from numpy.typing import ArrayLike
 
-from iriftrace.core.arrays import FloatArray, IntArray
-from iriftrace.core.errors import InputError
+from iriftrace.core.arrays import FloatArray, IntArray, as_float64
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import length_factor
 from iriftrace.geometry.face_blocks import FaceBlocks, nest_faces
 from iriftrace.geometry.query import Surface
@@ -24,7 +24,7 @@ from iriftrace.part.soundness import (
     PLAUSIBLE_SIZE_MM,
     SHORT_UNITS,
     check_unit,
-    distinct_triangles,
+    distinct_faces,
     is_unlikely_size,
     oriented_outward,
     signed_volume,
@@ -115,14 +115,12 @@ class Part:
     @cached_property
     def face_centres(self) -> FloatArray:
         """(m, 3) array, mm, world."""
-        centres: FloatArray = self.vertices[self.faces].mean(axis=1)
-        return centres
+        return as_float64(self.vertices[self.faces].mean(axis=1))
 
     @cached_property
     def face_offsets(self) -> FloatArray:
         """(m,) array, mm: distance of each face's plane from the origin, along its normal."""
-        offsets: FloatArray = np.einsum("ij,ij->i", self.face_normals, self.face_centres)
-        return offsets
+        return as_float64(np.einsum("ij,ij->i", self.face_normals, self.face_centres))
 
     @cached_property
     def face_blocks(self) -> FaceBlocks:
@@ -157,8 +155,7 @@ class Part:
     @property
     def centre(self) -> FloatArray:
         """(3,) array, mm, world: middle of `bounds`."""
-        middle: FloatArray = self.bounds.mean(axis=0)
-        return middle
+        return as_float64(self.bounds.mean(axis=0))
 
     def transformed(self, matrix: ArrayLike) -> Part:
         """The part transformed; a mirrored one keeps its outward orientation.
@@ -297,8 +294,13 @@ def part_of_mesh(
     triangles = np.asarray(faces, dtype=np.int64)
     _refuse_unusable(name, points, triangles)
     welded = weld(points)
-    distinct = distinct_triangles(name, welded[triangles])
+    distinct = distinct_faces(welded[triangles])
     if not distinct.all():
+        warn(
+            f"{name} has {np.count_nonzero(~distinct)} triangles that lie exactly on others (a "
+            "body that was exported twice, both sides of a surface, or the wall between two bodies "
+            "that touch); they are left out."
+        )
         triangles = triangles[distinct]
         regions = regions and evolve(regions, of_face=regions.of_face[distinct])
     triangles, neighbours = oriented_outward(name, points, triangles, welded)

@@ -9,7 +9,7 @@ import numpy as np
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import ZERO_CELSIUS_K
-from iriftrace.geometry.topology import Neighbours, faces_to_flip, find_neighbours, open_edges
+from iriftrace.geometry.topology import Neighbours, find_neighbours, open_edges, wound_alike
 from iriftrace.geometry.triangles import area_vectors
 from iriftrace.part.growth import Growth
 
@@ -69,19 +69,6 @@ def is_unlikely_size(size_mm: float) -> bool:
     return size_mm < smallest or size_mm > largest  # not for NaN, which is refused later
 
 
-def distinct_triangles(path: str, welded: IntArray) -> BoolArray:
-    """Mask (m,) of the triangles that do not lie on others, with a warning that counts those."""
-    keep = distinct_faces(welded)
-    repeated = np.count_nonzero(~keep)
-    if repeated:
-        warn(
-            f"{path} has {repeated} triangles that lie exactly on others (a body that was exported "
-            "twice, both sides of a surface, or the wall between two bodies that touch); they are "
-            "left out."
-        )
-    return keep
-
-
 def distinct_faces(faces: IntArray) -> BoolArray:
     """Mask of the triangles, (m, 3) of a welded mesh, to keep so that none lies on another.
 
@@ -118,12 +105,10 @@ def oriented_outward(
 ) -> tuple[IntArray, Neighbours]:
     """Faces with one orientation, outward for a closed surface, and their pairs before that."""
     neighbours = find_neighbours(welded[faces])
-    if not neighbours.opposed.all():
-        areas = np.linalg.norm(area_vectors(vertices, faces), axis=1)
-        flip = faces_to_flip(neighbours, areas)
-        faces = np.where(flip[:, None], faces[:, ::-1], faces)
+    faces, turned = wound_alike(vertices, faces, neighbours)
+    if turned:
         warn(
-            f"{path} has {np.count_nonzero(flip)} triangles that face the other way than their "
+            f"{path} has {turned} triangles that face the other way than their "
             "neighbours; they were turned over."
         )
     if neighbours.open_edges:

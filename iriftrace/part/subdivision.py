@@ -13,7 +13,7 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
-from iriftrace.geometry.topology import Neighbours, find_neighbours
+from iriftrace.geometry.topology import Neighbours, edge_keys, edges_of, find_neighbours
 from iriftrace.geometry.triangles import area_vectors, cross_rows, row_lengths, unit_vectors
 
 _ROUNDING = 4 * float(np.finfo(np.float32).eps)
@@ -41,8 +41,12 @@ def subdivide(mesh: Mesh, edge_mm: float, most_faces: int) -> Mesh | None:
     while True:
         mesh = _flipped(mesh)
         neighbours = find_neighbours(mesh.faces)
-        inner = _sides(mesh, neighbours, _flat(mesh, neighbours))
-        length = row_lengths(_along(mesh)).reshape(-1, 3)
+        flat = _flat(mesh, neighbours)
+        inner = np.zeros(mesh.faces.shape, dtype=bool)
+        inner[neighbours.pairs[flat], neighbours.edges[flat]] = True
+        corners = mesh.vertices[mesh.faces]
+        sides = np.roll(corners, -1, axis=1) - corners
+        length = row_lengths(sides.reshape(-1, 3)).reshape(-1, 3)
         long = length > edge_mm
         if not long.any():
             return mesh
@@ -52,19 +56,6 @@ def subdivide(mesh: Mesh, edge_mm: float, most_faces: int) -> Mesh | None:
         mesh = _split(mesh, creases if creases.any() else long)
         if len(mesh.faces) > most_faces:
             return None
-
-
-def _along(mesh: Mesh) -> FloatArray:
-    """(3 m, 3) vectors of the sides of all triangles; side i runs from corner i to the next."""
-    corners = mesh.vertices[mesh.faces]
-    return (np.roll(corners, -1, axis=1) - corners).reshape(-1, 3)
-
-
-def _sides(mesh: Mesh, neighbours: Neighbours, chosen: BoolArray) -> BoolArray:
-    """(m, 3) mask of the sides that belong to the chosen pairs of neighbours."""
-    sides = np.zeros(mesh.faces.shape, dtype=bool)
-    sides[neighbours.pairs[chosen], neighbours.edges[chosen]] = True
-    return sides
 
 
 def _flat(mesh: Mesh, neighbours: Neighbours) -> BoolArray:
@@ -130,15 +121,13 @@ def _apart(pairs: IntArray, count: int) -> BoolArray:
     first = np.full(count, len(pairs))
     for column in pairs.T:
         np.minimum.at(first, column, place)
-    apart: BoolArray = (first[pairs] == place[:, None]).all(axis=1)
-    return apart
+    return np.asarray((first[pairs] == place[:, None]).all(axis=1))
 
 
 def _new_edges(faces: IntArray, c: IntArray, d: IntArray) -> BoolArray:
     """(k,) mask of the edges c d that no triangle has yet, each once."""
     key = (np.minimum(c, d) << 32) | np.maximum(c, d)
-    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    present = np.isin(key, (np.minimum(start, end) << 32) | np.maximum(start, end))
+    present = np.isin(key, edge_keys(faces)[0])
     once = np.zeros(len(key), dtype=bool)
     once[np.unique(key, return_index=True)[1]] = True
     return ~present & once
@@ -146,15 +135,12 @@ def _new_edges(faces: IntArray, c: IntArray, d: IntArray) -> BoolArray:
 
 def _split(mesh: Mesh, marked: BoolArray) -> Mesh:
     """The mesh with the marked sides, (m, 3), halved in all their triangles."""
-    start, end = mesh.faces, np.roll(mesh.faces, -1, axis=1)
-    key = (np.minimum(start, end) << 32) | np.maximum(start, end)
-    edges, number = np.unique(key, return_inverse=True)
-    number = number.reshape(key.shape)
-    halved = np.zeros(len(edges), dtype=bool)
+    ends, number = edges_of(mesh.faces)
+    halved = np.zeros(len(ends), dtype=bool)
     halved[number[marked]] = True
     middle = np.where(halved, len(mesh.vertices) + np.cumsum(halved) - 1, -1)
-    ends = edges[halved]
-    middles = 0.5 * (mesh.vertices[ends >> 32] + mesh.vertices[ends & 0xFFFFFFFF])
+    one, other = ends[halved].T
+    middles = 0.5 * (mesh.vertices[one] + mesh.vertices[other])
     corners = np.concatenate((mesh.faces, middle[number]), axis=1)
     faces, regions = [], []
     for first in range(3):

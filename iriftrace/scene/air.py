@@ -17,6 +17,7 @@ from iriftrace.core.plain import structured
 from iriftrace.field.path_data import FieldCells
 from iriftrace.part.part import Part
 from iriftrace.scene.file import SceneFile
+from iriftrace.shells.files import TABLE
 from iriftrace.shells.table import AirStatement, PartOrigin
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ def air_statement_of(file: SceneFile) -> AirStatement:
 
 def _table_file(file: SceneFile) -> Path | None:
     """The first table that exists, if shells lie in several folders."""
-    tables = (path.parent / "shells.json" for path in file.shell_paths)
+    tables = (path.parent / TABLE for path in file.shell_paths)
     return next(filter(Path.is_file, tables), None)
 
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 
+from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import check_readable
 from iriftrace.field.path_data import FIELD_FILE
@@ -42,7 +42,7 @@ class SceneFile:
     """Files and placement of the meshes of a scene."""
 
     part_path: Path  # mesh of the shape with id ``part``
-    part_to_world: NDArray[np.float64]  # (4, 4)
+    part_to_world: FloatArray  # (4, 4)
     shell_paths: tuple[Path, ...]
     file_paths: tuple[Path, ...]  # all that it names: meshes of any object, fields
 
@@ -264,7 +264,7 @@ def _files(nodes: Sequence[SceneNode], scene: Path) -> tuple[Path, ...]:
     )
 
 
-def _placement(props: mi.Properties, what: str) -> NDArray[np.float64]:
+def _placement(props: mi.Properties, what: str) -> FloatArray:
     if "to_world" not in props:
         return np.eye(4)
     to_world: Any = props["to_world"]
@@ -308,7 +308,6 @@ def check_meshes(files: Iterable[Path]) -> None:
     for mesh in files:
         if mesh.suffix.lower() != ".ply":
             continue
-        check_readable(mesh)
         try:
             read_ply(mesh)
         except Exception as error:  # the reader lets any error through that a damaged file causes

@@ -24,8 +24,7 @@ from iriftrace.scene.ensemble import (
 )
 from iriftrace.scene.write import remove_stale_blockers, written_together
 from iriftrace.scene.xml import BLOCKER_FILE, PART_FILE, refuse_edited, sealed
-
-SHELLS_TABLE = "shells.json"
+from iriftrace.shells.files import TABLE as SHELLS_TABLE
 
 
 def write_fitted_scene(

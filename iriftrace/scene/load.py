@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 from attrs import evolve
-from numpy.typing import NDArray
 
 from iriftrace.air.refractivity import dispersion
 from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.engines import AUTO
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import parse_quantity
@@ -97,8 +97,6 @@ def _load_one(path: Path, values: dict[str, str], variant: str | None, engine: s
     runtime.refuse_foreign_plugins(path.parent)
     import mitsuba as mi
 
-    from iriftrace.plugins.film import camera_of
-
     started = time.perf_counter()
     file = read_scene_file(path, values)
     check_meshes(file.file_paths)
@@ -132,7 +130,6 @@ def _load_one(path: Path, values: dict[str, str], variant: str | None, engine: s
         path=path,
         part=part,
         part_to_world=file.part_to_world,
-        full_resolution=camera_of(sensors[0]).full_resolution(),
         variables=values,
         requested_engine=engine,
         load_s=loaded - started,
@@ -170,8 +167,6 @@ def from_mitsuba(scene: mi.Scene) -> LoadedScene:
     chosen = runtime.ensure()
     import mitsuba as mi
 
-    from iriftrace.plugins.film import camera_of
-
     if not isinstance(scene, mi.Scene):
         raise InputError(
             f"from_mitsuba takes a mitsuba.Scene of the variant {mi.variant()}, not a "
@@ -189,7 +184,6 @@ def from_mitsuba(scene: mi.Scene) -> LoadedScene:
         path=None,
         part=part_of_mesh(*tables.part_arrays(), name=name),
         part_to_world=np.eye(4),
-        full_resolution=camera_of(sensors[0]).full_resolution(),
         variables={},
         requested_engine=integrator.engine,
         load_s=0.0,
@@ -237,15 +231,19 @@ def _sensors(scene: mi.Scene, name: str) -> list[mi.Sensor]:
 
 class _Devices(TypedDict):
     camera: Camera
+    full_resolution: tuple[int, ...]
     second: Camera | None
     second_id: str
 
 
 def _devices(sensors: Sequence[mi.Sensor]) -> _Devices:
     """The cameras of a scene's first two sensors."""
+    from iriftrace.plugins.film import camera_of
+
     second = sensors[1] if len(sensors) > 1 else None
     return {
         "camera": _camera(sensors[0]),
+        "full_resolution": camera_of(sensors[0]).full_resolution(),
         "second": None if second is None else _camera(second),
         "second_id": "" if second is None else str(second.id()),
     }
@@ -268,7 +266,7 @@ def _text(value: object) -> str:
     return repr(value) if isinstance(value, float) else str(value)
 
 
-def _check_same_part(part: Part, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> None:
+def _check_same_part(part: Part, vertices: FloatArray, faces: IntArray) -> None:
     """Check that face numbers mean the same in Mitsuba's mesh and in ours."""
     same = len(faces) == len(part.faces) and np.allclose(
         vertices[faces], part.vertices[part.faces], rtol=1e-5, atol=1e-4

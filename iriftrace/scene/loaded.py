@@ -9,11 +9,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 from attrs import Factory, evolve, field, frozen
-from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import FloatArray
 from iriftrace.core.engines import AUTO, ENGINES, Bending
 from iriftrace.core.errors import InputError, without_warnings
 from iriftrace.core.member_weights import MemberWeights
@@ -93,7 +92,7 @@ class LoadedScene:
 
     path: Path | None
     part: Part
-    part_to_world: NDArray[np.float64]
+    part_to_world: FloatArray
     camera: Camera
     full_resolution: tuple[int, ...]
     variables: dict[str, str]
@@ -173,12 +172,10 @@ class LoadedScene:
         """
         started = time.perf_counter()
         with runtime.using(self.variant):
-            if self.path is not None:
-                file = field_file(self.path, self.variables)
-                integrator = integrator_for(self.integrator, "cells", self.name, file)
-                set_wavelength(integrator, self.variables)
-            else:
-                integrator = integrator_for(self.integrator, "cells", self.name, Path(FIELD_FILE))
+            file = field_file(self.path, self.variables) if self.path else Path(FIELD_FILE)
+            integrator = integrator_for(self.integrator, "cells", self.name, file)
+            set_wavelength(integrator, self.variables)
+            if self.path is None:
                 integrator.use(self.cells)
             integrator.prepare_as(self.integrator)
             tables = integrator.prepare(self.mitsuba_scene).tables

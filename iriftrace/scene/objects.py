@@ -110,20 +110,19 @@ def _body(name: str, body: Part) -> mi.Mesh:
 
 def _shell(shell: Shell) -> mi.Mesh:
     """The mesh of a shell, with the derivatives of the index if it has them."""
-    bsdf: dict[str, object] = {
-        "type": "iso_shell",
-        "ext_ior": float(1 + shell.ext),
-        "int_ior": float(1 + shell.int_),
-        **({"iso_ior": float(1 + shell.refractivity)} if shell.off_the_middle else {}),
-        "layer": str(shell.layer),
-    }
     return _mesh(
         f"shell_{shell.layer:02d}",
-        bsdf,
+        {"type": "iso_shell", **iso_shell_indices(shell), "layer": str(shell.layer)},
         shell.vertices,
         shell.faces,
         vertex_columns(shell.normals, shell.derivatives),
     )
+
+
+def iso_shell_indices(shell: Shell) -> dict[str, float]:
+    """Refractive indices of a shell, by the names of the parameters of ``iso_shell``."""
+    on_it = {"iso_ior": float(1 + shell.refractivity)} if shell.off_the_middle else {}
+    return {"ext_ior": float(1 + shell.ext), "int_ior": float(1 + shell.int_), **on_it}
 
 
 def _mesh(

@@ -5,14 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from xml.etree import ElementTree
 
-import numpy as np
-from numpy.typing import NDArray
-
-from iriftrace.core.arrays import AnyIntArray, FloatArray, IntArray
+from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.geometry.ply import read_ply
 from iriftrace.scene.ensemble import INCLUDED, is_ensemble, member_folder
-from iriftrace.shells.files import read_shell
 
 BLOCKER_ID = "blocker_"
 
@@ -57,9 +53,3 @@ def blocker_surfaces(scene: Path) -> list[tuple[FloatArray, IntArray]]:
             raise InputError(f"{file} is damaged ({error})") from error
         found.append((mesh.vertices, mesh.faces))
     return found
-
-
-def read_surface(file: Path) -> tuple[NDArray[np.float32], AnyIntArray]:
-    """Vertices (n, 3), mm, and faces (m, 3) of such a file."""
-    vertices, faces, *_ = read_shell(file)
-    return vertices, faces

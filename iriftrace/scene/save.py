@@ -146,7 +146,7 @@ def _shells_for(
             "Trimmed shells serve one camera only, and there is a second device; leave out trim."
         )
     volume, shells = state.field, state.shells
-    refuse_bad_places(camera, settings.second, (part, *settings.blockers), shells, volume)
+    refuse_bad_places(camera, settings.second, (part, *settings.blockers), state)
     if trim_mm is not None:
         shells = trim_to_frustum(shells, camera, trim_mm)
     hot = part if volume is None else body_in_air(volume, part, settings.blockers)

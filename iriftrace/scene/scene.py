@@ -107,8 +107,13 @@ class Scene:
                 warn(message)
         for state in self.air.states:
             bodies = (self.part, *self.blockers)
-            refuse_bad_places(self.camera, self.second, bodies, state.shells, state.field)
-        return _loaded(self)
+            refuse_bad_places(self.camera, self.second, bodies, state)
+        states = self.air.states
+        if len(states) == 1:
+            return _one_state(self, 0)
+        members = tuple(FieldMember.of(n, state) for n, state in enumerate(states, start=1))
+        ensemble = LoadedEnsemble(members, lambda number: _one_state(self, number - 1))
+        return evolve(next(ensemble.scenes()), ensemble=ensemble)
 
     @cached_property
     def _fits(self) -> tuple[Fit | None, ...]:
@@ -117,11 +122,6 @@ class Scene:
             state.fit(self.part, self.blockers, self.air.wall_temperature_k)
             for state in self.air.states
         )
-
-    def notes_of(self, number: int) -> dict[str, str]:
-        """Facts about one state of the air, which every result states."""
-        fit = self._fits[number]
-        return {**self.air.notes, **(fit.notes if fit is not None else {})}
 
     def save(
         self, path: str | PathLike[str], *, scale: float = SCALE, trim_mm: float | None = None
@@ -177,16 +177,6 @@ class Scene:
         )
 
 
-def _loaded(scene: Scene) -> LoadedScene:
-    """Load a scene of objects for tracing."""
-    states = scene.air.states
-    if len(states) == 1:
-        return _one_state(scene, 0)
-    members = tuple(FieldMember.of(number, state) for number, state in enumerate(states, start=1))
-    ensemble = LoadedEnsemble(members, lambda number: _one_state(scene, number - 1))
-    return evolve(next(ensemble.scenes()), ensemble=ensemble)
-
-
 def _one_state(scene: Scene, number: int) -> LoadedScene:
     """A scene of objects with one state of its air."""
     chosen = runtime.ensure(scene.variant)
@@ -194,7 +184,8 @@ def _one_state(scene: Scene, number: int) -> LoadedScene:
     started = time.perf_counter()
     part, camera = kept_part(scene.part), kept_camera(scene.camera)
     second = None if scene.second is None else kept_camera(scene.second)
-    notes = scene.notes_of(number)
+    fit = scene._fits[number]
+    notes = {**air.notes, **({} if fit is None else fit.notes)}
     if len(air.states) > 1:
         notes["member"] = f"{number + 1}: {state.label}"
     stated = state.shells.stated(notes)

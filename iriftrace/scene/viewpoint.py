@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
     from iriftrace.field.index_field import IndexField
     from iriftrace.part.part import Part
+    from iriftrace.scene.hot_air import AirState
     from iriftrace.shells.stack import ShellStack
 
 
@@ -149,36 +150,23 @@ def part_view(part: Part, camera: Camera) -> PartView:
 
 
 def refuse_bad_places(
-    camera: Camera,
-    second: Camera | None,
-    bodies: Sequence[Part],
-    stack: ShellStack,
-    field: IndexField | None,
+    camera: Camera, second: Camera | None, bodies: Sequence[Part], air: AirState
 ) -> None:
-    """Refuse devices in a body or inside the outermost shell, and two at one place.
-
-    `bodies` are the part and the bodies that only block the view. Without a field, the closed
-    shells are used.
-    """
+    """Refuse devices in a body or in hot air, and two at one place; see `refuse_camera_inside`."""
     if second is not None:
         refuse_one_place(camera, second)
     for device, name in ((camera, "camera"), (second, "second device")):
         if device is not None:
-            refuse_camera_inside(device.origin, bodies, stack, field, name)
+            refuse_camera_inside(device.origin, bodies, air, name)
 
 
 def refuse_camera_inside(
-    origin: ArrayLike,
-    bodies: Sequence[Part],
-    stack: ShellStack,
-    field: IndexField | None,
-    name: str = "camera",
+    origin: ArrayLike, bodies: Sequence[Part], air: AirState, name: str = "camera"
 ) -> None:
     """Refuse a camera, at (3,) mm in the world, in the part or inside the outermost shell.
 
-    `bodies` are the part and the bodies that only block the view.
-
-    Without a field, the closed shells are used; `name` is the camera's name in the error.
+    `bodies` are the part and the bodies that only block the view. Without a field, the closed
+    shells are used; `name` is the camera's name in the error.
     """
     point = np.asarray(origin, dtype=np.float64).reshape(1, 3)
     place = f"The {name} at {np.round(point[0], 1).tolist()} mm stands"
@@ -188,8 +176,9 @@ def refuse_camera_inside(
             raise InputError(
                 f"{place} in the {what}, where there is nothing to see; move it outside."
             )
+    shells, field = air.shells.shells, air.field
     if field is None:
-        closed = [shell for shell in stack.shells if len(open_edges(shell.faces)) == 0]
+        closed = [shell for shell in shells if len(open_edges(shell.faces)) == 0]
         layers = [s.layer for s in closed if Surface(s.vertices, s.faces).inside(point)[0]]
         if layers:
             raise InputError(
@@ -197,7 +186,7 @@ def refuse_camera_inside(
                 "rays is not known; move it outside the outermost shell."
             )
         return
-    outermost = max(shell.refractivity for shell in stack.shells)
+    outermost = max(shell.refractivity for shell in shells)
     if _in_hot_air(point, field, outermost)[0]:
         temperature = float(field.air.temperature(field.sample(point))[0]) - ZERO_CELSIUS_K
         raise InputError(

@@ -104,7 +104,6 @@ def write_ensemble_scene(
     settings: SceneSettings = SceneSettings(scale=1.0),
     *,
     name: str = "scene.xml",
-    paraview: bool = True,
 ) -> tuple[Path, tuple[FieldMember, ...]]:
     """Write a scene that is rendered once for every member.
 
@@ -113,7 +112,7 @@ def write_ensemble_scene(
 
     Parameters
     ----------
-    folder, part, camera, settings, name, paraview
+    folder, part, camera, settings, name
         See `write_scene`.
     states : iterable of AirState
         At least two; one is in memory at a time.
@@ -137,7 +136,7 @@ def write_ensemble_scene(
         (building / FOLDER).mkdir()
         placed = _save_bodies(building, part, settings.blockers)
         listed = tuple(
-            _write_member(building, number, state, placed, settings.notes, paraview)
+            _write_member(building, number, state, placed, settings.notes)
             for number, state in enumerate(states, start=1)
         )
         if len(listed) < 2:
@@ -176,12 +175,7 @@ def _refuse_files_of_others(folder: Path) -> None:
 
 
 def _write_member(
-    scene: Path,
-    number: int,
-    state: AirState,
-    part: PartOrigin,
-    notes: Mapping[str, str],
-    paraview: bool,
+    scene: Path, number: int, state: AirState, part: PartOrigin, notes: Mapping[str, str]
 ) -> FieldMember:
     member = FieldMember.of(number, state)
     shapes = _save_air(
@@ -191,7 +185,6 @@ def _write_member(
         state,
         part,
         {**notes, "member": f"{number}: {state.label}"},
-        paraview,
     )
     included = scene / FOLDER / str(number) / INCLUDED
     included.write_text(included_xml(shapes), encoding="utf-8")
@@ -259,7 +252,7 @@ def _save_air(
     state: AirState,
     part: PartOrigin,
     notes: Mapping[str, str],
-    paraview: bool,
+    paraview: bool = True,
 ) -> list[str]:
     """Write the shells of one state of the air, and the field for the cells engine.
 

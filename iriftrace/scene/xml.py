@@ -13,7 +13,7 @@ from attrs import Factory, frozen
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part
-from iriftrace.scene.objects import lookat
+from iriftrace.scene.objects import iso_shell_indices, lookat
 from iriftrace.shells.stack import ShellStack
 
 PART_FILE = "part.ply"
@@ -172,12 +172,9 @@ def shell_shapes(stack: ShellStack, meshes: Sequence[Path], folder: str) -> list
                 else []
             ),
             '        <bsdf type="iso_shell">',
-            f'            <float name="ext_ior" value="{float(1 + shell.ext)!r}"/>',
-            f'            <float name="int_ior" value="{float(1 + shell.int_)!r}"/>',
             *(
-                [f'            <float name="iso_ior" value="{float(1 + shell.refractivity)!r}"/>']
-                if shell.off_the_middle
-                else []
+                f'            <float name="{name}" value="{index!r}"/>'
+                for name, index in iso_shell_indices(shell).items()
             ),
             f'            <string name="layer" value="{shell.layer}"/>',
             "        </bsdf>",
@@ -194,17 +191,15 @@ def included_xml(shapes: Sequence[str]) -> str:
 
 def refuse_edited(xml: Path) -> None:
     """Refuse to replace a scene's file that was written or edited by hand."""
-    if xml.is_file() and not _is_as_written(xml.read_text(encoding="utf-8", errors="replace")):
+    if not xml.is_file():
+        return
+    text = xml.read_text(encoding="utf-8", errors="replace")
+    head, found, rest = text.partition(_SEAL)
+    if not found or sealed(head, rest.partition("\n")[2]) != text:
         raise InputError(
             f"{xml} was edited by hand, so it is not replaced; render it as it "
             "is, name another output, or remove it."
         )
-
-
-def _is_as_written(text: str) -> bool:
-    """True if a scene's XML has the check sum that `scene_xml` gave it."""
-    head, found, rest = text.partition(_SEAL)
-    return bool(found) and sealed(head, rest.partition("\n")[2]) == text
 
 
 def sealed(head: str, rest: str) -> str:

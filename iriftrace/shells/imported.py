@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 from attrs import evolve, frozen
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from iriftrace.air.refractivity import Air
-from iriftrace.core.arrays import Float32Array, FloatArray, IntArray
+from iriftrace.core.arrays import BoolArray, Float32Array, FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
 from iriftrace.core.units import length_factor
@@ -163,7 +163,7 @@ def _split(refractivity: FloatArray, name: str, path: Path) -> tuple[FloatArray,
     return np.add.reduceat(ranked, first) / np.diff(np.append(first, len(ranked))), of_triangle
 
 
-def _mesh(soup: Soup, chosen: NDArray[np.bool_]) -> Soup:
+def _mesh(soup: Soup, chosen: BoolArray) -> Soup:
     """The triangles of one surface, welded, without degenerate ones."""
     used, faces = used_vertices(len(soup.vertices), soup.faces[chosen])
     vertices = soup.vertices[used]
@@ -179,8 +179,7 @@ def _mesh(soup: Soup, chosen: NDArray[np.bool_]) -> Soup:
 def _outward(mesh: Soup, cooler: Float32Array | None, hotter: Float32Array | None) -> FloatArray:
     """Direction to the cooler air at every triangle: the gradient, or from neighbours' vertices."""
     if mesh.gradient is not None:
-        gradient: FloatArray = mesh.gradient[mesh.faces].mean(axis=1)
-        return gradient
+        return as_float64(mesh.gradient[mesh.faces].mean(axis=1))
     here = mesh.vertices.astype(np.float64)[mesh.faces].mean(axis=1)
     direction: FloatArray = np.zeros_like(here)
     if hotter is not None:
@@ -317,8 +316,7 @@ def _triangle_values(block: pv.PolyData, faces: IntArray, name: str, path: Path)
     tolerance = max(1e-3 * float(np.ptp(values)), 1e-6 * float(np.abs(values).max()))
     if np.any(np.ptp(values[faces], axis=1) > tolerance):
         raise _continuous(name, path)
-    mean: FloatArray = values[faces].mean(axis=1)
-    return mean
+    return as_float64(values[faces].mean(axis=1))
 
 
 def _continuous(name: str, path: Path) -> InputError:

@@ -17,7 +17,8 @@ from iriftrace.core.engines import AUTO
 from iriftrace.core.errors import InputError, SetupError, warn, without_warnings
 from iriftrace.core.plain import JsonObject
 from iriftrace.part.part import Part, read_part
-from iriftrace.scene.outline import blocker_surfaces, outermost_surface, read_surface
+from iriftrace.scene.outline import blocker_surfaces, outermost_surface
+from iriftrace.shells.files import read_shell
 from iriftrace.sweep.rig import add_measured, rig_of
 from iriftrace.sweep.store import attribute, check_unchanged, scene_of, scene_of_pose
 
@@ -178,4 +179,5 @@ def _hot_air(dataset: xr.Dataset) -> tuple[NDArray[np.float32], AnyIntArray]:
     files = scene_of_pose(dataset, 0).get("files", {})
     if str(outermost.resolve()) in files:
         check_unchanged(outermost, files[str(outermost.resolve())])
-    return read_surface(outermost)
+    vertices, faces, *_ = read_shell(outermost)
+    return vertices, faces

@@ -27,7 +27,7 @@ from iriftrace.trace.pose_image import sensor_for
 if TYPE_CHECKING:
     import mitsuba as mi
 
-    from iriftrace.plugins.kernels.queries import StraightHits
+    from iriftrace.plugins.kernels.bundle import StraightHits
 
 PIXELS = 100_000
 """Maximum number of pixels of the picture by which a camera is tested."""
@@ -270,10 +270,7 @@ def warn_of_coarse_poses(
     """
     coarse = p95_shares > LIMIT
     for these, what in (
-        (
-            coarse & (through_cells == 1),
-            f"the field data were traced there ({_PREVENTED})",
-        ),
+        (coarse & (through_cells == 1), f"the field data were traced there ({_PREVENTED})"),
         (
             coarse & (through_cells != 1),
             "sweep with --engine cells, or make the scene with --layers 20",

@@ -6,10 +6,9 @@ from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
-from iriftrace.core.arrays import AnyArray
+from iriftrace.core.arrays import AnyArray, Float32Array
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
 from iriftrace.image.aov_image import (
@@ -30,7 +29,7 @@ from iriftrace.trace.provenance import provenance
 if TYPE_CHECKING:
     import mitsuba as mi
 
-    from iriftrace.plugins.kernels.queries import StraightHits
+    from iriftrace.plugins.kernels.bundle import StraightHits
 
 _SCATTERED = (*(f"displacement.{axis}" for axis in "XYZ"), "shift.px.X", "shift.px.Y")
 _AVERAGED = (*_SCATTERED, "path.length", "path.crossings")
@@ -208,7 +207,7 @@ class EnsembleStatistics:
             put(ERROR_CHANNEL, self._error)
         return AovImage(channels, header)
 
-    def _begin(self, image: AovImage, face: NDArray[np.float32]) -> None:
+    def _begin(self, image: AovImage, face: Float32Array) -> None:
         self._first = image
         self._shape = image.channels["part.face"].shape
         self._pixels = np.flatnonzero(face > 0)

@@ -53,17 +53,13 @@ class Recording:
         dr.eval(self.points, self.directions, self.last)
 
     def _trace(self, max_crossings: int) -> RefractedHits:
-        tables = self.prepared.tables
         return refracted_hits(
-            self.scene,
-            self.prepared.opaque,
-            tables,
+            self.prepared,
             self.origin,
             self.direction,
             coherent=True,
-            bending=self.integrator.rule(tables),
+            bending=self.integrator.rule(self.prepared.tables),
             max_crossings=max_crossings,
-            step=self.prepared.step,
             drop_inside_hits=self.integrator.inside_hit == "drop",
         )
 

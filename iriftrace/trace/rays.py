@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.engines import AUTO
@@ -216,7 +216,7 @@ def _on_device(vectors: FloatArray) -> mi.Float64:
     return mi.Float64(aligned(vectors.ravel()))
 
 
-def is_inside(scene: LoadedScene, points: ArrayLike) -> NDArray[np.bool_]:
+def is_inside(scene: LoadedScene, points: ArrayLike) -> BoolArray:
     """Mask of points in the hot air or in the part, (n, 3) array, mm, world to (n,) array.
 
     For an ensemble, in the hot air of any member.

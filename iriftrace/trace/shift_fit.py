@@ -166,11 +166,7 @@ def _fitted(found: ShiftMixture, views: Sequence[tuple[float, _View]]) -> tuple[
             motion=motion,
         )
         for (scale, view), rest, used, motion in zip(
-            views,
-            np.split(left, ends[:-1]),
-            np.split(found.used, ends[:-1]),
-            motions,
-            strict=True,
+            views, np.split(left, ends[:-1]), np.split(found.used, ends[:-1]), motions, strict=True
         )
     )
 

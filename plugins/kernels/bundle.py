@@ -10,17 +10,29 @@ import mitsuba as mi
 
 from iriftrace.image.aov_image import Status
 from iriftrace.plugins.kernels import types as dt
+from iriftrace.plugins.kernels.edges import settle
 from iriftrace.plugins.kernels.prepared import PreparedScene
 from iriftrace.plugins.kernels.queries import (
+    ESCAPED,
     GAVE_UP,
     HIT_BLOCKER,
     HIT_PART,
-    StraightHits,
-    straight_hits,
+    query_error,
+    ray_query,
 )
+from iriftrace.plugins.kernels.snell import distance_to_plane
+from iriftrace.plugins.kernels.vertex_table import PART
 
 ROUNDING = 1e-9
 """Change of a unit direction that is none."""
+
+
+class StraightHits(NamedTuple):
+    """First hits of unbent rays on opaque shapes."""
+
+    distance: dt.Float64  # mm
+    outcome: dt.UInt32  # ESCAPED, HIT_PART or HIT_BLOCKER
+    face: dt.UInt32  # row of the part's face in the tables
 
 
 class Trace(NamedTuple):
@@ -30,7 +42,6 @@ class Trace(NamedTuple):
     origin: dt.Point3d
     direction: dt.Vector3d
     straight: dt.Point3d
-    straight_length: dt.Float64
     straight_outcome: dt.UInt32
     straight_face: dt.UInt32  # face of the part
     incidence: dt.Float64  # rad
@@ -98,19 +109,38 @@ def paired_straight_rays(
     prepared: PreparedScene, rays: dt.Rays, count: int, coherent: bool
 ) -> StraightHits:
     """Straight hits of a bundle of rays, with faces of the part from 0; see `trace_bundle`."""
-    hits = straight_hits(
-        prepared.opaque,
-        prepared.tables,
-        *rays(dr.arange(mi.UInt32, count)),
-        coherent=coherent,
-        step=prepared.step,
-    )
+    hits = straight_hits(prepared, *rays(dr.arange(mi.UInt32, count)), coherent)
     # In some scenes shells come before the part in the tables, and not as many in each.
     if prepared.tables.part_first_face:
         hits = hits._replace(face=hits.face - dr.opaque(mi.UInt32, prepared.tables.part_first_face))
     dr.eval(*hits)
     dr.sync_thread()
     return hits
+
+
+def straight_hits(
+    prepared: PreparedScene, origin: dt.Point3d, direction: dt.Vector3d, coherent: bool
+) -> StraightHits:
+    """First hits of straight rays on the opaque shapes of a scene.
+
+    Rays have origins (Point3d, mm) and unit directions (Vector3d), world. `coherent` says that
+    neighbouring rays run alike, as a camera's do, a hint to the ray query.
+    """
+    tables = prepared.tables
+    preliminary = ray_query(prepared.opaque, origin, direction, coherent, mi.Bool(True))
+    found = preliminary.is_valid()
+    shape = tables.shape_number(preliminary, found)
+    on_part = found & (tables.kind(shape, found) == PART)
+    face = tables.face(shape, preliminary.prim_index, on_part)
+    triangle, normal = tables.plane(face, on_part)
+    rough = mi.Float64(preliminary.t)
+    tolerance = query_error(origin, dr.opaque(mi.Float64, prepared.step))
+    exact = distance_to_plane(origin, direction, triangle, normal, rough, tolerance)
+    face, exact = settle(tables, origin, direction, face, exact, on_part)
+    outcome = dr.select(on_part, mi.UInt32(HIT_PART), dr.select(found, HIT_BLOCKER, ESCAPED))
+    return StraightHits(
+        distance=dr.select(on_part, exact, rough), outcome=outcome, face=dr.select(on_part, face, 0)
+    )
 
 
 def _judged(
@@ -156,7 +186,6 @@ def _judged(
         origin=origin,
         direction=direction,
         straight=dr.select(on_part, origin + direction * length, 0),
-        straight_length=length,
         straight_outcome=outcome,
         straight_face=face,
         incidence=dr.select(on_part, incidence, 0),

@@ -16,18 +16,11 @@ import drjit as dr
 import mitsuba as mi
 
 from iriftrace.plugins.kernels.nystrom import nystrom_step
+from iriftrace.plugins.kernels.prepared import PreparedScene
 from iriftrace.plugins.kernels.queries import HIT_BLOCKER, HIT_PART, query_error, settled
 from iriftrace.plugins.kernels.snell import distance_to_plane
 from iriftrace.plugins.kernels.tables import SceneTables
-from iriftrace.plugins.kernels.types import (
-    Bool,
-    Float,
-    Float64,
-    Medium,
-    Point3d,
-    UInt32,
-    Vector3d,
-)
+from iriftrace.plugins.kernels.types import Bool, Float, Float64, Medium, Point3d, UInt32, Vector3d
 from iriftrace.plugins.kernels.vertex_table import PART
 from iriftrace.plugins.kernels.walk import INSIDE, Walk, WalkState
 
@@ -50,26 +43,23 @@ class CurvedHits(NamedTuple):
 
 
 def curved_hits(
-    opaque: mi.Scene,
-    tables: SceneTables,
+    prepared: PreparedScene,
     medium: Medium,
     origin: Point3d,
     direction: Vector3d,
     *,
     coherent: bool,
     max_steps: int,
-    step: float,
 ) -> CurvedHits:
-    """Ends of rays that follow the ray equation through a medium.
+    """Ends of rays that follow the ray equation through a medium to a scene's opaque shapes.
 
-    A medium is TetrahedralAir, or anything else with its methods; the scene has opaque shapes
-    alone. Rays have origins (Point3d, mm) and unit directions (Vector3d), world; those with more
-    than `max_steps`, or that get lost more than `MOST_RELOCATIONS` times, give up. `coherent`
-    is a hint to the ray query; `step` is `query_step`.
+    A medium is TetrahedralAir, or anything else with its methods. Rays have origins (Point3d, mm)
+    and unit directions (Vector3d), world; those with more than `max_steps`, or that get lost more
+    than `MOST_RELOCATIONS` times, give up. `coherent` is a hint to the ray query.
     """
-    walk = Walk(opaque, tables, medium, coherent, max_steps, step)
+    walk = Walk(prepared, medium, coherent, max_steps)
     end = walk.to_the_end(origin, direction)
-    return _ended(tables, medium, end, query_error(end.point, walk.smallest_step))
+    return _ended(prepared.tables, medium, end, query_error(end.point, walk.smallest_step))
 
 
 def _ended(tables: SceneTables, medium: Medium, end: WalkState, tolerance: Float64) -> CurvedHits:

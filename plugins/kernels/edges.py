@@ -13,8 +13,8 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from numpy.typing import NDArray
 
+from iriftrace.core.arrays import FloatArray, IntArray, NumberArray
 from iriftrace.geometry.topology import find_neighbours, weld
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.snell import Triangle
@@ -25,7 +25,7 @@ ROUNDS = 3
 NONE = 0xFFFFFFFF
 
 
-def edge_neighbours(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.uint32]:
+def edge_neighbours(vertices: FloatArray, faces: IntArray) -> NumberArray:
     """Face beyond each edge of each face, (m, 3) array; ``NONE`` where there is no single one.
 
     Edge i runs from corner i to the next. Vertices at the same place count as one.

@@ -185,14 +185,8 @@ class InLayers:
         ahead = direction + mi.Vector3d(deflection)
         away = dr.select(passage.outward, passage.facet, -passage.facet)
         ahead += dr.maximum(GRAZING - dr.dot(ahead, away), 0) * away
-        kept = (
-            dr.select(crossed, here.gradient, last.gradient),
-            dr.select(crossed, here.change, last.change),
-            dr.select(crossed, here.index, last.index),
-            dr.select(crossed, passage.far, last.beyond),
-            dr.select(crossed, last.offset + offset, last.offset),
-            dr.select(crossed, along, last.along),
-        )
+        new = Memory(*here, beyond=passage.far, offset=last.offset + offset, along=along)
+        kept = tuple(dr.select(crossed, now, then) for now, then in zip(new, last, strict=True))
         return dr.normalize(ahead), mi.Bool(False), kept
 
     def _layer(

@@ -67,11 +67,7 @@ def index_check(prepared: PreparedScene, refracted: RefractedHits) -> tuple[dt.B
 
 
 def _touches(
-    prepared: PreparedScene,
-    points: FloatArray,
-    normals: FloatArray,
-    layer: FloatArray,
-    lines: int,
+    prepared: PreparedScene, points: FloatArray, normals: FloatArray, layer: FloatArray, lines: int
 ) -> tuple[Any, FloatArray]:  # NumPy's stubs take a mask for one truth value
     """Mask of layers that touch the part at points, and the layers before it, by so many lines."""
     if len(points) == 0:

@@ -14,6 +14,7 @@ import mitsuba as mi
 
 from iriftrace.plugins.kernels.between import onto_plane
 from iriftrace.plugins.kernels.layers import AtShells, InLayers, Passage
+from iriftrace.plugins.kernels.prepared import PreparedScene
 from iriftrace.plugins.kernels.queries import (
     ESCAPED,
     GAVE_UP,
@@ -64,31 +65,26 @@ class RefractedHits(NamedTuple):
 
 
 def refracted_hits(
-    scene: mi.Scene,
-    opaque: mi.Scene,
-    tables: SceneTables,
+    prepared: PreparedScene,
     origin: Point3d,
     direction: Vector3d,
     *,
     coherent: bool,
     bending: AtShells | InLayers,
     max_crossings: int,
-    step: float,
     drop_inside_hits: bool = False,
 ) -> RefractedHits:
     """Ends of rays that are bent by shells or by the layers between them.
 
-    The scene has part, shells and other shapes; `opaque` is the same without shells. Rays have
-    origins (Point3d, mm) and unit directions (Vector3d), world; those with more than
+    Rays have origins (Point3d, mm) and unit directions (Vector3d), world; those with more than
     `max_crossings` give up, and with `drop_inside_hits` those that meet a shell from its inside.
-    `bending` is AtShells or InLayers; `coherent` and `step` as for :func:`straight_hits`.
+    `bending` is AtShells or InLayers; `coherent` as for `straight_hits`.
     """
-    march = _March(
-        scene, tables, bending, coherent, max_crossings, step, drop_inside_hits=drop_inside_hits
-    )
+    tables = prepared.tables
+    march = _March(prepared, bending, coherent, max_crossings, drop_inside_hits)
     end = march.to_the_end(origin, direction)
     marched = march.hits(end)
-    hits = _back_on_front(opaque, tables, marched, end.segment, coherent, step)
+    hits = _back_on_front(prepared, marched, end.segment, coherent)
     length = end.segment + (hits.path_length - marched.path_length)
     fixed = _fix_transitions(bending, tables, hits, end.memory, length)
     on_their_faces: RefractedHits = settled(tables, fixed)
@@ -136,20 +132,17 @@ class _March:
 
     def __init__(
         self,
-        scene: mi.Scene,
-        tables: SceneTables,
+        prepared: PreparedScene,
         bending: AtShells | InLayers,
         coherent: bool,
         max_crossings: int,
-        step: float,
-        *,
         drop_inside_hits: bool,
     ) -> None:
-        self.scene, self.tables, self.bending = scene, tables, bending
+        self.scene, self.tables, self.bending = prepared.scene, prepared.tables, bending
         self.coherent, self.drop_inside_hits = coherent, drop_inside_hits
-        self.smallest_step = dr.opaque(mi.Float64, step)
+        self.smallest_step = dr.opaque(mi.Float64, prepared.step)
         self.limit = dr.opaque(mi.UInt32, max_crossings)
-        self.ambient = dr.opaque(mi.Float64, tables.ambient)
+        self.ambient = dr.opaque(mi.Float64, self.tables.ambient)
 
     def to_the_end(self, origin: Point3d, direction: Vector3d) -> _State:
         """Advance rays, (Point3d, mm) and (Vector3d), until all have ended."""
@@ -265,13 +258,7 @@ class _March:
         )
 
     def _next_start(
-        self,
-        s: _State,
-        met: _Met,
-        crossed: Bool,
-        point: Point3d,
-        bent: Vector3d,
-        reflected: Bool,
+        self, s: _State, met: _Met, crossed: Bool, point: Point3d, bent: Vector3d, reflected: Bool
     ) -> Point3d:
         """A small step beyond the crossing; from a plane that is grazed, also off it."""
         # Single precision is finer near the origin, and so may be the step.
@@ -308,12 +295,7 @@ def _fix_transitions(
 
 
 def _back_on_front(
-    opaque: mi.Scene,
-    tables: SceneTables,
-    hits: RefractedHits,
-    segment: Float64,
-    coherent: bool,
-    step: float,
+    prepared: PreparedScene, hits: RefractedHits, segment: Float64, coherent: bool
 ) -> RefractedHits:
     """Bring rays that slipped through the part's front back to it.
 
@@ -321,12 +303,14 @@ def _back_on_front(
     the wall and finds the part's back from inside. Going back along the ray finds the front, just
     behind the last crossing; a back that is seen through an opening of the part has none there.
     """
+    tables, smallest_step = prepared.tables, dr.opaque(mi.Float64, prepared.step)
     on_part = hits.outcome == HIT_PART
     _, normal = tables.plane(hits.face, on_part)
     slipped = on_part & (dr.dot(hits.direction, normal) > 0)
-    smallest_step = dr.opaque(mi.Float64, step)
     back = -hits.direction
-    preliminary = ray_query(opaque, hits.point + back * smallest_step, back, coherent, slipped)
+    preliminary = ray_query(
+        prepared.opaque, hits.point + back * smallest_step, back, coherent, slipped
+    )
     found = slipped & preliminary.is_valid()
     shape = tables.shape_number(preliminary, found)
     found &= tables.kind(shape, found) == PART

@@ -18,10 +18,7 @@ class Step(NamedTuple):
 
 
 def nystrom_step(
-    point: Point3d,
-    velocity: Vector3d,
-    acceleration: Callable[[Point3d], Vector3d],
-    time: Float64,
+    point: Point3d, velocity: Vector3d, acceleration: Callable[[Point3d], Vector3d], time: Float64
 ) -> Step:
     """Advance a ray by one step of Nystrom's method of order 4 (Hairer, Norsett and Wanner, II.14).
 

@@ -1,7 +1,7 @@
 """A scene prepared for tracing: tables, the scene without shells, the air's layer at the part.
 
 Built once, it is used for every pose. The layer at a point is determined from the index steps along
-straight lines from there to the outside (:func:`crossed_steps`), so no field is needed.
+straight lines from there to the outside (`PreparedScene.crossed_steps`), so no field is needed.
 """
 
 from __future__ import annotations
@@ -13,17 +13,11 @@ from typing import NamedTuple
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from numpy.typing import NDArray
 
+from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.sampling import r2_sequence
 from iriftrace.plugins.kernels import types as dt
-from iriftrace.plugins.kernels.queries import (
-    advanced,
-    query_step,
-    ray_query,
-    same_crossing,
-    zeros,
-)
+from iriftrace.plugins.kernels.queries import advanced, query_step, ray_query, same_crossing, zeros
 from iriftrace.plugins.kernels.tables import SceneTables, shell_indices, surface_index
 from iriftrace.plugins.kernels.vertex_table import PART, SHELL, aligned, aligned_rows
 
@@ -81,7 +75,7 @@ class PreparedScene:
             self.opaque = scene
         self.usual_wall_index = mi.Float64(aligned(self._wall_layers()))
 
-    def surroundings(self, point: NDArray[np.float64]) -> str | None:
+    def surroundings(self, point: FloatArray) -> str | None:
         """``"part"`` or ``"hot air"`` around a point (3,), mm, world; None for outside.
 
         Inside a closed surface every line starts by crossing it outward; most do if it has holes.
@@ -89,7 +83,7 @@ class PreparedScene:
         directions = _directions(256)
         origin = mi.Point3d(*aligned_rows(np.broadcast_to(point, directions.shape)))
         direction = mi.Vector3d(*aligned_rows(directions))
-        _, _, enclosed = crossed_steps(self.scene, self.tables, origin, direction, self.step)
+        _, _, enclosed = self.crossed_steps(origin, direction)
         ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction))
         hit = self.opaque.ray_intersect_preliminary(ray)
         found = hit.is_valid()
@@ -102,7 +96,7 @@ class PreparedScene:
             return "part"
         return "hot air" if np.mean(seen >> 1) > 0.5 else None
 
-    def _wall_layers(self) -> NDArray[np.float64]:
+    def _wall_layers(self) -> FloatArray:
         """Index of the layer that usually touches each face of the part, (m,) array.
 
         Straight lines from a few points on each face count the steps to the outside; so no field is
@@ -116,9 +110,7 @@ class PreparedScene:
         index = self.layers_near(points, directions).ravel()
         return _median_of_each(index, np.concatenate((face, face)), len(faces))
 
-    def layers_near(
-        self, points: NDArray[np.float64], normals: NDArray[np.float64], *, lines: int = 1
-    ) -> NDArray[np.float64]:
+    def layers_near(self, points: FloatArray, normals: FloatArray, *, lines: int = 1) -> FloatArray:
         """Index of the layer just before and just behind points, (2, n), counted from outside.
 
         Points are (n, 3), mm, world, with unit normals towards the outside. By `lines` straight
@@ -130,11 +122,8 @@ class PreparedScene:
         ahead = WALL_STEPS * self.step / np.where(np.arange(lines) > 0, np.cos(TILT), 1.0)
         starts = points - ahead[:, None, None] * directions
         passed = mi.Float64(aligned(np.repeat(2 * ahead, len(points))))
-        behind, before, _ = crossed_steps(
-            *(self.scene, self.tables),
-            mi.Point3d(*aligned_rows(starts)),
-            mi.Vector3d(*aligned_rows(directions)),
-            *(self.step, passed),
+        behind, before, _ = self.crossed_steps(
+            mi.Point3d(*aligned_rows(starts)), mi.Vector3d(*aligned_rows(directions)), passed
         )
         counted = (np.array(index).reshape(lines, -1) for index in (before, behind))
         return np.array([self._majority(index) for index in counted])
@@ -170,18 +159,87 @@ class PreparedScene:
         places = start + along[..., None] * way
         across = _around(way, 5)[1:]
         starts, lines = np.broadcast_arrays(places[:, None], across[None])
-        index, _, _ = crossed_steps(
-            *(self.scene, self.tables),
-            mi.Point3d(*aligned_rows(starts)),
-            mi.Vector3d(*aligned_rows(lines)),
-            self.step,
+        index, _, _ = self.crossed_steps(
+            mi.Point3d(*aligned_rows(starts)), mi.Vector3d(*aligned_rows(lines))
         )
         layer = np.array(index).reshape(-1, len(chosen))
         away = np.abs(layer - self.tables.ambient) > self.tables.half_step
         result[chosen] = inside & ((layer != 0) & away).any(axis=0)
         return mi.Bool(aligned(result))
 
-    def _majority(self, index: NDArray[np.float64]) -> NDArray[np.float64]:
+    def crossed_steps(
+        self, origin: dt.Point3d, direction: dt.Vector3d, passed: dt.Float64 | float = 0.0
+    ) -> tuple[dt.Float64, dt.Float64, dt.Bool]:
+        """Index steps along straight lines to infinity, opaque shapes being transparent.
+
+        Gives the indices (Float64) of the layers at the start, and where the line has passed a
+        length (mm): what remains outside less the steps up to there; 0 for a line without
+        crossing, or with too many (``MOST_STEPS``) to be believed. Also returns whether (Bool) the
+        first shell along the line is crossed from inside.
+        """
+        tables, smallest_step = self.tables, dr.opaque(mi.Float64, self.step)
+
+        class State(NamedTuple):
+            travelled: dt.Float64
+            gap: dt.Float64  # since the last crossing
+            index_sum: dt.Float64
+            passed_sum: dt.Float64  # of the crossings on the passed length
+            last_index: dt.Float64
+            enclosed: dt.Bool
+            shape: dt.UInt32
+            outward: dt.Bool
+            count: dt.UInt32
+            active: dt.Bool
+
+        def advance(s: State) -> State:
+            start = origin + direction * s.travelled
+            preliminary = ray_query(self.scene, start, direction, False, s.active)
+            found = s.active & preliminary.is_valid()
+            shape = tables.shape_number(preliminary, found)
+            on_shell = found & (tables.kind(shape, found) == SHELL)
+            face = tables.face(shape, preliminary.prim_index, on_shell)
+            _, normal = tables.plane(face, on_shell)
+            outside, inside = tables.sides(shape, on_shell)
+            outward = dr.dot(direction, normal) > 0
+            move = dr.select(found, mi.Float64(preliminary.t) + smallest_step, 0)
+            gap = s.gap + move
+            crossed = on_shell & ~same_crossing(
+                shape, outward, s.shape, s.outward, gap, smallest_step
+            )
+            near, far = dr.select(outward, inside, outside), dr.select(outward, outside, inside)
+            first = crossed & (s.last_index == 0)
+            travelled, change = s.travelled + move, dr.select(crossed, far - near, 0)
+            return State(
+                travelled,
+                dr.select(crossed, 0, gap),
+                s.index_sum + change,
+                s.passed_sum + dr.select(travelled < passed, change, 0),
+                dr.select(crossed, far, s.last_index),
+                (first & outward) | (s.enclosed & ~first),
+                dr.select(crossed, shape, s.shape),
+                dr.select(crossed, outward, s.outward),
+                s.count + 1,
+                found & (s.count < MOST_STEPS),
+            )
+
+        width = dr.width(origin, direction)
+        start = State(
+            shape=dr.full(mi.UInt32, 0xFFFFFFFF, width),
+            active=dr.full(mi.Bool, True, width),
+            **zeros(
+                width,
+                Float64="travelled gap index_sum passed_sum last_index",
+                Bool="enclosed outward",
+                UInt32="count",
+            ),
+        )
+        end = advanced(start, advance, "count")
+        known = (end.count <= MOST_STEPS) & (end.last_index != 0)
+        first = end.last_index - end.index_sum
+        there = first + end.passed_sum
+        return dr.select(known, first, 0), dr.select(known, there, 0), end.enclosed & known
+
+    def _majority(self, index: FloatArray) -> FloatArray:
         """Most frequent index of each column; ambient where no line met a shell."""
         known = index != 0
         same = np.abs(index[:, None] - index[None]) < self.tables.half_step
@@ -219,83 +277,7 @@ def with_every_second_shell(prepared: PreparedScene) -> PreparedScene | None:
     return fewer
 
 
-def crossed_steps(
-    scene: mi.Scene,
-    tables: SceneTables,
-    origin: dt.Point3d,
-    direction: dt.Vector3d,
-    step: float,
-    passed: dt.Float64 | float = 0.0,
-) -> tuple[dt.Float64, dt.Float64, dt.Bool]:
-    """Index steps along straight lines to infinity, opaque shapes being transparent.
-
-    Gives the indices (Float64) of the layers at the start, and where the line has passed a length
-    (mm): what remains outside less the steps up to there; 0 for a line without crossing, or
-    with too many (``MOST_STEPS``) to be believed. Also returns whether (Bool) the first shell
-    along the line is crossed from inside.
-    """
-    smallest_step = dr.opaque(mi.Float64, step)
-
-    class State(NamedTuple):
-        travelled: dt.Float64
-        gap: dt.Float64  # since the last crossing
-        index_sum: dt.Float64
-        passed_sum: dt.Float64  # of the crossings on the passed length
-        last_index: dt.Float64
-        enclosed: dt.Bool
-        shape: dt.UInt32
-        outward: dt.Bool
-        count: dt.UInt32
-        active: dt.Bool
-
-    def advance(s: State) -> State:
-        start = origin + direction * s.travelled
-        preliminary = ray_query(scene, start, direction, False, s.active)
-        found = s.active & preliminary.is_valid()
-        shape = tables.shape_number(preliminary, found)
-        on_shell = found & (tables.kind(shape, found) == SHELL)
-        face = tables.face(shape, preliminary.prim_index, on_shell)
-        _, normal = tables.plane(face, on_shell)
-        outside, inside = tables.sides(shape, on_shell)
-        outward = dr.dot(direction, normal) > 0
-        move = dr.select(found, mi.Float64(preliminary.t) + smallest_step, 0)
-        gap = s.gap + move
-        crossed = on_shell & ~same_crossing(shape, outward, s.shape, s.outward, gap, smallest_step)
-        near, far = dr.select(outward, inside, outside), dr.select(outward, outside, inside)
-        first = crossed & (s.last_index == 0)
-        travelled, change = s.travelled + move, dr.select(crossed, far - near, 0)
-        return State(
-            travelled,
-            dr.select(crossed, 0, gap),
-            s.index_sum + change,
-            s.passed_sum + dr.select(travelled < passed, change, 0),
-            dr.select(crossed, far, s.last_index),
-            (first & outward) | (s.enclosed & ~first),
-            dr.select(crossed, shape, s.shape),
-            dr.select(crossed, outward, s.outward),
-            s.count + 1,
-            found & (s.count < MOST_STEPS),
-        )
-
-    width = dr.width(origin, direction)
-    start = State(
-        shape=dr.full(mi.UInt32, 0xFFFFFFFF, width),
-        active=dr.full(mi.Bool, True, width),
-        **zeros(
-            width,
-            Float64="travelled gap index_sum passed_sum last_index",
-            Bool="enclosed outward",
-            UInt32="count",
-        ),
-    )
-    end = advanced(start, advance, "count")
-    known = (end.count <= MOST_STEPS) & (end.last_index != 0)
-    first = end.last_index - end.index_sum
-    there = first + end.passed_sum
-    return dr.select(known, first, 0), dr.select(known, there, 0), end.enclosed & known
-
-
-def _around(normals: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+def _around(normals: FloatArray, count: int) -> FloatArray:
     """Unit vectors (count, n, 3): the normals first, then others evenly about them."""
     helper = np.where(np.abs(normals[:, :1]) < 0.7, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     right = np.cross(normals, helper)
@@ -310,7 +292,7 @@ def _around(normals: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     return np.stack([normals, *tilted])
 
 
-def _directions(count: int) -> NDArray[np.float64]:
+def _directions(count: int) -> FloatArray:
     """Unit vectors spread evenly over the sphere (count, 3): a Fibonacci lattice."""
     number = np.arange(count)
     z = 1 - (2 * number + 1) / count
@@ -319,9 +301,7 @@ def _directions(count: int) -> NDArray[np.float64]:
     return np.stack((radius * np.cos(azimuth), radius * np.sin(azimuth), z), axis=1)
 
 
-def _wall_samples(
-    vertices: NDArray[np.float64], faces: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+def _wall_samples(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, FloatArray, IntArray]:
     """Points spread over all faces (n, 3), the outward normals there, and their face numbers."""
     corners = vertices[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -339,9 +319,7 @@ def _wall_samples(
     return a + u * (b - a) + v * (c - a), normals[face], face
 
 
-def _median_of_each(
-    values: NDArray[np.float64], group: NDArray[np.int64], count: int
-) -> NDArray[np.float64]:
+def _median_of_each(values: FloatArray, group: IntArray, count: int) -> FloatArray:
     """Median of the values of each group, (count,) array; NaN for a group without any."""
     order = np.lexsort((values, group))
     sizes = np.bincount(group, minlength=count)

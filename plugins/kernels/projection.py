@@ -10,14 +10,15 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import distorted, fold_radius, newton_step
+from iriftrace.core.arrays import FloatArray
 from iriftrace.plugins.kernels import types as dt
 
 
-def flip_axes(matrix: ArrayLike) -> NDArray[np.float64]:
+def flip_axes(matrix: ArrayLike) -> FloatArray:
     """Camera-to-world matrix from Mitsuba's convention to the camera frame's, and back."""
     return np.asarray(matrix, dtype=np.float64) @ np.diag((-1.0, -1.0, 1.0, 1.0))
 

@@ -1,4 +1,4 @@
-"""Queries of a scene for the next triangle, and where straight rays end.
+"""Queries of a scene for the next triangle.
 
 Mitsuba's ray query (single precision) only says *which triangle* comes next. The point on that
 triangle's plane is computed in double precision.
@@ -7,16 +7,14 @@ triangle's plane is computed in double precision.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import drjit as dr
 import mitsuba as mi
 
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.edges import settle
-from iriftrace.plugins.kernels.snell import distance_to_plane
 from iriftrace.plugins.kernels.tables import SceneTables
-from iriftrace.plugins.kernels.vertex_table import PART
 
 ESCAPED, HIT_PART, HIT_BLOCKER, GAVE_UP = range(4)
 
@@ -70,14 +68,6 @@ def counted(mask: dt.Bool) -> int:
     return int(count[0])
 
 
-class StraightHits(NamedTuple):
-    """First hits of unbent rays on opaque shapes."""
-
-    distance: dt.Float64  # mm
-    outcome: dt.UInt32  # ESCAPED, HIT_PART or HIT_BLOCKER
-    face: dt.UInt32  # row of the part's face in the tables
-
-
 def query_step(scene: mi.Scene) -> float:
     """Step along the ray that keeps a query from finding the triangle it starts on, mm."""
     box = scene.bbox()
@@ -121,45 +111,11 @@ def ray_query(
     return scene.ray_intersect_preliminary(ray, coherent=coherent, active=active)
 
 
-def straight_hits(
-    opaque: mi.Scene,
-    tables: SceneTables,
-    origin: dt.Point3d,
-    direction: dt.Vector3d,
-    *,
-    coherent: bool,
-    step: float,
-) -> StraightHits:
-    """First hits of straight rays on the opaque shapes, a scene without shells.
-
-    Rays have origins (Point3d, mm) and unit directions (Vector3d), world. `coherent` says that
-    neighbouring rays run alike, as a camera's do, a hint to the ray query; `step` is `query_step`.
-    """
-    preliminary = ray_query(opaque, origin, direction, coherent, mi.Bool(True))
-    found = preliminary.is_valid()
-    shape = tables.shape_number(preliminary, found)
-    on_part = found & (tables.kind(shape, found) == PART)
-    face = tables.face(shape, preliminary.prim_index, on_part)
-    triangle, normal = tables.plane(face, on_part)
-    rough = mi.Float64(preliminary.t)
-    tolerance = query_error(origin, dr.opaque(mi.Float64, step))
-    exact = distance_to_plane(origin, direction, triangle, normal, rough, tolerance)
-    face, exact = settle(tables, origin, direction, face, exact, on_part)
-    outcome = dr.select(on_part, mi.UInt32(HIT_PART), dr.select(found, HIT_BLOCKER, ESCAPED))
-    return StraightHits(
-        distance=dr.select(on_part, exact, rough),
-        outcome=outcome,
-        face=dr.select(on_part, face, 0),
-    )
-
-
 def settled(tables: SceneTables, hits: dt.Hits) -> dt.Hits:
     """Hits (RefractedHits or CurvedHits) near an edge on the face that is really met."""
     on_part = hits.outcome == HIT_PART
     face, ahead = settle(tables, hits.point, hits.direction, hits.face, mi.Float64(0), on_part)
     ahead = dr.select(on_part, ahead, 0)
     return hits._replace(
-        point=hits.point + hits.direction * ahead,
-        path_length=hits.path_length + ahead,
-        face=face,
+        point=hits.point + hits.direction * ahead, path_length=hits.path_length + ahead, face=face
     )

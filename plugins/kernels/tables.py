@@ -13,8 +13,8 @@ from functools import cached_property
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from numpy.typing import NDArray
 
+from iriftrace.core.arrays import Float32Array, FloatArray, IntArray, NumberArray
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import MOST_FACES
 from iriftrace.plugins.kernels import types as dt
@@ -51,7 +51,7 @@ def surface_index(bsdf: dt.BSDF) -> float:
     return float(getattr(bsdf, "iso_ior", 0.5 * (pair[0] + pair[1])))
 
 
-def is_closed(vertices: NDArray[np.float32], faces: NDArray[np.uint32]) -> bool:
+def is_closed(vertices: Float32Array, faces: NumberArray) -> bool:
     """True if a surface has no boundary, by integrals that need no edges.
 
     On a closed surface the vector area vanishes and x, y and z give the same enclosed volume
@@ -226,7 +226,7 @@ class SceneTables:
         number = dr.gather(mi.UInt32, self._neighbours, place, active)
         return dr.select(active & (number != NONE), number + self.part_first_face, NONE)
 
-    def part_arrays(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    def part_arrays(self) -> tuple[FloatArray, IntArray]:
         """Vertices (n, 3), mm, world, and faces (m, 3) of the part."""
         vertices = np.array(self.part.vertex_positions_buffer(), dtype=np.float64).reshape(-1, 3)
         faces = np.array(self.part.faces_buffer(), dtype=np.int64).reshape(-1, 3)

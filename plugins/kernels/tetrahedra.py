@@ -14,10 +14,9 @@ from typing import NamedTuple
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from iriftrace.core.arrays import Float32Array, NumberArray
+from iriftrace.core.arrays import Float32Array, FloatArray, NumberArray
 from iriftrace.field.gradient import consistent_gradient, point_gradient
 from iriftrace.field.path_data import FieldCells
 from iriftrace.field.tetrahedra import BOUNDARY, OPPOSITE, tetrahedra_of
@@ -279,7 +278,7 @@ class TetrahedralAir:
             self._boundary = scene, scene_beside(scene, [self._boundary_mesh])
         return self._boundary[1]
 
-    def is_hot(self, point: NDArray[np.float64], scene: mi.Scene) -> bool:
+    def is_hot(self, point: FloatArray, scene: mi.Scene) -> bool:
         """True if a point (3,), mm, world, lies in the data where the air is not ambient."""
         nearest = self._tree.query(point)[1]
         if abs(self.cells.refractivity[nearest] - self.ambient) <= self.open_step:

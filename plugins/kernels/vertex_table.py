@@ -9,7 +9,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from iriftrace.core.arrays import AnyArray, FloatArray
+from iriftrace.core.arrays import AnyArray, FloatArray, as_float64
 from iriftrace.core.errors import InputError
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.snell import Triangle
@@ -74,8 +74,7 @@ def _rotation(before: FloatArray, after: NDArray[np.floating]) -> FloatArray:
     """
     left, _, right = np.linalg.svd(after.T @ before)
     sign = np.sign(np.linalg.det(left) * np.linalg.det(right))
-    rotation: FloatArray = left @ np.diag((1.0, 1.0, sign)) @ right
-    return rotation
+    return as_float64(left @ np.diag((1.0, 1.0, sign)) @ right)
 
 
 def _rotated(hessian: FloatArray, rotation: FloatArray) -> FloatArray:

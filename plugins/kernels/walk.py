@@ -18,6 +18,7 @@ import mitsuba as mi
 
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.nystrom import nystrom_step
+from iriftrace.plugins.kernels.prepared import PreparedScene
 from iriftrace.plugins.kernels.queries import (
     ESCAPED,
     GAVE_UP,
@@ -29,7 +30,6 @@ from iriftrace.plugins.kernels.queries import (
     ray_query,
     zeros,
 )
-from iriftrace.plugins.kernels.tables import SceneTables
 from iriftrace.plugins.kernels.tetrahedra import Entrance, Passage
 
 OUTSIDE, INSIDE, SEEKING = range(3)
@@ -134,18 +134,13 @@ class Walk:
     """Rays in a medium between opaque shapes."""
 
     def __init__(
-        self,
-        opaque: dt.Scene,
-        tables: SceneTables,
-        medium: dt.Medium,
-        coherent: bool,
-        most: int,
-        step: float,
+        self, prepared: PreparedScene, medium: dt.Medium, coherent: bool, most: int
     ) -> None:
-        self.opaque, self.tables, self.medium, self.coherent = opaque, tables, medium, coherent
-        self.smallest_step = dr.opaque(mi.Float64, step)
+        self.opaque, self.tables = prepared.opaque, prepared.tables
+        self.medium, self.coherent = medium, coherent
+        self.smallest_step = dr.opaque(mi.Float64, prepared.step)
         self.limit = dr.opaque(mi.UInt32, most)
-        self.boundary = medium.boundary_beside(opaque)
+        self.boundary = medium.boundary_beside(self.opaque)
         self.ambient = dr.opaque(mi.Float64, medium.ambient)
         self.open_step = dr.opaque(mi.Float64, medium.open_step)
 

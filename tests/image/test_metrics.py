@@ -129,6 +129,7 @@ def test_metrics_use_good_rays_only_unless_asked() -> None:
         "engine": "by hand",
         "included_rays": ["good", "index_mismatch"],
     }
+    assert metrics_of(status, include=(0, 5, 0))["assumptions"] == both["assumptions"]
     with pytest.raises(InputError, match="only 0 and 5"):
         metrics_of(include=(3,))
 

@@ -3,7 +3,7 @@
 import numpy as np
 import trimesh
 
-from iriftrace.geometry.topology import faces_to_flip, find_neighbours, weld
+from iriftrace.geometry.topology import cells_to_flip, find_neighbours, weld
 from iriftrace.geometry.triangles import area_vectors, unit_vectors
 from iriftrace.part.regions import Regions, find_smooth_groups, name_regions
 
@@ -164,7 +164,10 @@ def test_flipping_finds_exactly_the_turned_minority() -> None:
     for share in (0.0, 0.01, 0.3, 0.45):
         turned = rng.random(len(mesh.faces)) < share
         faces = np.where(turned[:, None], mesh.faces[:, ::-1], mesh.faces)
-        np.testing.assert_array_equal(faces_to_flip(find_neighbours(faces), areas), turned)
+        found = find_neighbours(faces)
+        flipped, one_sided = cells_to_flip(found.pairs, found.opposed, areas)
+        np.testing.assert_array_equal(flipped, turned)
+        assert not one_sided.any()
 
 
 def test_weld_ignores_the_sign_of_zero_and_sees_float32() -> None:

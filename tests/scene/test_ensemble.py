@@ -40,7 +40,7 @@ SLANTED = camera_at((60.0, -40.0, 90.0), resolution=(30, 24))
 
 def write_slab(folder: Path, airs: Any) -> tuple[Path, tuple[FieldMember, ...]]:
     """Write the scene of states of the slab's air."""
-    return write_ensemble_scene(folder, slab(1)[0], airs, SLANTED, paraview=False)
+    return write_ensemble_scene(folder, slab(1)[0], airs, SLANTED)
 
 
 def airs_of(*shares: float, layers: int = 1) -> list[AirState]:

@@ -15,7 +15,7 @@ from iriftrace.cfd.check.nusselt import nusselt_horizontal_cylinder
 from iriftrace.cfd.openfoam.case import Case
 from iriftrace.cfd.openfoam.domain import mesh_size
 from iriftrace.cfd.openfoam.mesh import make_mesh, wall_patch
-from iriftrace.cfd.openfoam.programs import find_openfoam, read_steps
+from iriftrace.cfd.openfoam.programs import find_openfoam, step_times
 from iriftrace.cfd.openfoam.simulate import check_solver, prepare
 from iriftrace.cfd.openfoam.times import Times
 from iriftrace.cfd.openfoam.wall import WallTemperatures
@@ -129,9 +129,9 @@ def test_heat_that_leaves_comes_from_the_wall(simulated: Run, name: str, limit: 
 
 
 def test_second_call_went_on_where_the_first_had_stopped(simulated: Run) -> None:
-    steps = read_steps((simulated.case / "log.buoyantPimpleFoam").read_text())
-    assert steps.times[0] >= 0.25
-    assert steps.times[-1] == pytest.approx(0.35)
+    times = step_times((simulated.case / "log.buoyantPimpleFoam").read_text())
+    assert times[0] >= 0.25
+    assert times[-1] == pytest.approx(0.35)
     first = read_field(simulated.case.parent / "first/field.vtu")
     assert first.grid.n_cells == read_field(simulated.case / "field.vtu").grid.n_cells
 

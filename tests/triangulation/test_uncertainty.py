@@ -52,9 +52,7 @@ def three(variant: str, tmp_path_factory: pytest.TempPathFactory) -> LoadedScene
     """A plate under hot layers in three states, seen by a camera and a projector."""
     part, stack = slab(5)
     airs = (AirState(None, f"share {share}", ready=scaled(stack, share)) for share in SHARES)
-    xml, _ = write_ensemble_scene(
-        tmp_path_factory.mktemp("three"), part, airs, CAMERA, TWO, paraview=False
-    )
+    xml, _ = write_ensemble_scene(tmp_path_factory.mktemp("three"), part, airs, CAMERA, TWO)
     return load_scene(xml, variant=variant)
 
 
@@ -111,7 +109,7 @@ def test_weights_on_disk_are_those_of_the_mean(variant: str, tmp_path: Path) -> 
         AirState(None, "a", weight=2 * weight, ready=scaled(stack, share))
         for share, weight in zip(SHARES, given, strict=True)
     ]
-    xml, _ = write_ensemble_scene(folder, part, airs, CAMERA, TWO, paraview=False)
+    xml, _ = write_ensemble_scene(folder, part, airs, CAMERA, TWO)
     table = folder / "members" / "members.json"
     listed = json.loads(table.read_text())
     assert [row["weight"] for row in listed["members"]] == pytest.approx(given.tolist())
@@ -161,7 +159,7 @@ def test_what_scatters_by_more_than_itself_is_not_taken_out(
     """Contrasts of -1, 0.1 and 1.2: their mean is 0.1, their standard deviation 1.1."""
     part, stack = slab(5)
     airs = (AirState(None, f"{share}", ready=scaled(stack, share)) for share in (-2.0, -0.9, 0.2))
-    xml, _ = write_ensemble_scene(tmp_path / "vague", part, airs, CAMERA, TWO, paraview=False)
+    xml, _ = write_ensemble_scene(tmp_path / "vague", part, airs, CAMERA, TWO)
     points = measure(three).points
     with pytest.raises(InputError, match=f"{len(points)} have a correction less.* too different"):
         correct(points, load_scene(xml, variant=variant))

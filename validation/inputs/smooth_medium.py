@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from iriftrace.plugins.kernels.bundle import straight_hits
 from iriftrace.plugins.kernels.curve import curved_hits
-from iriftrace.plugins.kernels.queries import straight_hits
 from iriftrace.plugins.kernels.tetrahedra import Entrance, Passage
 from iriftrace.plugins.kernels.vertex_table import aligned
 from validation.inputs.small_scenes import scene
@@ -114,16 +114,7 @@ def follow(
     prepared = loaded.integrator().prepare(loaded)
     origin = mi.Point3d(*(aligned(axis) for axis in np.array(origins, dtype=float).T))
     direction = mi.Vector3d(*(aligned(axis) for axis in np.array(directions, dtype=float).T))
-    common = {"coherent": False, "step": prepared.step}
-    straight = straight_hits(prepared.opaque, prepared.tables, origin, direction, **common)
-    bent = curved_hits(
-        prepared.opaque,
-        prepared.tables,
-        medium,
-        origin,
-        direction,
-        max_steps=max_steps,
-        **common,
-    )
+    straight = straight_hits(prepared, origin, direction, coherent=False)
+    bent = curved_hits(prepared, medium, origin, direction, coherent=False, max_steps=max_steps)
     reached = np.array(origins) + np.array(directions) * np.array(straight.distance)[:, None]
     return Ends(bent), reached

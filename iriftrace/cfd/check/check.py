@@ -21,12 +21,7 @@ from iriftrace.cfd.openfoam.wall import WallTemperatures, wall_temperature
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import plain
 from iriftrace.field.index_field import IndexField
-from iriftrace.field.part_fit import (
-    LARGEST_BARE_SHARE,
-    LARGEST_GAP_MM,
-    Fit,
-    fit_part_to_field,
-)
+from iriftrace.field.part_fit import LARGEST_BARE_SHARE, LARGEST_GAP_MM, Fit, fit_part_to_field
 from iriftrace.field.read import AMBIENT_TOLERANCE_K
 from iriftrace.part.part import Part
 

@@ -80,10 +80,7 @@ def reference_temperature(wall_k: float, ambient_k: float) -> float:
 
 
 def nusselt_horizontal_cylinder(
-    diameter_mm: float,
-    wall_k: float,
-    ambient_k: float,
-    pressure_pa: float = 101325.0,
+    diameter_mm: float, wall_k: float, ambient_k: float, pressure_pa: float = 101325.0
 ) -> Convection:
     """Heat from the lateral surface of a long horizontal cylinder in air at rest.
 

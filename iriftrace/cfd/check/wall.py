@@ -144,10 +144,7 @@ def _fitting_gradient(
     number = np.asarray(around.point_data["vtkOriginalPointIds"], dtype=np.int64)
     fitting = gradient.copy()
     fitting[number] = consistent_gradient(
-        np.asarray(around.points),
-        tetrahedra_of(around).corners,
-        values[number],
-        gradient[number],
+        np.asarray(around.points), tetrahedra_of(around).corners, values[number], gradient[number]
     )
     return fitting
 

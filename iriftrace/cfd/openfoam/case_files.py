@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from numpy.typing import NDArray
 
 from iriftrace.air import thermophysics as gas
 from iriftrace.cfd.openfoam.case import Case
 from iriftrace.cfd.openfoam.domain import BODY_LEVEL, WALL_LEVEL
 from iriftrace.cfd.openfoam.part_surface import write_stl
+from iriftrace.core.arrays import FloatArray
 
 # s; the wall heats air at rest. The step grows by a fifth each time until the flow limits it, so a
 # run that is continued loses little time either.
@@ -100,9 +99,11 @@ def write_control(
     Averaged states conserve heat (`KEEPING_HEAT`) unless the flow is `steady` by then.
     """
     times = case.times
+    # Where averaging begins at once, the mesher still needs times that are not 0.
+    late = averaging or times.settled == 0.0
     entries = {
-        "end_time": times.end if averaging else times.settled,
-        "write_interval": times.averaging_interval if averaging else times.settling_interval,
+        "end_time": times.end if late else times.settled,
+        "write_interval": times.averaging_interval if late else times.settling_interval,
         # One more than needed: the last may be incomplete if the run is killed.
         "times_kept": max(times.snapshots, 1) + 1 if averaging else 2,
         "start_time": f"{start:.9g}",
@@ -114,8 +115,6 @@ def write_control(
         "probes": [_metres(point) for point in case.probes],
         **(KEEPING_HEAT if averaging and not steady else CORRECTORS),
     }
-    if not averaging and times.settled == 0.0:
-        entries |= {"end_time": times.end, "write_interval": times.averaging_interval}
     for name in CONTROL_FILES:
         write_file(folder, name, entries)
 
@@ -194,7 +193,7 @@ def uniform(kelvin: float) -> str:
     return f"uniform {kelvin:.9g}"
 
 
-def nonuniform(kelvins: NDArray[np.float64]) -> str:
+def nonuniform(kelvins: FloatArray) -> str:
     """A temperature for each face of the wall."""
     numbers = "\n".join(f"{kelvin:.9g}" for kelvin in kelvins)
     return f"nonuniform List<scalar>\n{len(kelvins)}\n(\n{numbers}\n)"

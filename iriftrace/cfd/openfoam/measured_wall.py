@@ -40,8 +40,7 @@ class MeasuredWall:
     def at(self, places: FloatArray) -> FloatArray:
         """Temperatures (k,), K, at points (k, 3), mm: those of the nearest point or triangle."""
         if self.faces is None:
-            nearest: FloatArray = self.kelvins[self._tree.query(places)[1]]
-            return nearest
+            return as_float64(self.kelvins[self._tree.query(places)[1]])
         surface = Surface(self.points, self.faces)
         foot, face = surface.nearest(places)
         corners = self.faces[face]
@@ -51,8 +50,7 @@ class MeasuredWall:
         v = np.einsum("ij,ij->i", np.cross(foot - a, c - a), across) / square
         w = np.einsum("ij,ij->i", np.cross(b - a, foot - a), across) / square
         weights = np.stack((1.0 - v - w, v, w), axis=1)
-        between: FloatArray = np.einsum("ij,ij->i", weights, self.kelvins[corners])
-        return between
+        return as_float64(np.einsum("ij,ij->i", weights, self.kelvins[corners]))
 
     def record(self) -> dict[str, str]:
         """What it is."""

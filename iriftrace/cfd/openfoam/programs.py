@@ -127,22 +127,14 @@ def _sourced(bashrc: Path) -> dict[str, str]:
     return {name: value for name, _, value in pairs}
 
 
-@frozen
-class Steps:
-    """Steps in a solver's log."""
-
-    times: FloatArray  # (n,), s
-    courant: FloatArray  # (m,), largest Courant number of each step
-
-    @property
-    def last(self) -> float | None:
-        """Time of the last step, s."""
-        return float(self.times[-1]) if len(self.times) else None
+def step_times(text: str) -> FloatArray:
+    """Time of each step, s, in a solver's log or in a piece of it."""
+    return _numbers(_TIME.findall(text))
 
 
-def read_steps(text: str) -> Steps:
-    """Steps in a solver's log or in a piece of it."""
-    return Steps(_numbers(_TIME.findall(text)), _numbers(_COURANT.findall(text)))
+def courant_numbers(text: str) -> FloatArray:
+    """Largest Courant number of each step in a solver's log."""
+    return _numbers(_COURANT.findall(text))
 
 
 def tail(path: Path, length: int = 20_000) -> str:

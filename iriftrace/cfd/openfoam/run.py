@@ -27,8 +27,8 @@ from iriftrace.cfd.openfoam.programs import (
     OpenFoamError,
     read_heat,
     read_plume,
-    read_steps,
     run_program,
+    step_times,
     tail,
 )
 from iriftrace.core.errors import InputError
@@ -111,10 +111,7 @@ def expected_seconds(case: Case, cells: int, since: float = 0.0) -> float:
 
 
 def solve(
-    case: Case,
-    folder: Path,
-    installation: Installation,
-    watch: Callable[[State], None],
+    case: Case, folder: Path, installation: Installation, watch: Callable[[State], None]
 ) -> float:
     """Run until the flow has settled, then average the density to the end; returns the seconds.
 
@@ -167,19 +164,16 @@ def _prepared(case: Case, folder: Path, installation: Installation) -> list[Path
 
 
 def _run_solver(
-    case: Case,
-    folder: Path,
-    installation: Installation,
-    watch: Callable[[State], None],
-    end: float,
+    case: Case, folder: Path, installation: Installation, watch: Callable[[State], None], end: float
 ) -> None:
     log = folder / f"log.{SOLVER}"
     begun, first = time.monotonic(), last_time(pieces_of(folder))
 
     def look() -> None:
-        now = read_steps(tail(log)).last
-        if now is None:
+        times = step_times(tail(log)).tolist()
+        if not times:
             return
+        now = times[-1]
         clock = time.monotonic() - begun
         # The first steps are tiny and would give a far too long estimate.
         known = now - first > 0.02 * case.times.end

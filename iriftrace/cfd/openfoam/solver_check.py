@@ -29,8 +29,9 @@ from iriftrace.cfd.openfoam.programs import (
     SOLVER,
     Installation,
     OpenFoamError,
-    read_steps,
+    courant_numbers,
     run_program,
+    step_times,
     tail,
 )
 from iriftrace.core.files import sha256_of, write_whole
@@ -75,13 +76,13 @@ def try_solver(installation: Installation) -> str:
 
 def judge(log: str) -> str:
     """What is wrong according to the solver's log; "" if nothing is."""
-    steps = read_steps(log)
-    if steps.last is None or steps.last < 0.99 * _END or not len(steps.courant):
+    times, courant = step_times(log), courant_numbers(log)
+    if not len(times) or times[-1] < 0.99 * _END or not len(courant):
         return "it did not finish three time steps on a mesh with inclined faces"
-    if not steps.courant.max() < _LARGEST_COURANT:
+    if not courant.max() < _LARGEST_COURANT:
         return (
             "on a mesh with inclined faces still air moved at a Courant number of "
-            f"{steps.courant.max():.3g} instead of about 0.01"
+            f"{courant.max():.3g} instead of about 0.01"
         )
     return ""
 

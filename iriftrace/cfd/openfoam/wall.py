@@ -7,7 +7,7 @@ from attrs import field, frozen
 from numpy.typing import ArrayLike
 
 from iriftrace.cfd.openfoam.measured_wall import MeasuredWall
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import FloatArray, as_float64
 from iriftrace.core.errors import InputError
 from iriftrace.geometry.query import Surface
 from iriftrace.part.part import Part
@@ -108,8 +108,7 @@ def wall_temperature(wall: WallTemperatures, part: Part, points: ArrayLike) -> F
         return np.full(len(places), kelvins[0])
     distances = np.stack([group.distance(places) for group in groups])
     if wall.transition == 0.0:
-        nearest: FloatArray = kelvins[distances.argmin(axis=0)]
-        return nearest
+        return as_float64(kelvins[distances.argmin(axis=0)])
     return _mixed(wall, kelvins, distances)[0]
 
 

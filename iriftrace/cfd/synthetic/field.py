@@ -62,11 +62,7 @@ def _field_of(grid: pv.UnstructuredGrid, air: SyntheticAir, ambient: Air, name: 
 
 
 def write_synthetic_field(
-    path: str | Path,
-    air: SyntheticAir,
-    size: AirMesh | None = None,
-    *,
-    gradient: bool = False,
+    path: str | Path, air: SyntheticAir, size: AirMesh | None = None, *, gradient: bool = False
 ) -> pv.UnstructuredGrid:
     """Write the synthetic field, with its origin, as .vtu (else InputError), mm and K.
 

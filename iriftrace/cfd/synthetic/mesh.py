@@ -231,8 +231,7 @@ def _pieces(corners: IntArray, sign: IntArray, ends: IntArray, first: int) -> di
         return first + place
 
     def case(outside: int, wall: int) -> BoolArray:
-        chosen: BoolArray = (n_out == outside) & (n_wall == wall)
-        return chosen
+        return np.asarray((n_out == outside) & (n_wall == wall))
 
     def pieces(some: BoolArray, *points: int | tuple[int, int]) -> IntArray:
         """Cells with corners (their place in the order) and cuts (between two places)."""

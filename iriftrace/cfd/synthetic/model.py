@@ -243,11 +243,6 @@ class SyntheticAir:
     transition_mm: float | None = None
     surface: Surface = field(init=False, repr=False)
 
-    @wall_k.validator
-    def _check_wall(self, _: Attribute[float], value: float) -> None:
-        if not (np.isfinite(value) and value > 0.0):
-            raise InputError(f"A wall temperature of {value:g} K does not exist; give it in K.")
-
     @ambient_k.validator
     def _check_ambient(self, _: Attribute[float], value: float) -> None:
         _require_hotter_wall(self.wall_k, value)

@@ -18,11 +18,7 @@ HYBRID_REGIONS = ("head -x", "lateral -x", "transition", "lateral +x", "head +x"
 
 
 def cylinder(
-    diameter_mm: float = 27.0,
-    length_mm: float = 170.0,
-    *,
-    segments: int = 60,
-    stations: int = 12,
+    diameter_mm: float = 27.0, length_mm: float = 170.0, *, segments: int = 60, stations: int = 12
 ) -> Part:
     """Cylinder along x.
 
@@ -91,8 +87,9 @@ def hybrid_cylinder(
         A length is not positive, the transition is not on the cylinder, or there are too few
         segments.
     """
-    check_positive("hybrid cylinder", diameter=diameter_mm, length=length_mm)
-    check_positive("hybrid cylinder", transition=transition_mm)
+    check_positive(
+        "hybrid cylinder", diameter=diameter_mm, length=length_mm, transition=transition_mm
+    )
     check_count("hybrid cylinder", "stations", stations, 2, 1000)
     half = 0.5 * length_mm
     start, stop = interface_mm - 0.5 * transition_mm, interface_mm + 0.5 * transition_mm
