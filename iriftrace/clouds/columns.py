@@ -9,7 +9,7 @@ from pathlib import Path
 
 from attrs import frozen
 
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import LENGTH_UNITS, stated_length_unit
 
 MARKS = "#/%*!"
@@ -49,6 +49,8 @@ _MEANS_POINT = frozenset(
 _MEASURED = frozenset("meas measured measurement actual act ist gemessen mesuré".split())
 """Words that say of a coordinate that others next to it are not the measured ones."""
 
+_NOMINAL = re.compile(r"\b(?:nominals?|soll(?:werte?)?)\b", re.IGNORECASE)
+
 _NOT_CARTESIAN = frozenset(
     "r range radius rho distance theta phi azimuth elevation polar angle lat latitude lon "
     "longitude u v row col column line sample disparity".split()
@@ -81,7 +83,7 @@ def axis_of(name: str) -> Axis | None:
     elif suffix := _SUFFIX.search(text):
         unit, text = LENGTH_UNITS[suffix[1]], text[: suffix.start()]
     for form in _FORMS:
-        if match := form.fullmatch(text.strip()):
+        if match := form.fullmatch(text.strip(" _")):
             words = re.split(r"[\s_:.-]+", match["what"] or "")
             what = " ".join(word for word in words if word not in _MEANS_POINT)
             return Axis(what, _AXES[match["axis"]], unit)
@@ -237,6 +239,16 @@ def refuse_corrected(file: Path, names: Iterable[str]) -> None:
         raise InputError(
             f"{file} is corrected already, as its column correction_x says, and the refraction "
             "error would be removed twice; give the cloud as it was measured."
+        )
+
+
+def warn_of_nominal(file: Path, lines: Iterable[str], names: Sequence[str]) -> None:
+    """Warn of a word above the line of `names` that says of some columns that they are nominal."""
+    above = (line.strip() for line in lines if words_of(line, len(names)) != names)
+    if said := next(filter(_NOMINAL.search, above), ""):
+        warn(
+            f"{file.name} has the line {said!r} above its columns; if its x, y and z are the "
+            "nominal ones and not the measured ones, choose these (--columns A,B,C)."
         )
 
 

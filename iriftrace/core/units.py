@@ -27,9 +27,12 @@ LENGTH_UNITS = {
 """Length units by the names that files give them."""
 
 _STATED_UNIT = re.compile(
-    r"(?<![^\W_])(?:units?|einheit(?:en)?)(?:\s+of\s+length)?"
+    r"(?<![^\W_])(?:length[\s_]*)?(?:units?|einheit(?:en)?)(?:\s+of\s+length)?(?:\s+(?:is|are))?"
     r"(?:\s*[:=]\s*[\[(]?|\s+(?:in\s+)?|\s*[\[(])(?!in\s+[a-zµμ])([a-zµμ]+)"
-    r"|\b(?:coordinates|positions|koordinaten)\s+(?:are\s+)?in\s+([a-zµμ]+)",
+    r"|(?:\b(?:coord(?:inate)?s|positions|xyz|koordinaten)|^\W*(?:comment\s+)?(?:all\s+)?"
+    r"(?:lengths|distances|dimensions|values|data|points|exported|längen|maße))"
+    r"(?:\s+(?:are|is|given))*(?:\s+in\s+|\s*[:=,]\s*|\s*[\[(]\s*)(?!in\b)"
+    r"([a-zµμ]+)(?![\w/^*·]|\s+\w+\^?-\d)",
     re.IGNORECASE,
 )
 _WORD_FOR_UNIT = re.compile(r"\bunit|\bunid|einheit|eenheid|enhe[td]|единиц|単位|单位|單位")

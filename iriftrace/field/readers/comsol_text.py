@@ -23,6 +23,7 @@ from iriftrace.core.number_table import (
     numbers,
     separator_of,
     with_gaps,
+    without_statistics,
 )
 from iriftrace.core.units import LENGTH_UNITS, stated_length_unit
 from iriftrace.field.readers.states import Column, column_of
@@ -172,7 +173,7 @@ def text_file(path: Path) -> TextFile:
         raise InputError(f"{path} is not text; export it again as a text file in UTF-8.")
     sections: list[Section] = []
     comments: list[str] = []
-    for line in filter(None, map(str.strip, text.splitlines())):
+    for line in filter(None, map(str.strip, without_statistics(text.splitlines(), path))):
         # The comment mark may stand in the quotation marks of the first word.
         line = with_gaps(re.sub(r'^"\s*([%#]+)\s*', r'\1 "', line))
         if line[0] in "%#" and not line.strip('%#" ,;\t'):
