@@ -133,7 +133,7 @@ def calibration_content(path: Path) -> Mapping[str, object]:
     named = realsense_values(values[0] if whole else content)
     remarks = (line for line in text.splitlines() if line.lstrip().startswith("#"))
     unit = next(filter(None, map(stated_length_unit, remarks)), "")
-    stated = {folded(str(name)) for name in named} & {folded(name) for name in _LENGTH_UNIT}
+    stated = any(is_length_unit(str(name)) for name in named)
     return {**named, "length_unit": unit} if unit and not stated else named
 
 
@@ -177,6 +177,11 @@ def _xml_value(entry: ElementTree.Element) -> object:
 def folded(name: str) -> str:
     """A name without case and punctuation: camera_matrix and cameraMatrix are the same."""
     return "".join(letter for letter in name.casefold() if letter.isalnum())
+
+
+def is_length_unit(name: str) -> bool:
+    """True for a name of the unit of lengths."""
+    return folded(name) in map(folded, _LENGTH_UNIT)
 
 
 def _numbers(value: object) -> FloatArray:
