@@ -125,6 +125,7 @@ def calibration_content(path: Path) -> Mapping[str, object]:
             f"{path} is neither YAML, XML nor JSON of a calibration "
             f"({' '.join(str(error).split())}); give the file that OpenCV's FileStorage wrote."
         ) from error
+    content = _with_named_cameras(content)
     if not isinstance(content, Mapping):
         raise InputError(f"{path} holds no named values; give a camera calibration of OpenCV.")
     values = list(content.values())
@@ -135,6 +136,17 @@ def calibration_content(path: Path) -> Mapping[str, object]:
     unit = next(filter(None, map(stated_length_unit, remarks)), "")
     stated = any(is_length_unit(str(name)) for name in named)
     return {**named, "length_unit": unit} if unit and not stated else named
+
+
+def _with_named_cameras(content: object) -> object:
+    """Values in which a list of cameras is cam0, cam1 ..., or a single one as if it were alone."""
+    values = {"cameras": content} if isinstance(content, list) else content
+    cameras = values.get("cameras") if isinstance(values, Mapping) else None
+    if not isinstance(cameras, list) or not all(isinstance(one, Mapping) for one in cameras):
+        return content
+    named = {f"cam{number}": camera for number, camera in enumerate(cameras)}
+    rest = {name: value for name, value in values.items() if name != "cameras"}
+    return {**rest, **(cameras[0] if len(cameras) == 1 else named)}
 
 
 _NO_BLANK = re.compile(r"^(\s*[A-Za-z_]\w*):(?=\S)", re.MULTILINE)
