@@ -330,8 +330,8 @@ def _refuse_other_models(values: CalibrationValues) -> None:
             "; calibrate with that"
         )
     for name, value in values.content.items():
-        of_a_lens = isinstance(value, str) and _OF_A_LENS.search(folded(str(name)))
-        if of_a_lens and _OTHER_LENS.search(value):
+        of_a_lens = _OF_A_LENS.search(folded(str(name)))
+        if of_a_lens and isinstance(value, str) and _OTHER_LENS.search(value):
             raise values.wrong(
                 f"its {name} {value!r} is another lens model than the one of Brown and Conrady, "
                 "which alone is modelled; calibrate with that"

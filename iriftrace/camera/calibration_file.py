@@ -140,12 +140,14 @@ def calibration_content(path: Path) -> Mapping[str, object]:
 
 def _with_named_cameras(content: object) -> object:
     """Values in which a list of cameras is cam0, cam1 ..., or a single one as if it were alone."""
-    values = {"cameras": content} if isinstance(content, list) else content
-    cameras = values.get("cameras") if isinstance(values, Mapping) else None
-    if not isinstance(cameras, list) or not all(isinstance(one, Mapping) for one in cameras):
+    values: object = {"cameras": content} if isinstance(content, list) else content
+    if not isinstance(values, Mapping) or not isinstance(values.get("cameras"), list):
+        return content
+    rest = {name: value for name, value in values.items() if name != "cameras"}
+    cameras = values["cameras"]
+    if not all(isinstance(camera, Mapping) for camera in cameras):
         return content
     named = {f"cam{number}": camera for number, camera in enumerate(cameras)}
-    rest = {name: value for name, value in values.items() if name != "cameras"}
     return {**rest, **(cameras[0] if len(cameras) == 1 else named)}
 
 

@@ -72,13 +72,13 @@ def without_scalars(values: CalibrationValues) -> CalibrationValues:
     several = scalars or isinstance(lens["k2"], int | float)
     if brown and (source is not values or (named is None and several)):
         content[DISTORTION[0]] = [0.0 if value is None else value for value in lens.values()]
-        known = {*_LENS_SCALARS, *_UNMODELLED, *map(folded, DISTORTION)}
+        coefficients = {*_LENS_SCALARS, *_UNMODELLED}
         others = [
             name
             for name, value in source.content.items()
             if isinstance(value, int | float) and is_part_of_a_distortion(str(name))
         ]
-        if unknown := [name for name in others if folded(str(name)) not in known]:
+        if unknown := [name for name in others if folded(str(name)) not in coefficients]:
             raise values.wrong(
                 f"next to k1 it has {', '.join(map(str, unknown))}, which is not known here; name "
                 "the coefficients k1, k2, p1, p2, k3"

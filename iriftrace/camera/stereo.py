@@ -17,7 +17,6 @@ from iriftrace.camera.calibration import (
     Calibration,
     calibration_of,
     exact_rotation,
-    is_part_of_a_distortion,
     rotation_in,
     to_world,
 )
@@ -35,6 +34,7 @@ from iriftrace.camera.calibration_names import (
     SIZE,
     TRANSLATION,
     WIDTH,
+    is_part_of_a_distortion,
     refuse_different,
     without_scalars,
 )
@@ -284,7 +284,7 @@ def _motion(
             if values is not second:
                 both = _is_rectified(first) and _is_rectified(second)
                 # Cameras that were calibrated one by one have no baseline there.
-                both = both and second.array(PROJECTION, (12,))[3::4].any()
+                both = both and bool(second.array(PROJECTION, (12,))[3::4].any())
                 other = _motion_of_rectified(first, second) if both else None
                 refuse_contradiction(values, (rotation, shift), other)
             return rotation, shift, "mm"
