@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from attrs import evolve
 
 from iriftrace.camera.calibration_file import CalibrationValues, folded
+from iriftrace.core.files import is_number
 
 # Case and punctuation do not count: camera_matrix is cameraMatrix and Camera_Matrix.
 MATRIX = ("camera_matrix", "K", "M", "intrinsic_matrix", "camera_intrinsics", "mtx", "KK")
@@ -72,21 +73,20 @@ def without_scalars(values: CalibrationValues) -> CalibrationValues:
     several = scalars or isinstance(lens["k2"], int | float)
     if brown and (source is not values or (named is None and several)):
         content[DISTORTION[0]] = [0.0 if value is None else value for value in lens.values()]
-        coefficients = {*_LENS_SCALARS, *_UNMODELLED}
-        others = [
-            name
+        unknown = [
+            str(name)
             for name, value in source.content.items()
-            if isinstance(value, int | float) and is_part_of_a_distortion(str(name))
+            if is_number(value) and re.search("radial|tangential", folded(str(name)))
         ]
-        if unknown := [name for name in others if folded(str(name)) not in coefficients]:
+        if unknown:
             raise values.wrong(
-                f"next to k1 it has {', '.join(map(str, unknown))}, which is not known here; name "
-                "the coefficients k1, k2, p1, p2, k3"
+                f"next to k1 it has {', '.join(unknown)}, which is not known here; name the "
+                "coefficients k1, k2, p1, p2, k3"
             )
         # Those of OpenCV's rational model come together; k4 alone is that of another polynomial.
         alone = ("k4",) if lens["k5"] is None else ()
         for name in (*_UNMODELLED, *alone):
-            if isinstance(source.named((name,)), int | float) and source.named((name,)) != 0:
+            if is_number(source.named((name,))) and source.named((name,)) != 0:
                 raise values.wrong(
                     f"it has {name} = {source.named((name,))}, which is not modelled; calibrate "
                     "with k1 to k3, p1 and p2 only"
