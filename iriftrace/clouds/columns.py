@@ -94,11 +94,29 @@ def coordinate_columns(names: Sequence[str]) -> list[int] | None:
     """Numbers of the columns x, y and z of the points; None where they are not one each."""
     axes = [(number, axis_of(name)) for number, name in enumerate(names)]
     points = [(axis.number, number) for number, axis in axes if axis and not axis.what]
-    if any(axis.what in _MEASURED for _, axis in axes if axis):
+    if _other_measured(names):
         return None
     if sorted(axis for axis, _ in points) != [0, 1, 2]:
         return None
     return [number for _, number in sorted(points)]
+
+
+def _other_measured(names: Iterable[str]) -> bool:
+    """Whether a name says that it, and not x, y or z, is a measured coordinate."""
+    return any(axis is not None and axis.what in _MEASURED for axis in map(axis_of, names))
+
+
+def refuse_other_measured(file: Path, names: Sequence[str]) -> None:
+    """Refuse a cloud with measured coordinates next to x, y and z."""
+    if _other_measured(names):
+        raise _undecided(file, names, "")
+
+
+def _undecided(file: Path, names: Sequence[str], numbers: str) -> InputError:
+    return InputError(
+        f"{file} has the columns {listed(names)}{numbers}, which do not say which three are the "
+        "measured x, y and z; choose them by name, or by number from 1 (--columns A,B,C)."
+    )
 
 
 def chosen_columns(
@@ -145,10 +163,7 @@ def columns_of_points(
     found = coordinate_columns(names) if len(names) == count else None
     if found is None:
         numbers = "" if len(names) == count else f" over {count} columns of numbers"
-        raise InputError(
-            f"{file} has the columns {listed(names)}{numbers}, which do not say which three are "
-            "the measured x, y and z; choose them by name, or by number from 1 (--columns A,B,C)."
-        )
+        raise _undecided(file, names, numbers)
     return found
 
 

@@ -107,7 +107,7 @@ def read_table(
     if names or chosen is not None:
         places = columns_of_points(names, count, chosen, file)
     else:
-        if separator == "," and count > 5 and not np.mod(table, 1).any():
+        if separator == "," and count > 5 and _are_whole(table):
             raise InputError(
                 f"{file} has {count} columns of whole numbers between commas, as if these were "
                 "decimal signs too; export it with decimal points, or with semicolons."
@@ -152,7 +152,12 @@ def _unnamed_columns(table: FloatArray, file: Path) -> list[int]:
             f"The first of the {count} columns in {file} counts the rows, and none has a name; "
             "choose x, y and z by number from 1 (--columns 2,3,4)."
         )
-    whole = [column + 1 for column in range(count) if not np.mod(table[:, column], 1).any()]
+    if count > 5 and _are_twice(table):
+        raise InputError(
+            f"{file} has {count} columns without names, of which 1 to 3 are nearly 4 to 6, as "
+            "nominal and measured points are; choose the measured ones by number (--columns 4,5,6)."
+        )
+    whole = [column + 1 for column in range(count) if _are_whole(table[:, column])]
     if count > 3 and 0 < sum(column <= 3 for column in whole) < 3:
         raise InputError(
             f"{file} has {count} columns without names, and whole numbers, as of pixels, in column "
@@ -162,6 +167,10 @@ def _unnamed_columns(table: FloatArray, file: Path) -> list[int]:
     return values[:3] if len(values) >= 3 else [0, 1, 2]
 
 
+def _are_whole(numbers: FloatArray) -> bool:
+    return bool((numbers == np.round(numbers)).all())
+
+
 def _are_alike(table: FloatArray) -> bool:
     """Whether the first three columns differ little from each other, as heights side by side."""
     known = table[np.isfinite(table[:, :3]).all(axis=1), :3]
@@ -169,6 +178,15 @@ def _are_alike(table: FloatArray) -> bool:
         return False
     steps = np.median(np.abs(np.diff(known, axis=1)), axis=0)
     return bool(steps.max() < _ALIKE * np.ptp(np.quantile(known, (0.05, 0.95))))
+
+
+def _are_twice(table: FloatArray) -> bool:
+    """Whether three columns and the next three are the same places within a twentieth."""
+    known = table[np.isfinite(table[:, :6]).all(axis=1), :6]
+    if len(known) < 3:
+        return False
+    off = np.linalg.norm(known[:, 3:] - known[:, :3], axis=1)
+    return bool(np.median(off) < 0.05 * np.linalg.norm(np.ptp(known[:, :3], axis=0)))
 
 
 def _rows(lines: Sequence[str]) -> list[str]:

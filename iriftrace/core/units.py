@@ -30,7 +30,7 @@ _STATED_UNIT = re.compile(
     r"(?<![^\W_])(?:length[\s_]*)?(?:units?|einheit(?:en)?)(?:\s+of\s+length)?(?:\s+(?:is|are))?"
     r"(?:\s*[:=]\s*[\[(]?|\s+(?:in\s+)?|\s*[\[(])(?!in\s+[a-zµμ])([a-zµμ]+)"
     r"|(?:\b(?:coord(?:inate)?s|positions|xyz|koordinaten)|^\W*(?:comment\s+)?(?:all\s+)?"
-    r"(?:lengths|distances|dimensions|values|data|points|exported|längen|maße))"
+    r"(?:lengths|distances|dimensions|values|data|points|vertices|exported|längen|maße))"
     r"(?:\s+(?:are|is|given))*(?:\s+in\s+|\s*[:=,]\s*|\s*[\[(]\s*)(?!in\b)"
     r"([a-zµμ]+)(?![\w/^*·]|\s+\w+\^?-\d)",
     re.IGNORECASE,

@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 
 from iriftrace.clouds.read import read_cloud
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.geometry.ply import write_ply_points
 
 POINTS = np.random.default_rng(3).uniform(-50, 50, (20, 3)).round(6)
 
@@ -67,3 +68,25 @@ def test_nominal_values_are_warned_of(tmp_path: Path):
     (tmp_path / "a.csv").write_text(f"Nominal;;;Abweichung;;\nX;Y;Z;dX;dY;dZ\n{table}")
     with pytest.warns(IriftraceWarning, match="'Nominal;;;Abweichung;;' above its columns"):
         assert_allclose(read_cloud(tmp_path / "a.csv").points, POINTS)
+
+
+def test_nominal_and_measured_points_side_by_side_must_be_chosen_from(tmp_path: Path):
+    measured = POINTS + np.random.default_rng(5).normal(0.0, 0.1, POINTS.shape).round(6)
+    np.savetxt(tmp_path / "a.asc", np.hstack((POINTS, measured)), "%.6f")
+    with pytest.raises(InputError, match="1 to 3 are nearly 4 to 6, as nominal and measured"):
+        read_cloud(tmp_path / "a.asc")
+    assert_allclose(read_cloud(tmp_path / "a.asc", columns=("4", "5", "6")).points, measured)
+    names = ("x", "y", "z", "x_meas", "y_meas", "z_meas")
+    columns = dict(zip(names[3:], measured.T, strict=True))
+    write_ply_points(tmp_path / "a.ply", POINTS, columns)
+    with pytest.raises(InputError, match=f"has the columns {', '.join(names)}, which do not say"):
+        read_cloud(tmp_path / "a.ply")
+    assert_allclose(read_cloud(tmp_path / "a.ply", columns=names[3:]).points, measured)
+
+
+def test_infinite_coordinates_are_not_measured(tmp_path: Path):
+    table = np.hstack((POINTS, np.ones((len(POINTS), 3))))
+    table[3] = np.inf
+    np.savetxt(tmp_path / "a.csv", table, "%.6f", ",")
+    with pytest.warns(IriftraceWarning, match="1 of 20 points in a.csv are not finite"):
+        assert len(read_cloud(tmp_path / "a.csv").points) == len(POINTS) - 1
