@@ -20,7 +20,11 @@ if TYPE_CHECKING:
     from iriftrace.scene.loaded import LoadedScene
 
 _OPTIONS = ("--convention", "--length-unit", "--robot")
+_INVERSE = "the inverse matrices (from the camera to the world)"
 _UNITS = ("mm", "m", "cm", "um", "inch")
+
+Frames = dict[str, Any]
+"""Motions (4, 4) by their names in `read_poses`: ``hand_eye`` and ``base_to_part``."""
 
 
 def aimed_poses(
@@ -29,7 +33,7 @@ def aimed_poses(
     convention: str,
     length_unit: str,
     robot: RobotName | None,
-    frames: dict[str, Any],
+    frames: Frames,
 ) -> PoseSet:
     """Poses of a file (`read_poses`), with the `frames` of a robot, that look at the part.
 
@@ -66,28 +70,40 @@ def _look_at_part(poses: PoseSet, scene: LoadedScene) -> BoolArray:
 
 
 def _read_otherwise(
-    file: Path, convention: str, length_unit: str, robot: RobotName | None, frames: dict[str, Any]
+    file: Path, convention: str, length_unit: str, robot: RobotName | None, frames: Frames
 ) -> Iterator[tuple[str, PoseSet]]:
     """What else the options may be, those with the fewest changes first, and the poses then."""
     alike: list[RobotName | None] = [None]
     if robot is not None:
         alike = [name for name in ROBOTS if ROBOTS[name].columns == ROBOTS[robot].columns]
-    # The inverse of a flange's pose is none of a camera.
-    ways = ("", "the inverse matrices (from the camera to the world)")[: 1 if frames else 2]
-    tried = product(CONVENTIONS, _UNITS, alike, ways)
+    others = _other_frames(frames) if frames else {_INVERSE: frames}
     given = (convention, length_unit, robot, "")
 
     def changes(choice: tuple[str, str, RobotName | None, str]) -> int:
         return sum(one != other for one, other in zip(choice, given, strict=True))
 
-    for axes, unit, maker, inverse in sorted(tried, key=changes):
-        values = zip(_OPTIONS, (axes, unit, maker), given[:3], strict=True)
+    for choice in sorted(product(CONVENTIONS, _UNITS, alike, ("", *others)), key=changes):
+        axes, unit, maker, motion = choice
+        values = zip(_OPTIONS, choice[:3], given[:3], strict=True)
         options = [f"{name} {value}" for name, value, old in values if value != old]
+        used = others.get(motion, frames)
         try:
-            poses = read_poses(file, axes, length_unit=unit, robot=maker, **frames)
+            poses = read_poses(file, axes, length_unit=unit, robot=maker, **used)
         except InputError:  # such as a file that states its convention
             continue
-        if inverse:
+        if motion == _INVERSE:
             turned = np.linalg.inv(to_convention(poses.matrices, axes))
             poses = PoseSet(from_convention(turned, axes))
-        yield " and ".join([*options, *filter(None, (inverse,))]), poses
+        yield " and ".join(filter(None, (*options, motion))), poses
+
+
+def _other_frames(frames: Frames) -> dict[str, Frames]:
+    """Motions of a robot's flange and base that were meant the other way round or are in m."""
+    found = {}
+    for name, matrix in frames.items():
+        option = f"--{name.replace('_', '-')}"
+        metres = matrix.copy()
+        metres[:3, 3] *= 1e3
+        found[f"the inverse of {option}"] = {**frames, name: np.linalg.inv(matrix)}
+        found[f"the translation in {option} in m (write it in mm)"] = {**frames, name: metres}
+    return found

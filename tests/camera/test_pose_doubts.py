@@ -110,6 +110,27 @@ def test_few_poses_that_look_at_the_part_by_chance_are_warned_of(tmp_path):
         aimed_poses(file, SCENE, "opencv", "mm", "mitsubishi", {})
 
 
+def test_motions_of_the_robot_the_other_way_round_are_noticed(tmp_path):
+    turn = np.eye(4)
+    turn[:3, :3] = Rotation.from_euler("ZYX", (70, 50, 30), degrees=True).as_matrix()
+    turn[:3, 3] = 80.0, 10.0, -40.0
+    base = np.eye(4)
+    base[:3, 3] = -900.0, 200.0, -350.0
+    file = tmp_path / "flange.npy"
+    np.save(file, np.linalg.inv(base) @ MATRICES @ np.linalg.inv(turn))
+    frames = {"hand_eye": turn, "base_to_part": base}
+    assert_allclose(
+        aimed_poses(file, SCENE, "opencv", "mm", None, frames).matrices, MATRICES, atol=1e-9
+    )
+    for name, wrong, remedy in (
+        ("hand_eye", np.linalg.inv(turn), "the inverse of --hand-eye"),
+        ("base_to_part", np.linalg.inv(base), "the inverse of --base-to-part"),
+        ("base_to_part", in_metres(base[None])[0], "the translation in --base-to-part in m"),
+    ):
+        with pytest.raises((InputError, IriftraceWarning), match=f"all would with {remedy}"):
+            aimed_poses(file, SCENE, "opencv", "mm", None, {**frames, name: wrong})
+
+
 def test_poses_that_look_past_the_part_in_every_way_are_kept(tmp_path):
     beside = MATRICES.copy()
     beside[:, :3, 3] += 1e4
