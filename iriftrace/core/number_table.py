@@ -24,7 +24,8 @@ _GAP = re.compile(
 _MAYBE_GAP = re.compile(r"[nN#]|-(?![\d.])")
 _EMPTY_CELL = re.compile(r"[,;\t] *(?:[,;\t]|$)|^ *[,;\t]")
 _NUMBER = re.compile(r"[-+]?\d[\d.,]*(?:[eEdD][-+]?\d+)?|\bnan\b")
-_WORD = re.compile(r"[^\W\d_]{2,}")
+_LETTER_RUN = re.compile(r"[^\W\d_]+")
+_LONG_WORD = re.compile(r"[^\W\d_]{3}")
 _STATISTICS = frozenset(
     "mean avg average median max maximum min minimum std stdev stddev dev deviation sigma rms sum "
     "total count range var variance standard mittelwert mittel summe anzahl spannweite abw "
@@ -59,7 +60,7 @@ def with_gaps(line: str) -> str:
 
 def without_statistics(lines: Sequence[str], path: Path) -> list[str]:
     """Lines without those of statistics, such as "Mean;1.2;3.4", of which a warning tells."""
-    found = [line for line in lines if _WORD.search(line) and _is_statistic(line)]
+    found = [line for line in lines if _LONG_WORD.search(line) and _is_statistic(line)]
     if not found:
         return list(lines)
     warn(
@@ -72,7 +73,7 @@ def without_statistics(lines: Sequence[str], path: Path) -> list[str]:
 def _is_statistic(line: str) -> bool:
     """True for numbers with words of statistics alone, outside of a comment."""
     text, count = _NUMBER.subn("", line.casefold())
-    words = set(_WORD.findall(text))
+    words = set(_LETTER_RUN.findall(text))
     return count > 0 and bool(words) and words <= _STATISTICS and not _COMMENT.match(line)
 
 

@@ -35,6 +35,12 @@ def test_rows_of_statistics_are_not_points(mark: str, words: tuple[str, str], tm
         assert_allclose(cloud.points, POINTS)
 
 
+def test_names_of_columns_are_no_statistics(tmp_path: Path):
+    table = "".join(f"{row},0.5,0.25\n" for row in rows().splitlines())
+    (tmp_path / "a.csv").write_text(f"z,y,x,std1,max2\n{table}")
+    assert_allclose(read_cloud(tmp_path / "a.csv").points, POINTS[:, ::-1])
+
+
 @pytest.mark.parametrize(
     ("beginning", "kind"),
     [
