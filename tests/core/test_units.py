@@ -99,6 +99,8 @@ def test_pint_is_loaded_only_for_units():
         ("% length unit [cm]", "cm"),
         ("Maßeinheit;m", "m"),
         ("# Unité : mm", "mm"),
+        ("% 長度單位\uff1am", "m"),
+        ("% 길이 단위: m", "m"),
         ('"Units","meters"', "m"),
         ("# all lengths in m", "m"),
         ("comment all values in inches", "inch"),
