@@ -46,7 +46,7 @@ _OVER_TIME = {
 """Names of averages over time."""
 _OTHER = re.compile(
     r"(?:^|[_./-])(?:rms|std|stddev|sigma|var|variance|fluct\w*|prime\d?|max|min|old|prev\w*|grad\w*"
-    r"|flux|rate|rise|excess|diff\w*|wall|solid|error|uncertainty)(?:$|[_./-])"
+    r"|flux|rate|rise|excess|diff\w*|error|uncertainty)(?:$|[_./-])"
 )
 """In names of what is not the value itself: ``T_rms``, ``T_max``, ``temperature_gradient``."""
 
