@@ -28,9 +28,8 @@ def refuse_contradiction(
     if rectified is not None:
         expected, names = _essential(*rectified), "R1, R2, P1 and P2"
     elif values.named(_ESSENTIAL) is not None:
-        expected, names = values.array(_ESSENTIAL, (9,)).reshape(3, 3), "E"
-        # Its length and sign are open.
-        expected = expected / np.linalg.norm(expected)
+        expected, names = _of_length_1(values.array(_ESSENTIAL, (9,)).reshape(3, 3)), "E"
+        # Its sign is open, too.
         expected = expected * np.sign((_essential(*motion) * expected).sum())
     else:
         return
@@ -50,8 +49,12 @@ def refuse_contradiction(
 
 def _essential(rotation: FloatArray, shift: FloatArray) -> FloatArray:
     """The essential matrix [T]x R, (3, 3), of length 1."""
-    matrix = np.cross(shift, rotation.T).T
-    return np.asarray(matrix / np.linalg.norm(matrix), dtype=np.float64)
+    return _of_length_1(np.cross(shift, rotation.T).T)
+
+
+def _of_length_1(matrix: FloatArray) -> FloatArray:
+    length = float(np.linalg.norm(matrix))
+    return matrix / length if length else matrix
 
 
 def check_axes(values: CalibrationValues, rotation: FloatArray, shift_mm: FloatArray) -> None:
