@@ -53,7 +53,8 @@ _NOMINAL = re.compile(r"\b(?:nominals?|soll(?:werte?)?)\b", re.IGNORECASE)
 
 _NOT_CARTESIAN = frozenset(
     "r range radius rho distance theta phi azimuth elevation polar angle lat latitude lon "
-    "longitude northing easting hochwert rechtswert u v row col column line sample disparity".split()
+    "longitude northing easting hochwert rechtswert u v row col column line sample "
+    "disparity".split()
 )
 """Names of columns that are none of x, y and z, although three of them make a table."""
 
