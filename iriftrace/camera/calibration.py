@@ -30,6 +30,7 @@ from iriftrace.camera.calibration_names import (
     SIZE,
     TRANSLATION,
     WIDTH,
+    is_part_of_a_distortion,
     refuse_different,
     without_scalars,
 )
@@ -53,7 +54,9 @@ _RADTAN = ("radtan", "radial-tangential", "radial_tangential", "radialtangential
 """Names of k1, k2, p1, p2 in Kalibr and its like."""
 
 _MODELS = ("plumb_bob", "rational_polynomial", "brown", "brown_conrady", "opencv", *_RADTAN)
-_PART_OF_A_DISTORTION = re.compile("dist|coef|radial|tangential|^[kp][1-6]$")
+_OTHER_LENS = re.compile("fisheye|equidistant|kannala|division|omni|sphere|unified", re.IGNORECASE)
+"""In the names of lens models, which entries of any name with "model", "type" ... may have."""
+_OF_A_LENS = re.compile("model|type|lens|projection|distortion")
 _OF_TWO = re.compile("(cameramatrix|intrinsicmatrix|mtx|k|m)(2|r|right)|(camera|cam)1|right")
 """Names of one of two cameras, folded."""
 
@@ -244,10 +247,11 @@ def _matrix(values: CalibrationValues) -> FloatArray:
         raise values.wrong(
             f"{matrix.tolist()} is not a camera matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"
         )
-    if abs(matrix[0, 1]) > 1e-9 * matrix[0, 0] or matrix[1, 0] != 0:
+    stated = values.named(("skew", "alpha_c"))
+    skew = stated if isinstance(stated, int | float) and stated else matrix[0, 1]
+    if abs(skew) > 1e-9 * matrix[0, 0] or matrix[1, 0] != 0:
         raise values.wrong(
-            f"the camera matrix has the skew {matrix[0, 1]:g}, which is not modelled; calibrate "
-            "without it"
+            f"the camera matrix has the skew {skew:g}, which is not modelled; calibrate without it"
         )
     return matrix
 
@@ -307,13 +311,6 @@ def _distortion(values: CalibrationValues) -> Distortion:
         raise values.wrong(str(error).rstrip(".")) from error
 
 
-def is_part_of_a_distortion(name: str) -> bool:
-    """True for a name that could be that of distortion coefficients in an unknown format."""
-    return folded(name) not in map(folded, LENS) and bool(
-        _PART_OF_A_DISTORTION.search(folded(name))
-    )
-
-
 def _models(values: CalibrationValues) -> set[str]:
     """Lens models that the file names, in lower case."""
     found = (values.named((name,)) for name in LENS)
@@ -332,6 +329,13 @@ def _refuse_other_models(values: CalibrationValues) -> None:
             f"the lens model {model!r} is not the one of Brown and Conrady ({', '.join(known)})"
             "; calibrate with that"
         )
+    for name, value in values.content.items():
+        of_a_lens = _OF_A_LENS.search(folded(str(name)))
+        if of_a_lens and isinstance(value, str) and _OTHER_LENS.search(value):
+            raise values.wrong(
+                f"its {name} {value!r} is another lens model than the one of Brown and Conrady, "
+                "which alone is modelled; calibrate with that"
+            )
 
 
 def _refuse_two_cameras(values: CalibrationValues) -> None:

@@ -125,6 +125,7 @@ def calibration_content(path: Path) -> Mapping[str, object]:
             f"{path} is neither YAML, XML nor JSON of a calibration "
             f"({' '.join(str(error).split())}); give the file that OpenCV's FileStorage wrote."
         ) from error
+    content = _with_named_cameras(content)
     if not isinstance(content, Mapping):
         raise InputError(f"{path} holds no named values; give a camera calibration of OpenCV.")
     values = list(content.values())
@@ -133,8 +134,21 @@ def calibration_content(path: Path) -> Mapping[str, object]:
     named = realsense_values(values[0] if whole else content)
     remarks = (line for line in text.splitlines() if line.lstrip().startswith("#"))
     unit = next(filter(None, map(stated_length_unit, remarks)), "")
-    stated = {folded(str(name)) for name in named} & {folded(name) for name in _LENGTH_UNIT}
+    stated = any(is_length_unit(str(name)) for name in named)
     return {**named, "length_unit": unit} if unit and not stated else named
+
+
+def _with_named_cameras(content: object) -> object:
+    """Values in which a list of cameras is cam0, cam1 ..., or a single one as if it were alone."""
+    values: object = {"cameras": content} if isinstance(content, list) else content
+    if not isinstance(values, Mapping) or not isinstance(values.get("cameras"), list):
+        return content
+    rest = {name: value for name, value in values.items() if name != "cameras"}
+    cameras = values["cameras"]
+    if not all(isinstance(camera, Mapping) for camera in cameras):
+        return content
+    named = {f"cam{number}": camera for number, camera in enumerate(cameras)}
+    return {**rest, **(cameras[0] if len(cameras) == 1 else named)}
 
 
 _NO_BLANK = re.compile(r"^(\s*[A-Za-z_]\w*):(?=\S)", re.MULTILINE)
@@ -177,6 +191,11 @@ def _xml_value(entry: ElementTree.Element) -> object:
 def folded(name: str) -> str:
     """A name without case and punctuation: camera_matrix and cameraMatrix are the same."""
     return "".join(letter for letter in name.casefold() if letter.isalnum())
+
+
+def is_length_unit(name: str) -> bool:
+    """True for a name of the unit of lengths."""
+    return folded(name) in map(folded, _LENGTH_UNIT)
 
 
 def _numbers(value: object) -> FloatArray:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
 from attrs import evolve
 
-from iriftrace.camera.calibration_file import CalibrationValues
+from iriftrace.camera.calibration_file import CalibrationValues, folded
+from iriftrace.core.files import is_number
 
 # Case and punctuation do not count: camera_matrix is cameraMatrix and Camera_Matrix.
 MATRIX = ("camera_matrix", "K", "M", "intrinsic_matrix", "camera_intrinsics", "mtx", "KK")
@@ -38,7 +40,8 @@ LENS = ("distortion_model", "camera_model")
 FISHEYE = ("fisheye_model", "fisheye")
 _PINHOLE_SCALARS = ("fx", "fy", "cx", "cy")
 _LENS_SCALARS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
-_UNMODELLED = ("skew", "b1", "b2", "s1", "s2", "s3", "s4", "tau_x", "tau_y", "p3", "p4")
+_PART_OF_A_DISTORTION = re.compile("dist|coef|radial|tangential|^[kp][1-6]$")
+_UNMODELLED = ("skew", "b1", "b2", "s1", "s2", "s3", "s4", "tau_x", "tau_y", "p3", "p4", "t1", "t2")
 """Numbers of lenses next to these, in OpenCV and Metashape."""
 
 
@@ -70,15 +73,32 @@ def without_scalars(values: CalibrationValues) -> CalibrationValues:
     several = scalars or isinstance(lens["k2"], int | float)
     if brown and (source is not values or (named is None and several)):
         content[DISTORTION[0]] = [0.0 if value is None else value for value in lens.values()]
+        unknown = [
+            str(name)
+            for name, value in source.content.items()
+            if is_number(value) and re.search("radial|tangential", folded(str(name)))
+        ]
+        if unknown:
+            raise values.wrong(
+                f"next to k1 it has {', '.join(unknown)}, which is not known here; name the "
+                "coefficients k1, k2, p1, p2, k3"
+            )
         # Those of OpenCV's rational model come together; k4 alone is that of another polynomial.
         alone = ("k4",) if lens["k5"] is None else ()
         for name in (*_UNMODELLED, *alone):
-            if source.named((name,)) not in (None, 0):
+            if is_number(source.named((name,))) and source.named((name,)) != 0:
                 raise values.wrong(
                     f"it has {name} = {source.named((name,))}, which is not modelled; calibrate "
                     "with k1 to k3, p1 and p2 only"
                 )
     return evolve(values, content=content)
+
+
+def is_part_of_a_distortion(name: str) -> bool:
+    """True for a name that could be that of distortion coefficients in an unknown format."""
+    return folded(name) not in map(folded, LENS) and bool(
+        _PART_OF_A_DISTORTION.search(folded(name))
+    )
 
 
 def refuse_different(values: CalibrationValues) -> None:

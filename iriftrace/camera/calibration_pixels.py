@@ -3,11 +3,14 @@ distortion coefficients in another order than OpenCV's."""
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from iriftrace.camera.calibration_file import CalibrationValues
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import warn
+from iriftrace.core.files import text_in
 
 SHORTEST_FOCAL = 0.15
 """Fraction of a picture's width: lenses without fisheye see less than 147 degrees."""
@@ -19,8 +22,19 @@ LARGEST_TANGENTIAL = 0.03
 """Larger p1 and p2 than those of lenses, which move points by a few pixels."""
 
 
+_OTHER_ORDER = re.compile(r"k1[\W_]+k2[\W_]+k3[\W_]+p1[\W_]+p2", re.IGNORECASE)
+
+
 def check_order(values: CalibrationValues, coefficients: FloatArray) -> None:
-    """Warn of a p1 or p2 so large that it is rather k3, and of a p1 of 0, as k3 often is."""
+    """Refuse a file that names another order; warn of numbers that rather are of another one.
+
+    These are a p1 or p2 so large that it is rather k3, and a p1 of 0, as k3 often is.
+    """
+    if values.path.is_file() and _OTHER_ORDER.search(text_in(values.path)):
+        raise values.wrong(
+            "it names its distortion coefficients in the order k1, k2, k3, p1, p2; write them in "
+            "OpenCV's order k1, k2, p1, p2, k3"
+        )
     p1, p2, k3 = (*coefficients, 0.0, 0.0, 0.0, 0.0, 0.0)[2:5]
     large = max(abs(p1), abs(p2)) > LARGEST_TANGENTIAL
     if large or (p1 == 0.0 != p2 and 0.0 < abs(k3) < LARGEST_TANGENTIAL):

@@ -18,11 +18,13 @@ from __future__ import annotations
 import codecs
 import io
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from iriftrace.camera.calibration_file import is_length_unit
 from iriftrace.camera.pose_set import PoseSet, refuse_distorted
 from iriftrace.camera.pose_table import ANGLES, MATRIX, columns_of_table, unlike_robot
 from iriftrace.camera.robot_poses import RobotName
@@ -46,6 +48,15 @@ CONVENTIONS: dict[str, FloatArray] = {
 """Axes of each convention in iriftrace's own camera frame, (3, 3) arrays."""
 
 _FORMATS = (".csv", ".txt", ".json", ".npy")
+_TO_CAMERA = re.compile(
+    r"(?:world|object|part)[\s_-]*(?:to|2|->)[\s_-]*cam(?:era)?|\bw2c\b|T_cam(?:era)?_world",
+    re.IGNORECASE,
+)
+"""Words for the inverses of poses."""
+
+_FRAME = re.compile(r"unit|convention|ax[ei]s|coord|frame|system|direction|scale", re.IGNORECASE)
+"""In names of what poses depend on."""
+
 _LARGEST_ROUNDING = 1e-3  # of printed rotations, which often have four digits
 
 
@@ -77,13 +88,14 @@ def read_poses(
     Parameters
     ----------
     path : str or Path
-        ``.npy``: an array (n, 4, 4), (n, 16) or (4, 4). ``.json``: such a list, or an object with
+        ``.npy``: an array (n, 4, 4), (n, 16) or (4, 4), or without last rows, (n, 3, 4), (n, 12)
+        or (3, 4). ``.json``: such a list, or an object with
         the list under ``matrices`` (and ``azimuth_deg``, ``elevation_deg``, ``convention``,
         ``length_unit``).
         Anything else is a text table with comma, semicolon (then also decimal commas) or blank
-        between the columns and # before comments. Without a header: 16 numbers a row, the matrix
-        row by row, or blocks of four rows of four. With a header, columns are found by name and
-        others are ignored: ``m00`` ... ``m33`` (row, column), or ``x y z qx qy qz qw`` (origin,
+        between the columns and # before comments. Without a header: 16 or 12 numbers a row, the
+        matrix row by row, or blocks of four rows of four. With a header, columns are found by name
+        and others are ignored: ``m00`` ... ``m33`` (row, column), or ``x y z qx qy qz qw`` (origin,
         quaternion camera to world; also as ``tx``, ``x [m]``, ``pose.position.x``, ``q_w``), or
         ``x y z target_x target_y target_z`` (no roll, see `iriftrace.camera.pose_set.aimed`);
         or ``x y z`` with a robot's angles (see `iriftrace.camera.robot_poses`); besides,
@@ -239,6 +251,11 @@ def _columns(path: Path, robot: RobotName | None) -> dict[str, object]:
     if b"\0" in content and not content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         raise InputError(f"{path} is not text; poses are read from {', '.join(_FORMATS)}.")
     text = text_in(path)
+    if said := _TO_CAMERA.search(text):
+        raise InputError(
+            f"{path} says {said[0]!r}, but poses lead from the camera to the world; write the "
+            "inverse matrices."
+        )
     if kind == ".json":
         return _object(text, path)
     if program := table_of_program(text, path):
@@ -264,10 +281,17 @@ def _object(text: str, path: Path) -> dict[str, object]:
             f"{path} has no entry 'matrices'; give the 4x4 camera-to-world matrices there."
         )
     # Whether poses were aimed is nothing that a file could state.
-    known = ("matrices", "convention", "length_unit", *ANGLES)
+    known = ("matrices", "convention", *ANGLES)
     found = {key: columns[key] for key in known if key in columns}
-    unit = columns.get("unit", columns.get("units"))
-    return found if unit is None else {"length_unit": LENGTH_UNITS.get(str(unit), unit), **found}
+    units = [key for key in columns if is_length_unit(key)]
+    for key in units:
+        found["length_unit"] = LENGTH_UNITS.get(str(columns[key]), columns[key])
+    if unread := [key for key in columns if key not in (*known, *units) and _FRAME.search(key)]:
+        warn(
+            f"{path} has entries that are not read ({', '.join(unread)}); a unit belongs into "
+            "length_unit, axes into convention, and matrices are from the camera to the world."
+        )
+    return found
 
 
 def _stack(values: object, path: Path) -> FloatArray:
@@ -275,6 +299,10 @@ def _stack(values: object, path: Path) -> FloatArray:
         array = np.array(values, dtype=np.float64)
     except (ValueError, TypeError, OverflowError):
         array = np.empty(0)
+    if array.shape[-1:] == (12,):
+        array = array.reshape(-1, 3, 4)
+    if array.shape[-2:] == (3, 4):  # without the last row
+        array = np.insert(array, 3, (0.0, 0.0, 0.0, 1.0), axis=-2)
     if array.shape in ((4, 4), (16,)):
         array = array[None]
     if array.size and array.shape[1:] in ((4, 4), (16,)):

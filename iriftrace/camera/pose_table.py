@@ -11,6 +11,7 @@ import numpy as np
 from attrs import evolve, frozen
 from numpy.typing import NDArray
 
+from iriftrace.camera.calibration_file import is_length_unit
 from iriftrace.camera.pose_set import aimed
 from iriftrace.camera.robot_poses import ROBOTS, RobotName, robots_of
 from iriftrace.core.arrays import FloatArray
@@ -156,6 +157,8 @@ def _is_number(cell: str) -> bool:
 
 def _unnamed(table: _Table) -> FloatArray:
     count, width = table.cells.shape
+    if width == 12:
+        return table.numbers(range(width))
     if width == 16 or (width == 4 and count % 4 == 0):
         return table.numbers(range(width)).reshape(-1, 4, 4)
     if width == 4:
@@ -213,9 +216,11 @@ def _named(table: _Table, names: list[str], robot: RobotName | None) -> dict[str
     known = evolve(table, cells=np.where(table.cells == "", "nan", table.cells))
     for name in set(ANGLES) & set(names):
         read[name] = known.numbers([names.index(name)])[:, 0]
-    for name in {"convention", "length_unit"} & set(names):
-        stated = table.cells[:, names.index(name)]
-        read[name] = ", ".join(sorted(set(stated.tolist())))
+    for number, name in enumerate(names):
+        if name == "convention" or is_length_unit(name):
+            stated = {LENGTH_UNITS.get(cell, cell) for cell in table.cells[:, number].tolist()}
+            key = "convention" if name == "convention" else "length_unit"
+            read[key] = ", ".join(sorted(stated))
     if units := _units(known_names, _ORIGIN + _TARGET):
         read["length_unit"] = ", ".join(units)
     return read

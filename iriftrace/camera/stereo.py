@@ -17,7 +17,6 @@ from iriftrace.camera.calibration import (
     Calibration,
     calibration_of,
     exact_rotation,
-    is_part_of_a_distortion,
     rotation_in,
     to_world,
 )
@@ -35,21 +34,17 @@ from iriftrace.camera.calibration_names import (
     SIZE,
     TRANSLATION,
     WIDTH,
+    is_part_of_a_distortion,
     refuse_different,
     without_scalars,
 )
+from iriftrace.camera.stereo_checks import check_axes, refuse_contradiction
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import length_factor
 
 BASELINES_MM = (3.0, 20_000.0)
 """Distances of two cameras outside of which the unit of T is wrong: metres read as mm or back."""
-
-LARGEST_ANGLE_DEG, LEAST_ANGLE_DEG = 120.0, 3.0
-"""Angles of two axes above which cameras face each other, and below which they are parallel."""
-
-NEAREST_CROSSING_MM = 40.0
-"""Distance in front of camera 1 below which axes that meet have a T of another unit."""
 
 _SIDES = (("1", "2"), ("left", "right"), ("l", "r"), ("0", "1"), ("cam", "proj"))
 _OF_A_CAMERA = ("", "cam", "camera", "cameraparameters", "cameraparams", "sensor", "intrinsics")
@@ -165,7 +160,7 @@ def read_stereo_calibration(
             "wrong, R and T lead from right to left: invert them."
         )
     else:
-        _check_axes(rest, rotation, shift)
+        check_axes(rest, rotation, shift)
     return StereoCalibration(
         first=calibration_of(_lens(first), 1.0),
         second=calibration_of(_lens(second), 1.0),
@@ -285,10 +280,15 @@ def _motion(
                     "(--calibration and --second-calibration)"
                 )
             refuse_different(values)
-            return rotation_in(values), values.array(TRANSLATION, (3,)), "mm"
-    rectified = [camera.named(_RECTIFICATION) for camera in (first, second)]
-    projected = [camera.named(PROJECTION) for camera in (first, second)]
-    if all(value is not None for value in rectified + projected):
+            rotation, shift = rotation_in(values), values.array(TRANSLATION, (3,))
+            if values is not second:
+                both = _is_rectified(first) and _is_rectified(second)
+                # Cameras that were calibrated one by one have no baseline there.
+                both = both and bool(second.array(PROJECTION, (12,))[3::4].any())
+                other = _motion_of_rectified(first, second) if both else None
+                refuse_contradiction(values, (rotation, shift), other)
+            return rotation, shift, "mm"
+    if _is_rectified(first) and _is_rectified(second):
         rotation, shift = _motion_of_rectified(first, second)
         return rotation, shift, "m" if first.named(LENS) is not None else "mm"
     raise rest.wrong(
@@ -306,6 +306,11 @@ def _stands_elsewhere(first: CalibrationValues, *, turned: bool) -> bool:
     if moved or not turned or first.named(ROTATION) is None:
         return bool(moved)
     return not np.allclose(rotation_in(first), np.eye(3), atol=1e-6)
+
+
+def _is_rectified(camera: CalibrationValues) -> bool:
+    """True for a camera with a rectification and a projection."""
+    return camera.named(_RECTIFICATION) is not None and camera.named(PROJECTION) is not None
 
 
 def _motion_of_rectified(
@@ -328,32 +333,3 @@ def _motion_of_rectified(
             "were calibrated one by one; calibrate the pair"
         )
     return turns[1].T @ turns[0], shift
-
-
-def _check_axes(values: CalibrationValues, rotation: FloatArray, shift_mm: FloatArray) -> None:
-    """Refuse cameras that face each other; warn of axes that lead apart or meet too near."""
-    centre, axis = -rotation.T @ shift_mm, rotation[2]
-    angle = np.degrees(np.arccos(np.clip(axis[2], -1.0, 1.0)))
-    if angle > LARGEST_ANGLE_DEG:
-        raise values.wrong(
-            f"the axes of its two cameras are {angle:.0f} degrees apart, so that they see no "
-            "surface in common; R is a rotation vector in degrees, or of other frames"
-        )
-    # Where the axis of camera 2 is nearest to that of camera 1, the z axis.
-    along = np.cross(np.cross((0.0, 0.0, 1.0), axis), (0.0, 0.0, 1.0))
-    if angle <= LEAST_ANGLE_DEG:
-        return
-    to_nearest = -(centre @ along) / (axis @ along)
-    meeting_mm = (centre + to_nearest * axis)[2]
-    if 0.0 < meeting_mm < NEAREST_CROSSING_MM:
-        warn(
-            f"The axes of the two cameras in {values.path} meet {meeting_mm:.3g} mm in front of "
-            "them. If they stand farther from what they see, T is in another unit: state it "
-            "(--calibration-length-unit), or multiply T by the size of a square if the target's "
-            "points were given in squares."
-        )
-    if to_nearest < 0.0:
-        warn(
-            f"The axes of the two cameras in {values.path} lead apart by {angle:.0f} degrees; if "
-            "they meet, R is transposed, or R and T are of different directions."
-        )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from attrs import asdict, frozen
 from cyclopts import Group, Parameter
 
+from iriftrace.cli.console import say
 from iriftrace.cli.options import (
     Expansion,
     HotTemperatures,
@@ -130,6 +131,8 @@ class PartOptions:
             hot_temperature_k=hot.default,
             region_angle_deg=self.region_angle,
         )
+        sides = " x ".join(f"{side:.4g}" for side in part.bounds[1] - part.bounds[0])
+        say(f"Part {path}: {sides} mm, read in {part.length_unit}.")
         if self.expansion is None or not hot.uneven:
             return part
         return grown_unevenly(

@@ -105,7 +105,7 @@ class OrbitOptions:
             parse_range,
             turntable_poses,
         )
-        from iriftrace.camera.pose_files import read_poses
+        from iriftrace.cli.pose_remedy import aimed_poses
         from iriftrace.geometry.transform import parse_transform
 
         self._refuse_contradictions()
@@ -117,7 +117,7 @@ class OrbitOptions:
             convention, unit = self.convention or "opencv", self.length_unit or "mm"
             frames = {"hand_eye": self.hand_eye, "base_to_part": self.base_to_part}
             read = {name: parse_transform(str(file)) for name, file in frames.items() if file}
-            poses = read_poses(self.poses, convention, length_unit=unit, robot=self.robot, **read)
+            poses = aimed_poses(self.poses, scene, convention, unit, self.robot, read)
             return {math.nan: poses}
         if self.turntable is not None:
             centre = scene.part.centre

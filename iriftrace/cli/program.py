@@ -30,7 +30,9 @@ def run(arguments: list[str]) -> int:
     with warnings.catch_warnings():
         # Our warnings are messages to the user, even if Python was set to make warnings errors.
         warnings.simplefilter("default", IriftraceWarning)
-        warnings.showwarning = show_warning
+        warnings.showwarning = lambda message, category, *_, **__: show_warning(
+            _with_options_of_the_command(str(message), arguments), category
+        )
         try:
             _import_listed(arguments)
             app(
@@ -42,20 +44,50 @@ def run(arguments: list[str]) -> int:
         except (IriftraceError, CycloptsError, OSError, MemoryError) as error:
             raise_if_noticed()
             notes.print("[bold red]error:[/] ", end="")
-            notes.print(sentence(error), markup=False, soft_wrap=True)
+            text = _with_options_of_the_command(sentence(error), arguments)
+            notes.print(text, markup=False, soft_wrap=True)
             return 2
     return 0
 
 
-def _import_listed(arguments: list[str]) -> None:
-    """Import the commands below the one that is called, whose docstrings are listed in the help."""
+def _called(arguments: list[str]) -> App:
+    """The command, or group of commands, that the arguments name."""
     called = app
     for word in arguments:
         if word.startswith("-") or word not in called:
             break
         called = called[word]
+    return called
+
+
+def _import_listed(arguments: list[str]) -> None:
+    """Import the commands below the one that is called, whose docstrings are listed in the help."""
+    called = _called(arguments)
     for name in called:
         called[name]
+
+
+_OPTIONS = re.compile(r" \((?!iriftrace )(?P<inside>[^()]*?(?P<option>--[a-z][a-z-]+)[^()]*)\)")
+"""Options that a message names in parentheses."""
+
+
+def _with_options_of_the_command(text: str, arguments: list[str]) -> str:
+    """A message without the options that the command does not have, or as those of `scene`."""
+    command = _called(arguments)
+    if command.default_command is None:  # a group
+        return text
+
+    def checked(match: re.Match[str]) -> str:
+        if match["option"] in _options(command):
+            return match[0]
+        of_scene = match["option"] in _options(app["scene"])
+        return f" ({match['inside']} of iriftrace scene)" if of_scene else ""
+
+    return _OPTIONS.sub(checked, text)
+
+
+def _options(command: App) -> set[str]:
+    return {name for one in command.assemble_argument_collection() for name in one.names}
 
 
 # No option of the program begins with a digit.

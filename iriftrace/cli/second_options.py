@@ -192,7 +192,8 @@ class StereoOptions:
                 part,
                 f"The calibration {self._called()}, with T in {stereo.length_unit},",
                 "give the unit of T (--calibration-length-unit), or another motion "
-                "(--cloud-to-part, from camera 1 to the part; R and T lead from camera 1 to 2).",
+                "(--cloud-to-part, in mm, from camera 1 to the part; R and T lead from camera 1 to "
+                "2).",
             )
             if first.focus is None:
                 camera = with_all_in_focus(camera, camera, part)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from attrs import frozen
 
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import LENGTH_UNITS, stated_length_unit
 
 MARKS = "#/%*!"
@@ -49,9 +49,12 @@ _MEANS_POINT = frozenset(
 _MEASURED = frozenset("meas measured measurement actual act ist gemessen mesuré".split())
 """Words that say of a coordinate that others next to it are not the measured ones."""
 
+_NOMINAL = re.compile(r"\b(?:nominals?|soll(?:werte?)?)\b", re.IGNORECASE)
+
 _NOT_CARTESIAN = frozenset(
     "r range radius rho distance theta phi azimuth elevation polar angle lat latitude lon "
-    "longitude u v row col column line sample disparity".split()
+    "longitude northing easting hochwert rechtswert u v row col column line sample "
+    "disparity".split()
 )
 """Names of columns that are none of x, y and z, although three of them make a table."""
 
@@ -81,7 +84,7 @@ def axis_of(name: str) -> Axis | None:
     elif suffix := _SUFFIX.search(text):
         unit, text = LENGTH_UNITS[suffix[1]], text[: suffix.start()]
     for form in _FORMS:
-        if match := form.fullmatch(text.strip()):
+        if match := form.fullmatch(text.strip(" _")):
             words = re.split(r"[\s_:.-]+", match["what"] or "")
             what = " ".join(word for word in words if word not in _MEANS_POINT)
             return Axis(what, _AXES[match["axis"]], unit)
@@ -92,11 +95,29 @@ def coordinate_columns(names: Sequence[str]) -> list[int] | None:
     """Numbers of the columns x, y and z of the points; None where they are not one each."""
     axes = [(number, axis_of(name)) for number, name in enumerate(names)]
     points = [(axis.number, number) for number, axis in axes if axis and not axis.what]
-    if any(axis.what in _MEASURED for _, axis in axes if axis):
+    if _other_measured(names):
         return None
     if sorted(axis for axis, _ in points) != [0, 1, 2]:
         return None
     return [number for _, number in sorted(points)]
+
+
+def _other_measured(names: Iterable[str]) -> bool:
+    """Whether a name says that it, and not x, y or z, is a measured coordinate."""
+    return any(axis is not None and axis.what in _MEASURED for axis in map(axis_of, names))
+
+
+def refuse_other_measured(file: Path, names: Sequence[str]) -> None:
+    """Refuse a cloud with measured coordinates next to x, y and z."""
+    if _other_measured(names):
+        raise _undecided(file, names, "")
+
+
+def _undecided(file: Path, names: Sequence[str], numbers: str) -> InputError:
+    return InputError(
+        f"{file} has the columns {listed(names)}{numbers}, which do not say which three are the "
+        "measured x, y and z; choose them by name, or by number from 1 (--columns A,B,C)."
+    )
 
 
 def chosen_columns(
@@ -143,10 +164,7 @@ def columns_of_points(
     found = coordinate_columns(names) if len(names) == count else None
     if found is None:
         numbers = "" if len(names) == count else f" over {count} columns of numbers"
-        raise InputError(
-            f"{file} has the columns {listed(names)}{numbers}, which do not say which three are "
-            "the measured x, y and z; choose them by name, or by number from 1 (--columns A,B,C)."
-        )
+        raise _undecided(file, names, numbers)
     return found
 
 
@@ -237,6 +255,16 @@ def refuse_corrected(file: Path, names: Iterable[str]) -> None:
         raise InputError(
             f"{file} is corrected already, as its column correction_x says, and the refraction "
             "error would be removed twice; give the cloud as it was measured."
+        )
+
+
+def warn_of_nominal(file: Path, lines: Iterable[str], names: Sequence[str]) -> None:
+    """Warn of a word above the line of `names` that says of some columns that they are nominal."""
+    above = (line.strip() for line in lines if words_of(line, len(names)) != names)
+    if said := next(filter(_NOMINAL.search, above), ""):
+        warn(
+            f"{file.name} has the line {said!r} above its columns; if its x, y and z are the "
+            "nominal ones and not the measured ones, choose these (--columns A,B,C)."
         )
 
 

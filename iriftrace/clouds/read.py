@@ -14,6 +14,7 @@ from iriftrace.clouds.columns import (
     axis_of,
     chosen_columns,
     refuse_corrected,
+    refuse_other_measured,
     unit_of,
 )
 from iriftrace.clouds.missing import marked_rows
@@ -205,6 +206,7 @@ def _rows(
     refuse_corrected(file, columns)
     named = _single(columns)
     if chosen is None:
+        refuse_other_measured(file, list(named))
         return points, unit, {name: one for name, one in named.items() if name not in AXES}, remarks
     names = list(named)
     numbers = chosen_columns(names, chosen, len(named), file)

@@ -16,15 +16,36 @@ from iriftrace.clouds.columns import (
     header_of,
     refuse_corrected,
     unit_of,
+    warn_of_nominal,
 )
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import text_in
-from iriftrace.core.number_table import closed_by, is_numbers, numbers, separator_of, with_exponents
+from iriftrace.core.number_table import (
+    closed_by,
+    is_numbers,
+    numbers,
+    separator_of,
+    with_exponents,
+    without_statistics,
+)
+
+_FORMATS = {
+    r"ply\s": "a .ply",
+    r"solid\b": "an .stl",
+    r"#\s*\.PCD": "a .pcd",
+    r"(?:ST)?C?N?4?OFF\b": "an .off",
+    r"#\s*vtk DataFile": "a .vtk",
+    r"(?:ncols|DSAA)\s": "a map of heights",
+}
+"""Formats of other files by the beginning of their text."""
 
 _WORD = "nan"
 _MOST_UNNAMED = 16
 """Columns of a table of points without names; those of a transposed one are as many as points."""
+
+_ALIKE = 0.1
+"""Differences of heights side by side over the range of all, below which a map is smooth."""
 
 _QUOTES = str.maketrans("", "", "\"'[](){}")
 _QUOTED_COMMA = re.compile(r"\"([-+\d]*),(\d+)\"")
@@ -44,7 +65,15 @@ def read_table(
     and words are NaN; columns of words are left out with a warning. A count of the points in the
     first row is left out; one that is wrong is warned of.
     """
-    lines = [_REMARK.sub("", line) for line in text_in(file).splitlines()]
+    text = text_in(file)
+    for beginning, kind in _FORMATS.items():
+        if re.match(beginning, text.lstrip(), re.IGNORECASE):
+            raise InputError(
+                f"{file} begins like {kind} and not like a table of points; give it its own "
+                "ending, or export a point with x, y and z in each row."
+            )
+    lines = without_statistics(text.splitlines(), file)
+    lines = [_REMARK.sub("", line) for line in lines]
     lines = [re.sub("-+", _WORD, line) if _DASHES.fullmatch(line) else line for line in lines]
     rows = _rows(lines)
     # A header is before the first row; words after it are in cells.
@@ -78,12 +107,14 @@ def read_table(
     if names or chosen is not None:
         places = columns_of_points(names, count, chosen, file)
     else:
-        if separator == "," and count > 5 and not np.mod(table, 1).any():
+        if separator == "," and count > 5 and _are_whole(table):
             raise InputError(
                 f"{file} has {count} columns of whole numbers between commas, as if these were "
                 "decimal signs too; export it with decimal points, or with semicolons."
             )
         places = _unnamed_columns(table, file)
+    if chosen is None:
+        warn_of_nominal(file, before, names)
     bare = [name.strip(f"{MARKS} \t\"'") for name in names] if len(names) == count else [""] * count
     further = {bare[i] or f"column_{i + 1}": table[:, i] for i in range(count) if i not in places}
     if worded:
@@ -111,7 +142,7 @@ def _unnamed_columns(table: FloatArray, file: Path) -> list[int]:
             f"{file} has {len(table)} rows of {count} numbers, as if each column were a point; "
             "transpose it, so that each row is one."
         )
-    if count > _MOST_UNNAMED:
+    if count > _MOST_UNNAMED or (count > 3 and _are_alike(table)):
         raise InputError(
             f"{file} has {count} columns without names, as a map of heights has them; export a "
             "point with x, y and z in each row, or choose its columns by number (--columns 1,2,3)."
@@ -121,7 +152,12 @@ def _unnamed_columns(table: FloatArray, file: Path) -> list[int]:
             f"The first of the {count} columns in {file} counts the rows, and none has a name; "
             "choose x, y and z by number from 1 (--columns 2,3,4)."
         )
-    whole = [column + 1 for column in range(count) if not np.mod(table[:, column], 1).any()]
+    if count > 5 and _are_twice(table):
+        raise InputError(
+            f"{file} has {count} columns without names, of which 1 to 3 are nearly 4 to 6, as "
+            "nominal and measured points are; choose the measured ones by number (--columns 4,5,6)."
+        )
+    whole = [column + 1 for column in range(count) if _are_whole(table[:, column])]
     if count > 3 and 0 < sum(column <= 3 for column in whole) < 3:
         raise InputError(
             f"{file} has {count} columns without names, and whole numbers, as of pixels, in column "
@@ -129,6 +165,28 @@ def _unnamed_columns(table: FloatArray, file: Path) -> list[int]:
         )
     values = np.flatnonzero(~np.isnan(table).all(axis=0)).tolist()
     return values[:3] if len(values) >= 3 else [0, 1, 2]
+
+
+def _are_whole(numbers: FloatArray) -> bool:
+    return bool((numbers == np.round(numbers)).all())
+
+
+def _are_alike(table: FloatArray) -> bool:
+    """Whether the first three columns differ little from each other, as heights side by side."""
+    known = table[np.isfinite(table[:, :3]).all(axis=1), :3]
+    if len(known) < 3:
+        return False
+    steps = np.median(np.abs(np.diff(known, axis=1)), axis=0)
+    return bool(steps.max() < _ALIKE * np.ptp(np.quantile(known, (0.05, 0.95))))
+
+
+def _are_twice(table: FloatArray) -> bool:
+    """Whether three columns and the next three are the same places within a twentieth."""
+    known = table[np.isfinite(table[:, :6]).all(axis=1), :6]
+    if len(known) < 3:
+        return False
+    off = np.linalg.norm(known[:, 3:] - known[:, :3], axis=1)
+    return bool(np.median(off) < 0.05 * np.linalg.norm(np.ptp(known[:, :3], axis=0)))
 
 
 def _rows(lines: Sequence[str]) -> list[str]:

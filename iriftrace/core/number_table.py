@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, warn
+from iriftrace.core.units import counted
 
 _DECIMAL_COMMA = re.compile(r"\d,\d")
 _FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[-+]?\d)")
@@ -22,6 +23,17 @@ _GAP = re.compile(
 )
 _MAYBE_GAP = re.compile(r"[nN#]|-(?![\d.])")
 _EMPTY_CELL = re.compile(r"[,;\t] *(?:[,;\t]|$)|^ *[,;\t]")
+_NUMBER = re.compile(r"[-+]?\d[\d.,]*(?:[eEdD][-+]?\d+)?|\bnan\b")
+_LETTER_RUN = re.compile(r"[^\W\d_]+")
+_LONG_WORD = re.compile(r"[^\W\d_]{3}")
+_STATISTICS = frozenset(
+    "mean avg average median max maximum min minimum std stdev stddev dev deviation sigma rms sum "
+    "total count range var variance standard mittelwert mittel summe anzahl spannweite abw "
+    "standardabweichung varianz moyenne somme media promedio".split()
+)
+"""Words of the rows that spreadsheets and inspection programs write below a table."""
+
+_COMMENT = re.compile(r"\s*[#%/*!]")
 _COLUMN = re.compile(r"\s*(?P<name>[^\[(]*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
 
 
@@ -44,6 +56,25 @@ def with_gaps(line: str) -> str:
     filled = _GAP.sub("nan", line) if _MAYBE_GAP.search(line) else line
     is_row = filled != line and is_numbers(filled) and re.search(r"\d", line)
     return filled if is_row else line
+
+
+def without_statistics(lines: Sequence[str], path: Path) -> list[str]:
+    """Lines without those of statistics, such as "Mean;1.2;3.4", of which a warning tells."""
+    found = [line for line in lines if _LONG_WORD.search(line) and _is_statistic(line)]
+    if not found:
+        return list(lines)
+    warn(
+        f"Left out of {path.name}: {counted(len(found), 'row')} of statistics, such as "
+        f"{found[0].strip()!r}."
+    )
+    return [line for line in lines if line not in found]
+
+
+def _is_statistic(line: str) -> bool:
+    """True for numbers with words of statistics alone, outside of a comment."""
+    text, count = _NUMBER.subn("", line.casefold())
+    words = set(_LETTER_RUN.findall(text))
+    return count > 0 and bool(words) and words <= _STATISTICS and not _COMMENT.match(line)
 
 
 def header_and_rows(text: str) -> tuple[str, list[str]]:

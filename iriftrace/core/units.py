@@ -27,12 +27,15 @@ LENGTH_UNITS = {
 """Length units by the names that files give them."""
 
 _STATED_UNIT = re.compile(
-    r"(?<![^\W_])(?:units?|einheit(?:en)?)(?:\s+of\s+length)?"
+    r"(?<![^\W_])(?:length[\s_]*)?(?:units?|einheit(?:en)?)(?:\s+of\s+length)?(?:\s+(?:is|are))?"
     r"(?:\s*[:=]\s*[\[(]?|\s+(?:in\s+)?|\s*[\[(])(?!in\s+[a-zµμ])([a-zµμ]+)"
-    r"|\b(?:coordinates|positions|koordinaten)\s+(?:are\s+)?in\s+([a-zµμ]+)",
+    r"|(?:\b(?:coord(?:inate)?s|positions|translations?|xyz|koordinaten)"
+    r"|^\W*(?:comment\s+)?(?:all\s+)?(?:lengths|distances|dimensions|values|data|points|vertices"
+    r"|exported|längen|maße))(?:\s+(?:are|is|given))*(?:\s+in\s+|\s*[:=,]\s*|\s*[\[(]\s*)(?!in\b)"
+    r"([a-zµμ]+)(?![\w/^*·]|\s+\w+\^?-\d)",
     re.IGNORECASE,
 )
-_WORD_FOR_UNIT = re.compile(r"\bunit|\bunid|einheit|eenheid|enhe[td]|единиц|単位|单位|單位")
+_WORD_FOR_UNIT = re.compile(r"\bunit|\bunid|einheit|eenheid|enhe[td]|единиц|単位|单位|單位|단위")
 """In the word for a unit in several languages."""
 
 _NAME = r"[A-Za-z°µμ%_]+(?:(?:\*\*|\^)[-+]?\d+)?"
@@ -61,7 +64,7 @@ def parse_quantity(text: str | float, unit: str) -> float:
 def stated_length_unit(remark: str) -> str:
     """Length unit that a remark states, as in ``# Unit: mm`` or ``Maßeinheit;mm``; "" for none."""
     found = [match[1] or match[2] for match in _STATED_UNIT.finditer(remark)]
-    cells = (cell.strip(" #/%*!\"'[]()") for cell in re.split(r"[;,:=\t]", remark))
+    cells = (cell.strip(" #/%*!\"'[]()") for cell in re.split(r"[;,:\uff1a=\t]", remark))
     match [cell for cell in cells if cell]:
         case [name, unit] if _WORD_FOR_UNIT.search(name.casefold()):
             found.append(unit)

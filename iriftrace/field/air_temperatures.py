@@ -8,14 +8,23 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import check_readable, sha256_of, text_in
-from iriftrace.core.number_table import header_and_rows, header_columns, numbers, separator_of
+from iriftrace.core.number_table import (
+    header_and_rows,
+    header_columns,
+    numbers,
+    separator_of,
+    without_statistics,
+)
 from iriftrace.core.units import ZERO_CELSIUS_K, length_factor, parse_quantity
 
 COLUMNS = ("x", "y", "z", "T")
 _KELVIN_STEPS = {"K", "degC", "°C", "C"}
 _OTHER_NAMES = {"X": "x", "Y": "y", "Z": "z", "Temperature": "T", "temperature": "T"}
+
+_UNCERTAINTIES = ("u", "unc", "sigma", "std", "err", "tol")
+"""Beginnings of names of uncertainties."""
 
 COLDEST_K = 200.0
 """No air around a hot part is colder; lower numbers are in other units."""
@@ -64,6 +73,11 @@ def read_air_temperatures(path: str | Path) -> AirTemperatures:
         tolerance of a type K thermocouple of class 2 is used as the half width of a rectangular
         distribution: 2.5 K or 0.75 % of the temperature in degC (IEC 60584-1).
 
+    Warns
+    -----
+    IriftraceWarning
+        T has no unit, or a column that may be its uncertainty has another name than U.
+
     Raises
     ------
     InputError
@@ -73,6 +87,7 @@ def read_air_temperatures(path: str | Path) -> AirTemperatures:
     file = Path(path)
     check_readable(file)
     header, rows = header_and_rows(text_in(file))
+    rows = without_statistics(rows, file)
     columns = _columns(header)
     missing = [name for name in COLUMNS if name not in columns]
     if missing or not rows:
@@ -107,6 +122,18 @@ def read_air_temperatures(path: str | Path) -> AirTemperatures:
         raise InputError(
             f"{file} has air of {kelvins.min():.4g} K, as T is read in {unit}; write the unit of T "
             "into the header, as in T (degC)."
+        )
+    if not columns["T"]:
+        low, high = (kelvins.min() - ZERO_CELSIUS_K, kelvins.max() - ZERO_CELSIUS_K)
+        warn(
+            f"{file} does not state the unit of T, which is read in K ({low:.0f} to {high:.0f} "
+            "degC); write it into the header, as in T (K) or T (degC)."
+        )
+    others = [n for n in columns if n != "U" and n.casefold().startswith(_UNCERTAINTIES)]
+    if others and "U" not in columns:
+        warn(
+            f"{file} has the column {others[0]}, which is not read; if it is the uncertainty of T, "
+            "call it U and give the expanded one (k = 2)."
         )
     places = [length_factor(columns[axis] or "mm") * by_name[axis] for axis in "xyz"]
     return AirTemperatures(np.column_stack(places), kelvins, deviations, str(file), sha256_of(file))

@@ -44,6 +44,12 @@ _OVER_TIME = {
     )
 }
 """Names of averages over time."""
+_OTHER = re.compile(
+    r"(?:^|[_./-])(?:rms|std|stddev|sigma|var|variance|fluct\w*|prime\d?|max|min|old|prev\w*|grad\w*"
+    r"|flux|rate|rise|excess|diff\w*|error|uncertainty)(?:$|[_./-])"
+)
+"""In names of what is not the value itself: ``T_rms``, ``T_max``, ``temperature_gradient``."""
+
 _COLDEST_K = 150.0  # room temperature in degC, read as kelvin, lies below
 _HOTTEST_K = 6000.0  # above, all molecules of air are dissociated
 _LARGEST_REFRACTIVITY = 0.01  # air at 30 bar; n itself is near 1
@@ -88,6 +94,7 @@ def choose_array(grid: pv.DataSet, array: str | None, quantity: str | None, path
     density, or only `quantity` when it is given. A usual name (``T``, ``rho``) takes precedence
     over a name that only resembles one (``T_snapshot``) or is an average over time (``TMean``);
     if there is one of these, a warning names it. Of averages alone that of the density is used.
+    Deviations, extremes and the like (``T_rms``) are used only if they are given.
     Raises InputError if no array is found, several are equally likely, or the quantity is not
     known.
     """
@@ -111,7 +118,11 @@ def choose_array(grid: pv.DataSet, array: str | None, quantity: str | None, path
     dense = [name for name in averages if _resembles(name, "density")]
     for candidate in (quantity,) if quantity else QUANTITIES:
         usual = [name for name in names if _is_usual(name, candidate)]
-        likely = usual or [name for name in names if _resembles(name, candidate)]
+        likely = usual or [
+            name
+            for name in names
+            if _resembles(name, candidate) and not _OTHER.search(_plain(name))
+        ]
         if likely and not quantity and dense and set(likely) <= set(averages):
             likely, candidate = dense, "density"
         if len(likely) > 1:

@@ -24,9 +24,9 @@ def parse_transform(text: str) -> FloatArray:
 
     The text has comma-separated steps, the left one applied first: ``rotate x 90`` (degrees,
     counter clockwise seen from the tip of the axis), ``scale 2`` or ``scale 1 1 -1``, ``translate 1
-    2 3`` (mm). Or the 16 numbers of a matrix, row by row, or the path of a text file that holds
-    them, next to brackets and comments, of which one may state the unit of the translation (``#
-    unit: m``).
+    2 3`` (mm). Or the 16 numbers of a matrix, row by row (12 without the row 0 0 0 1), or the path
+    of a text file that holds them, next to brackets and comments, of which one may state the unit
+    of the translation (``# unit: m``).
 
     Raises InputError for none of these, a matrix that is singular, not affine or no rotation (times
     a scale), a rotation in radians, or a file that cannot be read.
@@ -46,14 +46,15 @@ def parse_transform(text: str) -> FloatArray:
     if numbers is None:
         for step in text.split(","):
             matrix = _step(step) @ matrix
-    elif len(numbers) == 16:
-        matrix = checked_matrix(np.array(numbers).reshape(4, 4), repr(text))
+    elif len(numbers) in (12, 16):
+        rows = np.array((*numbers, 0.0, 0.0, 0.0, 1.0)[:16]).reshape(4, 4)
+        matrix = checked_matrix(rows, repr(text))
         _refuse_distorting(matrix, text)
         matrix[:3, 3] *= length_factor(unit)
     else:
         raise InputError(
-            f"The transform {text!r} has {len(numbers)} numbers; a 4x4 matrix has 16, row by row, "
-            "with decimal points."
+            f"The transform {text!r} has {len(numbers)} numbers; a 4x4 matrix has 16, row by row "
+            "(12 without its last row), with decimal points."
         )
     return checked_matrix(matrix, repr(text))
 
@@ -131,9 +132,9 @@ def _bare(text: str) -> str:
     """A file's text without comments, a name before its matrix, and decimal commas."""
     bare = re.sub(r"(?:#|%|//).*", "", text)
     bare = re.sub(r"^\s*\w+\s*[=:]|\barray\b", "", bare)
-    # Sixteen words with commas in them are numbers between blanks or semicolons.
+    # As many words with commas in them are numbers between blanks or semicolons.
     words = re.findall(r"[^\s;\[\](){}]+", bare)
-    decimal = len(words) == 16 and "." not in bare and all(w.strip(",") == w for w in words)
+    decimal = len(words) in (12, 16) and "." not in bare and all(w.strip(",") == w for w in words)
     return bare.replace(",", ".") if decimal else bare
 
 

@@ -16,6 +16,7 @@ from attrs import frozen
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import array_in, sha256_of
+from iriftrace.core.number_table import without_statistics
 from iriftrace.image.exr_entries import exr_content
 
 COLUMNS = ("u", "v", "du", "dv")
@@ -129,7 +130,8 @@ def _markers(file: Path) -> tuple[FloatArray, FloatArray]:
         text = file.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{file} is not text in UTF-8 ({error.reason}).") from error
-    lines = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.split("#")[0].strip()]
+    table = enumerate(without_statistics(text.splitlines(), file), 1)
+    lines = [(k, line) for k, line in table if line.split("#")[0].strip()]
     delimiter = next((d for d in ";,\t" if lines and d in lines[0][1]), None)
     rows = [
         (k, [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))])
@@ -160,6 +162,6 @@ def _markers(file: Path) -> tuple[FloatArray, FloatArray]:
             raise InputError(
                 f"{file}, line {k}: {', '.join(chosen)} are not four numbers; correct them."
             ) from None
-    table = np.array(values, dtype=np.float64).reshape(-1, 4)
-    table = table[np.isfinite(table).all(axis=1)]
-    return table[:, :2], table[:, 2:]
+    found = np.array(values, dtype=np.float64).reshape(-1, 4)
+    found = found[np.isfinite(found).all(axis=1)]
+    return found[:, :2], found[:, 2:]

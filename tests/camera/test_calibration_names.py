@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from iriftrace.camera.calibration import read_calibration
+from iriftrace.camera.stereo import read_stereo_calibration
 from iriftrace.core.errors import InputError, IriftraceWarning
 from validation.inputs.calibration_files import COEFFICIENTS, MATRIX, plain
 
@@ -31,7 +32,7 @@ def test_k1_to_k4_alone_are_not_read_as_brown_conrady(tmp_path: Path) -> None:
         read_calibration(path)
 
 
-@pytest.mark.parametrize("name", ["skew", "b2", "s1", "tau_x", "p3", "k4"])
+@pytest.mark.parametrize("name", ["skew", "b2", "s1", "tau_x", "p3", "k4", "t1"])
 def test_numbers_of_lenses_that_are_not_modelled_are_refused(tmp_path: Path, name: str) -> None:
     """k4 of the rational model has k5 and k6 next to it."""
     lens = {**COEFFICIENTS_BY_NAME, name: 0.5}
@@ -42,6 +43,50 @@ def test_numbers_of_lenses_that_are_not_modelled_are_refused(tmp_path: Path, nam
     rational = {**COEFFICIENTS_BY_NAME, "k4": 0.5, "k5": 0.0, "k6": 0.0, "skew": 0}
     path = plain(tmp_path / "a.json", distortion_coefficients=rational)
     assert read_calibration(path).distortion.coefficients[5:] == (0.5, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("name", ["radial2", "tangential1"])
+def test_names_of_two_programs_are_not_mixed(tmp_path: Path, name: str) -> None:
+    """The coefficient under the other name was 0."""
+    lens = {**COEFFICIENTS_BY_NAME, name: 0.11}
+    path = plain(tmp_path / "a.json", **({"distortion_coefficients": None} | lens))
+    with pytest.raises(InputError, match=f"next to k1 it has {name}, which is not known"):
+        read_calibration(path)
+
+
+@pytest.mark.parametrize("name", ["model", "lens_type", "projection"])
+def test_another_lens_model_under_any_name_is_refused(tmp_path: Path, name: str) -> None:
+    path = plain(tmp_path / "a.json", **{name: "fisheye"})
+    with pytest.raises(InputError, match=f"its {name} 'fisheye' is another lens model"):
+        read_calibration(path)
+
+
+@pytest.mark.parametrize("name", ["skew", "alpha_c"])
+def test_a_skew_outside_the_matrix_is_refused(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InputError, match=r"has the skew 0\.5"):
+        read_calibration(plain(tmp_path / "a.json", **{name: 0.5}))
+    assert read_calibration(plain(tmp_path / "a.json", **{name: 0.0})).focal_px[0] > 0
+
+
+def test_a_named_order_of_the_coefficients_is_refused(tmp_path: Path) -> None:
+    path = plain(tmp_path / "a.json", order=["k1", "k2", "k3", "p1", "p2"])
+    with pytest.raises(InputError, match="in the order k1, k2, k3, p1, p2; write them in OpenCV's"):
+        read_calibration(path)
+    path = plain(tmp_path / "a.json", order=["k1", "k2", "p1", "p2", "k3"])
+    assert read_calibration(path).distortion.coefficients[:5] == tuple(COEFFICIENTS.tolist())
+
+
+def test_a_list_of_cameras(tmp_path: Path) -> None:
+    camera = json.loads(plain(tmp_path / "a.json").read_text())
+    alone = read_calibration(tmp_path / "a.json")
+    for content in ({"cameras": [camera]}, [camera]):
+        (tmp_path / "b.json").write_text(json.dumps(content))
+        assert read_calibration(tmp_path / "b.json").distortion == alone.distortion
+    motion = {"R": [0, 0, 0], "T": [-100, 0, 0]}
+    (tmp_path / "b.json").write_text(json.dumps({"cameras": [camera, camera], **motion}))
+    assert read_stereo_calibration(tmp_path / "b.json").baseline_mm == 100.0
+    with pytest.raises(InputError, match="it is of two cameras"):
+        read_calibration(tmp_path / "b.json")
 
 
 @pytest.mark.parametrize("ending", ["yaml", "xml"])

@@ -1,6 +1,7 @@
 """Poses of robots: each maker's angles, the flange's camera, the robot's base."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -205,7 +206,11 @@ def test_options_of_a_sweep(tmp_path):
     options = OrbitOptions(
         poses=path, length_unit="m", robot="kuka", hand_eye=motion, base_to_part=base
     )
-    (poses,) = options.pose_sets(None).values()
+    part = SimpleNamespace(bounds=np.array(((-9.0,) * 3, (9.0,) * 3)), centre=np.zeros(3))
+    camera = SimpleNamespace(
+        projection="perspective", sensor_mm=(6.0, 5.0), focal_length_mm=10.0, focal_px=(1e3, 1e3)
+    )
+    (poses,) = options.pose_sets(SimpleNamespace(camera=camera, part=part)).values()
     assert_allclose(poses.origins, [(0, 0, 475)], atol=1e-12)
     for name, value in (("robot", "kuka"), ("hand_eye", motion), ("base_to_part", base)):
         with pytest.raises(InputError, match=f"--{name.replace('_', '-')} .* list of poses"):

@@ -340,7 +340,10 @@ def test_units_and_scans_of_a_table(tmp_path: Path) -> None:
         assert_allclose(read_cloud(scans).points[0], [12.3456, 2000, 3000])
 
 
-@pytest.mark.parametrize("header", ["range,azimuth,elevation", "r,theta,phi", "u,v,disparity"])
+@pytest.mark.parametrize(
+    "header",
+    ["range,azimuth,elevation", "r,theta,phi", "u,v,disparity", "Northing,Easting,Height"],
+)
 def test_three_columns_of_other_quantities_are_no_coordinates(tmp_path: Path, header: str) -> None:
     with pytest.raises(InputError, match="do not say which three are the measured x, y and z"):
         read_cloud(write(tmp_path / "a.csv", header, [0, 1, 2]))

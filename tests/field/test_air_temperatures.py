@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from numpy.testing import assert_allclose
 
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.air_temperatures import is_air_temperatures, read_air_temperatures
 
 
@@ -14,8 +14,8 @@ from iriftrace.field.air_temperatures import is_air_temperatures, read_air_tempe
     [
         "x,y,z,T (degC),U\n1.5,2,3,100,4\n",
         "X [mm]\tY [mm]\tZ [mm]\tTemperature [°C]\tU [K]\n1,5\t2,0\t3,0\t100,0\t4,0\n",
-        "x (m);y (m);z (m);T;U\n0,0015;0,002;0,003;373,15;4\n",
-        "# x y z T U\n1.5 2 3 373.15 4\n",
+        "x (m);y (m);z (m);T (K);U\n0,0015;0,002;0,003;373,15;4\n",
+        "# x y z T(K) U\n1.5 2 3 373.15 4\n",
         "# thermocouples, hall 3\n# 2025-03-04\n\nx,y,z,T (degC),U\n1.5,2,3,100,4\n",
     ],
 )
@@ -42,3 +42,18 @@ def test_other_units_are_refused(tmp_path: Path, text: str, words: str) -> None:
     path.write_text(text)
     with pytest.raises(InputError, match=words):
         read_air_temperatures(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("x,y,z,T,U\n1,2,3,290,4\n1,2,4,620,4\n", r"unit of T.* in K \(17 to 347 degC\)"),
+        ("x,y,z,T (K),u_T\n1,2,3,290,2\n", "column u_T, which is not read.*expanded one"),
+        ("x,y,z,T (K),U\n1,2,3,290,2\nMean,2,3,290,2\n", "1 row of statistics"),
+    ],
+)
+def test_doubtful_columns_and_rows_are_warned_of(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "air.csv"
+    path.write_text(text)
+    with pytest.warns(IriftraceWarning, match=words):
+        assert read_air_temperatures(path).kelvins.min() == 290.0

@@ -135,6 +135,19 @@ def test_arrays_that_could_all_be_meant_are_listed(tmp_path, names):
         read_field(saved(grid, tmp_path / "f.vti"))
 
 
+@pytest.mark.parametrize("name", ["T_rms", "Temperature max", "temperature_gradient", "T_old"])
+def test_what_is_not_the_value_itself_must_be_given(tmp_path, name):
+    grid = box(2)
+    grid.point_data[name] = np.array(grid.point_data["T"])
+    del grid.point_data["T"]
+    path = saved(grid, tmp_path / "f.vti")
+    with pytest.raises(InputError, match=f"no array that looks like .* its arrays are {name}"):
+        read_field(path)
+    assert read_field(path, array=name).source.array == name
+    grid.point_data["T_air"] = np.array(grid.point_data[name])
+    assert read_field(saved(grid, tmp_path / "g.vti")).source.array == "T_air"
+
+
 def test_a_quantity_can_be_asked_for(tmp_path):
     grid = box(2)
     grid.point_data["rho"] = Air().ambient_density * AMBIENT / np.array(grid.point_data["T"])

@@ -78,3 +78,14 @@ def test_wrong_input(
     ]
     assert words in line
     assert not (folder / "shells").exists()
+
+
+def test_options_that_a_command_does_not_have_are_those_of_another(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["view", "points.txt", "--picture", "a.png"]) == 2
+    said = capsys.readouterr().err
+    assert "choose another with the time option (--time of iriftrace scene)." in said
+    assert "be cut out (--part of iriftrace scene), or export elements" in said
+    assert main(["view", "part.stl", "--picture", "a.png", "--length-unit", "um"]) == 0
+    assert "check length_unit (--length-unit)." in capsys.readouterr().err

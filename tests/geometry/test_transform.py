@@ -59,8 +59,12 @@ def test_numbers_and_files_hold_a_matrix_row_by_row(tmp_path, steps):
     assert_array_equal(parse_transform(text), matrix)
     assert_array_equal(parse_transform(text.replace(" ", ", ")), matrix)
     path = tmp_path / "pose.txt"
-    np.savetxt(path, matrix, fmt="%.17g")
-    assert_array_equal(parse_transform(str(path)), matrix)
+    for rows in (matrix, matrix[:3]):
+        np.savetxt(path, rows, fmt="%.17g")
+        assert_array_equal(parse_transform(str(path)), matrix)
+    np.savetxt(path, matrix[:3].T, fmt="%.17g")
+    with pytest.raises(InputError, match=r"is not a rotation|is singular"):
+        parse_transform(str(path))
 
 
 @pytest.mark.parametrize(

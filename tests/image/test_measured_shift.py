@@ -6,7 +6,7 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.image.measured_shift import read_measured_shift
 
 FIELD = np.arange(24, dtype=np.float32).reshape(3, 4, 2) / 7
@@ -113,3 +113,9 @@ def test_wrong_maps_are_refused(tmp_path: Path) -> None:
     (tmp_path / "b.exr").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(InputError, match=r"damaged or incomplete .*; write the map again"):
         read_measured_shift(tmp_path / "b.exr")
+
+
+def test_rows_of_statistics_are_not_markers(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("id,u,v,du,dv\n1,5,6,0.1,0.2\nMean,5,6,0.1,0.2\n")
+    with pytest.warns(IriftraceWarning, match="1 row of statistics"):
+        assert len(read_measured_shift(tmp_path / "a.csv").shifts) == 1

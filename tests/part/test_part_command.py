@@ -59,3 +59,14 @@ def test_wrong_input_is_said_in_one_sentence(
     assert message in error
     assert len(error.strip().splitlines()) == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_the_size_and_unit_of_a_part_are_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An STL states no unit, and field and part may both be read in a wrong one."""
+    trimesh.creation.box((4.0, 2.0, 1.0)).export(tmp_path / "a.stl")
+    words = ["part", "subdivide", str(tmp_path / "a.stl"), "-o", str(tmp_path / "b.ply")]
+    for unit, size in (("mm", "4 x 2 x 1"), ("inch", "101.6 x 50.8 x 25.4")):
+        assert main([*words, "--edge", "9 mm", "--length-unit", unit]) == 0
+        assert f"a.stl: {size} mm, read in {unit}." in capsys.readouterr().out

@@ -44,7 +44,9 @@ def plume(points: np.ndarray, lean: float) -> np.ndarray:
 PLACES = np.array([(x, y, z) for x in range(-8, 17, 4) for y in (-3, 3) for z in (22.0, 28.0)])
 
 
-def write(path: Path, places: np.ndarray, kelvins: np.ndarray, header: str = "x,y,z,T,U") -> Path:
+def write(
+    path: Path, places: np.ndarray, kelvins: np.ndarray, header: str = "x,y,z,T (K),U"
+) -> Path:
     rows = np.column_stack((places, kelvins, np.full(len(places), 20.0)))
     np.savetxt(
         path, rows[:, : header.count(",") + 1], delimiter=",", header=header, comments="", fmt="%g"
@@ -77,8 +79,8 @@ def test_table_of_temperatures(tmp_path: Path) -> None:
     for text, words in (
         ("x,y,z\n1,2,3\n", "no column T"),
         ("x,y,z,T\n", "no rows"),
-        ("x,y,z,T\n1,2,3\n", "4 columns in its header and 3"),
-        ("x,y,z,T,U\n1,2,3,400,0\n", "uncertainties U of 0 K"),
+        ("x,y,z,T (K)\n1,2,3\n", "4 columns in its header and 3"),
+        ("x,y,z,T (K),U\n1,2,3,400,0\n", "uncertainties U of 0 K"),
     ):
         file.write_text(text)
         with pytest.raises(InputError, match=words):

@@ -23,6 +23,7 @@ from iriftrace.core.number_table import (
     numbers,
     separator_of,
     with_gaps,
+    without_statistics,
 )
 from iriftrace.core.units import LENGTH_UNITS, stated_length_unit
 from iriftrace.field.readers.states import Column, column_of
@@ -46,7 +47,6 @@ _ENTRY = re.compile(
     rf"|Description|Length[ _]units?){_SET}\s*(?P<value>.*)",
     re.IGNORECASE,
 )
-_LONE_VALUE = re.compile(r"[%#][^:\uff1a;,=]*[:\uff1a;,=]\s*\"?(?P<value>[^\s\",;]+)[\s\",;]*")
 _KIND = re.compile(rf"[%#]\s*(?P<word>Coordinates|Elements|Data|Grid)\b(?!{_SET})", re.IGNORECASE)
 _DATA_TITLE = re.compile(r"[%#]\s*Data\s*(?:\((?P<inside>.*)\))?\s*", re.IGNORECASE)
 _PADDED = re.compile(r"\s{2,}|\t")
@@ -111,7 +111,7 @@ class TextFile:
         """Unit of the coordinates, where the header states it."""
         text = self.entries.get("length unit", "").strip("[]() ")
         remarks = (line for line in self.sections[0].comments if line.startswith(("%", "#")))
-        text = text or next(filter(None, map(_stated_unit, remarks)), "")
+        text = text or next(filter(None, map(stated_length_unit, remarks)), "")
         return {"µm": "um", "μm": "um", '"': "inch"}.get(text, text) or None
 
     def origin(self, state: str) -> str:
@@ -172,7 +172,7 @@ def text_file(path: Path) -> TextFile:
         raise InputError(f"{path} is not text; export it again as a text file in UTF-8.")
     sections: list[Section] = []
     comments: list[str] = []
-    for line in filter(None, map(str.strip, text.splitlines())):
+    for line in filter(None, map(str.strip, without_statistics(text.splitlines(), path))):
         # The comment mark may stand in the quotation marks of the first word.
         line = with_gaps(re.sub(r'^"\s*([%#]+)\s*', r'\1 "', line))
         if line[0] in "%#" and not line.strip('%#" ,;\t'):
@@ -211,12 +211,6 @@ def text_file(path: Path) -> TextFile:
             "revolve or extrude them to a 3D dataset in COMSOL and export that."
         )
     return file
-
-
-def _stated_unit(remark: str) -> str:
-    """Length unit in a remark, whose key may be of any language (``% Längeneinheit: m``); or ""."""
-    alone = None if _ENTRY.match(remark) else _LONE_VALUE.fullmatch(remark)
-    return stated_length_unit(remark) or (LENGTH_UNITS.get(alone["value"], "") if alone else "")
 
 
 def _text_of(comment: str) -> str:
