@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,7 @@ from iriftrace.image.aov_image import Status
 
 if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
+    from iriftrace.camera.pose_set import PoseSet
     from iriftrace.field.part_fit import Fit
     from iriftrace.image.metrics import PoseMetrics
     from iriftrace.image.ray_statistics import EnsembleMetrics, RayCounts
@@ -28,6 +30,9 @@ TOO_FEW = "fewer than 100 good rays, so no numbers"
 
 LEAST_OUTSIDE = 0.0005
 """Fraction of a part outside the picture or focus from which it is printed."""
+
+_MOST_VIEWS = 40
+"""Number of poses from which an average over an orbit is known to a per cent or two."""
 
 
 def print_shells(stack: ShellStack, reports: Sequence[ShellReport], fit: Fit | None) -> None:
@@ -122,6 +127,25 @@ def print_view(part: Part, camera: Camera, move: str, refocus: str, end: str = "
     if missing:
         remedy = " or ".join([move] + [refocus] * (view.out_of_focus >= LEAST_OUTSIDE))
         say(f"Of the part's side that faces the camera {' and '.join(missing)}; {remedy}{end}.")
+
+
+def print_default_orbit(stand_off_mm: float, poses: PoseSet, part: Part, camera: Camera) -> None:
+    """Print how much of the part cameras at the default distance miss, if it is 1 % or more."""
+    from iriftrace.scene.viewpoint import part_view
+
+    matrices = poses.matrices[:: math.ceil(len(poses) / _MOST_VIEWS)]
+    views = [part_view(part, camera.at(matrix)) for matrix in matrices]
+    fractions = {
+        "outside the picture": np.mean([view.outside for view in views]),
+        "out of focus": np.mean([view.out_of_focus for view in views]),
+    }
+    missing = [f"{mean:.0%} is {place}" for place, mean in fractions.items() if mean >= 0.01]
+    if missing:
+        say(
+            f"Of the part's side that faces the camera {' and '.join(missing)} on average over the "
+            f"poses, {stand_off_mm:g} mm off the part; change this distance (--stand-off), or the "
+            "focus interval or focal length of the scene's sensor."
+        )
 
 
 def print_summary(metrics: PoseMetrics) -> None:

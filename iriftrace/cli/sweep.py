@@ -87,6 +87,12 @@ def sweep(
     if scheduler is not None:
         check_scheduler(scheduler, workers)
     loaded = [trace.load(scene) for scene in scenes]
+    poses = orbit.pose_sets(loaded[0])
+    if orbit.is_default:
+        from iriftrace.cli.output import print_default_orbit
+
+        ((stand_off, around),) = poses.items()
+        print_default_orbit(stand_off, around, loaded[0].part, loaded[0].camera)
     render, complete = None, output.is_file()
     with ExitStack() as stack:
         if scheduler is not None:
@@ -96,7 +102,7 @@ def sweep(
         report = stack.enter_context(pose_progress(output))
         dataset = run_sweep(
             loaded,
-            orbit.pose_sets(loaded[0]),
+            poses,
             output,
             focal_lengths_mm=focal_length or (),
             move_out=orbit.is_orbit,
@@ -141,7 +147,7 @@ def _print_sweep(dataset: xr.Dataset) -> None:
         values = whole[name].values * factor
         if np.isfinite(values).any():
             out.print(
-                f"  {name.replace('_', ' ')}: {np.nanmin(values):.3g} to {np.nanmax(values):.3g} "
+                f"  {name.replace('_', ' ')}: {np.nanmin(values):.4g} to {np.nanmax(values):.4g} "
                 f"{unit}"
             )
     assumed = attribute(dataset, "assumptions").get("field_origin", "not stated")
