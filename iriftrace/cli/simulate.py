@@ -344,11 +344,12 @@ def simulation_progress() -> Iterator[Display]:
     # Finished bars would remain on a terminal that only logs.
     with Progress(*columns, console=notes, transient=True) as bar, stating_kept() as keep:
         task = bar.add_task("Case", total=None, flow="")
+        keep("finished steps are kept; give the same command again to continue")
 
         def watch(state: State) -> None:
             keep(
                 f"the flow is at {state.time:.3g} of {state.end:g} s; give the same command again "
-                "to continue"
+                f"to continue from {state.stored:.3g} s"
             )
             bar.update(task, total=state.end, completed=state.time, flow=flow_text(state))
 

@@ -7,7 +7,6 @@ slower it became steady later (cylinder, 0.06 m/s): air outside the plume accele
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -17,7 +16,7 @@ from attrs import frozen
 
 from iriftrace.air.refractivity import Air
 from iriftrace.cfd.between import write_field_between
-from iriftrace.cfd.openfoam.case import RECORD, Case, read_record
+from iriftrace.cfd.openfoam.case import Case, read_record
 from iriftrace.cfd.openfoam.family import Member
 from iriftrace.cfd.openfoam.mesh import make_mesh
 from iriftrace.cfd.openfoam.part_surface import reflected_grid
@@ -116,9 +115,6 @@ def run_family(
     entries = _read(folder)
     tasks = _tasks(members, cases, folder)
     for task in tasks:
-        if not (task.case_folder / RECORD).is_file():
-            # Incomplete if the program was killed.
-            shutil.rmtree(task.case_folder, ignore_errors=True)
         prepare(task.case, task.case_folder)
     # Those with a field that was solved to the same time as requested now.
     finished = [
