@@ -24,12 +24,13 @@ from iriftrace.cfd.openfoam.programs import Installation, find_openfoam
 from iriftrace.cfd.openfoam.run import expected_seconds, last_time, pieces_of
 from iriftrace.cfd.openfoam.simulate import Display, check_solver, prepare, simulate
 from iriftrace.core.errors import InputError, without_warnings
-from iriftrace.core.files import whole_file, write_whole
+from iriftrace.core.files import write_whole
 from iriftrace.core.plain import JsonObject
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.origin import facts_of, origin_of, state_origin
 from iriftrace.field.read import read_field
 from iriftrace.field.source import FieldFacts
+from iriftrace.geometry.vtk_files import write_vtk
 
 FAMILY = "family.json"
 """Record in the family's folder: its members, and how each of the finished ones was made."""
@@ -164,8 +165,7 @@ def write_image(member: Member, case: Case, folder: Path) -> None:
         origin = origin_of(grid).replace(wind, case.draught.text)
         text = f"{origin}, mirror image of {original.name}"
         state_origin(grid, text, facts_of(grid) or FieldFacts.in_words(origin))
-    with whole_file(folder / member.file) as temporary:
-        grid.save(temporary)
+    write_vtk(folder / member.file, grid)
 
 
 def _reader(folder: Path) -> Callable[[str, Case], IndexField]:
