@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from cyclopts import Parameter
 
-from iriftrace.cli.console import notes, out, pose_progress, say
+from iriftrace.cli.console import notes, pose_progress, say
 from iriftrace.cli.options import Lengths, Statuses, Whole, check_input, check_output, statuses
 from iriftrace.cli.orbit_options import OrbitOptions
 from iriftrace.cli.trace_options import TraceOptions
@@ -146,7 +146,7 @@ def _print_sweep(dataset: xr.Dataset) -> None:
     ):
         values = whole[name].values * factor
         if np.isfinite(values).any():
-            out.print(
+            say(
                 f"  {name.replace('_', ' ')}: {np.nanmin(values):.4g} to {np.nanmax(values):.4g} "
                 f"{unit}"
             )
@@ -159,4 +159,4 @@ def _print_sweep(dataset: xr.Dataset) -> None:
         say(f"  poses warned of: {'; '.join(texts)}")
     seen = dataset["face_times_seen"].values > 0
     area = dataset["face_area"].values
-    out.print(f"  seen by some pose: {100 * area[seen].sum() / area.sum():.3g} % of the area")
+    say(f"  seen by some pose: {100 * area[seen].sum() / area.sum():.3g} % of the area")
