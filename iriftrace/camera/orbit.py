@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from iriftrace.camera.pose_set import PoseSet, aimed, fixed
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.errors import InputError, warn
+from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
     from iriftrace.part.part import Part
@@ -130,6 +130,7 @@ def orbit_poses(
     ----------
     orbit : Orbit
     azimuth_deg : (n,) array, degree
+        One that equals another but for full turns, as 360 and 0, counts once.
     elevation_deg : (m,) array, degree
         Between -90 and 90. At either end there is one pose only, with azimuth 0.
     target : (3,) array, mm, world, optional
@@ -145,15 +146,12 @@ def orbit_poses(
     InputError
         If an angle is not finite or beyond a pole, there are too many poses, or a camera stands on
         the target.
-
-    Warns
-    -----
-    IriftraceWarning
-        If azimuths repeat each other, as 0 and 360 do.
     """
     azimuths = np.atleast_1d(np.asarray(azimuth_deg, dtype=np.float64)).ravel()
     elevations = np.atleast_1d(np.asarray(elevation_deg, dtype=np.float64)).ravel()
     _check_angles(azimuths, elevations)
+    _, first = np.unique(np.remainder(azimuths, 360.0), return_index=True)
+    azimuths = azimuths[np.sort(first)]
     pairs = [
         (azimuth, elevation)
         for elevation in elevations.tolist()
@@ -164,7 +162,7 @@ def orbit_poses(
 
 
 def _check_angles(azimuths: FloatArray, elevations: FloatArray) -> None:
-    """Refuse angles without a pose, and warn of poses that occur twice."""
+    """Refuse angles without a pose."""
     if not (np.isfinite(azimuths).all() and np.isfinite(elevations).all()):
         raise InputError("An azimuth or elevation is not finite; give degrees.")
     if len(elevations) and np.abs(elevations).max() > 90.0:
@@ -177,11 +175,6 @@ def _check_angles(azimuths: FloatArray, elevations: FloatArray) -> None:
         raise InputError(
             f"{len(azimuths)} azimuths at {len(elevations)} elevations are more than "
             f"{_MOST_VALUES} poses, which no sweep gets through; give fewer."
-        )
-    if len(np.unique(np.remainder(azimuths, 360.0))) < len(azimuths):
-        warn(
-            "Some azimuths are equal but for full turns, so their poses are traced and ranked "
-            "more than once; end the range before it closes, such as 0:350:36."
         )
 
 
@@ -232,6 +225,18 @@ def semi_axes(part: Part, stand_off_mm: float) -> FloatArray:
             "length."
         )
     return np.asarray(0.5 * np.ptp(part.bounds, axis=0) + stand_off_mm)
+
+
+def default_stand_off(part: Part, focus_mm: tuple[float, float]) -> float:
+    """Stand-off, whole mm, at which cameras have all of a part in focus, finite (near, far), mm.
+
+    From every direction the part ends before the far end of the focus. If that needs cameras
+    nearer than the middle of the focus, as for a part about as long as the focus, it is the middle.
+    """
+    near, far = focus_mm
+    half = 0.5 * np.ptp(part.bounds, axis=0)
+    whole = far - float(half.max() + np.linalg.norm(half))
+    return float(round(max(whole, 0.5 * (near + far))))
 
 
 def paper_semi_axes(part: Part, largest_mm: float) -> FloatArray:

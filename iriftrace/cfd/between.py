@@ -16,12 +16,12 @@ from attrs import evolve
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import whole_file
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.origin import state_origin
 from iriftrace.field.source import FieldSource
 from iriftrace.geometry.query import Surface
+from iriftrace.geometry.vtk_files import write_vtk
 
 _SLICES = 32
 """Heights at which centroids are taken, over the height of the data."""
@@ -86,8 +86,7 @@ def write_field_between(
     grid.clear_data()
     grid.point_data["T"] = found.temperature_k
     state_origin(grid, found.source.origin, found.source.facts)
-    with whole_file(path) as temporary:
-        grid.save(temporary)
+    write_vtk(path, grid)
     return found
 
 

@@ -42,7 +42,8 @@ class OrbitOptions:
         Point that the camera looks at in mm, "0,0,0"; by default the part's centre.
     stand_off
         Added to the part's half extents to give the ellipsoid's semi-axes, one or several,
-        "200mm,225mm"; by default 0.9 times the far end of the focus interval.
+        "200mm,225mm"; by default as far as all of the part is in focus from every direction, or the
+        middle of the focus interval if that is farther.
     semi_axes
         Semi-axes of the ellipsoid in mm, "310,240,240".
     paper_axes
@@ -86,6 +87,12 @@ class OrbitOptions:
     robot: RobotName | None = None
     hand_eye: Path | None = None
     base_to_part: Path | None = None
+
+    @property
+    def is_default(self) -> bool:
+        """True if no option states how far from the part the cameras stand."""
+        given = (self.stand_off, self.semi_axes, self.paper_axes)
+        return self.is_orbit and not any(given)
 
     @property
     def is_orbit(self) -> bool:
@@ -175,7 +182,7 @@ class OrbitOptions:
 
     def _axes(self, scene: LoadedScene) -> list[tuple[float, ArrayLike]]:
         """Stand-off and semi-axes, mm, of each orbit."""
-        from iriftrace.camera.orbit import paper_semi_axes, semi_axes
+        from iriftrace.camera.orbit import default_stand_off, paper_semi_axes, semi_axes
 
         given = [self.stand_off, self.semi_axes, self.paper_axes]
         if sum(option is not None for option in given) > 1:
@@ -184,11 +191,12 @@ class OrbitOptions:
             return [(math.nan, self.semi_axes)]
         if self.paper_axes is not None:
             return [(math.nan, paper_semi_axes(scene.part, self.paper_axes))]
-        far = scene.camera.focus_mm[1]
-        if self.stand_off is None and not math.isfinite(far):
+        if self.stand_off is not None:
+            return [(length, semi_axes(scene.part, length)) for length in self.stand_off]
+        if not math.isfinite(scene.camera.focus_mm[1]):
             raise InputError(
                 "The camera's focus has no far end from which to compute a distance; give "
                 "--stand-off or --semi-axes."
             )
-        lengths = self.stand_off or (0.9 * far,)
-        return [(length, semi_axes(scene.part, length)) for length in lengths]
+        length = default_stand_off(scene.part, scene.camera.focus_mm)
+        return [(length, semi_axes(scene.part, length))]

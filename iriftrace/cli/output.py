@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,7 @@ from iriftrace.image.aov_image import Status
 
 if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
+    from iriftrace.camera.pose_set import PoseSet
     from iriftrace.field.part_fit import Fit
     from iriftrace.image.metrics import PoseMetrics
     from iriftrace.image.ray_statistics import EnsembleMetrics, RayCounts
@@ -28,6 +30,9 @@ TOO_FEW = "fewer than 100 good rays, so no numbers"
 
 LEAST_OUTSIDE = 0.0005
 """Fraction of a part outside the picture or focus from which it is printed."""
+
+_MOST_VIEWS = 40
+"""Number of poses from which an average over an orbit is known to a per cent or two."""
 
 
 def print_shells(stack: ShellStack, reports: Sequence[ShellReport], fit: Fit | None) -> None:
@@ -57,7 +62,7 @@ def print_shells(stack: ShellStack, reports: Sequence[ShellReport], fit: Fit | N
         rows,
     )
     air, source = stack.air, stack.source
-    out.print(
+    say(
         f"Ambient air n - 1 = {air.ambient_refractivity:.4e} at "
         f"{air.temperature_k - ZERO_CELSIUS_K:g} degC, {air.wavelength_nm:g} nm; index rule "
         f"{stack.rule}; lengths in mm, field read in "
@@ -65,11 +70,11 @@ def print_shells(stack: ShellStack, reports: Sequence[ShellReport], fit: Fit | N
         "shell and to the part; cut: fraction of a shell inside the part."
     )
     for place, layers in open_at.items():
-        out.print(f"Open at the {place}: shells {', '.join(layers)}.")
+        say(f"Open at the {place}: shells {', '.join(layers)}.")
     if source is not None and source.origin:
         say(f"Field: {source.origin}.")
     for small in stack.small_components:
-        out.print(
+        say(
             f"Shell {small.layer}: {counted(small.components, 'small piece')} dropped "
             f"({counted(small.triangles, 'triangle')})."
         )
@@ -79,13 +84,13 @@ def print_shells(stack: ShellStack, reports: Sequence[ShellReport], fit: Fit | N
     if np.isfinite(fit.wall_temperature_k):
         temperature = f"{fit.wall_temperature_k - ZERO_CELSIUS_K:.0f} degC"
     if np.isfinite(fit.gap_median_mm):
-        out.print(
+        say(
             f"Field's wall and part: 95 % of the wall is within {fit.gap_p95_mm:.3f} mm of the "
             f"part, {1.0 - fit.bare_share:.1%} of the part within {LARGEST_GAP_MM} mm of the wall; "
             f"wall temperature {temperature}."
         )
     else:
-        out.print(f"Air at the part's surface: temperature {temperature}.")
+        say(f"Air at the part's surface: temperature {temperature}.")
 
 
 def _length(value: float | None) -> str:
@@ -97,12 +102,12 @@ def print_camera(camera: Camera, scale: float) -> None:
     x, y, z = (f"{v:.1f}" for v in camera.origin)
     width, height = camera.scaled(scale).resolution
     near, far = camera.focus_mm
-    out.print(
+    say(
         f"Camera at ({x}, {y}, {z}) mm, focal length {camera.focal_length_mm:g} mm, "
         f"{width} x {height} px, focus {near:g} to {far:g} mm."
     )
     if camera.distortion is not None:
-        out.print(f"Lens distortion {camera.distortion}.")
+        say(f"Lens distortion {camera.distortion}.")
 
 
 def print_view(part: Part, camera: Camera, move: str, refocus: str, end: str = "") -> None:
@@ -122,6 +127,25 @@ def print_view(part: Part, camera: Camera, move: str, refocus: str, end: str = "
     if missing:
         remedy = " or ".join([move] + [refocus] * (view.out_of_focus >= LEAST_OUTSIDE))
         say(f"Of the part's side that faces the camera {' and '.join(missing)}; {remedy}{end}.")
+
+
+def print_default_orbit(stand_off_mm: float, poses: PoseSet, part: Part, camera: Camera) -> None:
+    """Print how much of the part cameras at the default distance miss, if it is 1 % or more."""
+    from iriftrace.scene.viewpoint import part_view
+
+    matrices = poses.matrices[:: math.ceil(len(poses) / _MOST_VIEWS)]
+    views = [part_view(part, camera.at(matrix)) for matrix in matrices]
+    fractions = {
+        "outside the picture": np.mean([view.outside for view in views]),
+        "out of focus": np.mean([view.out_of_focus for view in views]),
+    }
+    missing = [f"{mean:.0%} is {place}" for place, mean in fractions.items() if mean >= 0.01]
+    if missing:
+        say(
+            f"Of the part's side that faces the camera {' and '.join(missing)} on average over the "
+            f"poses, {stand_off_mm:g} mm off the part; change this distance (--stand-off), or the "
+            "focus interval or focal length of the scene's sensor."
+        )
 
 
 def print_summary(metrics: PoseMetrics) -> None:

@@ -122,7 +122,7 @@ def sentence(error: Exception) -> str:
             "as -D scale=0.25 or --layers 13."
         )
     if isinstance(error, OSError):
-        return f"Cannot read or write {error.filename}: {error.strerror}."
+        return f"Cannot read or write {error.filename or 'a file'}: {error.strerror}."
     text = " ".join(str(error).split())
     first = re.match(r"([a-z]+) (?!- )", text)
     # A file's name or a symbol such as n at the beginning keeps its own spelling.

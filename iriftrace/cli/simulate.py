@@ -13,7 +13,7 @@ from attrs import evolve
 from cyclopts import Parameter
 from rich.progress import BarColumn, Progress, TimeElapsedColumn
 
-from iriftrace.cli.console import notes, out, say, say_finding, stating_kept
+from iriftrace.cli.console import notes, say, say_finding, stating_kept
 from iriftrace.cli.field import scene_command
 from iriftrace.cli.field_options import AirOptions, PartOptions
 from iriftrace.cli.options import (
@@ -197,14 +197,14 @@ def _print_simulation(
     result: Simulation, part: Path, part_options: PartOptions, simulation: SimulationOptions
 ) -> None:
     runs = f" ({result.all_seconds:.0f} s in all its runs)"
-    out.print(
+    say(
         f"{result.cells:,} cells, {result.seconds:.0f} s"
         f"{runs if result.all_seconds > result.seconds + 1.0 else ''}; field at the wall within "
         f"{result.wall_error_k:.2f} K of the set temperature"
     )
     steadiness = result.steadiness
     if steadiness is not None:
-        out.print(f"Heat flow {steadiness.heat_w:.1f} W; the flow is {steadiness.text}.")
+        say(f"Heat flow {steadiness.heat_w:.1f} W; the flow is {steadiness.text}.")
         if not steadiness.steady:
             say(
                 "The field is the average over a plume that moves: a single exposure sees another "
@@ -280,7 +280,7 @@ def simulate_family(
             members, cases, folder, installation, solve, say=status.update, expect=expect
         )
         for entry in running:
-            out.print(_finished(entry))
+            say(_finished(entry))
 
 
 def family_scene(
@@ -344,11 +344,12 @@ def simulation_progress() -> Iterator[Display]:
     # Finished bars would remain on a terminal that only logs.
     with Progress(*columns, console=notes, transient=True) as bar, stating_kept() as keep:
         task = bar.add_task("Case", total=None, flow="")
+        keep("finished steps are kept; give the same command again to continue")
 
         def watch(state: State) -> None:
             keep(
                 f"the flow is at {state.time:.3g} of {state.end:g} s; give the same command again "
-                "to continue"
+                f"to continue from {state.stored:.3g} s"
             )
             bar.update(task, total=state.end, completed=state.time, flow=flow_text(state))
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from cyclopts import Parameter
 
-from iriftrace.cli.console import notes, out, pose_progress, say
+from iriftrace.cli.console import notes, pose_progress, say
 from iriftrace.cli.options import Lengths, Statuses, Whole, check_input, check_output, statuses
 from iriftrace.cli.orbit_options import OrbitOptions
 from iriftrace.cli.trace_options import TraceOptions
@@ -87,6 +87,12 @@ def sweep(
     if scheduler is not None:
         check_scheduler(scheduler, workers)
     loaded = [trace.load(scene) for scene in scenes]
+    poses = orbit.pose_sets(loaded[0])
+    if orbit.is_default:
+        from iriftrace.cli.output import print_default_orbit
+
+        ((stand_off, around),) = poses.items()
+        print_default_orbit(stand_off, around, loaded[0].part, loaded[0].camera)
     render, complete = None, output.is_file()
     with ExitStack() as stack:
         if scheduler is not None:
@@ -96,7 +102,7 @@ def sweep(
         report = stack.enter_context(pose_progress(output))
         dataset = run_sweep(
             loaded,
-            orbit.pose_sets(loaded[0]),
+            poses,
             output,
             focal_lengths_mm=focal_length or (),
             move_out=orbit.is_orbit,
@@ -140,8 +146,8 @@ def _print_sweep(dataset: xr.Dataset) -> None:
     ):
         values = whole[name].values * factor
         if np.isfinite(values).any():
-            out.print(
-                f"  {name.replace('_', ' ')}: {np.nanmin(values):.3g} to {np.nanmax(values):.3g} "
+            say(
+                f"  {name.replace('_', ' ')}: {np.nanmin(values):.4g} to {np.nanmax(values):.4g} "
                 f"{unit}"
             )
     assumed = attribute(dataset, "assumptions").get("field_origin", "not stated")
@@ -153,4 +159,4 @@ def _print_sweep(dataset: xr.Dataset) -> None:
         say(f"  poses warned of: {'; '.join(texts)}")
     seen = dataset["face_times_seen"].values > 0
     area = dataset["face_area"].values
-    out.print(f"  seen by some pose: {100 * area[seen].sum() / area.sum():.3g} % of the area")
+    say(f"  seen by some pose: {100 * area[seen].sum() / area.sum():.3g} % of the area")

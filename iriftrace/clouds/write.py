@@ -18,6 +18,7 @@ from iriftrace.core.files import whole_file
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import length_factor
 from iriftrace.geometry.ply import write_ply_points
+from iriftrace.geometry.vtk_files import write_vtk
 
 TEXT_WRITTEN = (".asc", ".xyz", ".txt", ".csv")
 
@@ -78,8 +79,7 @@ def save_cloud(
         for name, column in columns.items():
             data.point_data[name] = column
         data.field_data["field"] = [field]
-        with whole_file(cloud) as partial:
-            data.save(partial)
+        write_vtk(cloud, data)
     numbers = cloud.with_suffix(".json")
     with whole_file(numbers) as partial:
         partial.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")

@@ -325,13 +325,13 @@ def _camera(camera: JsonObject, *, varied: bool) -> str:
 
 
 def _orbit(summary: SweepSummary) -> str:
+    azimuth = np.quantile(summary.azimuth_on_maps, (0.0, 1.0)) % 360.0
     ranges = [
-        f"{name} {' to '.join(dict.fromkeys(f'{v:.4g}' for v in (values.min(), values.max())))}"
-        f"{unit}"
-        for name, values, unit in (
-            ("azimuth", summary.azimuth, "°"),
-            ("elevation", summary.elevation, "°"),
-            ("distance to the target", summary.distance, " mm"),
+        f"{name} {' to '.join(dict.fromkeys(f'{end:.4g}' for end in ends))}{unit}"
+        for name, ends, unit in (
+            ("azimuth", azimuth, "°"),
+            ("elevation", np.quantile(summary.elevation, (0.0, 1.0)), "°"),
+            ("distance to the target", np.quantile(summary.distance, (0.0, 1.0)), " mm"),
         )
     ]
     return f"{len(summary.distance)}, {', '.join(ranges)}; angles {summary.angles_of}"

@@ -313,13 +313,14 @@ def _draw_panel(axes: Axes, summary: SweepSummary, quantity: Quantity, members: 
         _draw_dots(axes, summary, quantity, members)
     else:
         _draw_cells(axes, summary, quantity, grid)
+    azimuth, elevation = summary.azimuth_on_maps, summary.elevation
     warned = members[summary.warned[members].any(axis=1)]
-    axes.plot(summary.azimuth[warned], summary.elevation[warned], zorder=3, **WARNED)
+    axes.plot(azimuth[warned], elevation[warned], zorder=3, clip_on=False, **WARNED)
     best = summary.plan.best
     if best in members:
-        axes.plot(summary.azimuth[best], summary.elevation[best], zorder=4, clip_on=False, **BEST)
+        axes.plot(azimuth[best], elevation[best], zorder=4, clip_on=False, **BEST)
     axes.set(xlabel=f"Azimuth {summary.angles_of} (°)", ylabel=f"Elevation {summary.angles_of} (°)")
-    for axis, angles in ((axes.xaxis, summary.azimuth), (axes.yaxis, summary.elevation)):
+    for axis, angles in ((axes.xaxis, azimuth), (axes.yaxis, elevation)):
         axis.set_major_formatter(lambda value, _position: number(round(value, 6)))
         ticks = None if grid is None else _ticks(np.unique(angles[grid]))
         if ticks is not None:
@@ -329,6 +330,7 @@ def _draw_panel(axes: Axes, summary: SweepSummary, quantity: Quantity, members: 
         step = next((s for s in _TICK_STEPS_DEG if (high - low) / s <= _MOST_TICKS), None)
         small = high - low < 2 * _TICK_STEPS_DEG[0]
         axis.set_major_locator(MaxNLocator(6) if step is None or small else MultipleLocator(step))
+    axes.xaxis.set_major_formatter(lambda value, _position: number(round(value, 6) % 360.0))
 
 
 def _ticks(angles: FloatArray) -> FloatArray | None:
@@ -345,7 +347,7 @@ def _ticks(angles: FloatArray) -> FloatArray | None:
 
 
 def _draw_cells(axes: Axes, summary: SweepSummary, quantity: Quantity, grid: IntArray) -> None:
-    azimuths = np.unique(summary.azimuth[grid])
+    azimuths = np.unique(summary.azimuth_on_maps[grid])
     elevations = np.unique(summary.elevation[grid])
     rows = np.clip(_edges(elevations), -90.0, 90.0)
     values = np.ma.masked_invalid(quantity.values[grid])
@@ -373,9 +375,10 @@ def _edges(centres: FloatArray) -> FloatArray:
 
 def _draw_dots(axes: Axes, summary: SweepSummary, quantity: Quantity, members: IntArray) -> None:
     known, unknown = members[quantity.known[members]], members[~quantity.known[members]]
+    azimuth, elevation = summary.azimuth_on_maps, summary.elevation
     axes.scatter(
-        summary.azimuth[known],
-        summary.elevation[known],
+        azimuth[known],
+        elevation[known],
         c=quantity.values[known],
         norm=scale_of(quantity).norm,
         cmap=COLOUR_MAP,
@@ -384,7 +387,7 @@ def _draw_dots(axes: Axes, summary: SweepSummary, quantity: Quantity, members: I
         linewidths=0.4,
         zorder=2,
     )
-    axes.plot(summary.azimuth[unknown], summary.elevation[unknown], zorder=3, **UNKNOWN)
+    axes.plot(azimuth[unknown], elevation[unknown], zorder=3, **UNKNOWN)
     axes.grid(color="0.9", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.margins(0.05)

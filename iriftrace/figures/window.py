@@ -39,6 +39,7 @@ from iriftrace.figures.space import (
 from iriftrace.figures.style import even_ticks
 from iriftrace.geometry.triangles import polydata
 from iriftrace.part.part import Part
+from iriftrace.sweep.faces import displacement_limits
 
 Draw = Callable[[pv.Plotter], None]
 
@@ -372,21 +373,24 @@ def _add_mark(plotter: pv.Plotter, source: FieldSource | None) -> None:
 
 
 def _add_points(plotter: pv.Plotter, points: pv.PolyData, um: FloatArray, title: str) -> None:
-    """Add points in colours up to the 99th percentile, about 0 if they have signs.
+    """Add points in colours up to the 99th percentile, in the scale of `plot`.
 
-    The bar has an extra field for values beyond, in the colour of its end.
+    It is about 0 for values with signs, else logarithmic. The bar has an extra field for values
+    beyond, in the colour of its end.
     """
     points.point_data[title] = um
-    most = float(np.nanpercentile(np.abs(um), 99)) or 1.0
     signed = bool((um < 0).any())
-    limits, colours = ((-most, most), "RdBu_r") if signed else ((0.0, most), "viridis")
+    most = float(np.nanpercentile(np.abs(um), 99)) or 1.0
+    low, high = (-most, most) if signed else displacement_limits(um)
+    colours = colormaps["RdBu_r" if signed else "viridis"]
     plotter.add_mesh(
         points,
         scalars=title,
-        clim=limits,
-        cmap=colormaps[colours],
-        above_color=colormaps[colours](1.0) if (um > most).any() else None,
-        below_color=colormaps[colours](0.0) if (um < limits[0]).any() else None,
+        clim=(low, high),
+        log_scale=not signed and low > 0.0,
+        cmap=colours,
+        above_color=colours(1.0) if (um > high).any() else None,
+        below_color=colours(0.0) if (um < low).any() else None,
         lighting=False,
         render_points_as_spheres=True,
         point_size=5.0,

@@ -8,8 +8,9 @@ import numpy as np
 
 from iriftrace.core.arrays import FloatArray, as_float64
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import whole_file
+from iriftrace.field.origin import one_line
 from iriftrace.geometry.ply import write_ply_points
+from iriftrace.geometry.vtk_files import write_vtk
 from iriftrace.image.aov_image import AovImage
 from iriftrace.image.exr_entries import FloatImage
 from iriftrace.part.part import Part
@@ -104,6 +105,5 @@ def _write_vtp(
             array = cloud.GetPointData().GetAbstractArray(stem)
             for number, one in enumerate("XYZ"):
                 array.SetComponentName(number, one)
-    cloud.field_data["units and assumptions"] = remarks
-    with whole_file(path) as temporary:
-        cloud.save(temporary)
+    cloud.field_data["units and assumptions"] = [one_line(remark) for remark in remarks]
+    write_vtk(path, cloud)

@@ -51,6 +51,7 @@ class SweepSummary:
     distance : (n,) array, mm
         From the camera to its target.
     azimuth, elevation : (n,) array, degree
+        The azimuth from 0 to 360.
     angles_of : str
         Reference of azimuth and elevation.
     rays : dict of (n,) arrays
@@ -153,11 +154,21 @@ class SweepSummary:
         """Poses that differ only in position: a description, which may be empty; numbers."""
         return series_of(self.varied, len(self.distance))
 
+    @cached_property
+    def azimuth_on_maps(self) -> FloatArray:
+        """Azimuths (n,), degree, less 360 beyond their widest gap, so that none lies between."""
+        ascending = np.unique(self.azimuth)
+        gaps = np.diff(ascending, append=ascending[0] + 360.0)
+        widest = int(np.argmax(gaps))
+        if gaps[-1] > gaps[widest] - 1e-6:
+            return self.azimuth
+        return np.where(self.azimuth > ascending[widest], self.azimuth - 360.0, self.azimuth)
+
     @property
     def is_one_direction(self) -> bool:
         """True if the poses differ only in their distance."""
         others = [one for one in self.varied if one.quantity != "stand-off"]
-        angles = np.stack((self.azimuth, self.elevation))
+        angles = np.stack((self.azimuth_on_maps, self.elevation))
         # Poses of one direction differ only by rounding.
         near = np.ptp(angles, axis=1).max() < 1e-6
         return near and not others and bool(np.unique(self.distance).size > 1)
@@ -167,7 +178,7 @@ class SweepSummary:
 
         The single pose at a pole is used for all azimuths.
         """
-        azimuths, column = np.unique(self.azimuth[members], return_inverse=True)
+        azimuths, column = np.unique(self.azimuth_on_maps[members], return_inverse=True)
         elevations, row = np.unique(self.elevation[members], return_inverse=True)
         poses = np.full((len(elevations), len(azimuths)), -1, dtype=np.int64)
         if min(poses.shape) < 2:

@@ -13,10 +13,11 @@ from attrs import evolve
 
 from iriftrace.core.arrays import AnyIntArray, Float32Array
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import seen_from, sha256_of, whole_file, write_json, write_whole
+from iriftrace.core.files import seen_from, sha256_of, write_json, write_whole
 from iriftrace.core.plain import plain, structured
 from iriftrace.geometry import ply
 from iriftrace.geometry.triangles import polydata
+from iriftrace.geometry.vtk_files import write_vtk
 from iriftrace.shells.hessian import HESSIAN_AXES, PLY_COLUMNS
 from iriftrace.shells.stack import Shell, ShellStack
 from iriftrace.shells.table import SCHEMA, AirStatement, PartOrigin
@@ -190,8 +191,6 @@ def _damaged(path: Path) -> InputError:
 
 def _write_paraview(folder: Path, stack: ShellStack) -> Path:
     """A multi-block file that ParaView opens, and its pieces in a folder of the same name."""
-    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
-
     target = folder / PARAVIEW
     pieces = folder / target.stem
     pieces.mkdir(exist_ok=True)
@@ -212,14 +211,7 @@ def _write_paraview(folder: Path, stack: ShellStack) -> Path:
         mesh.cell_data["refractivity"] = np.full(count, shell.refractivity)
         mesh.cell_data["temperature_k"] = np.full(count, temperature)
         name = _stem(shell)
-        with whole_file(pieces / f"{name}.vtp") as temporary:
-            writer = vtkXMLPolyDataWriter()
-            writer.SetFileName(str(temporary))
-            writer.SetInputData(mesh)
-            writer.SetDataModeToAppended()
-            writer.EncodeAppendedDataOff()
-            writer.SetCompressorTypeToLZ4()
-            writer.Write()
+        write_vtk(pieces / f"{name}.vtp", mesh, fast=True)
         file = quoteattr(f"{pieces.name}/{name}.vtp")
         lines.append(f'    <DataSet index="{i}" name="{name}" file={file}/>')
     lines += ["  </vtkMultiBlockDataSet>", "</VTKFile>"]

@@ -11,6 +11,7 @@ import numpy as np
 from iriftrace.core.errors import InputError, SetupError
 from iriftrace.core.files import whole_file
 from iriftrace.geometry.triangles import polydata
+from iriftrace.geometry.vtk_files import write_vtk
 from iriftrace.part.part import Part
 from iriftrace.sweep.store import WHOLE_PART
 
@@ -85,8 +86,5 @@ def write_face_maps(path: Path, dataset: xr.Dataset, part: Part) -> None:
     surface.cell_data["times seen"] = dataset["face_times_seen"].values
     surface.cell_data["best incidence (deg)"] = dataset["face_incidence"].values
     surface.cell_data["region"] = dataset["face_region"].values
-    with whole_file(path) as temporary:
-        if path.suffix.lower() == ".vtu":
-            surface.cast_to_unstructured_grid().save(temporary)
-        else:
-            surface.save(temporary)
+    solid = path.suffix.lower() == ".vtu"
+    write_vtk(path, surface.cast_to_unstructured_grid() if solid else surface)

@@ -68,9 +68,10 @@ _LEVEL = 4
 def pose_variables(poses: PoseSet, target: ArrayLike) -> Variables:
     """Positions of the cameras as variables; ``distance`` is that to the target, mm, world.
 
-    Poses without angles of an orbit have those of their line of sight.
+    Poses without angles of an orbit have those of their line of sight; azimuths are 0 to 360.
     """
     azimuth, elevation = line_of_sight_angles(poses.matrices)
+    given = np.remainder(poses.azimuth_deg, 360.0)
     table = poses.table_deg
     distance = np.linalg.norm(poses.origins - np.asarray(target, dtype=np.float64), axis=1)
     origins = {
@@ -90,9 +91,9 @@ def pose_variables(poses: PoseSet, target: ArrayLike) -> Variables:
             {"long_name": "camera to world; x right, y down, z forward", "units": "mm"},
         ),
         **{
-            name: (("pose",), np.where(np.isfinite(given), given, seen), {"units": "degree"})
-            for name, given, seen in (
-                ("azimuth", poses.azimuth_deg, azimuth),
+            name: (("pose",), np.where(np.isfinite(orbit), orbit, seen), {"units": "degree"})
+            for name, orbit, seen in (
+                ("azimuth", given, azimuth),
                 ("elevation", poses.elevation_deg, elevation),
             )
         },

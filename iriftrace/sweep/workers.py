@@ -102,8 +102,7 @@ def pose_workers(scheduler: str, count: int | None = None) -> Iterator[RenderPos
 
     Each worker loads the scene's files itself and keeps the scene, so workers on other machines
     must see them under the same path. The results are those of `iriftrace.sweep.series.render_here`
-    to the last bit on processors of the same kind. When a worker dies, its poses are rendered again
-    by another one.
+    but for rounding, a relative 1e-11. When a worker dies, another one renders its poses again.
 
     Parameters
     ----------

@@ -10,6 +10,7 @@ from scipy.spatial import ConvexHull, KDTree
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.orbit import (
     Orbit,
+    default_stand_off,
     fibonacci_poses,
     orbit_poses,
     paper_semi_axes,
@@ -273,10 +274,9 @@ def test_a_target_on_the_orbit_is_refused():
         aimed(CENTRE, (0.0, np.nan, 0.0))
 
 
-def test_a_full_circle_with_both_ends_is_warned_of():
-    with pytest.warns(IriftraceWarning, match="more than once"):
-        poses = orbit_poses(orbit(), parse_range("0:360:5"), 0.0)
-    assert len(poses) == 5
+def test_the_end_of_a_full_circle_is_its_start_and_counts_once():
+    poses = orbit_poses(orbit(), parse_range("-180:180:5"), 0.0)
+    assert_array_equal(poses.azimuth_deg, [-180, -90, 0, 90])
 
 
 @pytest.mark.parametrize("count", [1, 2, 100, 1001])
@@ -315,6 +315,15 @@ def test_semi_axes_are_half_extents_and_stand_off():
     for stand_off in (0.0, -5.0, np.nan):
         with pytest.raises(InputError, match="stand-off"):
             semi_axes(part, stand_off)
+
+
+def test_by_default_all_of_a_part_is_in_focus_from_everywhere_or_cameras_stand_in_its_middle():
+    part = box(60.0, 27.0, 30.0)
+    stand_off = default_stand_off(part, (50.0, 250.0))
+    poses = fibonacci_poses(Orbit(part.centre, semi_axes(part, stand_off)), 200)
+    distances = np.linalg.norm(poses.origins[:, None] - part.vertices, axis=-1)
+    assert 50.0 < distances.min() < 240.0 < distances.max() < 250.0
+    assert default_stand_off(box(170.0, 27.0, 27.0), (50.0, 250.0)) == 150.0
 
 
 def test_the_papers_semi_axes_have_the_ratio_of_the_parts_dimensions():

@@ -112,7 +112,7 @@ def test_stages_of_the_run(case: Case, tmp_path: Path) -> None:
     write_control(case, tmp_path, averaging=False)
     assert float(entry(file, "endTime")) == 1.5
     assert "fieldAverage" not in file.read_text()
-    assert float(entry(file, "writeInterval")) == 1.5 / 4
+    assert float(entry(file, "writeInterval")) == 1.5 / 12
     write_control(evolve(case, times=Times(2.0, 0.5, 10)), tmp_path, averaging=True, start=1.5)
     assert float(entry(file, "startTime")) == 1.5
     assert float(entry(file, "endTime")) == 2.0
@@ -140,6 +140,17 @@ def test_same_case_goes_on_and_another_one_is_refused(case: Case, tmp_path: Path
     with pytest.raises(InputError, match="differs in wall_k"):
         prepare(evolve(case, wall=WallTemperatures(1000.0)), folder)
     assert json.loads((folder / RECORD).read_text())["wall_k"] == WALL
+
+
+def test_a_case_whose_writing_was_interrupted_is_written_again(
+    case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as interrupted:
+        interrupted.setattr("iriftrace.cfd.openfoam.case_files.write_start", None)
+        with pytest.raises(TypeError):
+            prepare(case, tmp_path / "case")
+    assert not prepare(case, tmp_path / "case")
+    assert prepare(case, tmp_path / "case")
 
 
 @pytest.mark.parametrize("damage", ["", "{", "[1]"])

@@ -11,7 +11,7 @@ import pyvista as pv
 from attrs import evolve
 
 from iriftrace.cfd.openfoam import family_run
-from iriftrace.cfd.openfoam.case import RECORD, Case, natural_case, symmetric_case
+from iriftrace.cfd.openfoam.case import RECORD, UNFINISHED, Case, natural_case, symmetric_case
 from iriftrace.cfd.openfoam.family import Member, plan_family
 from iriftrace.cfd.openfoam.family_run import FAMILY, Cost, Task, run_family, write_image
 from iriftrace.cfd.openfoam.programs import Installation
@@ -201,7 +201,8 @@ def test_interrupted_family_goes_on(family: Family, meshed: list[Path], tmp_path
     with pytest.raises(KeyboardInterrupt):
         run(family, tmp_path, Solver(dies_after=1))
     write_field(tmp_path / "at_0.10_from_090.vtu", "half done")
-    (tmp_path / "cases/at_0.20_from_090" / RECORD).unlink()
+    record = tmp_path / "cases/at_0.20_from_090" / RECORD
+    record.rename(record.with_name(UNFINISHED))
     again = Solver()
     _, cost = run(family, tmp_path, again)
     assert again.solved == ["at_0.10_from_090", "at_0.20_from_090"]

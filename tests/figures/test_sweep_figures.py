@@ -14,7 +14,7 @@ from matplotlib import colormaps
 from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 
-from iriftrace.camera.orbit import fibonacci_poses
+from iriftrace.camera.orbit import fibonacci_poses, orbit_poses
 from iriftrace.camera.pose import look_at
 from iriftrace.camera.pose_set import PoseSet, joined
 from iriftrace.core.errors import InputError
@@ -117,6 +117,14 @@ def test_a_map_shows_every_pose_in_its_cell(summary: SweepSummary) -> None:
         "Azimuth on the orbit (°)",
         "Elevation on the orbit (°)",
     )
+
+
+def test_a_map_across_azimuth_0_has_no_gap_and_states_0_to_360() -> None:
+    poses = orbit_poses(ORBIT, [-40.0, 0.0, 40.0], [-10.0, 10.0])
+    found = summarise(known_sweep(poses, empty=()))
+    axes, _ = all_axes(map_figure(found, found.coverage))
+    label = axes.xaxis.get_major_formatter()
+    assert [label(tick) for tick in axes.get_xticks()] == ["320", "0", "40"]
 
 
 def test_a_constant_metric_can_be_drawn() -> None:

@@ -4,18 +4,20 @@ The colours looked for are those that the legend of each kind promises.
 """
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib.image
 import numpy as np
 import pytest
 import pyvista as pv
-from matplotlib.colors import to_rgb
+from matplotlib.colors import LogNorm, to_rgb
 
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, SetupError
 from iriftrace.field.origin import state_origin
 from iriftrace.field.source import FieldFacts, FieldSource
 from iriftrace.figures import window
+from iriftrace.figures.result import plot
 from iriftrace.figures.scene import SECOND_COLOUR, SIGHT_COLOUR
 from iriftrace.figures.space import PART_COLOUR
 from iriftrace.figures.window import view
@@ -27,8 +29,8 @@ HUES = {
     "pose.exr": {PART_COLOUR: 0.0005},
     # The best pose of four is the dark end of the scale, as in the maps of `plot`.
     "sweep.nc": {"#440154": 0.0005},
-    # Hot air makes the cylinder too small: errors are below 0, and red.
-    "scan.vtp": {"#f09c7b": 0.0005},
+    # Hot air makes the cylinder too small: errors are below 0, and blue; the bar alone is 0.002.
+    "scan.vtp": {"#4695c4": 0.004},
     "corrected.ply": {"#21918c": 0.0005},
     # The outer shells are violet air in front of white.
     "cylinder/scene.xml": {PART_COLOUR: 0.003, "#a78bbf": 0.004},
@@ -96,6 +98,20 @@ def test_files_are_drawn_and_marked(
     if bundled == "scene.xml":
         assert share_of(picture, SIGHT_COLOUR) > 0.0005
         assert share_of(picture, SECOND_COLOUR) == 0.0
+
+
+def test_a_pose_has_the_scale_of_its_picture(
+    results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawing: list[dict[str, Any]] = []
+    monkeypatch.setattr(pv.Plotter, "add_mesh", lambda *_, **look: drawing.append(look))
+    drawn(results / "pose.exr", tmp_path)
+    (look,) = [look for look in drawing if "clim" in look]
+    (figure,) = plot(results / "pose.exr").figures.values()
+    norm = figure.axes[0].images[-1].norm
+    assert isinstance(norm, LogNorm)
+    assert look["log_scale"]
+    assert look["clim"] == pytest.approx((norm.vmin, norm.vmax), rel=1e-6)
 
 
 def test_a_scene_shows_both_devices(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 import trimesh
+from attrs import evolve
 
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
@@ -57,6 +58,15 @@ def test_vtp_has_the_numbers_of_the_exr(image: AovImage, tmp_path: Path) -> None
     assert "displacement.X: mm" in remarks
     assert "incidence.angle: rad" in remarks
     assert any("OpenFOAM" in remark for remark in remarks)
+
+
+def test_a_field_may_have_any_name(image: AovImage, tmp_path: Path) -> None:
+    """Texts of VTK are ASCII."""
+    named = evolve(image, header={**image.header, "assumptions": {"field": "Pr\u00fcf.vtu"}})
+    write_surface(tmp_path / "out.vtp", named, named.part)
+    assert (
+        pv.read(tmp_path / "out.vtp").field_data["units and assumptions"][-1] == "field: Pr?f.vtu"
+    )
 
 
 def test_ply_has_the_numbers_of_the_exr(image: AovImage, tmp_path: Path) -> None:

@@ -80,6 +80,25 @@ def test_round_patches_are_named_by_their_radius() -> None:
     assert "hole 1 (r 25)" in regions_of(one).names
 
 
+def test_cones_are_named_by_angle_and_radii_and_spheres_by_radius() -> None:
+    """A countersunk plug of radius 20, turned about z and moved; a half of it; and askew."""
+    profile = np.array(((0, 0), (20, 0), (20, 16), (18, 20), (10, 20), (5, 15), (0, 15)), float)
+    plug = trimesh.creation.revolve(profile, sections=64)
+    assert {"cone (53.13 deg, r 18 to 20)", "hollow cone (x 0, y 0, 90 deg, r 5 to 10)"} <= set(
+        regions_of(plug, angle_deg=20.0).names
+    )
+    half = trimesh.Trimesh(plug.vertices, plug.faces[plug.triangles_center[:, 0] > 0.0])
+    assert "hollow cone (90 deg, r 5 to 10)" in regions_of(half, angle_deg=20.0).names
+    plug.apply_transform(trimesh.transformations.rotation_matrix(0.5, (1, 2, 3)))
+    assert "hollow cone (90 deg, r 5 to 10)" in regions_of(plug, angle_deg=20.0).names
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=4.0)
+    assert regions_of(ball).names == ("sphere r 4",)
+    ball.invert()
+    assert regions_of(ball).names == ("hollow sphere r 4",)
+    for other in (trimesh.creation.torus(20.0, 5.0), trimesh.creation.capsule(20.0, 5.0)):
+        assert regions_of(other).names == ("surface 1",)
+
+
 def test_half_a_bore_is_hollow_and_a_cone_is_no_cylinder() -> None:
     ring = tube(60.0, 25.0, (0.0, 0.0))
     half = trimesh.Trimesh(ring.vertices, ring.faces[ring.triangles_center[:, 0] > 0.0])
@@ -90,10 +109,6 @@ def test_half_a_bore_is_hollow_and_a_cone_is_no_cylinder() -> None:
     wavy.vertices[:, 0] *= 1.1
     named = trimesh.util.concatenate([wavy, trimesh.creation.box((20, 20, 1))])
     assert "surface 1" in regions_of(named).names
-
-
-def test_closed_smooth_body_is_one_surface() -> None:
-    assert regions_of(trimesh.creation.icosphere(subdivisions=3)).names == ("surface 1",)
 
 
 def test_equal_directions_are_numbered_by_size() -> None:

@@ -55,7 +55,7 @@ def pairs(dataset: xr.Dataset, name: str) -> tuple[np.ndarray, np.ndarray]:
     values = dataset.sel(region="part")[name].values
     azimuth, elevation = dataset["azimuth"].values, dataset["elevation"].values
     order = np.argsort(elevation)
-    left, right = (values[order][azimuth[order] * side > 0] for side in (-1, 1))
+    left, right = (values[order][azimuth[order] == side] for side in (310, 50))
     assert len(left) == len(right) == 3
     return left, right
 

@@ -82,6 +82,17 @@ def test_poses_without_angles_get_those_of_their_line_of_sight() -> None:
     assert found.angles_of == "of the line of sight"
 
 
+def test_azimuths_are_0_to_360_and_continue_on_maps() -> None:
+    ranges = {(-40.0, 0.0, 40.0): [-40, 0, 40], (0.0, 120.0, 240.0): [0, 120, 240]}
+    for typed, drawn in ranges.items():
+        poses = orbit_poses(ORBIT, typed, [-10.0, 10.0])
+        found = summarise(known_sweep(poses, empty=()))
+        assert found.azimuth.tolist() == [angle % 360.0 for angle in typed] * 2
+        grid = found.grid(np.arange(6))
+        assert grid is not None
+        assert found.azimuth_on_maps[grid[0]].tolist() == drawn
+
+
 def test_a_table_of_something_else_is_refused() -> None:
     with pytest.raises(InputError, match="matrix is missing"):
         summarise(known_sweep().drop_vars("matrix"))

@@ -10,13 +10,11 @@ from attrs import frozen
 
 from iriftrace.cfd.openfoam.domain import Domain
 from iriftrace.cfd.openfoam.draught import SIDES
-from iriftrace.cfd.openfoam.part_surface import is_symmetric
+from iriftrace.cfd.openfoam.part_surface import is_symmetric, write_stl
 from iriftrace.cfd.openfoam.wall import HOTTEST
 from iriftrace.core.arrays import BoolArray, FloatArray, as_float64
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import whole_file
 from iriftrace.core.plain import JsonObject
-from iriftrace.geometry.triangles import polydata
 from iriftrace.part.part import Part
 
 FOLDER = "bodies"
@@ -55,8 +53,7 @@ def write_bodies(bodies: Sequence[Body], folder: Path) -> None:
     for body in bodies:
         target = folder / str(body.record()["file"])
         target.parent.mkdir(parents=True, exist_ok=True)
-        with whole_file(target) as temporary:
-            polydata(body.surface.vertices, body.surface.faces).save(temporary)
+        write_stl(body.surface, target, scale=1.0)
 
 
 def bodies_beside(field: Path, names: Collection[str]) -> tuple[Path, ...]:

@@ -26,6 +26,8 @@ from iriftrace.part.part import Part, refuse_unlikely_size
 
 RECORD = "case.json"
 """Record in the case's folder of what was requested, so that a later call continues it."""
+UNFINISHED = "unfinished"
+"""File in the folder of a case whose files are not all written yet."""
 # Sideways distances, as fractions of the height, at which a leaning plume is searched.
 _LEANS = (0.0, 0.25, 0.5)
 _SAME_MM = 1e-3
@@ -186,7 +188,10 @@ def natural_case(
 
 
 def is_stored(case: Case, folder: Path) -> bool:
-    """True if the folder holds this case, possibly with other times; InputError if other files."""
+    """True if the folder holds this case, possibly with other times; InputError if other files.
+
+    A case whose files were not all written, as it was interrupted, is to be written again.
+    """
     file = folder / RECORD
     if file.is_file():
         stored, current = read_record(file), json.loads(json.dumps(case.record()))
@@ -197,7 +202,7 @@ def is_stored(case: Case, folder: Path) -> bool:
                 "another folder, or give the same options to continue it."
             )
         return True
-    if folder.is_dir() and any(folder.iterdir()):
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / UNFINISHED).is_file():
         raise InputError(
             f"the folder {folder} holds files that are not a case of iriftrace and would be "
             "overwritten; name an empty or a new one."

@@ -7,7 +7,6 @@ slower it became steady later (cylinder, 0.06 m/s): air outside the plume accele
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -17,7 +16,7 @@ from attrs import frozen
 
 from iriftrace.air.refractivity import Air
 from iriftrace.cfd.between import write_field_between
-from iriftrace.cfd.openfoam.case import RECORD, Case, read_record
+from iriftrace.cfd.openfoam.case import Case, read_record
 from iriftrace.cfd.openfoam.family import Member
 from iriftrace.cfd.openfoam.mesh import make_mesh
 from iriftrace.cfd.openfoam.part_surface import reflected_grid
@@ -25,12 +24,13 @@ from iriftrace.cfd.openfoam.programs import Installation, find_openfoam
 from iriftrace.cfd.openfoam.run import expected_seconds, last_time, pieces_of
 from iriftrace.cfd.openfoam.simulate import Display, check_solver, prepare, simulate
 from iriftrace.core.errors import InputError, without_warnings
-from iriftrace.core.files import whole_file, write_whole
+from iriftrace.core.files import write_whole
 from iriftrace.core.plain import JsonObject
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.origin import facts_of, origin_of, state_origin
 from iriftrace.field.read import read_field
 from iriftrace.field.source import FieldFacts
+from iriftrace.geometry.vtk_files import write_vtk
 
 FAMILY = "family.json"
 """Record in the family's folder: its members, and how each of the finished ones was made."""
@@ -116,9 +116,6 @@ def run_family(
     entries = _read(folder)
     tasks = _tasks(members, cases, folder)
     for task in tasks:
-        if not (task.case_folder / RECORD).is_file():
-            # Incomplete if the program was killed.
-            shutil.rmtree(task.case_folder, ignore_errors=True)
         prepare(task.case, task.case_folder)
     # Those with a field that was solved to the same time as requested now.
     finished = [
@@ -168,8 +165,7 @@ def write_image(member: Member, case: Case, folder: Path) -> None:
         origin = origin_of(grid).replace(wind, case.draught.text)
         text = f"{origin}, mirror image of {original.name}"
         state_origin(grid, text, facts_of(grid) or FieldFacts.in_words(origin))
-    with whole_file(folder / member.file) as temporary:
-        grid.save(temporary)
+    write_vtk(folder / member.file, grid)
 
 
 def _reader(folder: Path) -> Callable[[str, Case], IndexField]:

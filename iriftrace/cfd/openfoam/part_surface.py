@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pyvista as pv
+import trimesh
 
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
 from iriftrace.field.gradient import MIRRORED_CORNERS
-from iriftrace.geometry.triangles import polydata
 from iriftrace.part.part import Part
 
 _TOLERANCE = 5e-3
@@ -19,10 +19,11 @@ _TOLERANCE = 5e-3
 _SAMPLES = 2000
 
 
-def write_stl(part: Part, path: Path) -> None:
-    """Write the part as binary STL in metres."""
+def write_stl(part: Part, path: Path, scale: float = 1e-3) -> None:
+    """Write a part as binary STL, in metres or scaled otherwise from mm."""
+    mesh = trimesh.Trimesh(scale * part.vertices, part.faces, process=False)
     with whole_file(path) as temporary:
-        polydata(1e-3 * part.vertices, part.faces).save(temporary)
+        mesh.export(temporary, file_type="stl")
 
 
 def symmetric_axes(part: Part) -> str:

@@ -19,7 +19,7 @@ from iriftrace.cfd.openfoam.run import Steadiness
 from iriftrace.cfd.openfoam.wall import wall_temperature
 from iriftrace.core.arrays import Float32Array, FloatArray, as_float64
 from iriftrace.core.errors import SetupError
-from iriftrace.core.files import whole_file, write_whole
+from iriftrace.core.files import write_whole
 from iriftrace.field.flow import (
     ENTHALPY_FLUX,
     HEAT_STORAGE,
@@ -32,6 +32,7 @@ from iriftrace.field.marked import chosen_cells
 from iriftrace.field.origin import WALL_HEAT, state_origin
 from iriftrace.field.readers import openfoam as openfoam_case
 from iriftrace.field.source import FieldFacts, FieldKind
+from iriftrace.geometry.vtk_files import write_vtk
 
 _MM = 1000.0
 
@@ -205,5 +206,4 @@ def _write(case: Case, grid: pv.UnstructuredGrid, file: Path, how: str, facts: F
         output.field_data[name] = grid.field_data[name]
     names = tuple(body.name for body in case.bodies)
     state_origin(output, ", ".join(parts), evolve(facts, bodies=names, symmetry=symmetry))
-    with whole_file(file) as temporary:
-        output.save(temporary)
+    write_vtk(file, output)

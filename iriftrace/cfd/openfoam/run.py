@@ -93,6 +93,7 @@ class State:
     end: float
     left: float | None  # seconds of clock time; None if not known yet
     steadiness: Steadiness | None  # of heat and plume lately; None at the beginning
+    stored: float  # physical time from which a later call continues, s
 
 
 def expected_seconds(case: Case, cells: int, since: float = 0.0) -> float:
@@ -178,8 +179,8 @@ def _run_solver(
         # The first steps are tiny and would give a far too long estimate.
         known = now - first > 0.02 * case.times.end
         left = clock / (now - first) * (case.times.end - now) if known else None
-        window = (now - case.times.averaging, now)
-        watch(State(now, case.times.end, left, judge_steadiness(case, folder, window)))
+        lately = judge_steadiness(case, folder, (now - case.times.averaging, now))
+        watch(State(now, case.times.end, left, lately, last_time(pieces_of(folder))))
 
     run_program(installation, folder, SOLVER, processes=case.processes, watch=look)
     if last_time(pieces_of(folder)) < end * (1.0 - 1e-6):

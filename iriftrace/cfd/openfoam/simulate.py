@@ -13,7 +13,7 @@ import pyvista as pv
 from attrs import frozen
 
 from iriftrace.cfd.openfoam.bodies import write_bodies
-from iriftrace.cfd.openfoam.case import RECORD, Case, is_stored
+from iriftrace.cfd.openfoam.case import RECORD, UNFINISHED, Case, is_stored
 from iriftrace.cfd.openfoam.case_files import write_case
 from iriftrace.cfd.openfoam.mesh import make_mesh
 from iriftrace.cfd.openfoam.programs import REPAIR, Installation
@@ -63,9 +63,11 @@ def prepare(case: Case, folder: Path) -> bool:
     if is_stored(case, folder):
         return True
     folder.mkdir(parents=True, exist_ok=True)
+    unfinished = folder / UNFINISHED
+    unfinished.touch()
     write_case(case, folder)
-    # Written last, so that an incomplete folder does not count as a case.
     write_whole(folder / RECORD, json.dumps(case.record(), indent=1) + "\n")
+    unfinished.unlink()
     return False
 
 

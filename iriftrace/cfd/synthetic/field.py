@@ -13,11 +13,11 @@ from iriftrace.cfd.openfoam.wall import wall_temperature
 from iriftrace.cfd.synthetic.mesh import AirMesh, air_mesh, usual_mesh
 from iriftrace.cfd.synthetic.model import SyntheticAir
 from iriftrace.core.errors import InputError, warn
-from iriftrace.core.files import whole_file
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.origin import state_origin
 from iriftrace.field.part_fit import fit_part_to_field
 from iriftrace.field.source import FieldFacts, FieldKind, FieldSource
+from iriftrace.geometry.vtk_files import write_vtk
 
 
 def synthetic_grid(
@@ -71,8 +71,7 @@ def write_synthetic_field(
     if Path(path).suffix.lower() != ".vtu":
         raise InputError(f"{path} does not end in .vtu, which the field is written as; rename it.")
     grid = synthetic_grid(air, size, gradient=gradient)
-    with whole_file(path) as temporary:
-        grid.save(temporary)
+    write_vtk(path, grid)
     field = _field_of(grid, air, Air(temperature_k=air.ambient_k), str(path))
     for message in fit_part_to_field(field, air.part).warnings:
         warn(message)
