@@ -17,7 +17,7 @@ from iriftrace.image.sightings import FaceSightings, sightings_of
 from iriftrace.part.part import Part
 from iriftrace.planning.criteria import Criteria
 from iriftrace.sweep.reload import swept_camera
-from iriftrace.triangulation.devices import System
+from iriftrace.triangulation.devices import Sensor, System
 from iriftrace.triangulation.first_order import first_order_error, first_order_size
 
 if TYPE_CHECKING:
@@ -96,8 +96,8 @@ def _pair(
     coverage = float(areas[face].sum() / areas.sum())
     if hits < criteria.min_hits or coverage < criteria.min_coverage:
         return None
-    offsets = one.seen.offset[first], other.seen.offset[second]
-    error = first_order_error(one.camera, other.camera, points, *offsets, request.system)
+    sensor = Sensor.of(one.camera, other.camera, request.system)
+    error = first_order_error(sensor, points, one.seen.offset[first], other.seen.offset[second])
     along = np.einsum("ij,ij->i", error, part.face_normals[face])
     # A face has as many measured points as the camera has pixels there.
     rays = one.seen.rays[first].astype(np.float64)
