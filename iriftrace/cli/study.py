@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -26,10 +26,8 @@ from iriftrace.cli.study_tables import print_comparison, print_timing
 from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
-    from iriftrace.field.index_field import IndexField
-    from iriftrace.scene.scene import Scene
     from iriftrace.studies.mode import Mode
-    from iriftrace.studies.study import Study
+    from iriftrace.studies.study import Setup, Study
 
 
 StudiedField = Annotated[Path, Parameter(help="Volume mesh with temperature, density or index.")]
@@ -134,19 +132,16 @@ def _run(
     output: Path,
     options: StudyOptions,
     scale: float,
-    describe: Callable[[Scene, Mapping[str, IndexField], list[Mode]], Study],
+    describe: Callable[[Setup], Study],
     *more: Mode,
 ) -> None:
-    """Run a study behind a progress bar, print its tables and draw its figure.
-
-    `describe` gets the scene with the last field, all fields by their names, and the modes.
-    """
+    """Run a study behind a progress bar, print its tables and draw its figure."""
     from iriftrace.figures.studies import study_figure
     from iriftrace.runtime import variant
     from iriftrace.scene.hot_air import HotAir
     from iriftrace.scene.scene import Scene
     from iriftrace.scene.viewpoint import refuse_camera_inside
-    from iriftrace.studies.study import run_study
+    from iriftrace.studies.study import Setup, run_study
 
     modes = [*options.mode.modes(), *more]
     if options.field.isosurfaces:
@@ -167,7 +162,7 @@ def _run(
     camera = options.camera.camera(mesh, volumes[-1], stack)
     refuse_camera_inside(camera.origin, (mesh,), stack, volumes[-1])
     scene = Scene(mesh, air, camera.scaled(scale), variant=traced_by)
-    described = describe(scene, dict(zip(names_of(fields), volumes, strict=True)), modes)
+    described = describe(Setup(scene, dict(zip(names_of(fields), volumes, strict=True)), modes))
     with pose_progress(output, "Cases") as report:
         dataset = run_study(described, output, report)
     (print_comparison if described.references else print_timing)(dataset)
