@@ -25,9 +25,8 @@ from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.scene import AnyScene
 from iriftrace.trace.engine import choose
 from iriftrace.trace.lost import warn_of_lost_points
-from iriftrace.triangulation.correction import Correction, CorrectionStatus
+from iriftrace.triangulation.correction import Correction, CorrectionStatus, FieldState
 from iriftrace.triangulation.devices import Phase, Sensor, System, provenance_of_two, sensor_of
-from iriftrace.triangulation.field_state import field_state
 from iriftrace.triangulation.larger import Larger, in_box, larger_than, sample_of
 from iriftrace.triangulation.two_points import lines_of_sight
 
@@ -162,7 +161,7 @@ def correct(
         to_part=to_part,
         larger=larger,
         growth=loaded.part.growth,
-        state=field_state(loaded),
+        state=FieldState.of(loaded),
     )
 
 
