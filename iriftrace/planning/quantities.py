@@ -8,7 +8,7 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray
-from iriftrace.planning.candidates import scatter_variable
+from iriftrace.planning.candidates import ranked_error
 from iriftrace.planning.criteria import Criteria
 from iriftrace.planning.rank import Plan
 
@@ -19,11 +19,6 @@ if TYPE_CHECKING:
 
 
 _STATISTICS = {"mean": "Mean", "median": "Median", "p95": "95th-percentile"}
-_ERRORS = {
-    "displacement": "displacement",
-    "normal": "error along the normal",
-    "features": "Error of diameters",
-}
 _READINGS = {
     "step": "step to the next pixel",
     "nn3d": "nearest neighbour in space",
@@ -64,8 +59,10 @@ class Quantity:
 def metric_quantity(plan: Plan, key: str, enough: BoolArray) -> Quantity:
     """One of `METRICS` of a ranking; `enough` masks the poses with values from enough rays."""
     if key == "displacement":
-        name = _ERRORS[plan.criteria.criterion or "displacement"]
-        if plan.criteria.criterion != "features":
+        name = ranked_error(plan.criteria).name
+        if plan.criteria.criterion == "features":
+            name = name.capitalize()
+        else:
             name = f"{_STATISTICS[plan.criteria.statistic]} {name}"
         if plan.criteria.robust:
             name += f" + {plan.criteria.robust:g} standard deviations"
@@ -100,7 +97,7 @@ def scatter_quantity(view: xr.Dataset, criteria: Criteria, enough: BoolArray) ->
 
     The statistic is that of the standard deviations in one view; `enough` as in `metric_quantity`.
     """
-    variable = scatter_variable(criteria)
+    variable = ranked_error(criteria).scatter
     if variable not in view:
         return None
     values = np.where(enough, 1e3 * view[variable].values, np.nan)
