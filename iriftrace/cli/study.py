@@ -10,18 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from attrs import frozen
 from cyclopts import App, Group, Parameter
 
+from iriftrace.cli import checks
 from iriftrace.cli.camera_options import CameraOptions, Scale
 from iriftrace.cli.console import drawn, pose_progress, say, working
-from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions, Rule
-from iriftrace.cli.options import (
-    Flag,
-    Numbers,
-    Whole,
-    check_field,
-    check_input,
-    check_order,
-    check_output,
-)
+from iriftrace.cli.field_options import FieldOptions, PartOptions, Rule
+from iriftrace.cli.options import Flag, Numbers, Output, Whole
 from iriftrace.cli.study_tables import print_comparison, print_timing
 from iriftrace.core.errors import InputError
 
@@ -32,10 +25,7 @@ if TYPE_CHECKING:
 
 StudiedField = Annotated[Path, Parameter(help="Volume mesh with temperature, density or index.")]
 StudiedPart = Annotated[Path, Parameter(help="The part's surface mesh.")]
-Output = Annotated[
-    Path,
-    Parameter(name=["-o", "--output"], help="The netCDF file; the figure is written next to it."),
-]
+StudyFile = Annotated[Output, Parameter(help="The netCDF file; the figure is written next to it.")]
 References = Annotated[list[str] | None, Parameter(name="--reference")]
 Layers = Annotated[Whole, Parameter(help="Number of shells.")]
 
@@ -100,7 +90,6 @@ class StudyOptions:
 
     variant: str | None = None
     mode: ModeOptions = ModeOptions()
-    air: AirOptions = AirOptions()
     field: FieldOptions = FieldOptions()
     part: PartOptions = PartOptions()
     camera: CameraOptions = CameraOptions()
@@ -149,14 +138,14 @@ def _run(
             "A study contours the field again for each case, so it needs the volume field and "
             "not ready-made iso-surfaces."
         )
-    check_order(fields[0], part)
-    check_field(*fields)
-    check_input(part)
-    check_output(output, "study.nc")
+    checks.order(fields[0], part)
+    checks.fields(*fields)
+    checks.inputs(part)
+    checks.output(output, "study.nc")
     traced_by = variant.ensure(options.variant)
     mesh = options.part.read(part)
     with working("Reading the field" if len(fields) == 1 else "Reading the fields"):
-        volumes = [options.field.read(path, options.air.air(), mesh) for path in fields]
+        volumes = [options.field.read(path, mesh) for path in fields]
     air = HotAir(volumes[-1], layers=1, notes=options.field.notes())
     stack = air.states[0].shells
     camera = options.camera.camera(mesh, volumes[-1], stack)
@@ -189,7 +178,7 @@ def layers(
     field: StudiedField,
     part: StudiedPart,
     *,
-    output: Output = Path("layers.nc"),
+    output: StudyFile = Path("layers.nc"),
     layers: str = "1:20",
     reference: References = None,
     options: StudyOptions = StudyOptions(),
@@ -221,7 +210,7 @@ def smoothing(
     part: StudiedPart,
     finest: Path,
     *,
-    output: Output = Path("smoothing.nc"),
+    output: StudyFile = Path("smoothing.nc"),
     iterations: str = "0,1,2,3,5,7,10,15,20,30,40,50",
     layers: Layers = 13,
     reference: References = None,
@@ -261,7 +250,7 @@ def mesh(
     part: StudiedPart,
     /,
     *finer: Path,
-    output: Output = Path("mesh.nc"),
+    output: StudyFile = Path("mesh.nc"),
     layers: Layers = 13,
     split: list[Path] | None = None,
     reference: References = None,
@@ -305,7 +294,7 @@ def rays(
     field: StudiedField,
     part: StudiedPart,
     *,
-    output: Output = Path("rays.nc"),
+    output: StudyFile = Path("rays.nc"),
     scales: Numbers = (0.0625, 0.125, 0.25, 0.5),
     layers: Layers = 13,
     options: StudyOptions = StudyOptions(),
@@ -331,7 +320,7 @@ def polygons(
     field: StudiedField,
     part: StudiedPart,
     *,
-    output: Output = Path("polygons.nc"),
+    output: StudyFile = Path("polygons.nc"),
     smallest: Whole = 4_700,
     largest: Whole = 320_000,
     layers: Layers = 13,
