@@ -98,10 +98,8 @@ def simulate(
         members, cases = family_cases(measured, simulation, wind, processes)
         _print_case(cases[members[0].name])
         simulate_family(members, cases, output, installation, wind)
-        first, *others = (output / member.file for member in members)
-        more = [word for file in others for word in ("--member", str(file))]
-        command = scene_command(first, part, simulation.ambient, hot, *more)
-        say(f"Family written; now run:  {command}")
+        files = [output / member.file for member in members]
+        say(f"Family written; now run:  {next_scene(files, part, simulation, hot)}")
         return
     case = simulation.case(measured, processes, wind.single())
     _print_case(case)
@@ -208,10 +206,17 @@ def _print_simulation(
     if result.snapshots:
         listed = result.field.with_name(f"{result.field.stem}_snapshots.pvd")
         say(f"{len(result.snapshots)} snapshots: {listed}")
-    usual = simulation.pressure == AirOptions().pressure
-    pressure = () if usual else ("--pressure", f"{simulation.pressure:.10g} Pa")
-    command = scene_command(result.field, part, simulation.ambient, part_options, *pressure)
-    say(f"Field written; now run:  {command}")
+    say(f"Field written; now run:  {next_scene([result.field], part, simulation, part_options)}")
+
+
+def next_scene(
+    fields: Sequence[Path], part: Path, simulation: SimulationOptions, part_options: PartOptions
+) -> str:
+    """The command that makes a scene of simulated fields, in the air of the simulation."""
+    more = [word for file in fields[1:] for word in ("--member", str(file))]
+    if simulation.pressure != AirOptions().pressure:
+        more += ["--pressure", f"{simulation.pressure:.10g} Pa"]
+    return scene_command(fields[0], part, simulation.ambient, part_options, *more)
 
 
 def family_cases(
