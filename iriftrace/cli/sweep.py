@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from iriftrace.cli import checks
-from iriftrace.cli.console import notes, out, pose_progress, say
+from iriftrace.cli.console import command_line, notes, out, pose_progress, say
 from iriftrace.cli.options import Lengths, Output, Whole
 from iriftrace.cli.orbit_options import OrbitOptions
 from iriftrace.cli.trace_options import Statuses, TraceOptions, statuses
@@ -114,7 +114,7 @@ def sweep(
     if surface is not None:
         write_face_maps(surface, dataset, loaded[0].part)
         say(f"Part with the maps of all poses in {surface}")
-    say(f"Sweep in {output}; now run:  iriftrace plan {output}")
+    say(f"Sweep in {output}; now run:  {command_line('plan', output)}")
 
 
 def _print_sweep(dataset: xr.Dataset) -> None:
