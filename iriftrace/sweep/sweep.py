@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,15 +19,14 @@ from iriftrace.core.errors import InputError, warn
 from iriftrace.image.ray_statistics import FEWEST_RAYS
 from iriftrace.image.sightings import COLUMNS, NOTHING_SEEN, ROW, FaceSightings, face_maps
 from iriftrace.scene.scene import AnyScene, loaded_scene
-from iriftrace.sweep.journal import Journal, Progress, Work
+from iriftrace.sweep.journal import Journal, Piece, Progress, Work
 from iriftrace.sweep.measures import metric_variables
-from iriftrace.sweep.pose import PoseTask, SceneSource, fingerprint
+from iriftrace.sweep.pose import PoseTask, SceneSource, fingerprint, render_pose
 from iriftrace.sweep.series import (
     RenderPoses,
     Series,
     all_series,
     check_comparable,
-    render_here,
     scenes_attribute,
     series_variables,
     sources_of,
@@ -186,7 +185,7 @@ class _Sweep:
             request=self.request(),
             total=sum(len(one.poses) for one in self.series),
         )
-        render = render or render_here(self.series, self.sources)
+        render = render or self.render_here
 
         def write(journal: Journal) -> None:
             dataset = self.dataset(journal)
@@ -215,6 +214,13 @@ class _Sweep:
         settings = [self.options.nearest, list(self.options.include), self.options.exr]
         # A journal's rows have these columns.
         return fingerprint(version("iriftrace"), content, settings, list(COLUMNS))
+
+    def render_here(self, tasks: Iterable[PoseTask]) -> Iterator[Piece]:
+        """Render in this process, one pose after the other."""
+        pairs = zip(self.sources, self.series, strict=True)
+        scenes = {source.fingerprint: one.scene for source, one in pairs}
+        for task in tasks:
+            yield render_pose(task, scenes[task.source.fingerprint])
 
     def tasks(self, done: Collection[int]) -> Iterator[PoseTask]:
         """Poses that are not finished, scene by scene: a worker needs one scene at a time."""

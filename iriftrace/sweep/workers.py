@@ -101,8 +101,8 @@ def pose_workers(scheduler: str, count: int | None = None) -> Iterator[RenderPos
     """Workers that render poses, as long as the block lasts.
 
     Each worker loads the scene's files itself and keeps the scene, so workers on other machines
-    must see them under the same path. The results are those of `iriftrace.sweep.series.render_here`
-    to the last bit on processors of the same kind. When a worker dies, its poses are rendered again
+    must see them under the same path. The results are those of this process to the last bit on
+    processors of the same kind. When a worker dies, its poses are rendered again
     by another one.
 
     Parameters
