@@ -81,9 +81,14 @@ def in_force(criteria: Criteria, dataset: xr.Dataset) -> Criteria:
     )
 
 
+def reading_of(criteria: Criteria) -> str:
+    """One of `iriftrace.sweep.measures.READINGS`."""
+    return "" if criteria.resolution == "step" else f"_{criteria.resolution}"
+
+
 def metric_variables(criteria: Criteria) -> dict[str, str]:
     """Names of the variables of a sweep for each of `METRICS`, by criteria in force."""
-    reading = "" if criteria.resolution == "step" else f"_{criteria.resolution}"
+    reading = reading_of(criteria)
     return {
         "displacement": ranked_error(criteria).variable,
         "coverage": "coverage" if criteria.criterion == "displacement" else "coverage_measured",

@@ -8,22 +8,16 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray
-from iriftrace.planning.candidates import ranked_error
+from iriftrace.planning.candidates import ranked_error, reading_of
 from iriftrace.planning.criteria import Criteria
 from iriftrace.planning.rank import Plan
+from iriftrace.sweep.measures import READINGS, Limits
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from iriftrace.sweep.measures import Limits
-
 
 _STATISTICS = {"mean": "Mean", "median": "Median", "p95": "95th-percentile"}
-_READINGS = {
-    "step": "step to the next pixel",
-    "nn3d": "nearest neighbour in space",
-    "nnxy": "nearest neighbour in the picture's plane",
-}
 # Values that span more than this factor are shown on a logarithmic scale.
 _WIDE = 20.0
 
@@ -83,7 +77,7 @@ def metric_quantity(plan: Plan, key: str, enough: BoolArray) -> Quantity:
     return Quantity(
         key=key,
         title=name,
-        name=f"{name}, {_READINGS[plan.criteria.resolution]}" if resolution else name,
+        name=f"{name}, {READINGS[reading_of(plan.criteria)]}" if resolution else name,
         unit=unit,
         values=factor * values,
         limits=(factor * low, factor * high),
