@@ -104,13 +104,10 @@ def displacement_figure(
     InputError
         No ray counts, so there is nothing to draw; or there is no such component.
     """
-    if component == "norm":
-        return _draw(image, include, BIAS if image.is_ensemble else DISPLACEMENT, view)
-    if component not in COMPONENTS:
-        raise InputError(
-            f"A displacement has no component {component!r}; draw norm, {', '.join(COMPONENTS)}."
-        )
-    return _draw(image, include, COMPONENTS[component], view)
+    known = {"norm": BIAS if image.is_ensemble else DISPLACEMENT, **COMPONENTS}
+    if component not in known:
+        raise InputError(f"A displacement has no component {component!r}; draw {', '.join(known)}.")
+    return _draw(image, include, known[component], view)
 
 
 def pose_figures(

@@ -14,15 +14,7 @@ from iriftrace.camera.pose import pose_text
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import counted
 from iriftrace.field.source import stated_source, synthetic_mark
-from iriftrace.figures.page import (
-    Rows,
-    file_text,
-    in_page,
-    name_of,
-    origin_text,
-    value_text,
-    write_page,
-)
+from iriftrace.figures import page
 from iriftrace.figures.style import figure_bytes
 from iriftrace.figures.sweep import sweep_charts, sweep_pictures
 from iriftrace.image.aov_image import Status
@@ -86,7 +78,7 @@ def report_content(
     plan = summary.plan
     chosen = None if views is None else plan_views(dataset, views, limits, plan.criteria)
     ranking = texts.ranking_table(summary, top)
-    part = name_of(attribute(dataset, "part"))
+    part = page.name_of(attribute(dataset, "part"))
     device = "camera" if summary.devices is None else "sensor"
     best, varied = plan.best, stability(plan)
     second = summary.second_at(summary.matrices[best])
@@ -158,15 +150,15 @@ def _answer(summary: SweepSummary) -> str:
     )
 
 
-def _assumptions(dataset: xr.Dataset) -> Rows:
+def _assumptions(dataset: xr.Dataset) -> page.Rows:
     """Assumptions that hold for all poses, and engines of the poses."""
-    rows = {key: value_text(value) for key, value in attribute(dataset, "assumptions").items()}
+    rows = {key: page.value_text(value) for key, value in attribute(dataset, "assumptions").items()}
     if other := _engines_text(dataset):
         rows["engine"] = "; ".join(filter(None, (rows.get("engine"), other)))
     return tuple((key.replace("_", " "), text) for key, text in rows.items())
 
 
-def _rays(dataset: xr.Dataset) -> Rows:
+def _rays(dataset: xr.Dataset) -> page.Rows:
     whole = dataset.sel(region="part")
     counts = {
         status: int(np.maximum(whole[f"rays_{status.key}"].values, 0).sum()) for status in Status
@@ -227,7 +219,7 @@ def _rests_on(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
     assumed = attribute(dataset, "assumptions")
     time = assumed.get("field_time", "not stated")
     sentences = (
-        f"{origin_text(mark, '; '.join(origins))}. Time of the field: {time}.",
+        f"{page.origin_text(mark, '; '.join(origins))}. Time of the field: {time}.",
         assumed.get("field_fit", ""),
         _engines_text(dataset),
         summary.devices,
@@ -238,16 +230,16 @@ def _rests_on(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
     return tuple(filter(None, sentences))
 
 
-def _setting_rows(dataset: xr.Dataset, summary: SweepSummary) -> Rows:
+def _setting_rows(dataset: xr.Dataset, summary: SweepSummary) -> page.Rows:
     scene, sha256 = scene_of(dataset)
     variables = attribute(dataset, "scene").get("variables") or {}
     focal = np.unique(dataset["focal_length"].values)
     criteria = summary.plan.criteria
     least = f" and a coverage of {criteria.min_coverage:g}" if criteria.min_coverage else ""
     return (
-        ("Part", file_text(attribute(dataset, "part"))),
+        ("Part", page.file_text(attribute(dataset, "part"))),
         ("Field", _field(dataset)),
-        ("Scene", file_text({"path": scene, "sha256": sha256}) if scene else "not stated"),
+        ("Scene", page.file_text({"path": scene, "sha256": sha256}) if scene else "not stated"),
         ("Scene parameters", ", ".join(f"{k} = {v}" for k, v in variables.items()) or "as written"),
         ("Camera", _camera(attribute(dataset, "camera"), varied=len(focal) > 1)),
         ("Poses", _orbit(summary)),
@@ -282,7 +274,7 @@ def _fields(dataset: xr.Dataset) -> list[JsonObject]:
 
 def _field(dataset: xr.Dataset) -> str:
     texts = [
-        file_text(one) + (f", {one['quantity']}" if one.get("quantity") else "")
+        page.file_text(one) + (f", {one['quantity']}" if one.get("quantity") else "")
         for one in _fields(dataset)
     ]
     wavelength = dataset.attrs.get("wavelength_nm")
@@ -361,7 +353,7 @@ def write_report(
     pictures, missing = sweep_pictures(dataset, summary)
     figures = {**sweep_charts(summary), **pictures}
     names = [name for name in {**_CAPTIONS, **figures} if name in figures]
-    write_page(
+    page.write_page(
         path,
         "report.html.jinja",
         sweep,
@@ -373,7 +365,7 @@ def write_report(
                 "caption": _CAPTIONS.get(name, name).format(
                     error=content["error"], title=summary.displacement.title
                 ),
-                "png": in_page(figure_bytes(figures[name])),
+                "png": page.in_page(figure_bytes(figures[name])),
             }
             for name in names
         ],
