@@ -123,30 +123,29 @@ def report(
     top
         Rows of the ranking.
     """
-    from iriftrace.figures.report import write_report
-    from iriftrace.planning.summary import summarise
-    from iriftrace.sweep.store import read_sweep
-
     limits = several.limits()
     checks.output(output, "report.html")
     checks.inputs(file)
-    if file.suffix.lower() != ".nc":
+    if file.suffix.lower() == ".nc":
+        from iriftrace.figures.report import write_report
+        from iriftrace.planning.summary import summarise
+        from iriftrace.sweep.store import read_sweep
+
+        dataset = read_sweep(file)
+        check_light(wavelength, dataset.attrs, file)
+        summary = summarise(dataset, ranking)
+        with working("Writing the report"):
+            missing = write_report(
+                output, file, dataset, summary, top=top, views=several.views, limits=limits
+            )
+    elif (ranking, top, wavelength, several) == (STANDARD, 10, None, ViewOptions()):
         from iriftrace.figures.scan_report import write_scan_report
 
-        if (ranking, top, wavelength, several) != (STANDARD, 10, None, ViewOptions()):
-            raise InputError(
-                f"Options of rankings, views and light are for a sweep (.nc), and {file} is none; "
-                "leave them out."
-            )
-        _print_missing(write_scan_report(output, file))
-        say(f"Report in {output}")
-        return
-    dataset = read_sweep(file)
-    check_light(wavelength, dataset.attrs, file)
-    summary = summarise(dataset, ranking)
-    with working("Writing the report"):
-        missing = write_report(
-            output, file, dataset, summary, top=top, views=several.views, limits=limits
+        missing = write_scan_report(output, file)
+    else:
+        raise InputError(
+            f"Options of rankings, views and light are for a sweep (.nc), and {file} is none; "
+            "leave them out."
         )
     _print_missing(missing)
     say(f"Report in {output}")

@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from iriftrace.cli import checks
-from iriftrace.cli.console import command_line, say, show_warning, working
+from iriftrace.cli.console import command_line, say, working
 from iriftrace.cli.options import Flag, LightOf, Output
 from iriftrace.cli.trace_options import Statuses, TraceOptions, check_light, statuses
+from iriftrace.core.errors import warn
 
 if TYPE_CHECKING:
     from iriftrace.scene.loaded import LoadedScene
@@ -204,10 +205,9 @@ def _scene_picture(scene: LoadedScene, shells_folder: Path, picture: Path) -> li
     with working("Drawing the scene"):
         trouble = drawing_trouble()
         if trouble:
-            show_warning(
+            warn(
                 f"The 3-D picture is left out, because VTK cannot draw here ({trouble}); "
-                "`iriftrace doctor` shows how to repair it.",
-                UserWarning,
+                "`iriftrace doctor` shows how to repair it."
             )
             return []
         from iriftrace.figures.scene import scene_figure

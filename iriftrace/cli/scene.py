@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 from iriftrace.cli import checks
 from iriftrace.cli.camera_options import CameraOptions, Scale
-from iriftrace.cli.console import command_line, out, print_table, say, show_warning, working
+from iriftrace.cli.console import command_line, out, print_table, say, working
 from iriftrace.cli.field_options import PartOptions, ShellOptions
 from iriftrace.cli.options import Length, Output
 from iriftrace.cli.second_options import SecondOptions, StereoOptions, devices_of
@@ -68,7 +68,7 @@ def shells(
         with working("Comparing part and field"):
             fit = fit_part_to_field(volume, measured, wall_temperature_k=part_options.hot.single)
         for message in fit.warnings:
-            show_warning(message, UserWarning)
+            warn(message)
     with working("Measuring the shells"):
         reports = report_shells(stack, volume, measured)
     files = save_shells(stack, output, report=reports, notes=shell_options.notes())
