@@ -4,33 +4,24 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Literal
 
-from cyclopts import Parameter
 from rich.markup import escape
 from rich.table import Table
 
+from iriftrace.cli import checks
 from iriftrace.cli.console import drawn, out, say, working
-from iriftrace.cli.options import (
-    LightOf,
-    Statuses,
-    check_input,
-    check_output,
-    statuses,
-)
-from iriftrace.cli.trace_options import check_light
+from iriftrace.cli.options import LightOf, Output
+from iriftrace.cli.trace_options import Statuses, check_light, statuses
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
-
-if TYPE_CHECKING:
-    pass
 
 
 def compare(
     image: Path,
     measured: Path,
     *,
-    output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
+    output: Output | None = None,
     positions: Literal["cold", "hot"] = "cold",
     include: Statuses = None,
     wavelength: LightOf = None,
@@ -62,10 +53,10 @@ def compare(
     from iriftrace.image.aov_image import read_exr
     from iriftrace.image.comparison import compare as compare_files
 
-    check_input(image, measured)
+    checks.inputs(image, measured)
     header = read_exr(image).header
     target = output or image.with_name(f"{image.stem}_against_{measured.stem}.json")
-    check_output(target, "comparison.json")
+    checks.output(target, "comparison.json")
     if target.resolve() == measured.resolve():
         raise InputError(f"The output {target} would replace the measured shift; name another one.")
     used = statuses(include)

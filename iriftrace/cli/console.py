@@ -62,7 +62,7 @@ def say_finding(state: Literal["ok", "warn", "error"], name: str, text: str) -> 
     say(text)
 
 
-def show_warning(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
+def show_warning(message: Warning | str, *_: object, **__: object) -> None:
     notes.print("[bold yellow]warning:[/] ", end="")
     notes.print(str(message), markup=False, soft_wrap=True)
 

@@ -8,19 +8,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import Parameter
-
+from iriftrace.cli import checks
 from iriftrace.cli.console import drawn, say, working
-from iriftrace.cli.measure import Features, Gate, Phase, System, check_cloud_output
-from iriftrace.cli.options import (
-    Flag,
-    Fraction,
-    celsius,
-    check_input,
-    check_kept,
-    check_numbers,
-    word_parameter,
-)
+from iriftrace.cli.measure import Features, Gate, Phase, System
+from iriftrace.cli.options import Flag, Fraction, Output, celsius, read_motion, word_parameter
 from iriftrace.cli.trace_options import TraceOptions
 from iriftrace.cli.triangulation_text import (
     print_regions,
@@ -56,7 +47,7 @@ def correct(
     cloud: Path,
     scene: Path,
     *,
-    output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("corrected.vtp"),
+    output: Output = Path("corrected.vtp"),
     length_unit: str | None = None,
     columns: str | None = None,
     cloud_to_part: Path | None = None,
@@ -113,24 +104,21 @@ def correct(
     """
     from iriftrace.clouds.read import read_cloud
     from iriftrace.features.choice import checked_choices
-    from iriftrace.geometry.transform import apply, parse_transform, rigid_motion
-    from iriftrace.scene.file import require_scene
+    from iriftrace.geometry.transform import apply
     from iriftrace.triangulation.correct import correct as take_out
     from iriftrace.triangulation.placement import remedy
 
-    check_input(cloud, scene, cloud_to_part)
-    require_scene(scene)
-    check_cloud_output(output, "corrected.vtp")
-    check_kept(output, cloud)
-    check_numbers(output, "iriftrace.correction")
+    checks.inputs(cloud)
+    checks.scenes(scene)
+    motion = read_motion(cloud_to_part)
+    checks.cloud_output(output, "corrected.vtp")
+    checks.kept(output, cloud)
+    checks.numbers(output, "iriftrace.correction")
     chosen = None if columns is None else columns.split(",")
     read = read_cloud(cloud, length_unit=length_unit, columns=chosen)
-    motion = None
-    if cloud_to_part is not None:
-        motion = rigid_motion(parse_transform(str(cloud_to_part)), str(cloud_to_part))
     points = read.points if motion is None else apply(motion, read.points)
     loaded = trace.load(scene)
-    check_kept(output, loaded.part.path)
+    checks.kept(output, loaded.part.path)
     choices = checked_choices(feature or (), loaded.part)
     try:
         with working("Correcting"):
@@ -164,20 +152,6 @@ def correct(
     _say_uncertainty(found, values)
     say_field(found.provenance)
     say("Files: " + ", ".join(map(str, files)))
-
-
-def _say_unsteadiness(unsteadiness: float | None, known: bool) -> None:
-    """State whether the uncertainties include that of a field that is not steady."""
-    if unsteadiness is None:
-        say(
-            "The field is NOT STEADY and does not state how much it changes, which is missing from "
-            "U: use several states of it (iriftrace scene --member)."
-        )
-    elif unsteadiness and known:
-        say(
-            f"The field is NOT STEADY: U includes {unsteadiness:.2g} of the air's contrast "
-            "(standard uncertainty) for it."
-        )
 
 
 def _say_expansion(growth: Growth | None, features: Sequence[FittedFeature]) -> None:
@@ -234,7 +208,17 @@ def _say_uncertainty(found: Correction, values: JsonObject) -> None:
             "uncertainty of the field, that of the fit from the scatter of the points; systematic "
             "errors of the sensor, the shells and the mesh are not included."
         )
-    _say_unsteadiness(found.state.unsteadiness, known=bool(found.u_contrast))
+    unsteadiness = found.state.unsteadiness
+    if unsteadiness is None:
+        say(
+            "The field is NOT STEADY and does not state how much it changes, which is missing from "
+            "U: use several states of it (iriftrace scene --member)."
+        )
+    elif unsteadiness and found.u_contrast:
+        say(
+            f"The field is NOT STEADY: U includes {unsteadiness:.2g} of the air's contrast "
+            "(standard uncertainty) for it."
+        )
     if found.weights is not None and found.weights.covariance is not None:
         say(
             f"The weights of {len(found.weights.weights)} fields were fitted to measured shifts; U "

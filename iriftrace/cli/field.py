@@ -4,28 +4,20 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import numpy as np
-from cyclopts import App, Parameter
+from cyclopts import App
 
+from iriftrace.cli import checks
 from iriftrace.cli.console import command_line, print_table, say, working
-from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions
-from iriftrace.cli.options import (
-    Length,
-    Temperature,
-    Vector,
-    celsius,
-    check_field,
-    check_input,
-    check_output,
-    region_temperatures,
-)
+from iriftrace.cli.field_options import FieldOptions, PartOptions
+from iriftrace.cli.options import Length, Output, Temperature, Vector, celsius, region_temperatures
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import ZERO_CELSIUS_K
 
 if TYPE_CHECKING:
-    from iriftrace.cfd.check.finding import FieldCheck
+    pass
 
 
 _COLOURS = {"good": "green", "doubtful": "yellow", "bad": "red", "-": "dim"}
@@ -47,13 +39,12 @@ def check(
     field: Path,
     part: Path,
     *,
-    output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
+    output: Output | None = None,
     wall_temperature: Temperature | None = None,
     region_temperature: list[str] | None = None,
     transition: Length | None = None,
     diameter: Length | None = None,
     origin: Vector | None = None,
-    air: AirOptions = AirOptions(),
     field_options: FieldOptions = FieldOptions(),
     part_options: PartOptions = PartOptions(),
 ) -> None:
@@ -91,16 +82,16 @@ def check(
         Camera position, "x,y,z" in mm; also reports how much of its view enters hot air at the edge
         of the data.
     """
-    check_field(field)
-    check_input(part)
-    check_output(output, "check.json")
+    checks.fields(field)
+    checks.inputs(part)
+    checks.output(output, "check.json")
     if field_options.isosurfaces:
         raise InputError("Iso-surfaces have no air between them to check; give the volume.")
     if diameter is not None and not diameter > 0.0:
         raise InputError(f"--diameter is {diameter:g} mm, but a cylinder's diameter is positive.")
-    measured = part_options.read(part, partial(field_options.read_wall, field, air.air()))
+    measured = part_options.read(part, partial(field_options.read_wall, field))
     with working("Reading the field"):
-        volume = field_options.read(field, air.air(), measured, flow=True)
+        volume = field_options.read(field, measured, flow=True)
     with working("Checking the field"):
         from iriftrace.cfd.check.check import check_field as checked
         from iriftrace.cfd.openfoam.case import RECORD, recorded_wall
@@ -124,13 +115,6 @@ def check(
             camera=origin,
             steady=field_options.steady,
         )
-    _print(result, field)
-    if output is not None:
-        result.save(output)
-        say(f"Numbers in {output}")
-
-
-def _print(result: FieldCheck, field: Path) -> None:
     headings = ("checked", "found", "verdict", "compared with")
     rows = [
         (one.name, one.value, f"[{_COLOURS[one.verdict]}]{one.verdict}[/]", one.remark)
@@ -139,12 +123,15 @@ def _print(result: FieldCheck, field: Path) -> None:
     print_table(f"{field.name}: {result.verdict}", headings, rows, texts=headings)
     if result.field["origin"]:
         say(f"Field: {result.field['origin']}.")
+    if output is not None:
+        result.save(output)
+        say(f"Numbers in {output}")
 
 
 def synthetic(
     part: Path,
     *,
-    output: Annotated[Path, Parameter(name=["-o", "--output"])],
+    output: Output,
     wall_temperature: Temperature = 1100.0 + ZERO_CELSIUS_K,
     region_temperature: list[str] | None = None,
     transition: Length | None = None,
@@ -201,8 +188,8 @@ def synthetic(
     from iriftrace.cfd.synthetic.mesh import usual_mesh
     from iriftrace.cfd.synthetic.model import synthetic_air
 
-    check_input(part)
-    check_output(output, "field.vtu")
+    checks.inputs(part)
+    checks.output(output, "field.vtu")
     air = synthetic_air(
         part_options.read(part),
         wall_k=wall_temperature,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from attrs import asdict, frozen
 from cyclopts import Group, Parameter
 
-from iriftrace.cli.console import say
+from iriftrace.cli.console import say, working
 from iriftrace.cli.options import (
     Expansion,
     HotTemperatures,
@@ -166,7 +166,7 @@ class PartOptions:
 @Parameter(name="*", group=Group("Field", sort_key=2))
 @frozen
 class FieldOptions:
-    """Reading of the field's file.
+    """Reading of the field's file, in air.
 
     Parameters
     ----------
@@ -192,6 +192,7 @@ class FieldOptions:
         Symmetry imposed on the field, such as "mirrored at x = 0"; stated in every result.
     """
 
+    air: AirOptions = AirOptions()
     array: str | None = None
     quantity: Literal["temperature", "density", "index"] | None = None
     time: str | None = None
@@ -205,7 +206,6 @@ class FieldOptions:
     def read(
         self,
         path: Path,
-        air: Air,
         part: Part | None = None,
         member: int | None = None,
         *,
@@ -227,18 +227,16 @@ class FieldOptions:
             quantity=self.quantity,
             temperature_unit=self.temperature_unit,
             length_unit=self.field_length_unit,
-            air=air,
+            air=self.air.air(),
             transform=self.transform(),
             member=member,
             part=part,
             flow=flow,
         )
 
-    def read_wall(
-        self, path: Path, air: Air, part: Part, member: int | None = None
-    ) -> Temperatures:
+    def read_wall(self, path: Path, part: Part, member: int | None = None) -> Temperatures:
         """Temperatures of the wall of the field."""
-        return self.read(path, air, part, member).wall_temperature_k
+        return self.read(path, part, member).wall_temperature_k
 
     def transform(self) -> NDArray[np.float64] | None:
         """Field to world, (4, 4) array."""
@@ -263,7 +261,7 @@ Rule = Literal["rim", "midpoint", "graded", "outer"]
 @Parameter(name="*", group=Group("Shells", sort_key=3))
 @frozen
 class ShellOptions:
-    """Contouring of the field.
+    """Contouring of the field, once it is read.
 
     Parameters
     ----------
@@ -292,6 +290,7 @@ class ShellOptions:
         Reduce the shells to about this many triangles in all; by default all are kept.
     """
 
+    field: FieldOptions = FieldOptions()
     layers: Whole = 13
     index_range: str | None = None
     levels: Numbers | None = None
@@ -316,9 +315,42 @@ class ShellOptions:
         )
         return self.edited(stack, self.layers if self.levels is None else len(self.levels))
 
+    def stack(
+        self, path: Path, part: Part | None, member: int | None = None
+    ) -> tuple[ShellStack, IndexField | None]:
+        """Shells of a volume field, or ready-made ones."""
+        reading = self.field
+        if reading.isosurfaces:
+            from iriftrace.shells.imported import import_shells
+
+            if reading.time is not None:
+                raise InputError(
+                    f'--time is "{reading.time}", but a file of iso-surfaces is read as a whole; '
+                    "export the surfaces of one time."
+                )
+            with working("Reading iso-surfaces"):
+                stack = import_shells(
+                    path,
+                    array=reading.array,
+                    quantity=reading.quantity,
+                    temperature_unit=reading.temperature_unit,
+                    air=reading.air.air(),
+                    length_unit=reading.field_length_unit or "mm",
+                    transform=reading.transform(),
+                    min_size_mm=self.min_size,
+                )
+            return self.edited(stack), None
+        with working("Reading the field"):
+            volume = reading.read(path, part, member)
+        with working("Contouring the shells"):
+            return self.build(volume), volume
+
     def notes(self) -> dict[str, str]:
-        """Remarks about the shells for all results."""
-        return {"shells": f"the {self.drop_inner} innermost left out"} if self.drop_inner else {}
+        """Remarks about field and shells for all results."""
+        notes = self.field.notes()
+        if self.drop_inner:
+            notes["shells"] = f"the {self.drop_inner} innermost left out"
+        return notes
 
     def edited(self, stack: ShellStack, levels: int | None = None) -> ShellStack:
         """Drop inner shells, smooth, subdivide and reduce as requested."""

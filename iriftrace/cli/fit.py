@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from cyclopts import Parameter
-
+from iriftrace.cli import checks
 from iriftrace.cli.console import command_line, print_table, say, working
-from iriftrace.cli.options import Flag, check_input, check_output, refuse_given
+from iriftrace.cli.options import Flag, Output, refuse_given
 from iriftrace.cli.trace_options import TraceOptions
 from iriftrace.core.errors import warn
 from iriftrace.core.units import counted
@@ -21,7 +20,7 @@ def fit(
     board: Path,
     measured: Path,
     *,
-    output: Annotated[Path, Parameter(name=["-o", "--output"])],
+    output: Output,
     view: list[tuple[Path, Path]] | None = None,
     scene: Path | None = None,
     noise: float | None = None,
@@ -63,15 +62,12 @@ def fit(
         Also fit a rigid motion of the camera between the two pictures.
     """
     from iriftrace.core.files import write_json
-    from iriftrace.scene.file import require_scene
     from iriftrace.scene.fitted import check_fitted_scene, write_fitted_scene
 
     views = [(board, measured), *(view or [])]
-    check_input(*(file for pair in views for file in pair), scene)
-    for xml in (*(one for one, _ in views), scene):
-        if xml is not None:
-            require_scene(xml)
-    check_output(output, "scene.xml", make=True)
+    checks.inputs(*(shifts for _, shifts in views))
+    checks.scenes(*(xml for xml, _ in views), scene)
+    checks.output(output, "scene.xml", make=True)
     check_fitted_scene(scene or board, output)
     found = _fitted(views, noise, camera_motion, trace)
     _print_fit(found)
@@ -115,9 +111,6 @@ def _fitted(
         return fit_members(*seen[0], others=seen[1:], noise_px=noise, camera_motion=camera_motion)
 
 
-_WHAT = {"px": "dots", "K": "temperatures"}
-
-
 def _print_fit(found: MemberFit) -> None:
     """Weights by member, and the residual of the fit."""
     serving = {member.number for member in found.serving}
@@ -135,8 +128,9 @@ def _print_fit(found: MemberFit) -> None:
     counts = {"hidden": "hidden", "beside": "next to the board", "lost": "lost"}
     left_out = [f"{found.dots[key]:,} {text}" for key, text in counts.items() if key in found.dots]
     left_out.append(counted(found.dots["outliers"], "outlier"))
+    what = "dots" if found.unit == "px" else "temperatures"
     say(
-        f"{found.dots['used']:,} of {found.dots['measured']:,} {_WHAT[found.unit]} were used "
+        f"{found.dots['used']:,} of {found.dots['measured']:,} {what} were used "
         f"({', '.join(left_out)}). Measured rms {found.measured:.3g} {found.unit}, residual "
         f"{found.residual:.3g} {found.unit}, noise {found.noise:.3g} {found.unit}. Effective "
         f"number of members: {found.weights.effective:.3g}."

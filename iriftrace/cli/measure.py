@@ -7,16 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
+from iriftrace.cli import checks
 from iriftrace.cli.console import drawn, say, working
-from iriftrace.cli.options import (
-    Flag,
-    check_input,
-    check_kept,
-    check_numbers,
-    check_output,
-    numbers,
-    word_parameter,
-)
+from iriftrace.cli.options import Flag, Output, numbers, word_parameter
 from iriftrace.cli.trace_options import TraceOptions
 from iriftrace.cli.triangulation_text import (
     print_regions,
@@ -70,18 +63,10 @@ Gate = Annotated[
 ]
 
 
-def check_cloud_output(output: Path, example: str) -> None:
-    """Check that a cloud can be written before starting the computation."""
-    from iriftrace.clouds.write import WRITTEN, check_cloud_name
-
-    check_output(output, example, *WRITTEN)
-    check_cloud_name(output)
-
-
 def measure(
     scene: Path,
     *,
-    output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("scan.vtp"),
+    output: Output = Path("scan.vtp"),
     system: System = None,
     phase: Phase = None,
     feature: Features = None,
@@ -110,14 +95,11 @@ def measure(
     figures
         Draw the errors along the part's normal.
     """
-    from iriftrace.scene.file import require_scene
-
-    check_input(scene)
-    require_scene(scene)
-    check_cloud_output(output, "scan.vtp")
-    check_numbers(output, "iriftrace.scan")
+    checks.scenes(scene)
+    checks.cloud_output(output, "scan.vtp")
+    checks.numbers(output, "iriftrace.scan")
     loaded = trace.load(scene)
-    check_kept(output, loaded.part.path)
+    checks.kept(output, loaded.part.path)
     write_scan(loaded, output, system, phase, feature, acceptance, figures, gate)
 
 

@@ -1,22 +1,21 @@
-"""Values of options with their units, and checks of the files that options name."""
+"""Values of options with their units."""
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
 from attrs import field, frozen
 from cyclopts import Parameter, Token
 
+from iriftrace.cli import checks
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import check_readable
 from iriftrace.core.units import ZERO_CELSIUS_K
 
 if TYPE_CHECKING:
+    from iriftrace.core.arrays import FloatArray
     from iriftrace.part.part import Part
     from iriftrace.part.uneven_growth import Temperatures
 
@@ -141,6 +140,7 @@ def _length_with_unit(text: str, option: str) -> float:
     raise InputError(f'{option} is "{text}" without a unit; write it with one, like "20 um".')
 
 
+Output = Annotated[Path, Parameter(name=["-o", "--output"])]
 Flag = Annotated[bool, Parameter(negative=())]
 """A switch without a ``--no-`` form."""
 Whole = Annotated[int, word_parameter("INT", _whole)]
@@ -182,23 +182,6 @@ Pair = Annotated[tuple[float, float], _finite("ACROSS,DOWN", 2)]
 Vector = Annotated[tuple[float, float, float], _finite("X,Y,Z", 3)]
 
 
-Statuses = Annotated[
-    list[Whole] | None,
-    Parameter(help="Further status codes whose rays the metrics use, such as 5; repeatable."),
-]
-
-
-def statuses(include: list[int] | None) -> tuple[int, ...]:
-    """Status codes of the rays that the metrics use."""
-    from iriftrace.image.aov_image import Status
-
-    for code in include or ():
-        if code not in list(Status):
-            meanings = ", ".join(f"{status.value} {status.key}" for status in Status)
-            raise InputError(f"--include {code} is not a ray's status; the codes are {meanings}.")
-    return (0, *(include or ()))
-
-
 def refuse_given(options: Mapping[str, object], reason: str) -> None:
     """Refuse options, values by name, if one is not None; the reason follows its name."""
     for name, value in options.items():
@@ -206,107 +189,14 @@ def refuse_given(options: Mapping[str, object], reason: str) -> None:
             raise InputError(f"{name} {reason}")
 
 
-def check_input(*paths: Path | None) -> None:
-    """Refuse a folder in place of an input file, and a file that cannot be read."""
-    for path in paths:
-        if path is None:
-            continue
-        if path.is_dir():
-            raise InputError(
-                f"The input {path} is a folder, but a file is needed; name the file in it."
-            )
-        check_readable(path)
+def read_motion(file: Path | None) -> FloatArray | None:
+    """The rigid motion in a file, (4, 4) array, mm; None without a file."""
+    from iriftrace.geometry.transform import parse_transform, rigid_motion
 
-
-def check_field(*paths: Path) -> None:
-    """Refuse a folder that is not an OpenFOAM case in place of a field, and an unreadable file."""
-    from iriftrace.field.readers.members import reader_of
-
-    for path in paths:
-        if path.is_dir():
-            reader_of(path)
-        check_readable(path)
-
-
-def check_order(field: Path, part: Path) -> None:
-    """Refuse a field and a part whose names show that they are exchanged."""
-    from trimesh import available_formats
-
-    from iriftrace.field.readers.members import COMPRESSED, SUFFIXES
-
-    meshes = {f".{name}" for name in available_formats()}.difference(COMPRESSED)
-    first, second = field.suffix.lower(), part.suffix.lower()
-    wrong = ""
-    if first in meshes and second not in meshes:
-        wrong = f"{field} is not a field"
-    elif second in SUFFIXES and first not in SUFFIXES and not field.is_dir():
-        wrong = f"{part} is not a part"
-    if wrong:
-        raise InputError(f"{wrong} that can be read here; field and part may be exchanged.")
-
-
-def check_folder(folder: Path) -> None:
-    """Check that a folder can be written before starting the computation."""
-    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
-    if not there.is_dir():
-        raise InputError(f"Cannot use {folder} as a folder: {there} is a file; name another one.")
-    try:
-        # Permissions do not show that a file system is read-only or full.
-        with TemporaryFile(dir=there):
-            pass
-    except OSError as error:
-        raise InputError(f"The folder {there} may not be written; name another one.") from error
-
-
-def check_numbers(output: Path, schema: str) -> None:
-    """Refuse an output if the numbers (.json) next to it would replace another file.
-
-    A file of the same schema, an earlier result, may be replaced. Called before the computation.
-    """
-    report = output.with_suffix(".json")
-    if not report.exists() or report.stat().st_size == 0:
-        return
-    try:
-        found = str(json.loads(report.read_text(encoding="utf-8"))["schema"])
-    except (OSError, ValueError, LookupError, TypeError):
-        found = ""
-    if not found.startswith(f"{schema}/"):
-        raise InputError(
-            f"The numbers of {output} are written to {report}, another file that would be lost; "
-            "give the output another name (-o)."
-        )
-
-
-def check_kept(output: Path | None, *kept: Path | str) -> None:
-    """Refuse an output that would replace one of its inputs, before starting the computation."""
-    for one in kept:
-        if output is not None and output.resolve() == Path(one).resolve():
-            raise InputError(
-                f"The output would replace {output}, one of its inputs; give it another name."
-            )
-
-
-def check_output(path: Path | None, example: str, *others: str, make: bool = False) -> None:
-    """Check that an output file, if requested, can be written before starting the computation.
-
-    Its name must end as that of `example` or in one of the others, since other files are named
-    after it; `make` states whether its folder would be made.
-    """
-    if path is None:
-        return
-    suffixes = tuple(dict.fromkeys((Path(example).suffix, *others)))
-    if path.is_dir():
-        raise InputError(
-            f"The output {path} is a folder; name a file in it, such as {path / example}."
-        )
-    if path.suffix.lower() not in suffixes:
-        raise InputError(
-            f"The output {path} must end in {' or '.join(suffixes)}; name it "
-            f"{path.with_name((path.stem or 'out') + suffixes[0])}, for example."
-        )
-    if not make and not path.parent.is_dir():
-        raise InputError(f"The folder {path.parent} does not exist; create it first.")
-    check_folder(path.parent)
+    if file is None:
+        return None
+    checks.inputs(file)
+    return rigid_motion(parse_transform(str(file)), str(file))
 
 
 def region_temperatures(

@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Annotated, get_type_hints
 import numpy as np
 from cyclopts import App, Parameter
 
+from iriftrace.cli import checks
 from iriftrace.cli.console import command_line, say, working
 from iriftrace.cli.field_options import PartOptions
-from iriftrace.cli.options import Length, Whole, check_input, check_output, quantity, word_parameter
+from iriftrace.cli.options import Length, Output, Whole, quantity, word_parameter
 from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -31,10 +32,7 @@ part = App(
     help_format="rst",
 )
 
-Output = Annotated[
-    Path,
-    Parameter(name=["-o", "--output"], help="A .ply, which keeps the named regions, or a .stl."),
-]
+Mesh = Annotated[Output, Parameter(help="A .ply, which keeps the named regions, or a .stl.")]
 
 SHAPES = {
     "cylinder": (
@@ -81,7 +79,7 @@ for _name in (*SHAPES, "decimate", "subdivide", "board"):
 
 
 def decimate(
-    mesh: Path, *, output: Output, faces: Whole, part_options: PartOptions = PartOptions()
+    mesh: Path, *, output: Mesh, faces: Whole, part_options: PartOptions = PartOptions()
 ) -> None:
     """Write a part with fewer triangles, and print how far its surface has moved.
 
@@ -99,7 +97,7 @@ def decimate(
     """
     from iriftrace.part.tessellation import decimate_part
 
-    check_input(mesh)
+    checks.inputs(mesh)
     check_name(output)
     before = part_options.read(mesh)
     with working("Thinning out the triangles"):
@@ -114,7 +112,7 @@ def decimate(
 
 
 def subdivide(
-    mesh: Path, *, output: Output, edge: Length, part_options: PartOptions = PartOptions()
+    mesh: Path, *, output: Mesh, edge: Length, part_options: PartOptions = PartOptions()
 ) -> None:
     """Write a part with more triangles, on the same surface.
 
@@ -132,7 +130,7 @@ def subdivide(
     """
     from iriftrace.part.tessellation import subdivide_part
 
-    check_input(mesh)
+    checks.inputs(mesh)
     check_name(output)
     before = part_options.read(mesh)
     with working("Splitting the triangles"):
@@ -163,7 +161,7 @@ def __getattr__(name: str) -> Callable[..., None]:
 
     types = get_type_hints(make)
     keyword = inspect.Parameter.KEYWORD_ONLY
-    options = [inspect.Parameter("output", keyword, annotation=Output)]
+    options = [inspect.Parameter("output", keyword, annotation=Mesh)]
     for size in inspect.signature(make).parameters.values():
         kind = types[size.name]
         if size.name.endswith("_mm"):
@@ -188,7 +186,7 @@ def check_name(path: Path) -> None:
     from iriftrace.part.files import check_part_name
 
     check_part_name(path)
-    check_output(path, "part.ply", path.suffix.lower())
+    checks.output(path, "part.ply", path.suffix.lower())
 
 
 def save_made(made: Part, path: Path) -> None:
@@ -220,7 +218,7 @@ BoardSize = Annotated[
 
 def board(
     *,
-    output: Annotated[Path, Parameter(name=["-o", "--output"])],
+    output: Output,
     size: BoardSize = (300.0, 200.0),
     pitch: Length = 3.0,
     dot: Length | None = None,
@@ -253,8 +251,8 @@ def board(
 
     check_name(output)
     page, table = output.with_suffix(".pdf"), output.with_suffix(".csv")
-    check_output(page, "board.pdf")
-    check_output(table, "board.csv")
+    checks.output(page, "board.pdf")
+    checks.output(table, "board.csv")
     given = {} if dot is None else {"dot_mm": dot}
     made = Board(size, pitch, thickness_mm=thickness, **given)
     save_made(made.part, output)

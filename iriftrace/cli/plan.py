@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from attrs import frozen
 from cyclopts import Group, Parameter
 
-from iriftrace.cli.console import say
+from iriftrace.cli import checks, plan_text
+from iriftrace.cli.console import say, working
 from iriftrace.cli.options import (
     Angle,
     Flag,
@@ -18,20 +19,9 @@ from iriftrace.cli.options import (
     LengthWithUnit,
     LightOf,
     Whole,
-    check_input,
-    check_output,
     refuse_given,
 )
-from iriftrace.cli.plan_text import (
-    print_pairs,
-    print_plan,
-    print_refined,
-    print_refined_pair,
-    print_views,
-    search_progress,
-)
 from iriftrace.cli.trace_options import check_light
-from iriftrace.core.errors import InputError
 from iriftrace.planning.criteria import STANDARD, Criteria
 
 if TYPE_CHECKING:
@@ -149,24 +139,40 @@ def plan(
     of_pairs = {"--system": system, "--angle": angle, "--feature": feature, "--confirm": confirm}
     _refuse_without("--pairs", pairs, of_pairs)
     limits = several.limits()
-    check_output(output, "refined.json")
-    check_input(sweep)
+    checks.output(output, "refined.json")
+    checks.inputs(sweep)
     dataset = read_sweep(sweep)
     check_light(wavelength, dataset.attrs, sweep)
     count = 80 if evaluations is None else evaluations
     if refine:
         check_evaluations(count)
     if pairs:
+        from iriftrace.planning.pairs import ANGLES_DEG, plan_pairs
+        from iriftrace.planning.refine_pair import refine_pair, write_refined_pair
+
         refuse_given(
             {"--views": several.views, "--save-poses": save_poses},
             "is about single poses; leave it out, or --pairs.",
         )
-        measured = confirm is not False
-        pair_plan = print_pairs(dataset, ranking, system or "fringe", angle, feature, measured, top)
+        with working("Ranking pairs of poses"):
+            paired = plan_pairs(
+                dataset,
+                ranking,
+                system=system or "fringe",
+                angles_deg=angle or ANGLES_DEG,
+                feature=feature,
+                confirm=confirm is not False,
+            )
+        plan_text.print_pairs(dataset, paired, top)
         if refine:
-            print_refined_pair(dataset, pair_plan, count, output)
+            with plan_text.search_progress(count) as progress:
+                better = refine_pair(dataset, paired, evaluations=count, progress=progress)
+            plan_text.print_refined_pair(paired, better)
+            if output is not None:
+                write_refined_pair(output, better, paired, dataset)
+                say(f"Refined pair in {output}")
         return
-    with search_progress(count) as progress:
+    with plan_text.search_progress(count) as progress:
         found = plan_poses(
             dataset,
             ranking,
@@ -180,11 +186,11 @@ def plan(
     if save_poses is not None:
         _save(save_poses, dataset, summary.plan.order[:top], convention or "opencv")
     # All errors have been raised by now, so that nothing is printed in vain.
-    print_plan(summary, table)
+    plan_text.print_plan(summary, table)
     if found.views is not None:
-        print_views(summary, found.views, limits)
+        plan_text.print_views(summary, found.views, limits)
     if found.refined is not None:
-        print_refined(summary, found.refined)
+        plan_text.print_refined(summary, found.refined)
         if output is not None:
             write_refined(output, found.refined, summary.plan, dataset)
             say(f"Refined pose in {output}")
@@ -196,8 +202,7 @@ def _save(path: Path, dataset: xr.Dataset, ranked: IntArray, convention: str) ->
     from iriftrace.camera.pose_files import write_poses
     from iriftrace.camera.pose_set import PoseSet
 
-    if not path.parent.is_dir():
-        raise InputError(f"The folder {path.parent} does not exist; create it first.")
+    checks.parent(path)
     chosen = dataset.isel(pose=ranked)
     poses = PoseSet(chosen["matrix"].values, chosen["azimuth"].values, chosen["elevation"].values)
     write_poses(path, poses, convention)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from iriftrace.cli.console import late_bar, print_table, say, working
+from iriftrace.cli.console import late_bar, print_table, say
 from iriftrace.core.units import counted
 
 if TYPE_CHECKING:
@@ -16,9 +15,9 @@ if TYPE_CHECKING:
 
     from iriftrace.core.arrays import FloatArray
     from iriftrace.planning.cover import ViewLimits, ViewSet
-    from iriftrace.planning.criteria import Criteria
     from iriftrace.planning.pairs import PairPlan
     from iriftrace.planning.refine import Refinement
+    from iriftrace.planning.refine_pair import PairRefinement
     from iriftrace.planning.summary import SweepSummary
     from iriftrace.planning.texts import RankingTable
     from iriftrace.triangulation.devices import System
@@ -55,7 +54,7 @@ def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
 
 
 def _print_swept(kind: str, summary: SweepSummary, pose: int) -> None:
-    name = f"{kind} {pose}{setting_text(summary, pose)}"
+    name = f"{kind} {pose}{summary.setting(pose)}"
     _print_devices(name, summary, summary.matrices[pose], summary.distance[pose])
 
 
@@ -103,16 +102,8 @@ def print_refined(summary: SweepSummary, refined: Refinement) -> None:
         values = (refined.start_metrics[metric.key], refined.metrics[metric.key])
         rows.append((metric.label, *(f"{factor * value:.4g}" for value in values)))
     print_table("Metrics", ("", "swept pose", "refined pose"), rows, texts=[""])
-    name = f"Refined pose{setting_text(summary, refined.start)}"
+    name = f"Refined pose{summary.setting(refined.start)}"
     _print_devices(name, summary, refined.matrix, refined.distance_mm)
-
-
-def setting_text(summary: SweepSummary, pose: int) -> str:
-    """Settings of a pose, in brackets; empty if they are the same for all poses."""
-    from iriftrace.sweep.diagnostics import setting_of
-
-    setting = setting_of(summary.varied, pose)
-    return f" ({setting})" if setting else ""
 
 
 def print_pose(
@@ -131,32 +122,14 @@ def print_pose(
         say(f"  {line}")
 
 
-def print_pairs(
-    dataset: xr.Dataset,
-    criteria: Criteria,
-    system: System,
-    angles_deg: tuple[float, float] | None,
-    feature: str | None,
-    confirm: bool,
-    top: int,
-) -> PairPlan:
-    """Rank pairs of poses and print them."""
-    from iriftrace.planning.pairs import ANGLES_DEG, plan_pairs
-
-    with working("Ranking pairs of poses"):
-        found = plan_pairs(
-            dataset,
-            criteria,
-            system=system,
-            angles_deg=angles_deg or ANGLES_DEG,
-            feature=feature,
-            confirm=confirm,
-        )
-    error, bias = f"|e| {criteria.statistic}", "diameter" if feature else "median e"
+def print_pairs(dataset: xr.Dataset, found: PairPlan, top: int) -> None:
+    """Print the best pairs of poses, and both poses of the best one."""
+    system, criteria = found.system, found.criteria
+    error, bias = f"|e| {criteria.statistic}", "diameter" if found.feature else "median e"
     exact = [f"{1e3 * value:.3g}" for value in found.exact_mm]
     print_table(
         f"Best of {counted(len(found.pairs), 'pair')} ({system}) for "
-        f"{feature or criteria.region}: errors in um, e along the normal",
+        f"{found.feature or criteria.region}: errors in um, e along the normal",
         ("poses", "score", error, bias, "both see", "angle", "measured"),
         (
             (
@@ -172,13 +145,12 @@ def print_pairs(
         ),
     )
     if exact:
-        what = "the diameter" if feature else error
+        what = "the diameter" if found.feature else error
         through = "the field data" if found.exact_engine == "cells" else "the shells"
         say(f"Measured is {what} by the exact solver, through {through}.")
     names = [f"{what}, pose {pose}" for what, pose in zip(_DEVICES, found.pairs[0], strict=True)]
     chosen = dataset.isel(pose=found.pairs[0])
     _print_pair(names, chosen["matrix"].values, chosen["distance"].values, system)
-    return found
 
 
 _DEVICES = ("Camera", "Second device")
@@ -196,14 +168,8 @@ def _print_pair(
     say("With both sensors in the scene file, iriftrace measure simulates their measurement.")
 
 
-def print_refined_pair(
-    dataset: xr.Dataset, plan: PairPlan, evaluations: int, output: Path | None
-) -> None:
-    """Search around the best pair and print the result."""
-    from iriftrace.planning.refine_pair import refine_pair, write_refined_pair
-
-    with search_progress(evaluations) as progress:
-        found = refine_pair(dataset, plan, evaluations=evaluations, progress=progress)
+def print_refined_pair(plan: PairPlan, found: PairRefinement) -> None:
+    """Gain of a search around the best pair."""
     one, other = plan.pairs[0].tolist()
     end = "ended by itself" if found.converged else "ended with the evaluations"
     say(
@@ -226,9 +192,6 @@ def print_refined_pair(
     )
     names = [f"Refined {what.lower()}" for what in _DEVICES]
     _print_pair(names, found.best.matrices, found.best.distances_mm, plan.system)
-    if output is not None:
-        write_refined_pair(output, found, plan, dataset)
-        say(f"Refined pair in {output}")
 
 
 @contextmanager

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
-from cyclopts import Parameter
-
+from iriftrace.cli import checks
 from iriftrace.cli.console import notes, say, working
-from iriftrace.cli.options import LightOf, Whole, check_folder, check_input, check_output
+from iriftrace.cli.options import LightOf, Output, Whole
 from iriftrace.cli.plan import Ranking, ViewOptions
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
@@ -19,7 +18,7 @@ from iriftrace.planning.criteria import STANDARD
 def plot(
     file: Path,
     *,
-    output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("figures"),
+    output: Output = Path("figures"),
     ranking: Ranking = STANDARD,
     component: Literal["norm", "along", "right", "down"] = "norm",
     wavelength: LightOf = None,
@@ -49,10 +48,9 @@ def plot(
     from iriftrace.figures.result import read_result
     from iriftrace.image.aov_image import AovImage
 
-    check_input(file)
-    if not output.absolute().parent.is_dir():
-        raise InputError(f"The folder {output.parent} does not exist; create it first.")
-    check_folder(output)
+    checks.inputs(file)
+    checks.parent(output)
+    checks.folder(output)
     if output.suffix.lower() in (".png", ".pdf", ".jpg", ".jpeg", ".svg"):
         raise InputError(
             f"The output {output} is the folder of the pictures, but has the name of one; name a "
@@ -94,9 +92,9 @@ def view(file: Path, *, picture: Path | None = None, length_unit: str | None = N
     """
     from iriftrace.figures.window import view as show
 
-    check_output(picture, "view.png")
+    checks.output(picture, "view.png")
     with working("Reading"):
-        check_input(file)
+        checks.inputs(file)
     show(file, picture, length_unit=length_unit)
     if picture is not None:
         say(f"Picture: {picture}")
@@ -105,7 +103,7 @@ def view(file: Path, *, picture: Path | None = None, length_unit: str | None = N
 def report(
     file: Path,
     *,
-    output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("report.html"),
+    output: Output = Path("report.html"),
     ranking: Ranking = STANDARD,
     top: Whole = 10,
     wavelength: LightOf = None,
@@ -125,30 +123,29 @@ def report(
     top
         Rows of the ranking.
     """
-    from iriftrace.figures.report import write_report
-    from iriftrace.planning.summary import summarise
-    from iriftrace.sweep.store import read_sweep
-
     limits = several.limits()
-    check_output(output, "report.html")
-    check_input(file)
-    if file.suffix.lower() != ".nc":
+    checks.output(output, "report.html")
+    checks.inputs(file)
+    if file.suffix.lower() == ".nc":
+        from iriftrace.figures.report import write_report
+        from iriftrace.planning.summary import summarise
+        from iriftrace.sweep.store import read_sweep
+
+        dataset = read_sweep(file)
+        check_light(wavelength, dataset.attrs, file)
+        summary = summarise(dataset, ranking)
+        with working("Writing the report"):
+            missing = write_report(
+                output, file, dataset, summary, top=top, views=several.views, limits=limits
+            )
+    elif (ranking, top, wavelength, several) == (STANDARD, 10, None, ViewOptions()):
         from iriftrace.figures.scan_report import write_scan_report
 
-        if (ranking, top, wavelength, several) != (STANDARD, 10, None, ViewOptions()):
-            raise InputError(
-                f"Options of rankings, views and light are for a sweep (.nc), and {file} is none; "
-                "leave them out."
-            )
-        _print_missing(write_scan_report(output, file))
-        say(f"Report in {output}")
-        return
-    dataset = read_sweep(file)
-    check_light(wavelength, dataset.attrs, file)
-    summary = summarise(dataset, ranking)
-    with working("Writing the report"):
-        missing = write_report(
-            output, file, dataset, summary, top=top, views=several.views, limits=limits
+        missing = write_scan_report(output, file)
+    else:
+        raise InputError(
+            f"Options of rankings, views and light are for a sweep (.nc), and {file} is none; "
+            "leave them out."
         )
     _print_missing(missing)
     say(f"Report in {output}")

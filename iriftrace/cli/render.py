@@ -6,23 +6,13 @@ import json
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
-from cyclopts import Parameter
-
-from iriftrace.cli.console import command_line, say, show_warning, working
-from iriftrace.cli.options import (
-    Flag,
-    LightOf,
-    Statuses,
-    check_folder,
-    check_input,
-    check_kept,
-    check_numbers,
-    check_output,
-    statuses,
-)
-from iriftrace.cli.trace_options import TraceOptions, check_light
+from iriftrace.cli import checks
+from iriftrace.cli.console import command_line, say, working
+from iriftrace.cli.options import Flag, LightOf, Output
+from iriftrace.cli.trace_options import Statuses, TraceOptions, check_light, statuses
+from iriftrace.core.errors import warn
 
 if TYPE_CHECKING:
     from iriftrace.scene.loaded import LoadedScene
@@ -35,7 +25,7 @@ DEMO = "cylinder"
 def render(
     scene: Path,
     *,
-    output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
+    output: Output | None = None,
     trace: TraceOptions = TraceOptions(),
     figures: bool = True,
     surface: Path | None = None,
@@ -69,18 +59,16 @@ def render(
         from it; also needs the field.npz.
     """
     from iriftrace.image.surface import write_surface
-    from iriftrace.scene.file import require_scene
 
-    check_input(scene)
     # Before the output, whose folder is the scene's unless another one is given.
-    require_scene(scene)
+    checks.scenes(scene)
     exr = scene.with_suffix(".exr") if output is None else output
-    check_output(exr, "out.exr")
-    check_numbers(exr, "iriftrace.pose")
-    check_output(surface, "out.vtp", ".ply")
+    checks.output(exr, "out.exr")
+    checks.numbers(exr, "iriftrace.pose")
+    checks.output(surface, "out.vtp", ".ply")
     used = statuses(include)
     loaded = trace.load(scene)
-    check_kept(surface, loaded.part.path)
+    checks.kept(surface, loaded.part.path)
     rendering, files = _render(loaded, exr, used, figures, check_shells, rgb)
     if surface is not None:
         write_surface(surface, rendering.image, loaded.part)
@@ -92,7 +80,7 @@ def metrics(
     image: Path,
     *,
     part: Path | None = None,
-    output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
+    output: Output | None = None,
     include: Statuses = None,
     nearest: Flag = False,
     wavelength: LightOf = None,
@@ -117,11 +105,11 @@ def metrics(
     from iriftrace.image.metrics import pose_metrics, write_metrics
     from iriftrace.trace.render import keep_checks
 
-    check_input(image, part)
+    checks.inputs(image, part)
     target = image.with_suffix(".json") if output is None else output
-    check_output(target, "out.json")
+    checks.output(target, "out.json")
     pixels = read_exr(image)
-    check_numbers(target, "iriftrace.pose")
+    checks.numbers(target, "iriftrace.pose")
     check_light(wavelength, pixels.header, image)
     shown = pixels.part_from(part)
     started = time.perf_counter()
@@ -138,7 +126,7 @@ def metrics(
 
 def demo(
     *,
-    output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("out"),
+    output: Output = Path("out"),
     scene: str = DEMO,
     trace: TraceOptions = TraceOptions(),
 ) -> None:
@@ -156,7 +144,7 @@ def demo(
     """
     from iriftrace.scenes import scene_copied
 
-    check_folder(output)
+    checks.folder(output)
     # Wrong names are refused before anything is copied.
     trace.variables()
     exr = output / f"{scene}.exr"
@@ -217,10 +205,9 @@ def _scene_picture(scene: LoadedScene, shells_folder: Path, picture: Path) -> li
     with working("Drawing the scene"):
         trouble = drawing_trouble()
         if trouble:
-            show_warning(
+            warn(
                 f"The 3-D picture is left out, because VTK cannot draw here ({trouble}); "
-                "`iriftrace doctor` shows how to repair it.",
-                UserWarning,
+                "`iriftrace doctor` shows how to repair it."
             )
             return []
         from iriftrace.figures.scene import scene_figure

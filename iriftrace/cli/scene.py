@@ -6,21 +6,13 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
-from cyclopts import Parameter
-
+from iriftrace.cli import checks
 from iriftrace.cli.camera_options import CameraOptions, Scale
-from iriftrace.cli.console import command_line, out, print_table, say, show_warning, working
-from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions, ShellOptions
-from iriftrace.cli.options import (
-    Length,
-    check_field,
-    check_folder,
-    check_input,
-    check_order,
-    check_output,
-)
+from iriftrace.cli.console import command_line, out, print_table, say, working
+from iriftrace.cli.field_options import PartOptions, ShellOptions
+from iriftrace.cli.options import Length, Output
 from iriftrace.cli.second_options import SecondOptions, StereoOptions, devices_of
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import ZERO_CELSIUS_K, counted
@@ -39,10 +31,8 @@ if TYPE_CHECKING:
 def shells(
     field: Path,
     *,
-    output: Annotated[Path, Parameter(name=["-o", "--output"])],
+    output: Output,
     part: Path | None = None,
-    air: AirOptions = AirOptions(),
-    field_options: FieldOptions = FieldOptions(),
     shell_options: ShellOptions = ShellOptions(),
     part_options: PartOptions = PartOptions(),
 ) -> None:
@@ -67,22 +57,21 @@ def shells(
     from iriftrace.shells.files import save_shells
     from iriftrace.shells.report import report_shells
 
-    check_field(field)
-    check_input(part)
-    check_folder(output)
-    wall = partial(field_options.read_wall, field, air.air())
+    checks.fields(field)
+    checks.inputs(part)
+    checks.folder(output)
+    wall = partial(shell_options.field.read_wall, field)
     measured = None if part is None else part_options.read(part, wall)
-    stack, volume = _stack(field, measured, air, field_options, shell_options)
+    stack, volume = shell_options.stack(field, measured)
     fit = None
     if measured is not None and volume is not None:
         with working("Comparing part and field"):
             fit = fit_part_to_field(volume, measured, wall_temperature_k=part_options.hot.single)
         for message in fit.warnings:
-            show_warning(message, UserWarning)
+            warn(message)
     with working("Measuring the shells"):
         reports = report_shells(stack, volume, measured)
-    notes = field_options.notes() | shell_options.notes()
-    files = save_shells(stack, output, report=reports, notes=notes)
+    files = save_shells(stack, output, report=reports, notes=shell_options.notes())
     print_shells(stack, reports, fit)
     out.print(f"{counted(len(files), 'file')} in {output}", soft_wrap=True)
 
@@ -91,15 +80,13 @@ def scene(
     field: Path,
     part: Path,
     *,
-    output: Annotated[Path, Parameter(name=["-o", "--output"])],
+    output: Output,
     member: list[Path] | None = None,
     blocker: list[Path] | None = None,
     blocker_length_unit: str | None = None,
     normals: Literal["gradient", "facet"] = "gradient",
     inside_hit: Literal["refract", "drop"] = "refract",
     trim: Length | None = None,
-    air: AirOptions = AirOptions(),
-    field_options: FieldOptions = FieldOptions(),
     shell_options: ShellOptions = ShellOptions(),
     part_options: PartOptions = PartOptions(),
     camera_options: CameraOptions = CameraOptions(),
@@ -148,12 +135,13 @@ def scene(
     from iriftrace.scene.save import save_scene
     from iriftrace.scene.xml import SceneSettings, refuse_edited
 
+    field_options = shell_options.field
     if not field_options.isosurfaces:
-        check_order(field, part)
+        checks.order(field, part)
     fields = [field, *(member or [])]
-    check_field(*fields)
-    check_input(part, *(blocker or []))
-    check_output(output, "scene.xml", make=True)
+    checks.fields(*fields)
+    checks.inputs(part, *(blocker or []))
+    checks.output(output, "scene.xml", make=True)
     refuse_edited(output)
     states = () if field_options.isosurfaces else chosen_members(fields, field_options.time)
 
@@ -163,7 +151,7 @@ def scene(
             raise InputError(
                 '--hot-temperature is "field", but iso-surfaces have no wall; give a temperature.'
             )
-        return field_options.read_wall(states[0].path, air.air(), cold, states[0].index)
+        return field_options.read_wall(states[0].path, cold, states[0].index)
 
     measured = part_options.read(part, first_wall)
     blockers = [read_part(file, length_unit=blocker_length_unit) for file in blocker or []]
@@ -181,7 +169,7 @@ def scene(
             scale=scale,
             normals=normals,
             inside_hit=inside_hit,
-            notes=field_options.notes() | shell_options.notes(),
+            notes=shell_options.notes(),
             blockers=(*blockers, *_bodies_of(field, volume, blocker or [])),
         )
         camera, settings = place(settings, volume, stack)
@@ -196,14 +184,14 @@ def scene(
     if len(states) > 1:
 
         def cut(one: Member) -> tuple[ShellStack, IndexField]:
-            volume = field_options.read(one.path, air.air(), measured, one.index)
+            volume = field_options.read(one.path, measured, one.index)
             return shell_options.build(volume), volume
 
         _ensemble(states, measured, output, devices, cut, wall_k, trim)
         return
     # Without --time the reader of the file states which of several states it is.
     number = states[0].index if states and field_options.time is not None else None
-    stack, volume = _stack(field, measured, air, field_options, shell_options, number)
+    stack, volume = shell_options.stack(field, measured, number)
     camera, settings = devices(volume, stack)
     with working("Comparing part and field, measuring the shells"):
         state = AirState(volume, ready=stack)
@@ -224,41 +212,6 @@ def _bodies_of(field: Path, volume: IndexField | None, given: Sequence[Path]) ->
     if files:
         say(f"Bodies of the field that block the view: {', '.join(map(str, files))}.")
     return [read_part(file, length_unit="mm") for file in files]
-
-
-def _stack(
-    path: Path,
-    part: Part | None,
-    air: AirOptions,
-    field_options: FieldOptions,
-    shell_options: ShellOptions,
-    member: int | None = None,
-) -> tuple[ShellStack, IndexField | None]:
-    """Shells of a volume field, or ready-made ones."""
-    if field_options.isosurfaces:
-        from iriftrace.shells.imported import import_shells
-
-        if field_options.time is not None:
-            raise InputError(
-                f'--time is "{field_options.time}", but a file of iso-surfaces is read as a whole; '
-                "export the surfaces of one time."
-            )
-        with working("Reading iso-surfaces"):
-            stack = import_shells(
-                path,
-                array=field_options.array,
-                quantity=field_options.quantity,
-                temperature_unit=field_options.temperature_unit,
-                air=air.air(),
-                length_unit=field_options.field_length_unit or "mm",
-                transform=field_options.transform(),
-                min_size_mm=shell_options.min_size,
-            )
-        return shell_options.edited(stack), None
-    with working("Reading the field"):
-        volume = field_options.read(path, air.air(), part, member)
-    with working("Contouring the shells"):
-        return shell_options.build(volume), volume
 
 
 def _ensemble(

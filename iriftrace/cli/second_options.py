@@ -17,19 +17,19 @@ from iriftrace.cli.camera_options import (
     with_all_in_focus,
 )
 from iriftrace.cli.console import say
-from iriftrace.cli.options import Length, Vector, check_input, refuse_given
+from iriftrace.cli.options import Length, Vector, read_motion, refuse_given
 from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
-    from iriftrace.camera.stereo import StereoCalibration
-    from iriftrace.core.arrays import FloatArray
     from iriftrace.field.index_field import IndexField
     from iriftrace.part.part import Part
     from iriftrace.scene.xml import SceneSettings
     from iriftrace.shells.stack import ShellStack
 
 SECOND = Group("Second device", sort_key=6)
+
+PlacingBoth = Callable[["Part", "IndexField | None", "ShellStack"], tuple["Camera", "Camera"]]
 
 
 @Parameter(name="*", group=SECOND)
@@ -134,8 +134,11 @@ class StereoOptions:
     stereo_calibration: list[Path] | None = None
     cloud_to_part: Path | None = None
 
-    def read(self, first: CameraOptions, second: SecondOptions) -> StereoCalibration | None:
-        """The stereo calibration; None if none is given."""
+    def placing(self, first: CameraOptions, second: SecondOptions) -> PlacingBoth | None:
+        """Check the options, and return the function that places both cameras at full resolution.
+
+        None if no stereo calibration is given.
+        """
         from iriftrace.camera.stereo import read_stereo_calibration
 
         if self.stereo_calibration is None:
@@ -158,65 +161,44 @@ class StereoOptions:
                 "is given, but --cloud-to-part places the cameras; leave one of them out.",
             )
         first.refuse_intrinsics("--stereo-calibration")
-        needed_pixel_size(first.pixel_size, self._called())
-        check_input(self.cloud_to_part)
-        self._motion()  # refuses a wrong one before the field is read
-        return read_stereo_calibration(
+        files = " and ".join(map(str, self.stereo_calibration))
+        size = needed_pixel_size(first.pixel_size, files)
+        sizes = (size, second.second_pixel_size or size)
+        focus = first.focus or FOCUS_MM
+        motion = read_motion(self.cloud_to_part)
+        stereo = read_stereo_calibration(
             *self.stereo_calibration, length_unit=first.calibration_length_unit
         )
 
-    def devices(
-        self,
-        stereo: StereoCalibration,
-        first: CameraOptions,
-        second: SecondOptions,
-        part: Part,
-        field: IndexField | None,
-        stack: ShellStack,
-    ) -> tuple[Camera, Camera]:
-        """Camera 1 and camera 2 of the calibration that was read, at their full resolution."""
-        size = needed_pixel_size(first.pixel_size, self._called())
-        sizes = (size, second.second_pixel_size or size)
-        focus = first.focus or FOCUS_MM
-        matrix = self._motion()
-        if matrix is None:
-            camera = stereo.first.camera(pixel_size_mm=size, focus_mm=focus)
-            matrix = first.placed(camera, part, field, stack).matrix
-        cameras = []
-        for calibration, width in zip(stereo.placed(matrix), sizes, strict=True):
-            camera = calibration.camera(
-                pixel_size_mm=width, focus_mm=focus, matrix=calibration.matrix
+        def place(part: Part, field: IndexField | None, stack: ShellStack) -> tuple[Camera, Camera]:
+            matrix = motion
+            if matrix is None:
+                camera = stereo.first.camera(pixel_size_mm=size, focus_mm=focus)
+                matrix = first.placed(camera, part, field, stack).matrix
+            cameras = []
+            for calibration, width in zip(stereo.placed(matrix), sizes, strict=True):
+                camera = calibration.camera(
+                    pixel_size_mm=width, focus_mm=focus, matrix=calibration.matrix
+                )
+                refuse_unseen_part(
+                    camera,
+                    part,
+                    f"The calibration {files}, with T in {stereo.length_unit},",
+                    "give the unit of T (--calibration-length-unit), or another motion "
+                    "(--cloud-to-part, in mm, from camera 1 to the part; R and T lead from "
+                    "camera 1 to 2).",
+                )
+                if first.focus is None:
+                    camera = with_all_in_focus(camera, camera, part)
+                cameras.append(camera)
+            say(
+                f"Stereo calibration: baseline {stereo.baseline_mm:.5g} mm (T read in "
+                f"{stereo.length_unit}), {stereo.angle_deg:.3g} deg between the axes, camera 2 "
+                f"{stereo.side} camera 1."
             )
-            refuse_unseen_part(
-                camera,
-                part,
-                f"The calibration {self._called()}, with T in {stereo.length_unit},",
-                "give the unit of T (--calibration-length-unit), or another motion "
-                "(--cloud-to-part, in mm, from camera 1 to the part; R and T lead from camera 1 to "
-                "2).",
-            )
-            if first.focus is None:
-                camera = with_all_in_focus(camera, camera, part)
-            cameras.append(camera)
-        say(
-            f"Stereo calibration: baseline {stereo.baseline_mm:.5g} mm (T read in "
-            f"{stereo.length_unit}), {stereo.angle_deg:.3g} deg between the axes, camera 2 "
-            f"{stereo.side} camera 1."
-        )
-        return cameras[0], cameras[1]
+            return cameras[0], cameras[1]
 
-    def _motion(self) -> FloatArray | None:
-        """Pose of camera 1, (4, 4), to world, mm; None if no motion is given."""
-        from iriftrace.geometry.transform import parse_transform, rigid_motion
-
-        if self.cloud_to_part is None:
-            return None
-        name = str(self.cloud_to_part)
-        return rigid_motion(parse_transform(name), name)
-
-    def _called(self) -> str:
-        """The files, for messages."""
-        return " and ".join(map(str, self.stereo_calibration or ()))
+        return place
 
 
 Placing = Callable[
@@ -231,8 +213,8 @@ def devices_of(
 
     It adds the second device, if there is one, to a scene's settings.
     """
-    stereo = rig.read(first, second)
-    two_devices = stereo is not None or second.given()
+    place_both = rig.placing(first, second)
+    two_devices = place_both is not None or second.given()
 
     def place(
         settings: SceneSettings, field: IndexField | None, stack: ShellStack
@@ -241,12 +223,12 @@ def devices_of(
             return first.camera(part, field, stack), settings
         from iriftrace.triangulation.devices import DEVICE_OF_SYSTEM
 
-        if stereo is not None:
-            camera, device = rig.devices(stereo, first, second, part, field, stack)
+        if place_both is not None:
+            camera, device = place_both(part, field, stack)
         else:
             camera = first.camera(part, field, stack)
             device = second.device(first, camera, part, field, stack)
-        system = second.system or ("fringe" if stereo is None else "stereo")
+        system = second.system or ("fringe" if place_both is None else "stereo")
         return camera, evolve(settings, second=device, second_id=DEVICE_OF_SYSTEM[system])
 
     return place

@@ -7,24 +7,16 @@ from contextlib import ExitStack, contextmanager
 from datetime import timedelta
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 from attrs import evolve
-from cyclopts import Parameter
 from rich.progress import BarColumn, Progress, TimeElapsedColumn
 
+from iriftrace.cli import checks
 from iriftrace.cli.console import notes, say, say_finding, stating_kept
 from iriftrace.cli.field import scene_command
 from iriftrace.cli.field_options import AirOptions, PartOptions
-from iriftrace.cli.options import (
-    FIELD,
-    Flag,
-    Whole,
-    celsius,
-    check_folder,
-    check_input,
-    check_output,
-)
+from iriftrace.cli.options import FIELD, Flag, Output, Whole, celsius
 from iriftrace.cli.simulation_options import DraughtOptions, SimulationOptions
 from iriftrace.core.errors import InputError, SetupError, warn
 from iriftrace.core.plain import JsonObject
@@ -45,7 +37,7 @@ if TYPE_CHECKING:
 def simulate(
     part: Path,
     *,
-    output: Annotated[Path, Parameter(name=["-o", "--output"])],
+    output: Output,
     simulation: SimulationOptions = SimulationOptions(),
     wind: DraughtOptions = DraughtOptions(),
     part_options: PartOptions = PartOptions(),
@@ -85,10 +77,10 @@ def simulate(
     from iriftrace.cfd.openfoam.simulate import check_solver, prepare
     from iriftrace.cfd.openfoam.simulate import simulate as run
 
-    check_input(part)
-    check_folder(output)
+    checks.inputs(part)
+    checks.folder(output)
     target = output / "field.vtu" if field is None else field
-    check_output(target, "field.vtu", make=True)
+    checks.output(target, "field.vtu", make=True)
     wind.check(field=field, write_only=write_only)
     installation = None
     if not write_only:
@@ -106,7 +98,8 @@ def simulate(
         members, cases = family_cases(measured, simulation, wind, processes)
         _print_case(cases[members[0].name])
         simulate_family(members, cases, output, installation, wind)
-        say(f"Family written; now run:  {family_scene(members, output, part, simulation, hot)}")
+        files = [output / member.file for member in members]
+        say(f"Family written; now run:  {next_scene(files, part, simulation, hot)}")
         return
     case = simulation.case(measured, processes, wind.single())
     _print_case(case)
@@ -213,17 +206,21 @@ def _print_simulation(
     if result.snapshots:
         listed = result.field.with_name(f"{result.field.stem}_snapshots.pvd")
         say(f"{len(result.snapshots)} snapshots: {listed}")
-    usual = simulation.pressure == AirOptions().pressure
-    pressure = () if usual else ("--pressure", f"{simulation.pressure:.10g} Pa")
-    command = scene_command(result.field, part, simulation.ambient, part_options, *pressure)
-    say(f"Field written; now run:  {command}")
+    say(f"Field written; now run:  {next_scene([result.field], part, simulation, part_options)}")
+
+
+def next_scene(
+    fields: Sequence[Path], part: Path, simulation: SimulationOptions, part_options: PartOptions
+) -> str:
+    """The command that makes a scene of simulated fields, in the air of the simulation."""
+    more = [word for file in fields[1:] for word in ("--member", str(file))]
+    if simulation.pressure != AirOptions().pressure:
+        more += ["--pressure", f"{simulation.pressure:.10g} Pa"]
+    return scene_command(fields[0], part, simulation.ambient, part_options, *more)
 
 
 def family_cases(
-    part: Part,
-    simulation: SimulationOptions,
-    wind: DraughtOptions,
-    processes: int,
+    part: Part, simulation: SimulationOptions, wind: DraughtOptions, processes: int
 ) -> tuple[tuple[Member, ...], dict[str, Case]]:
     """Members of a family, and the case of each by name."""
     from iriftrace.cfd.openfoam.case import symmetric_case
@@ -281,19 +278,6 @@ def simulate_family(
         )
         for entry in running:
             say(_finished(entry))
-
-
-def family_scene(
-    members: Sequence[Member],
-    folder: Path,
-    part: Path,
-    simulation: SimulationOptions,
-    part_options: PartOptions,
-) -> str:
-    """Command that makes a scene of all members."""
-    files = [folder / member.file for member in members]
-    more = [word for file in files[1:] for word in ("--member", str(file))]
-    return scene_command(files[0], part, simulation.ambient, part_options, *more)
 
 
 def _solve_here(installation: Installation, tasks: Sequence[Task]) -> Iterator[JsonObject]:

@@ -180,7 +180,10 @@ class SimulationOptions:
         from iriftrace.part.part import read_part
 
         files = self.body or []
-        kelvins = [_body_temperature(text) for text in self.body_temperature or ["insulated"]]
+        kelvins = [
+            None if text == "insulated" else quantity(text, "kelvin", "--body-temperature")
+            for text in self.body_temperature or ["insulated"]
+        ]
         if len(kelvins) == 1:
             kelvins *= len(files)
         if len(kelvins) != len(files) or (self.body_temperature and not files):
@@ -197,10 +200,6 @@ class SimulationOptions:
     def mirrors(self) -> str:
         """Axes across which the field is mirrored."""
         return "" if self.symmetry == "none" else self.symmetry
-
-
-def _body_temperature(text: str) -> float | None:
-    return None if text == "insulated" else quantity(text, "kelvin", "--body-temperature")
 
 
 @Parameter(name="*", group=Group("Draught", sort_key=2))

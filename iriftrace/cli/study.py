@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -10,34 +10,22 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from attrs import frozen
 from cyclopts import App, Group, Parameter
 
+from iriftrace.cli import checks
 from iriftrace.cli.camera_options import CameraOptions, Scale
 from iriftrace.cli.console import drawn, pose_progress, say, working
-from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions, Rule
-from iriftrace.cli.options import (
-    Flag,
-    Numbers,
-    Whole,
-    check_field,
-    check_input,
-    check_order,
-    check_output,
-)
+from iriftrace.cli.field_options import FieldOptions, PartOptions, Rule
+from iriftrace.cli.options import Flag, Numbers, Output, Whole
 from iriftrace.cli.study_tables import print_comparison, print_timing
 from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
-    from iriftrace.field.index_field import IndexField
-    from iriftrace.scene.scene import Scene
     from iriftrace.studies.mode import Mode
-    from iriftrace.studies.study import Study
+    from iriftrace.studies.study import Setup, Study
 
 
 StudiedField = Annotated[Path, Parameter(help="Volume mesh with temperature, density or index.")]
 StudiedPart = Annotated[Path, Parameter(help="The part's surface mesh.")]
-Output = Annotated[
-    Path,
-    Parameter(name=["-o", "--output"], help="The netCDF file; the figure is written next to it."),
-]
+StudyFile = Annotated[Output, Parameter(help="The netCDF file; the figure is written next to it.")]
 References = Annotated[list[str] | None, Parameter(name="--reference")]
 Layers = Annotated[Whole, Parameter(help="Number of shells.")]
 
@@ -102,7 +90,6 @@ class StudyOptions:
 
     variant: str | None = None
     mode: ModeOptions = ModeOptions()
-    air: AirOptions = AirOptions()
     field: FieldOptions = FieldOptions()
     part: PartOptions = PartOptions()
     camera: CameraOptions = CameraOptions()
@@ -134,19 +121,16 @@ def _run(
     output: Path,
     options: StudyOptions,
     scale: float,
-    describe: Callable[[Scene, Mapping[str, IndexField], list[Mode]], Study],
+    describe: Callable[[Setup], Study],
     *more: Mode,
 ) -> None:
-    """Run a study behind a progress bar, print its tables and draw its figure.
-
-    `describe` gets the scene with the last field, all fields by their names, and the modes.
-    """
+    """Run a study behind a progress bar, print its tables and draw its figure."""
     from iriftrace.figures.studies import study_figure
     from iriftrace.runtime import variant
     from iriftrace.scene.hot_air import HotAir
     from iriftrace.scene.scene import Scene
     from iriftrace.scene.viewpoint import refuse_camera_inside
-    from iriftrace.studies.study import run_study
+    from iriftrace.studies.study import Setup, run_study
 
     modes = [*options.mode.modes(), *more]
     if options.field.isosurfaces:
@@ -154,20 +138,20 @@ def _run(
             "A study contours the field again for each case, so it needs the volume field and "
             "not ready-made iso-surfaces."
         )
-    check_order(fields[0], part)
-    check_field(*fields)
-    check_input(part)
-    check_output(output, "study.nc")
+    checks.order(fields[0], part)
+    checks.fields(*fields)
+    checks.inputs(part)
+    checks.output(output, "study.nc")
     traced_by = variant.ensure(options.variant)
     mesh = options.part.read(part)
     with working("Reading the field" if len(fields) == 1 else "Reading the fields"):
-        volumes = [options.field.read(path, options.air.air(), mesh) for path in fields]
+        volumes = [options.field.read(path, mesh) for path in fields]
     air = HotAir(volumes[-1], layers=1, notes=options.field.notes())
     stack = air.states[0].shells
     camera = options.camera.camera(mesh, volumes[-1], stack)
     refuse_camera_inside(camera.origin, (mesh,), air.states[0])
     scene = Scene(mesh, air, camera.scaled(scale), variant=traced_by)
-    described = describe(scene, dict(zip(names_of(fields), volumes, strict=True)), modes)
+    described = describe(Setup(scene, dict(zip(names_of(fields), volumes, strict=True)), modes))
     with pose_progress(output, "Cases") as report:
         dataset = run_study(described, output, report)
     (print_comparison if described.references else print_timing)(dataset)
@@ -194,7 +178,7 @@ def layers(
     field: StudiedField,
     part: StudiedPart,
     *,
-    output: Output = Path("layers.nc"),
+    output: StudyFile = Path("layers.nc"),
     layers: str = "1:20",
     reference: References = None,
     options: StudyOptions = StudyOptions(),
@@ -226,7 +210,7 @@ def smoothing(
     part: StudiedPart,
     finest: Path,
     *,
-    output: Output = Path("smoothing.nc"),
+    output: StudyFile = Path("smoothing.nc"),
     iterations: str = "0,1,2,3,5,7,10,15,20,30,40,50",
     layers: Layers = 13,
     reference: References = None,
@@ -266,7 +250,7 @@ def mesh(
     part: StudiedPart,
     /,
     *finer: Path,
-    output: Output = Path("mesh.nc"),
+    output: StudyFile = Path("mesh.nc"),
     layers: Layers = 13,
     split: list[Path] | None = None,
     reference: References = None,
@@ -310,7 +294,7 @@ def rays(
     field: StudiedField,
     part: StudiedPart,
     *,
-    output: Output = Path("rays.nc"),
+    output: StudyFile = Path("rays.nc"),
     scales: Numbers = (0.0625, 0.125, 0.25, 0.5),
     layers: Layers = 13,
     options: StudyOptions = StudyOptions(),
@@ -336,7 +320,7 @@ def polygons(
     field: StudiedField,
     part: StudiedPart,
     *,
-    output: Output = Path("polygons.nc"),
+    output: StudyFile = Path("polygons.nc"),
     smallest: Whole = 4_700,
     largest: Whole = 320_000,
     layers: Layers = 13,

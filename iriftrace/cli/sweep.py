@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import numpy as np
-from cyclopts import Parameter
 
-from iriftrace.cli.console import notes, pose_progress, say
-from iriftrace.cli.options import Lengths, Statuses, Whole, check_input, check_output, statuses
+from iriftrace.cli import checks
+from iriftrace.cli.console import command_line, notes, pose_progress, say
+from iriftrace.cli.options import Lengths, Output, Whole
 from iriftrace.cli.orbit_options import OrbitOptions
-from iriftrace.cli.trace_options import TraceOptions
+from iriftrace.cli.trace_options import Statuses, TraceOptions, statuses
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import counted
 
@@ -24,7 +24,7 @@ def sweep(
     scenes: list[Path],
     /,
     *,
-    output: Annotated[Path, Parameter(name=["-o", "--output"])],
+    output: Output,
     orbit: OrbitOptions = OrbitOptions(),
     focal_length: Lengths | None = None,
     trace: TraceOptions = TraceOptions(),
@@ -75,15 +75,15 @@ def sweep(
 
     if workers is not None and scheduler is None:
         scheduler = "local"
-    check_input(*scenes)
+    checks.inputs(*scenes)
     twice = [scene for scene in scenes if scenes.count(scene) > 1]
     if twice:
         raise InputError(f"{twice[0]} is given twice, so its poses would count twice; remove one.")
-    check_output(output, "sweep.nc")
-    check_output(export, "sweep.csv", ".parquet")
+    checks.output(output, "sweep.nc")
+    checks.output(export, "sweep.csv", ".parquet")
     if export is not None:
         check_table(export)
-    check_output(surface, "part.vtp", ".vtu")
+    checks.output(surface, "part.vtp", ".vtu")
     if scheduler is not None:
         check_scheduler(scheduler, workers)
     loaded = [trace.load(scene) for scene in scenes]
@@ -120,7 +120,7 @@ def sweep(
     if surface is not None:
         write_face_maps(surface, dataset, loaded[0].part)
         say(f"Part with the maps of all poses in {surface}")
-    say(f"Sweep in {output}; now run:  iriftrace plan {output}")
+    say(f"Sweep in {output}; now run:  {command_line('plan', output)}")
 
 
 def _print_sweep(dataset: xr.Dataset) -> None:
@@ -138,13 +138,13 @@ def _print_sweep(dataset: xr.Dataset) -> None:
     )
     for name, unit, factor in (
         ("displacement_median", "um", 1e3),
-        *([("scatter_median", "um", 1e3)] if "scatter_median" in whole else []),
-        *([("error_normal_p95", "um", 1e3)] if "error_normal_p95" in whole else []),
-        *([("coverage_measured", "%", 100)] if "coverage_measured" in whole else []),
+        ("scatter_median", "um", 1e3),
+        ("error_normal_p95", "um", 1e3),
+        ("coverage_measured", "%", 100),
         ("coverage_area", "%", 100),
         ("lateral_resolution", "um", 1e3),
     ):
-        values = whole[name].values * factor
+        values = whole[name].values * factor if name in whole else np.nan
         if np.isfinite(values).any():
             say(
                 f"  {name.replace('_', ' ')}: {np.nanmin(values):.4g} to {np.nanmax(values):.4g} "

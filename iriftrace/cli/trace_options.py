@@ -11,11 +11,17 @@ from attrs import frozen
 from cyclopts import Parameter
 
 from iriftrace.cli.console import working
-from iriftrace.cli.options import Wavelength
+from iriftrace.cli.options import Wavelength, Whole
 from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
     from iriftrace.scene.loaded import LoadedScene
+
+
+Statuses = Annotated[
+    list[Whole] | None,
+    Parameter(help="Further status codes whose rays the metrics use, such as 5; repeatable."),
+]
 
 
 @Parameter(name="*")
@@ -60,6 +66,17 @@ class TraceOptions:
 
         with working("Loading the scene"):
             return load_scene(scene, self.variables(), variant=self.variant, engine=self.engine)
+
+
+def statuses(include: list[int] | None) -> tuple[int, ...]:
+    """Status codes of the rays that the metrics use."""
+    from iriftrace.image.aov_image import Status
+
+    for code in include or ():
+        if code not in list(Status):
+            meanings = ", ".join(f"{status.value} {status.key}" for status in Status)
+            raise InputError(f"--include {code} is not a ray's status; the codes are {meanings}.")
+    return (0, *(include or ()))
 
 
 def check_light(wavelength: float | None, header: Mapping[str, object], file: Path) -> None:

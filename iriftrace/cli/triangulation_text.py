@@ -149,13 +149,9 @@ def print_regions(rows: Sequence[RegionValues], title: str) -> None:
         cells.append((row.region, f"{row.points:,}", f"{row.measured:.0%}", *um))
     headings = ("region", "points", "measured", "median (um)", "rms (um)", "95 % below (um)")
     print_table(title, headings, cells, texts=["region"])
-    say(
-        "Measured: area of the triangles with a point, as a fraction of the region's"
-        + (
-            f"; {counted(len(seen) - MOST_LINES, 'more region')} in the JSON file"
-            * (len(seen) > MOST_LINES)
-        )
-        + f"; {counted(len(rows) - len(seen), 'region')} without a measured point"
-        * (len(rows) > len(seen))
-        + "."
-    )
+    note = "Measured: area of the triangles with a point, as a fraction of the region's"
+    if len(seen) > MOST_LINES:
+        note += f"; {counted(len(seen) - MOST_LINES, 'more region')} in the JSON file"
+    if len(rows) > len(seen):
+        note += f"; {counted(len(rows) - len(seen), 'region')} without a measured point"
+    say(f"{note}.")

@@ -71,11 +71,8 @@ def _bar(room: float) -> float:
 def _draw_bar(axes: Axes, start: tuple[float, float], along: tuple[float, float]) -> None:
     """A line with a tick at each end, across it, mm."""
     (x, y), (dx, dy) = start, along
-    tick = 0.2 * STRIP_MM
-    lines = [((x, x + dx), (y, y + dy))]
-    for end in (0.0, 1.0):
-        px, py = x + end * dx, y + end * dy
-        across = (px, px) if dx else (px - tick, px + tick)
-        lines.append((across, (py - tick, py + tick) if dx else (py, py)))
-    for xs, ys in lines:
+    ends = (x, y), (x + dx, y + dy)
+    across, up = (0.0, 0.2 * STRIP_MM) if dx else (0.2 * STRIP_MM, 0.0)
+    ticks = (((px - across, px + across), (py - up, py + up)) for px, py in ends)
+    for xs, ys in (tuple(zip(*ends, strict=True)), *ticks):
         axes.plot(xs, ys, color="black", linewidth=0.5, solid_capstyle="butt")

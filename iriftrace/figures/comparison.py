@@ -10,7 +10,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from iriftrace.core.arrays import FloatArray
-from iriftrace.figures.style import ColourScale, Look, legend_below
+from iriftrace.figures.style import ColourScale, legend_below
 from iriftrace.image.comparison import Comparison
 
 COLOUR_PERCENTILE = 98.0
@@ -92,17 +92,16 @@ def _draw(
     scale: ColourScale,
 ) -> None:
     axes.set_facecolor(_BACKGROUND)
-    colours: Look = {"norm": scale.norm, "cmap": scale.colour_map}
     if resolution is None:
         size = float(np.clip(4000.0 / len(places), 4.0, 40.0))
         across, down = places.T
-        axes.scatter(across, down, c=values, s=size, edgecolors="0.3", linewidths=0.3, **colours)
+        axes.scatter(across, down, c=values, s=size, edgecolors="0.3", linewidths=0.3, **scale.look)
         return
     width, height = resolution
     picture = np.full((height, width), np.nan)
     column, row = np.floor(places).astype(int).T
     picture[row, column] = values
-    axes.imshow(picture, extent=(0, width, height, 0), interpolation="nearest", **colours)
+    axes.imshow(picture, extent=(0, width, height, 0), interpolation="nearest", **scale.look)
 
 
 def _headline(comparison: Comparison) -> str:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import base64
 from pathlib import Path
 
-from iriftrace.core.files import write_whole
+from iriftrace.core.files import sha256_of, write_whole
 from iriftrace.core.plain import JsonObject
 
 Rows = tuple[tuple[str, ...], ...]
 """Cells of a table, row by row."""
 
 
-def write_page(path: Path, template: str, **values: object) -> None:
-    """Write a page from one of the package's templates; its folder must exist."""
+def write_page(path: Path, template: str, source: Path, version: str, **values: object) -> None:
+    """Write a page about a file from one of the package's templates; its folder must exist."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
@@ -22,8 +23,13 @@ def write_page(path: Path, template: str, **values: object) -> None:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    text = environment.get_template(template).render(**values)
-    write_whole(path, text)
+    about = {"source": source.name, "sha256": sha256_of(source), "version": version}
+    write_whole(path, environment.get_template(template).render(**values, **about))
+
+
+def in_page(png: bytes) -> str:
+    """A picture as the templates' pages hold it."""
+    return base64.b64encode(png).decode("ascii")
 
 
 def name_of(file: JsonObject) -> str:

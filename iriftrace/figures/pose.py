@@ -28,8 +28,6 @@ from iriftrace.image.displacement import directions_to, good_mask, signed_compon
 from iriftrace.image.ray_statistics import FEWEST_RAYS, OF_MET, percent
 from iriftrace.sweep.faces import displacement_limits
 
-UM_PER_MM = 1000.0
-
 # Flat colours that differ from each other, from the white background, from the colour map and from
 # the black lines of silhouettes. Most rays whose refracted twin misses lie next to these, and have
 # the vermilion that colour-blind eyes can tell from viridis and from greys.
@@ -106,13 +104,10 @@ def displacement_figure(
     InputError
         No ray counts, so there is nothing to draw; or there is no such component.
     """
-    if component == "norm":
-        return _draw(image, include, BIAS if image.is_ensemble else DISPLACEMENT, view)
-    if component not in COMPONENTS:
-        raise InputError(
-            f"A displacement has no component {component!r}; draw norm, {', '.join(COMPONENTS)}."
-        )
-    return _draw(image, include, COMPONENTS[component], view)
+    known = {"norm": BIAS if image.is_ensemble else DISPLACEMENT, **COMPONENTS}
+    if component not in known:
+        raise InputError(f"A displacement has no component {component!r}; draw {', '.join(known)}.")
+    return _draw(image, include, known[component], view)
 
 
 def pose_figures(
@@ -142,7 +137,7 @@ def _draw(image: AovImage, include: Collection[int], what: Shown, view: str = ""
             "status in the metrics, then turn the camera to the part or widen the focus interval."
         )
     displacement = np.zeros(good.shape)
-    displacement[good] = UM_PER_MM * _values(image, good, what)
+    displacement[good] = 1e3 * _values(image, good, what)
     values = displacement[good]
     scale = _scale(values, what)
     seen = image.status != Status.MISSED
@@ -158,10 +153,9 @@ def _draw(image: AovImage, include: Collection[int], what: Shown, view: str = ""
     entries = _draw_without_displacement(axes, image.status, seen & ~good, extent)
     picture = axes.imshow(
         np.ma.masked_where(~good, displacement),
-        norm=scale.norm,
-        cmap=scale.colour_map,
         extent=extent,
         interpolation="nearest",
+        **scale.look,
     )
     _draw_silhouettes(axes, image, seen)
     axes.set(xlim=columns, ylim=rows[::-1], xlabel="Column (px)", ylabel="Row (px)")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 from collections.abc import Iterable
 from itertools import chain
@@ -12,40 +11,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from iriftrace.camera.pose import pose_text
-from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import counted
 from iriftrace.field.source import stated_source, synthetic_mark
-from iriftrace.figures.page import (
-    Rows,
-    file_text,
-    name_of,
-    origin_text,
-    value_text,
-    write_page,
-)
+from iriftrace.figures import page
 from iriftrace.figures.style import figure_bytes
 from iriftrace.figures.sweep import sweep_charts, sweep_pictures
 from iriftrace.image.aov_image import Status
 from iriftrace.image.ray_statistics import percent
 from iriftrace.image.resolution import FRONTAL
+from iriftrace.planning import texts
 from iriftrace.planning.candidates import name_of as metric_name
 from iriftrace.planning.cover import NO_LIMITS, ViewLimits, plan_views
 from iriftrace.planning.stability import stability
-from iriftrace.planning.texts import (
-    alternative_text,
-    front_table,
-    in_words,
-    least_error_text,
-    other_statistics_text,
-    ranking_table,
-    stability_text,
-    views_table,
-    views_text,
-    views_title,
-    warned_text,
-)
-from iriftrace.sweep.diagnostics import setting_of
 from iriftrace.sweep.store import attribute, scene_of, traced_through_cells
 
 if TYPE_CHECKING:
@@ -99,8 +77,8 @@ def report_content(
     """Texts and tables of the page, with `top` rows of the ranking and a set of `views`."""
     plan = summary.plan
     chosen = None if views is None else plan_views(dataset, views, limits, plan.criteria)
-    ranking = ranking_table(summary, top)
-    part = name_of(attribute(dataset, "part"))
+    ranking = texts.ranking_table(summary, top)
+    part = page.name_of(attribute(dataset, "part"))
     device = "camera" if summary.devices is None else "sensor"
     best, varied = plan.best, stability(plan)
     second = summary.second_at(summary.matrices[best])
@@ -109,17 +87,17 @@ def report_content(
         question=_question(summary, device, part),
         answer=_answer(summary),
         rests_on=_rests_on(dataset, summary),
-        unclear=alternative_text(summary),
+        unclear=texts.alternative_text(summary),
         setting=_setting_rows(dataset, summary),
         assumptions=_assumptions(dataset),
         ranking=ranking,
-        error=in_words(summary.displacement),
-        front=front_table(summary),
+        error=texts.in_words(summary.displacement),
+        front=texts.front_table(summary),
         best=pose_text(summary.matrices[best], summary.distance[best]),
         best_pose=best,
         second=None if second is None else pose_text(second, summary.distance[best]),
         device=summary.rig.get("device", ""),
-        stability=stability_text(summary),
+        stability=texts.stability_text(summary),
         varied_weights=[
             (
                 metric_name(name, plan.criteria),
@@ -132,9 +110,9 @@ def report_content(
         unranked=tuple(
             (str(pose), reason) for pose, reason in list(plan.unranked.items())[:_MOST_REASONS]
         ),
-        views=None if chosen is None else views_table(summary, chosen),
-        views_title=views_title(summary, limits),
-        views_text="" if chosen is None else views_text(summary, chosen),
+        views=None if chosen is None else texts.views_table(summary, chosen),
+        views_title=texts.views_title(summary, limits),
+        views_text="" if chosen is None else texts.views_text(summary, chosen),
     )
 
 
@@ -143,7 +121,7 @@ def _question(summary: SweepSummary, device: str, part: str) -> str:
     of_it = "" if region == "part" else f", and of it the region {region},"
     score = " + ".join(
         f"{weights[metric.key]:g} times "
-        + ("(1 - coverage)" if metric.key == "coverage" else in_words(metric))
+        + ("(1 - coverage)" if metric.key == "coverage" else texts.in_words(metric))
         for metric in summary.metrics
         if weights[metric.key]
     )
@@ -156,9 +134,8 @@ def _question(summary: SweepSummary, device: str, part: str) -> str:
 
 def _answer(summary: SweepSummary) -> str:
     plan, best = summary.plan, summary.plan.best
-    setting = setting_of(summary.varied, best)
     values = ", ".join(
-        f"{in_words(quantity)} "
+        f"{texts.in_words(quantity)} "
         + (
             f"0 ({FRONTAL})"
             if quantity is summary.axial and summary.sees_frontally(best)
@@ -167,21 +144,21 @@ def _answer(summary: SweepSummary) -> str:
         for quantity in summary.metrics
     )
     return (
-        f"Pose {best}{f' ({setting})' if setting else ''} is the best of "
+        f"Pose {best}{summary.setting(best)} is the best of "
         f"{counted(len(plan.order), 'ranked pose')}, with the score {plan.score[best]:.3f}: "
         f"{values}."
     )
 
 
-def _assumptions(dataset: xr.Dataset) -> Rows:
+def _assumptions(dataset: xr.Dataset) -> page.Rows:
     """Assumptions that hold for all poses, and engines of the poses."""
-    rows = {key: value_text(value) for key, value in attribute(dataset, "assumptions").items()}
+    rows = {key: page.value_text(value) for key, value in attribute(dataset, "assumptions").items()}
     if other := _engines_text(dataset):
         rows["engine"] = "; ".join(filter(None, (rows.get("engine"), other)))
     return tuple((key.replace("_", " "), text) for key, text in rows.items())
 
 
-def _rays(dataset: xr.Dataset) -> Rows:
+def _rays(dataset: xr.Dataset) -> page.Rows:
     whole = dataset.sel(region="part")
     counts = {
         status: int(np.maximum(whole[f"rays_{status.key}"].values, 0).sum()) for status in Status
@@ -242,27 +219,27 @@ def _rests_on(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
     assumed = attribute(dataset, "assumptions")
     time = assumed.get("field_time", "not stated")
     sentences = (
-        f"{origin_text(mark, '; '.join(origins))}. Time of the field: {time}.",
+        f"{page.origin_text(mark, '; '.join(origins))}. Time of the field: {time}.",
         assumed.get("field_fit", ""),
         _engines_text(dataset),
         summary.devices,
-        warned_text(summary),
-        least_error_text(summary),
-        other_statistics_text(summary),
+        texts.warned_text(summary),
+        texts.least_error_text(summary),
+        texts.other_statistics_text(summary),
     )
     return tuple(filter(None, sentences))
 
 
-def _setting_rows(dataset: xr.Dataset, summary: SweepSummary) -> Rows:
+def _setting_rows(dataset: xr.Dataset, summary: SweepSummary) -> page.Rows:
     scene, sha256 = scene_of(dataset)
     variables = attribute(dataset, "scene").get("variables") or {}
     focal = np.unique(dataset["focal_length"].values)
     criteria = summary.plan.criteria
     least = f" and a coverage of {criteria.min_coverage:g}" if criteria.min_coverage else ""
     return (
-        ("Part", file_text(attribute(dataset, "part"))),
+        ("Part", page.file_text(attribute(dataset, "part"))),
         ("Field", _field(dataset)),
-        ("Scene", file_text({"path": scene, "sha256": sha256}) if scene else "not stated"),
+        ("Scene", page.file_text({"path": scene, "sha256": sha256}) if scene else "not stated"),
         ("Scene parameters", ", ".join(f"{k} = {v}" for k, v in variables.items()) or "as written"),
         ("Camera", _camera(attribute(dataset, "camera"), varied=len(focal) > 1)),
         ("Poses", _orbit(summary)),
@@ -297,7 +274,7 @@ def _fields(dataset: xr.Dataset) -> list[JsonObject]:
 
 def _field(dataset: xr.Dataset) -> str:
     texts = [
-        file_text(one) + (f", {one['quantity']}" if one.get("quantity") else "")
+        page.file_text(one) + (f", {one['quantity']}" if one.get("quantity") else "")
         for one in _fields(dataset)
     ]
     wavelength = dataset.attrs.get("wavelength_nm")
@@ -376,9 +353,11 @@ def write_report(
     pictures, missing = sweep_pictures(dataset, summary)
     figures = {**sweep_charts(summary), **pictures}
     names = [name for name in {**_CAPTIONS, **figures} if name in figures]
-    write_page(
+    page.write_page(
         path,
         "report.html.jinja",
+        sweep,
+        str(dataset.attrs.get("version", "")),
         content=content,
         figures=[
             {
@@ -386,15 +365,12 @@ def write_report(
                 "caption": _CAPTIONS.get(name, name).format(
                     error=content["error"], title=summary.displacement.title
                 ),
-                "png": base64.b64encode(figure_bytes(figures[name])).decode("ascii"),
+                "png": page.in_page(figure_bytes(figures[name])),
             }
             for name in names
         ],
         missing=missing,
         summary_figures=_SUMMARY_FIGURES,
         summary_rows=_SUMMARY_ROWS,
-        sweep=sweep.name,
-        sha256=sha256_of(sweep),
-        version=str(dataset.attrs.get("version", "")),
     )
     return missing

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from attrs import evolve
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure, SubFigure
 
 from iriftrace.camera.camera import Camera
@@ -19,8 +19,6 @@ from iriftrace.sweep.measures import Limits
 from iriftrace.triangulation.correction import Correction, CorrectionStatus
 from iriftrace.triangulation.scan import Scan, ScanStatus
 
-UM_PER_MM = 1000.0
-
 
 def scan_figure(scan: Scan) -> Figure:
     """Draw the error along the part's normal, in the camera's picture and as a histogram.
@@ -28,23 +26,24 @@ def scan_figure(scan: Scan) -> Figure:
     Colours are symmetric about 0 up to the 99th percentile of the errors' sizes; pixels on the part
     that were not measured are grey.
     """
-    error = UM_PER_MM * scan.error_normal
+    error = 1e3 * scan.error_normal
     title = f"What hot air adds to a {scan.system} measurement"
     figure, body, (left, right) = _panels(
         title, scan.provenance, f"{_spread(error)}; grey: on the part, not measured"
     )
     limit = float(np.percentile(np.abs(error), 99))
+    scale = _scale(error, limit)
     picture = np.full(scan.status.shape, np.nan)
     picture[scan.status == ScanStatus.MEASURED] = error
     lost = np.isin(scan.status, (ScanStatus.MEASURED, ScanStatus.NOT_SEEN), invert=True)
     left.imshow(np.where(lost, 1.0, np.nan), cmap="Greys", vmin=0.0, vmax=3.0)
-    shown = left.imshow(picture, cmap="RdBu_r", vmin=-limit, vmax=limit, interpolation="none")
+    shown = left.imshow(picture, interpolation="none", **scale.look)
     rows, columns = np.nonzero(np.isfinite(picture) | lost)
     left.set_xlim(columns.min() - 2, columns.max() + 2)
     left.set_ylim(rows.max() + 2, rows.min() - 2)
-    _add_bar(body, shown, left, error, limit)
+    scale.add_bar(body, shown, ax=left, location="bottom")
     _, _, left_over = scan.best_fit()
-    errors = {"as measured": error, "after best fit": UM_PER_MM * left_over}
+    errors = {"as measured": error, "after best fit": 1e3 * left_over}
     _draw_histogram(right, errors, (-1.5 * limit, 1.5 * limit), "error along the normal (µm)")
     right.axvline(0.0, color="0.5", linewidth=0.8)
     return figure
@@ -58,17 +57,18 @@ def correction_figure(found: Correction, part: Part, camera: Camera) -> Figure:
     """
     good = found.status == CorrectionStatus.CORRECTED
     normal, face = found.normal[good], found.face[good]
-    along = UM_PER_MM * np.einsum("ij,ij->i", found.error[good], normal)
+    along = 1e3 * np.einsum("ij,ij->i", found.error[good], normal)
     title = "What hot air added to the measured points"
     figure, body, (left, right) = _panels(title, found.provenance, _spread(along))
-    limit = max(float(np.percentile(np.abs(along), 99)), 1e-6)
+    scale = _scale(along, max(float(np.percentile(np.abs(along), 99)), 1e-6))
     u, v = camera.project(found.measured[good]).T
-    shown = left.hexbin(u, v, along, gridsize=120, cmap="RdBu_r", vmin=-limit, vmax=limit)
+    shown = left.hexbin(u, v, along, gridsize=120, **scale.look)
     left.set_aspect("equal")
     left.invert_yaxis()
-    _add_bar(body, shown, left, np.asarray(shown.get_array()), limit)
+    bins = evolve(scale, values=np.asarray(shown.get_array()))
+    bins.add_bar(body, shown, ax=left, location="bottom")
     deviations = {
-        name: UM_PER_MM * (np.einsum("ij,ij->i", points[good], normal) - part.face_offsets[face])
+        name: 1e3 * (np.einsum("ij,ij->i", points[good], normal) - part.face_offsets[face])
         for name, points in (("as measured", found.measured), ("corrected", found.points))
     }
     low, high = np.percentile(np.concatenate(list(deviations.values())), (1, 99))
@@ -87,12 +87,9 @@ def _panels(
     return figure, body, (left, right)
 
 
-def _add_bar(
-    body: SubFigure, shown: ScalarMappable, axes: Axes, um: FloatArray, limit: float
-) -> None:
-    """Add the bar of the colours of values, um, with a pointed end where any exceed the limit."""
-    scale = ColourScale(um, (-limit, limit), "error along the normal (µm)", False, "RdBu_r")
-    scale.add_bar(body, shown, ax=axes, location="bottom")
+def _scale(um: FloatArray, limit: float) -> ColourScale:
+    """Colours about 0 of errors, um."""
+    return ColourScale(um, (-limit, limit), "error along the normal (µm)", False, "RdBu_r")
 
 
 def _draw_histogram(axes: Axes, um: Mapping[str, FloatArray], ends: Limits, label: str) -> None:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import base64
 import json
 from pathlib import Path
 
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import JsonObject, structured
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.features.fitted import cone_place
-from iriftrace.features.quantity import Quantity, SizeAtReference, Uncertainty
+from iriftrace.features.quantity import Quantity, SizeAtReference
 from iriftrace.field.source import stated_source, synthetic_mark
-from iriftrace.figures.page import file_text, name_of, origin_text, value_text, write_page
+from iriftrace.figures.page import file_text, in_page, name_of, origin_text, value_text, write_page
 from iriftrace.triangulation.statistics import RegionValues
 
 SCHEMAS = {"iriftrace.scan/1": "cold", "iriftrace.correction/1": "corrected"}
@@ -49,29 +47,18 @@ def scan_report(values: JsonObject) -> dict[str, object]:
     what = "What hot air adds to a measurement" if simulated else "Measured cloud, corrected"
     sizes = map(Quantity.of, (*values["features"], *values.get("relations", ())))
     cold = next((size.at_reference for size in sizes if size.at_reference is not None), None)
-    expanded = () if cold is None else (f"at {_celsius(cold.temperature_k)} (mm)", "U of that (µm)")
-    held = () if cold is None else ("at (°C)",)
+    at = "" if cold is None else f"at {cold.temperature_k - ZERO_CELSIUS_K:g} °C (mm)"
+    features = [_feature(row, true, at) for row in values["features"]]
+    relations = [_relation(row, true, at) for row in values.get("relations", ())]
     return dict(
         title=f"{what}: {name_of(values['part'])}",
         answer=tuple(_answer(values, simulated)),
         doubtful=tuple(_doubtful(values, simulated)),
         caption="Left: the camera's picture, coloured by the "
         + ("error along the normal." if simulated else "refraction error that was removed."),
-        feature_headings=(
-            *("feature", "region", *held, "points", "measured (mm)", f"{true} (mm)", "air (µm)"),
-            *(() if simulated else ("U of the air (µm)", "U of the fit (µm)", "U (µm)")),
-            *expanded,
-        ),
-        features=tuple(_feature(row, true, bool(expanded)) for row in values["features"]),
-        feature_note=_feature_note(bool(expanded)),
-        relation_headings=(
-            *("", "planes", *held, "measured", true, "air"),
-            *(() if simulated else ("U of the air", "U of the fit", "U")),
-            *expanded,
-        ),
-        relations=tuple(
-            _relation(row, true, bool(expanded)) for row in values.get("relations", ())
-        ),
+        features=features,
+        feature_note=_feature_note(bool(at)),
+        relations=relations,
         regions=tuple(
             _region(region)
             for region in structured(values.get("regions", ()), tuple[RegionValues, ...])
@@ -109,7 +96,7 @@ def write_scan_report(path: Path, result: Path) -> tuple[str, ...]:
     """
     file, values = read_numbers(result)
     picture = file.with_suffix(".png")
-    png = base64.b64encode(picture.read_bytes()).decode("ascii") if picture.is_file() else ""
+    png = in_page(picture.read_bytes()) if picture.is_file() else ""
     try:
         content = scan_report(values)
     except (LookupError, TypeError, ValueError) as error:
@@ -117,21 +104,16 @@ def write_scan_report(path: Path, result: Path) -> tuple[str, ...]:
     write_page(
         path,
         "scan_report.html.jinja",
+        file,
+        str(values.get("version", "")),
         content=content,
         png=png,
-        version=str(values.get("version", "")),
-        source=file.name,
-        sha256=sha256_of(file),
     )
     return () if png else (f"There is no picture {picture}: compute the result with figures.",)
 
 
 def _um(millimetres: float | None) -> str:
     return "not known" if millimetres is None else f"{1e3 * millimetres:.3g}"
-
-
-def _celsius(kelvin: float) -> str:
-    return f"{kelvin - ZERO_CELSIUS_K:g} °C"
 
 
 def _answer(values: JsonObject, simulated: bool) -> list[str]:
@@ -183,53 +165,70 @@ def _feature_note(expanded: bool) -> str:
     return text
 
 
-def _feature(row: JsonObject, true: str, expanded: bool) -> tuple[str, ...]:
+def _feature(row: JsonObject, true: str, at: str) -> dict[str, str]:
+    """Cells by heading; `at` is that of the size at the temperature of the drawing, if there is."""
     size = Quantity.of(row)
     sized = size.by_cloud["measured"] is not None
     values = row["size_mm"] if sized else row["form_mm"]
     measured, cold = values["measured"], values[true]
     place = cone_place(row["kind"], row["position_mm"])
-    region = " at ".join(filter(None, (row["region"] or "all points", place)))
-    cells = [row["kind"], region, *_held_at(size, expanded)]
-    cells += [f"{row['points']:,}", f"{measured:.4f}", f"{cold:.4f}", _um(measured - cold)]
-    if size.uncertainty is not None:
-        cells += [_um(u) if sized else "" for u in _expanded(size.uncertainty)]
-    return (*cells, *_cold(size, expanded))
+    cells = {
+        "feature": row["kind"],
+        "region": " at ".join(filter(None, (row["region"] or "all points", place))),
+        **_held_at(size, at),
+        "points": f"{row['points']:,}",
+        "measured (mm)": f"{measured:.4f}",
+        f"{true} (mm)": f"{cold:.4f}",
+        "air (µm)": _um(measured - cold),
+    }
+    for name, u in _expanded(size).items():
+        cells[f"{name} (µm)"] = _um(u) if sized else ""
+    return cells | _cold(size, at)
 
 
-def _expanded(u: Uncertainty) -> tuple[float | None, ...]:
-    return u.air, u.fit, u.total
+def _expanded(value: Quantity) -> dict[str, float | None]:
+    """Expanded uncertainties of a correction by name; none of a simulated value."""
+    u = value.uncertainty
+    return {} if u is None else {"U of the air": u.air, "U of the fit": u.fit, "U": u.total}
 
 
-def _held_at(value: Quantity, expanded: bool) -> tuple[str, ...]:
+def _held_at(value: Quantity, at: str) -> dict[str, str]:
+    if not at:
+        return {}
     cold = value.at_reference
+    held = f"{cold.holds_at_k - ZERO_CELSIUS_K:.0f}" if isinstance(cold, SizeAtReference) else ""
+    return {"at (°C)": held}
+
+
+def _cold(value: Quantity, at: str) -> dict[str, str]:
+    """A value at the temperature of the drawing."""
+    cold = value.at_reference
+    if not at:
+        return {}
     if isinstance(cold, SizeAtReference):
-        return (f"{cold.holds_at_k - ZERO_CELSIUS_K:.0f}",)
-    return ("",) if expanded else ()
+        size, u = f"{cold.size_mm:.4f}", _um(cold.expansion_uncertainty_mm)
+    else:
+        size, u = "" if cold is None else f"{cold.angle_deg:.4f}°", ""
+    return {at: size, "U of that (µm)": u}
 
 
-def _cold(value: Quantity, expanded: bool) -> tuple[str, ...]:
-    """Cells of a value at the temperature of the drawing."""
-    cold = value.at_reference
-    if not expanded:
-        return ()
-    if cold is None:
-        return "", ""
-    if not isinstance(cold, SizeAtReference):
-        return f"{cold.angle_deg:.4f}°", ""
-    return f"{cold.size_mm:.4f}", _um(cold.expansion_uncertainty_mm)
-
-
-def _relation(row: JsonObject, true: str, expanded: bool) -> tuple[str, ...]:
-    planes = " and ".join(str(region or "all points") for region in row["regions"])
+def _relation(row: JsonObject, true: str, at: str) -> dict[str, str]:
+    """Cells by heading, as of `_feature`."""
     value = Quantity.of(row)
     angle = value.unit == "deg"
-    cells = [row["kind"], planes, *_held_at(value, expanded)]
-    cells += [f"{value.by_cloud[name]:.4f}{'°' if angle else ' mm'}" for name in ("measured", true)]
-    cells.append(_difference(value.difference("measured", true), angle))
-    if value.uncertainty is not None:
-        cells += [_difference(u, angle) for u in _expanded(value.uncertainty)]
-    return (*cells, *_cold(value, expanded))
+    measured, cold = (
+        f"{value.by_cloud[name]:.4f}{'°' if angle else ' mm'}" for name in ("measured", true)
+    )
+    return {
+        "": row["kind"],
+        "planes": " and ".join(str(region or "all points") for region in row["regions"]),
+        **_held_at(value, at),
+        "measured": measured,
+        true: cold,
+        "air": _difference(value.difference("measured", true), angle),
+        **{name: _difference(u, angle) for name, u in _expanded(value).items()},
+        **_cold(value, at),
+    }
 
 
 def _difference(value: float | None, angle: bool) -> str:

@@ -17,16 +17,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.units import ZERO_CELSIUS_K, counted
 from iriftrace.field.source import synthetic_mark
-from iriftrace.figures.space import (
-    View,
-    add_part,
-    add_picture,
-    box_around,
-    fitting_view,
-    thinned,
-    titled_figure,
-    view_direction,
-)
+from iriftrace.figures import space
 from iriftrace.geometry.triangles import polydata
 from iriftrace.part.part import Part
 from iriftrace.shells.stack import Shell, ShellStack
@@ -70,7 +61,7 @@ def scene_figure(
     SetupError
         This machine has no OpenGL that draws without a display.
     """
-    towards, side = view_direction(camera.forward, -camera.matrix[:3, 1])
+    towards, side = space.view_direction(camera.forward, -camera.matrix[:3, 1])
     sight = sight_lines(camera, part)
     lines = [(points, SIGHT_COLOUR) for _, points in sight]
     bodies = [camera_body(camera, part)]
@@ -80,11 +71,13 @@ def scene_figure(
         bodies.append(camera_body(second, part))
     seen = [part.bounds, *(points for points, _ in lines)]
     seen += [shell.vertices.astype(np.float64) for shell in shells.shells]
-    box = box_around(np.concatenate((*seen, *(body.points.astype(np.float64) for body in bodies))))
-    view = fitting_view(towards, box, _PICTURE_PX)
+    box = space.box_around(
+        np.concatenate((*seen, *(body.points.astype(np.float64) for body in bodies)))
+    )
+    view = space.fitting_view(towards, box, _PICTURE_PX)
 
     def draw(plotter: pv.Plotter) -> None:
-        add_part(plotter, part)
+        space.add_part(plotter, part)
         for body in bodies:
             plotter.add_mesh(body, color=_CAMERA_COLOUR, ambient=0.3)
         for points, colour in lines:
@@ -93,8 +86,8 @@ def scene_figure(
         add_shells(plotter, shells, part.centre, side)
 
     devices = " and camera" if second is None else f", camera and {second_name}"
-    figure = titled_figure(*_titles(shells, camera, devices))
-    axes = add_picture(figure, view, box, draw)
+    figure = space.titled_figure(*_titles(shells, camera, devices))
+    axes = space.add_picture(figure, view, box, draw)
     for text, points, place in _names(camera, view, sight, bodies[0].points):
         _name(axes, view.pixels(points), text, place)
     for body in bodies[1:]:
@@ -210,7 +203,7 @@ def add_shells(
         smooth = shell.normals is not None
         if shell.normals is not None:
             surface.point_data.active_normals = shell.normals.astype(np.float64)
-        surface = thinned(surface)
+        surface = space.thinned(surface)
         rest = surface.clip(normal=side, origin=centre)
         if rest.n_cells:
             plotter.add_mesh(
@@ -222,7 +215,7 @@ def add_shells(
 
 
 def _names(
-    camera: Camera, view: View, sight: list[tuple[str, FloatArray]], body: FloatArray
+    camera: Camera, view: space.View, sight: list[tuple[str, FloatArray]], body: FloatArray
 ) -> list[tuple[str, FloatArray, str]]:
     """Names in the picture: text, points in the world (mm), and the side of them to write on."""
     aim = view.pixels(np.stack((camera.origin, camera.origin + camera.forward)))

@@ -136,6 +136,11 @@ class ColourScale:
         return (LogNorm if self.logarithmic else Normalize)(*self.limits, clip=True)
 
     @property
+    def look(self) -> Look:
+        """Keywords that give an artist of Matplotlib these colours."""
+        return {"norm": self.norm, "cmap": self.colour_map}
+
+    @property
     def ticks(self) -> FloatArray:
         """Round numbers that label the bar without crowding it."""
         return (round_ticks if self.logarithmic else even_ticks)(self.limits)
@@ -158,7 +163,7 @@ class ColourScale:
         if "ax" in place:
             place = {"aspect": 30, "pad": 0.02, **place}
         bar = figure.colorbar(
-            drawn or ScalarMappable(self.norm, self.colour_map),
+            drawn or ScalarMappable(**self.look),
             extend=ends.get((bool(beyond[0]), bool(beyond[1])), "neither"),
             label=self.label,
             **place,

@@ -24,7 +24,6 @@ from iriftrace.figures.style import (
     BEST,
     BEST_COLOUR,
     BEST_RING,
-    COLOUR_MAP,
     COLOURS,
     FRONT_RING,
     TEXT_COLOUR,
@@ -214,12 +213,11 @@ def pareto_figure(summary: SweepSummary) -> Figure:
             across.values[coloured],
             up.values[coloured],
             c=colour.values[coloured],
-            norm=scale_of(colour).norm,
-            cmap=COLOUR_MAP,
             s=size,
             edgecolors=edge,
             linewidths=width,
             zorder=3 if size > 30 else 2,
+            **scale_of(colour).look,
         )
     grey = known & ~colour.known
     axes.plot(across.values[grey], up.values[grey], zorder=2, **UNKNOWN)
@@ -356,10 +354,9 @@ def _draw_cells(axes: Axes, summary: SweepSummary, quantity: Quantity, grid: Int
         _edges(azimuths),
         rows,
         values,
-        norm=scale_of(quantity).norm,
-        cmap=COLOUR_MAP,
         # Vector figures would show white seams between cells.
         rasterized=True,
+        **scale_of(quantity).look,
     )
     row, column = np.nonzero(values.mask & np.ones(grid.shape, dtype=np.bool_))
     # The middle of the cell as it is drawn: that of a pole is cut in half.
@@ -380,12 +377,11 @@ def _draw_dots(axes: Axes, summary: SweepSummary, quantity: Quantity, members: I
         azimuth[known],
         elevation[known],
         c=quantity.values[known],
-        norm=scale_of(quantity).norm,
-        cmap=COLOUR_MAP,
         s=float(np.clip(2.0e4 / len(members), 6.0, 60.0)),
         edgecolors="0.3",
         linewidths=0.4,
         zorder=2,
+        **scale_of(quantity).look,
     )
     axes.plot(azimuth[unknown], elevation[unknown], zorder=3, **UNKNOWN)
     axes.grid(color="0.9", linewidth=0.6)

@@ -15,20 +15,7 @@ from scipy.spatial import KDTree
 
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
-from iriftrace.figures.space import (
-    BLOCKER_COLOUR,
-    PART_COLOUR,
-    SIZE_PX,
-    View,
-    add_blockers,
-    add_part,
-    add_picture,
-    box_around,
-    fitting_view,
-    oblique,
-    thinned,
-    titled_figure,
-)
+from iriftrace.figures import space
 from iriftrace.figures.style import BEST_RING, TEXT_COLOUR, WARNED, ColourScale, marks, scale_of
 from iriftrace.geometry.triangles import polydata
 from iriftrace.part.part import Part
@@ -81,9 +68,9 @@ def sweep_scene_figure(
     solid = [part.bounds] if part else []
     solid += [vertices for vertices, _ in surroundings.blockers]
     air = [shell[0].astype(np.float64)] if shell else []
-    box = box_around(np.concatenate((summary.origins, summary.targets, *solid, *air)))
+    box = space.box_around(np.concatenate((summary.origins, summary.targets, *solid, *air)))
     centre = part.centre if part else box.centre
-    view = fitting_view(towards_cameras(summary.origins - centre), box, _ROOM_PX)
+    view = space.fitting_view(towards_cameras(summary.origins - centre), box, _ROOM_PX)
     radii = _mark_radii(summary.origins, view)
     shown = best_at_each_place(summary)
     known, unknown = shown & quantity.known, shown & ~quantity.known
@@ -91,8 +78,8 @@ def sweep_scene_figure(
 
     def draw(plotter: pv.Plotter) -> None:
         if part:
-            add_part(plotter, part)
-        add_blockers(plotter, surroundings.blockers)
+            space.add_part(plotter, part)
+        space.add_blockers(plotter, surroundings.blockers)
         ball = pv.Sphere(radius=1.0, theta_resolution=24, phi_resolution=24)
         spheres = _marks(ball, summary.origins[known], radii[known])
         colours = scale.rgb(quantity.values[known])
@@ -104,7 +91,7 @@ def sweep_scene_figure(
         if shell:
             # Last, because it is blended with what lies behind it.
             plotter.add_mesh(
-                thinned(polydata(*shell)),
+                space.thinned(polydata(*shell)),
                 color=_SHELL_COLOUR,
                 opacity=_SHELL_OPACITY,
                 culling="back",
@@ -116,7 +103,7 @@ def sweep_scene_figure(
     entries = [*marks(summary, ~quantity.known, BEST_RING), *_surroundings_entries(surroundings)]
     title = f"{quantity.title} of each camera pose"
     figure = _framed(title, f"{summary.subtitle}{hidden}", scale, entries)
-    axes = add_picture(figure, view, box, draw, (0, _FOOT_PX))
+    axes = space.add_picture(figure, view, box, draw, (0, _FOOT_PX))
     warned = summary.origins[shown & summary.warned.any(axis=1)]
     axes.plot(*view.pixels(warned).T, **WARNED)
     axes.plot(*view.pixels(summary.origins[summary.plan.best])[0], **BEST_RING)
@@ -127,9 +114,9 @@ def _surroundings_entries(surroundings: Surroundings) -> list[Artist]:
     """Legend entries for everything that is drawn besides the poses."""
     entries: list[Artist] = []
     if surroundings.part:
-        entries.append(Patch(facecolor=PART_COLOUR, label="Part"))
+        entries.append(Patch(facecolor=space.PART_COLOUR, label="Part"))
     if surroundings.blockers:
-        entries.append(Patch(facecolor=BLOCKER_COLOUR, label="Blocks the view"))
+        entries.append(Patch(facecolor=space.BLOCKER_COLOUR, label="Blocks the view"))
     if surroundings.hot_air:
         entries.append(Patch(facecolor=_SHELL_COLOUR, alpha=0.5, label="Outermost shell"))
     return entries
@@ -181,8 +168,10 @@ def sweep_face_figure(summary: SweepSummary, part: Part, values: FaceMap) -> Fig
     entries = [Patch(facecolor=_UNSEEN_COLOUR, edgecolor="0.4", label=text)]
     figure = _framed(values.title, summary.subtitle, scale, entries)
     towards = towards_cameras(summary.origins - part.centre)
-    box = box_around(part.bounds)
-    across, up = np.ptp(View(towards, box.centre, 1.0, SIZE_PX).pixels(box.corners), axis=0)
+    box = space.box_around(part.bounds)
+    across, up = np.ptp(
+        space.View(towards, box.centre, 1.0, space.SIZE_PX).pixels(box.corners), axis=0
+    )
     width, height = _ROOM_PX
     side_by_side = up > across
     size = (width // 2, height) if side_by_side else (width, height // 2)
@@ -190,7 +179,9 @@ def sweep_face_figure(summary: SweepSummary, part: Part, values: FaceMap) -> Fig
     corners = (low, (size[0], _FOOT_PX)) if side_by_side else ((0, size[1] + _FOOT_PX), low)
     names = ("From the cameras' side, above", "From the opposite side, below")
     for direction, name, corner in zip((towards, -towards), names, corners, strict=True):
-        axes = add_picture(figure, fitting_view(direction, box, size), box, draw, corner)
+        axes = space.add_picture(
+            figure, space.fitting_view(direction, box, size), box, draw, corner
+        )
         axes.text(30, size[1] - 20, name, fontsize=9, color=TEXT_COLOUR, ha="left", va="top")
     return figure
 
@@ -202,7 +193,7 @@ def towards_cameras(offsets: FloatArray) -> FloatArray:
     # Cameras all around do not determine the side.
     azimuth = np.arctan2(mean[1], mean[0]) if np.hypot(*mean[:2]) > 0.1 else np.radians(-60.0)
     turns = azimuth + np.radians((0.0, 15.0, -15.0, 30.0, -30.0))
-    return oblique(np.stack((np.cos(turns), np.sin(turns), 0.0 * turns), axis=1))
+    return space.oblique(np.stack((np.cos(turns), np.sin(turns), 0.0 * turns), axis=1))
 
 
 def best_at_each_place(summary: SweepSummary) -> BoolArray:
@@ -215,7 +206,7 @@ def best_at_each_place(summary: SweepSummary) -> BoolArray:
     return shown
 
 
-def _mark_radii(places: FloatArray, view: View) -> FloatArray:
+def _mark_radii(places: FloatArray, view: space.View) -> FloatArray:
     """(n,) array, mm: radii of marks at (n, 3) places, larger the nearer they are to the viewer."""
     positions, px = view.pixels(np.unique(places, axis=0)), _MARK_PX[1]
     if len(positions) > 1:
@@ -259,7 +250,7 @@ def _add_coloured(
 
 def _framed(title: str, subtitle: str, scale: ColourScale, entries: Sequence[Artist]) -> Figure:
     """Titles, colour bar and legend around the room for pictures."""
-    figure = titled_figure(title, subtitle)
+    figure = space.titled_figure(title, subtitle)
     scale.add_bar(figure, cax=figure.add_axes((0.872, 0.2, 0.02, 0.62)))
     figure.legend(
         handles=list(entries),

@@ -17,6 +17,7 @@ from iriftrace.core.arrays import AnyArray, FloatArray
 from iriftrace.core.errors import InputError, SetupError
 from iriftrace.core.units import ZERO_CELSIUS_K, counted
 from iriftrace.field.source import FieldSource, stated_source, synthetic_mark
+from iriftrace.figures import space
 from iriftrace.figures.scene import (
     COLOUR_MAP,
     SECOND_COLOUR,
@@ -25,16 +26,6 @@ from iriftrace.figures.scene import (
     camera_body,
     celsius_of,
     sight_lines,
-)
-from iriftrace.figures.space import (
-    BLOCKER_COLOUR,
-    PART_COLOUR,
-    SIZE_PX,
-    add_blockers,
-    add_part,
-    off_screen,
-    thinned,
-    view_direction,
 )
 from iriftrace.figures.style import even_ticks
 from iriftrace.geometry.triangles import polydata
@@ -90,7 +81,7 @@ def view(
         raise InputError(f"There is no file {path}; give an existing one.")
     if picture is not None:
         draw = _drawing(Path(path), length_unit)
-        with off_screen(SIZE_PX) as plotter:
+        with space.off_screen(space.SIZE_PX) as plotter:
             _set_up(plotter, draw)
             plotter.screenshot(str(picture))
         return
@@ -161,23 +152,23 @@ def _scene(path: Path) -> Draw:
     first = scene if scene.ensemble is None else next(iter(scene.ensemble.scenes()))
     files = read_scene_file(path, first.variables).shell_paths
     shells = load_shells(files[0].parent) if files else None
-    named = {"part": PART_COLOUR, "camera": SIGHT_COLOUR}
+    named = {"part": space.PART_COLOUR, "camera": SIGHT_COLOUR}
     if scene.second is not None:
         named[scene.second_id.replace("_", " ")] = SECOND_COLOUR
     if blockers:
-        named["blocks the view"] = BLOCKER_COLOUR
+        named["blocks the view"] = space.BLOCKER_COLOUR
 
     def draw(plotter: pv.Plotter) -> None:
         _add_legend(plotter, named)
-        add_part(plotter, scene.part)
-        add_blockers(plotter, blockers)
+        space.add_part(plotter, scene.part)
+        space.add_blockers(plotter, blockers)
         add_device(plotter, scene.camera, scene.part, SIGHT_COLOUR)
         if scene.second is not None:
             add_device(plotter, scene.second, scene.part, SECOND_COLOUR)
         if shells is None:
             return
         celsius = celsius_of(shells)
-        towards, side = view_direction(scene.camera.forward, -scene.camera.matrix[:3, 1])
+        towards, side = space.view_direction(scene.camera.forward, -scene.camera.matrix[:3, 1])
         plotter.view_vector(towards.tolist(), viewup=(0.0, 0.0, 1.0))
         add_shells(plotter, shells, scene.part.centre, side)
         plotter.add_text(
@@ -202,8 +193,10 @@ def _pose(path: Path) -> Draw:
     moved = 1e3 * image.channels["displacement.norm"][good].astype(np.float64)
 
     def draw(plotter: pv.Plotter) -> None:
-        _add_legend(plotter, {"part without a displacement": PART_COLOUR, "camera": SIGHT_COLOUR})
-        add_part(plotter, part)
+        _add_legend(
+            plotter, {"part without a displacement": space.PART_COLOUR, "camera": SIGHT_COLOUR}
+        )
+        space.add_part(plotter, part)
         _add_points(plotter, hits, moved, CLOUD_COLUMNS["displacement"])
         _add_mark(plotter, stated_source(image.header.get("field")))
         add_device(plotter, image.camera, part, SIGHT_COLOUR)
@@ -226,9 +219,9 @@ def _sweep(path: Path) -> Draw:
 
     def draw(plotter: pv.Plotter) -> None:
         if around.part is not None:
-            add_part(plotter, around.part)
+            space.add_part(plotter, around.part)
         if around.hot_air is not None:
-            air = thinned(polydata(*around.hot_air))
+            air = space.thinned(polydata(*around.hot_air))
             plotter.add_mesh(air, color="#7fb0d6", opacity=0.2, smooth_shading=True)
         cones = pv.PolyData(summary.origins)
         cones["aim"] = summary.matrices[:, :3, 2]

@@ -6,7 +6,7 @@ from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
-from attrs import evolve
+from attrs import astuple, evolve, frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
@@ -20,10 +20,34 @@ ROBUST = 2.0
 """Number of standard deviations over an ensemble's members that are added by default."""
 
 
+@frozen
+class RankedError:
+    """The error by which a criterion ranks; {} is a statistic of it."""
+
+    name: str
+    short: str  # in a table's heading
+    variable: str  # of a sweep
+    scatter: str  # variable of an ensemble's sweep, its standard deviation over the members
+
+
+_ERRORS = {
+    "displacement": RankedError("displacement", "{}", "displacement_{}", "scatter_{}"),
+    "normal": RankedError(
+        "error along the normal", "|e| {}", "error_normal_{}", "error_normal_scatter_{}"
+    ),
+    "features": RankedError("error of diameters", "|d|", "size_error", "size_scatter"),
+}
+
+
+def ranked_error(criteria: Criteria) -> RankedError:
+    """The error by which poses are ranked, and its statistic, by criteria in force."""
+    error = _ERRORS[criteria.criterion or "displacement"]
+    return RankedError(*(text.format(criteria.statistic) for text in astuple(error)))
+
+
 def name_of(name: str, criteria: Criteria) -> str:
     """Name of one of `METRICS` in messages."""
-    errors = {"normal": "error along the normal", "features": "error of diameters"}
-    return errors.get(criteria.criterion or "", name) if name == "displacement" else name
+    return ranked_error(criteria).name if name == "displacement" else name
 
 
 def in_force(criteria: Criteria, dataset: xr.Dataset) -> Criteria:
@@ -57,26 +81,20 @@ def in_force(criteria: Criteria, dataset: xr.Dataset) -> Criteria:
     )
 
 
+def reading_of(criteria: Criteria) -> str:
+    """One of `iriftrace.sweep.measures.READINGS`."""
+    return "" if criteria.resolution == "step" else f"_{criteria.resolution}"
+
+
 def metric_variables(criteria: Criteria) -> dict[str, str]:
     """Names of the variables of a sweep for each of `METRICS`, by criteria in force."""
-    reading = "" if criteria.resolution == "step" else f"_{criteria.resolution}"
-    error = {"normal": f"error_normal_{criteria.statistic}", "features": "size_error"}.get(
-        criteria.criterion or "", f"displacement_{criteria.statistic}"
-    )
+    reading = reading_of(criteria)
     return {
-        "displacement": error,
+        "displacement": ranked_error(criteria).variable,
         "coverage": "coverage" if criteria.criterion == "displacement" else "coverage_measured",
         "axial": f"axial_resolution{reading}",
         "lateral": f"lateral_resolution{reading}",
     }
-
-
-def scatter_variable(criteria: Criteria) -> str:
-    """Variable of an ensemble's sweep with the scatter of the ranked value, by the criteria."""
-    if criteria.criterion == "features":
-        return "size_scatter"
-    start = "error_normal_scatter" if criteria.criterion == "normal" else "scatter"
-    return f"{start}_{criteria.statistic}"
 
 
 def rankable(
@@ -157,9 +175,9 @@ def _poor_poses(
 
 def scatter_added(dataset: xr.Dataset, criteria: Criteria) -> FloatArray:
     """Addition to the displacement of all poses for the scatter over an ensemble's members, mm."""
-    variable = scatter_variable(criteria)
     column = ranked_region(dataset, criteria.region)
-    return np.asarray((criteria.robust or 0.0) * values_of(dataset, variable, column))
+    scatter = values_of(dataset, ranked_error(criteria).scatter, column)
+    return np.asarray((criteria.robust or 0.0) * scatter)
 
 
 def ranked_region(dataset: xr.Dataset, region: str) -> int:

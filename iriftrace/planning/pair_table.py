@@ -7,17 +7,19 @@ from itertools import combinations, permutations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from attrs import frozen
+from attrs import field, frozen
 
 from iriftrace.camera.camera import Camera
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
+from iriftrace.features.choice import FeatureChoice, on_region, surface_kind
 from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.image.sightings import FaceSightings, sightings_of
 from iriftrace.part.part import Part
 from iriftrace.planning.criteria import Criteria
 from iriftrace.sweep.reload import swept_camera
-from iriftrace.triangulation.devices import System
+from iriftrace.sweep.store import WHOLE_PART
+from iriftrace.triangulation.devices import Sensor, System
 from iriftrace.triangulation.first_order import first_order_error, first_order_size
 
 if TYPE_CHECKING:
@@ -39,16 +41,55 @@ class PairRequest:
     """The part, and by what its pairs are ranked."""
 
     part: Part
-    areas: FloatArray  # (m,), mm2, of the part's faces; 0 outside the region
-    region: str
     criteria: Criteria
     system: System
-    feature: str | None  # whose diameter counts, if there is one
+    feature: str  # whose diameter counts; empty if there is none
     angles_deg: tuple[float, float]  # range of angles that count as seen
+    region: str = field(init=False)  # of the feature, else that of the criteria
+    inside: BoolArray = field(init=False)  # (m,), mask of the part's faces in the region
+    areas: FloatArray = field(init=False)  # (m,), mm2, of the part's faces; 0 outside the region
+
+    @region.default
+    def _region(self) -> str:
+        if not self.feature:
+            return self.criteria.region
+        return _feature_region(self.feature, self.criteria, self.part)
+
+    @inside.default
+    def _inside(self) -> BoolArray:
+        region = None if self.region == WHOLE_PART else self.region
+        return on_region(region, np.arange(len(self.part.faces)), self.part)
+
+    @areas.default
+    def _areas(self) -> FloatArray:
+        return np.where(self.inside, self.part.face_areas, 0.0)
+
+
+def _feature_region(feature: str, criteria: Criteria, part: Part) -> str:
+    """Region of the part for a feature."""
+    choice = FeatureChoice.of(feature)
+    kind, region = choice.kind, choice.region
+    chosen = on_region(region, np.arange(len(part.faces)), part)
+    if kind not in ("cylinder", "sphere"):
+        raise InputError(
+            f"Pairs are ranked by the diameter of a cylinder or sphere, not of {feature!r}; give "
+            'for example "cylinder:lateral".'
+        )
+    if criteria.region not in (WHOLE_PART, region):
+        raise InputError(
+            f"The feature {feature!r} is not on the region {criteria.region!r}; leave that out."
+        )
+    is_a = surface_kind(part.vertices[np.unique(part.faces[chosen])])
+    if is_a != kind:
+        raise InputError(
+            f"{region or 'The whole part'} is {f'a {is_a}' if is_a else 'not a simple surface'} "
+            f"and not a {kind}; name a region that is one, such as cylinder:lateral."
+        )
+    return region or WHOLE_PART
 
 
 def pair_table(views: Sequence[PoseView], request: PairRequest) -> FloatArray:
-    """Rows (n, 6) of the pairs with enough in common: both poses, and values of `quantities`."""
+    """Rows (n, 6) of the pairs with enough in common: both poses, and four values of each."""
     both = combinations if request.system == "stereo" else permutations
     rows = []
     for i, j in both(range(len(views)), 2):
@@ -60,12 +101,7 @@ def pair_table(views: Sequence[PoseView], request: PairRequest) -> FloatArray:
 
 
 def views_of(dataset: xr.Dataset, faces: int) -> list[PoseView]:
-    """The faces of the part that each pose of a sweep sees; raises InputError for parallel rays."""
-    if swept_camera(dataset, 0).projection == "orthographic":
-        raise InputError(
-            "A camera with parallel rays has no place from which to triangulate; sweep with a "
-            "focal length."
-        )
+    """The faces of the part that each pose of a sweep sees."""
     scenes = dataset["scene"].values.astype(str)
     views = []
     for pose, matrix in enumerate(dataset["matrix"].values):
@@ -96,8 +132,8 @@ def _pair(
     coverage = float(areas[face].sum() / areas.sum())
     if hits < criteria.min_hits or coverage < criteria.min_coverage:
         return None
-    offsets = one.seen.offset[first], other.seen.offset[second]
-    error = first_order_error(one.camera, other.camera, points, *offsets, request.system)
+    sensor = Sensor.of(one.camera, other.camera, request.system)
+    error = first_order_error(sensor, points, one.seen.offset[first], other.seen.offset[second])
     along = np.einsum("ij,ij->i", error, part.face_normals[face])
     # A face has as many measured points as the camera has pixels there.
     rays = one.seen.rays[first].astype(np.float64)

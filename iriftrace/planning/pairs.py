@@ -10,14 +10,11 @@ from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
-from iriftrace.features.choice import FeatureChoice, on_region, surface_kind
-from iriftrace.part.part import Part
 from iriftrace.planning.candidates import ranked_region
 from iriftrace.planning.criteria import STANDARD, Criteria
 from iriftrace.planning.pair_table import PairRequest, PoseView, pair_table, statistic_of, views_of
 from iriftrace.planning.rank import limits_of
 from iriftrace.sweep.reload import load_swept_scene, swept_part
-from iriftrace.sweep.store import WHOLE_PART
 from iriftrace.triangulation.devices import System
 from iriftrace.triangulation.measure import measure
 from iriftrace.triangulation.scan import Scan
@@ -141,23 +138,22 @@ def plan_pairs(
     except InputError as error:
         why = str(error).rstrip(".")
         raise InputError(f"Pairs cannot be ranked without the part's file: {why}.") from error
-    region = feature_region(feature, criteria, part) if feature else criteria.region
-    areas = np.array(part.face_areas)
-    areas[~in_region(region, np.arange(len(areas)), part)] = 0.0
-    request = PairRequest(part, areas, region, criteria, system, feature, angles_deg)
-    views = views_of(dataset, len(areas))
+    request = PairRequest(part, criteria, system, feature or "", angles_deg)
+    views = views_of(dataset, len(part.faces))
     table = pair_table(views, request)
     if not len(table):
         least = f", and {criteria.min_coverage:.1%} of its area" if criteria.min_coverage else ""
         raise InputError(
-            f"No two poses of the sweep have {criteria.min_hits} rays each on faces of {region} "
-            f"that both see at {low:g} to {high:g} degrees{least}; sweep closer poses, or give "
-            "another --angle."
+            f"No two poses of the sweep have {criteria.min_hits} rays each on faces of "
+            f"{request.region} that both see at {low:g} to {high:g} degrees{least}; sweep closer "
+            "poses, or give another --angle."
         )
-    size, bias, coverage, angle = table[:, 2:].T
-    counted = quantities(table[:, 2:].T, bool(feature))
-    limits = {name: limits_of(values, criteria.percentile) for name, values in counted.items()}
-    score = score_of_pairs(counted, limits, criteria, clipped=True)
+    values = table[:, 2:].T
+    limits = {
+        name: limits_of(each, criteria.percentile)
+        for name, each in _quantities(values, request).items()
+    }
+    score = score_of_pairs(values, limits, request, clipped=True)
     order = np.argsort(score, kind="stable")
     exact: list[float] = []
     engine = ""
@@ -166,19 +162,20 @@ def plan_pairs(
         pairs = table[best, :2].astype(np.int64)
         exact, engine = _measured(dataset, views, pairs, request)
         # The measured pairs are ordered by their measured errors.
-        values = table[best, 2:].T
-        values[1 if feature else 0] = exact
-        known = score_of_pairs(quantities(values, bool(feature)), limits, criteria, clipped=True)
+        measured = values[:, best]
+        measured[1 if feature else 0] = exact
+        known = score_of_pairs(measured, limits, request, clipped=True)
         again = np.argsort(known, kind="stable")
         order[: len(exact)], exact = best[again], [exact[k] for k in again]
         score[best] = known
+    size, bias, coverage, angle = values[:, order]
     return PairPlan(
         pairs=table[order, :2].astype(np.int64),
         score=score[order],
-        error_mm=size[order],
-        bias_mm=bias[order],
-        coverage=coverage[order],
-        angle_deg=angle[order],
+        error_mm=size,
+        bias_mm=bias,
+        coverage=coverage,
+        angle_deg=angle,
         exact_mm=np.array(exact),
         exact_engine=engine,
         system=system,
@@ -190,10 +187,7 @@ def plan_pairs(
 
 
 def _measured(
-    dataset: xr.Dataset,
-    views: Sequence[PoseView],
-    pairs: IntArray,
-    request: PairRequest,
+    dataset: xr.Dataset, views: Sequence[PoseView], pairs: IntArray, request: PairRequest
 ) -> tuple[list[float], str]:
     """Errors of pairs (k, 2) by the exact solver, mm, and the engine that bent the rays."""
     exact, engine = [], ""
@@ -204,11 +198,10 @@ def _measured(
         try:
             scan = measure(scene, views[i].camera, views[j].camera, system=request.system)
             engine = scan.provenance["engine"]
-            part, criteria = request.part, request.criteria
             exact.append(
-                size_error(scan, part, request.feature)
+                size_error(scan, request)
                 if request.feature
-                else statistic_along(scan, in_region(request.region, scan.face, part), criteria)
+                else statistic_along(scan, request.inside[scan.face], request.criteria)
             )
         except InputError as reason:
             raise InputError(
@@ -217,72 +210,41 @@ def _measured(
     return exact, engine
 
 
-def quantities(values: FloatArray, feature: bool) -> dict[str, FloatArray]:
-    """The quantities that rank n pairs, the smaller the better: error, mm, unseen fraction, noise.
-
-    From `PairPlan.error_mm`, `bias_mm`, `coverage` and `angle_deg`, (4, n) array; the bias may be
-    that of a feature's diameter.
-    """
+def _quantities(values: FloatArray, request: PairRequest) -> dict[str, FloatArray]:
+    """What ranks n pairs, the smaller the better: error, mm, unseen fraction, noise."""
     size, bias, coverage, angle_deg = values
     return {
         # A diameter that is right because large errors cancel is wrong in other air.
-        "error": np.maximum(np.abs(bias), size) if feature else size,
+        "error": np.maximum(np.abs(bias), size) if request.feature else size,
         "unseen": 1.0 - coverage,
         "noise": 1.0 / np.sin(np.radians(angle_deg)),
     }
 
 
 def score_of_pairs(
-    values: Mapping[str, FloatArray],
+    values: FloatArray,
     limits: Mapping[str, tuple[float, float]],
-    criteria: Criteria,
+    request: PairRequest,
     *,
     clipped: bool,
 ) -> FloatArray:
-    """Scores (n,) of pairs by their `quantities` and the limits of these, as `PairPlan.score`.
+    """Scores (n,) of pairs as `PairPlan.score`, by the limits of its quantities.
 
-    With clipping, no value counts less than its minimum or more than its percentile.
+    The values are `PairPlan.error_mm`, `bias_mm`, `coverage` and `angle_deg`, (4, n) array. With
+    clipping, no quantity counts less than its minimum or more than its percentile.
     """
-    weights = criteria.weights
+    weights = request.criteria.weights
     factors = {
         "error": weights["displacement"],
         "unseen": weights["coverage"],
         "noise": weights["axial"] + weights["lateral"],
     }
-    total = np.zeros(len(values["error"]))
-    for name, factor in factors.items():
+    total = np.zeros(values.shape[1])
+    for name, found in _quantities(values, request).items():
         low, high = limits[name]
-        fraction = (values[name] - low) / (high - low) if high > low else 0.0 * values[name]
-        total += factor * (np.clip(fraction, 0.0, 1.0) if clipped else fraction)
+        fraction = (found - low) / (high - low) if high > low else 0.0 * found
+        total += factors[name] * (np.clip(fraction, 0.0, 1.0) if clipped else fraction)
     return total
-
-
-def feature_region(feature: str, criteria: Criteria, part: Part) -> str:
-    """Region of the part for a feature."""
-    choice = FeatureChoice.of(feature)
-    kind, region = choice.kind, choice.region
-    chosen = on_region(region, np.arange(len(part.faces)), part)
-    if kind not in ("cylinder", "sphere"):
-        raise InputError(
-            f"Pairs are ranked by the diameter of a cylinder or sphere, not of {feature!r}; give "
-            'for example "cylinder:lateral".'
-        )
-    if criteria.region not in (WHOLE_PART, region):
-        raise InputError(
-            f"The feature {feature!r} is not on the region {criteria.region!r}; leave that out."
-        )
-    is_a = surface_kind(part.vertices[np.unique(part.faces[chosen])])
-    if is_a != kind:
-        raise InputError(
-            f"{region or 'The whole part'} is {f'a {is_a}' if is_a else 'not a simple surface'} "
-            f"and not a {kind}; name a region that is one, such as cylinder:lateral."
-        )
-    return region or WHOLE_PART
-
-
-def in_region(region: str, face: IntArray, part: Part) -> BoolArray:
-    """Mask (n,) of faces in a region; all of them if that is the whole part."""
-    return on_region(None if region == WHOLE_PART else region, face, part)
 
 
 def scene_of_pairs(dataset: xr.Dataset, pose: int) -> LoadedScene:
@@ -296,9 +258,9 @@ def scene_of_pairs(dataset: xr.Dataset, pose: int) -> LoadedScene:
         ) from error
 
 
-def size_error(scan: Scan, part: Part, feature: str) -> float:
-    """Error of a feature's diameter, mm."""
-    (fitted,) = scan.features(part, [feature])
+def size_error(scan: Scan, request: PairRequest) -> float:
+    """Error of the feature's diameter, mm."""
+    (fitted,) = scan.features(request.part, [request.feature])
     error = fitted.size.difference("measured", "cold")
     if error is None:
         raise AssertionError("a cylinder or sphere has a diameter")

@@ -8,27 +8,16 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray
-from iriftrace.planning.candidates import scatter_variable
+from iriftrace.planning.candidates import ranked_error, reading_of
 from iriftrace.planning.criteria import Criteria
 from iriftrace.planning.rank import Plan
+from iriftrace.sweep.measures import READINGS, Limits
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from iriftrace.sweep.measures import Limits
-
 
 _STATISTICS = {"mean": "Mean", "median": "Median", "p95": "95th-percentile"}
-_ERRORS = {
-    "displacement": "displacement",
-    "normal": "error along the normal",
-    "features": "Error of diameters",
-}
-_READINGS = {
-    "step": "step to the next pixel",
-    "nn3d": "nearest neighbour in space",
-    "nnxy": "nearest neighbour in the picture's plane",
-}
 # Values that span more than this factor are shown on a logarithmic scale.
 _WIDE = 20.0
 
@@ -64,8 +53,10 @@ class Quantity:
 def metric_quantity(plan: Plan, key: str, enough: BoolArray) -> Quantity:
     """One of `METRICS` of a ranking; `enough` masks the poses with values from enough rays."""
     if key == "displacement":
-        name = _ERRORS[plan.criteria.criterion or "displacement"]
-        if plan.criteria.criterion != "features":
+        name = ranked_error(plan.criteria).name
+        if plan.criteria.criterion == "features":
+            name = name.capitalize()
+        else:
             name = f"{_STATISTICS[plan.criteria.statistic]} {name}"
         if plan.criteria.robust:
             name += f" + {plan.criteria.robust:g} standard deviations"
@@ -86,7 +77,7 @@ def metric_quantity(plan: Plan, key: str, enough: BoolArray) -> Quantity:
     return Quantity(
         key=key,
         title=name,
-        name=f"{name}, {_READINGS[plan.criteria.resolution]}" if resolution else name,
+        name=f"{name}, {READINGS[reading_of(plan.criteria)]}" if resolution else name,
         unit=unit,
         values=factor * values,
         limits=(factor * low, factor * high),
@@ -100,7 +91,7 @@ def scatter_quantity(view: xr.Dataset, criteria: Criteria, enough: BoolArray) ->
 
     The statistic is that of the standard deviations in one view; `enough` as in `metric_quantity`.
     """
-    variable = scatter_variable(criteria)
+    variable = ranked_error(criteria).scatter
     if variable not in view:
         return None
     values = np.where(enough, 1e3 * view[variable].values, np.nan)

@@ -21,7 +21,7 @@ from iriftrace.camera.pose import look_at_of
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import write_json
-from iriftrace.planning.candidates import metric_variables, scatter_variable
+from iriftrace.planning.candidates import metric_variables, ranked_error
 from iriftrace.planning.rank import Plan, score_of
 from iriftrace.sweep.measures import ENSEMBLE, MEASURES, RIG
 from iriftrace.sweep.store import WHOLE_PART, attribute
@@ -251,7 +251,7 @@ def _metrics(swept: SweptScene, matrix: FloatArray, plan: Plan) -> dict[str, flo
     known = {**MEASURES, **ENSEMBLE, **RIG}
     found = {name: abs(known[variable].value(view)) for name, variable in variables.items()}
     if criteria.robust:
-        found["displacement"] += criteria.robust * known[scatter_variable(criteria)].value(view)
+        found["displacement"] += criteria.robust * known[ranked_error(criteria).scatter].value(view)
     return found if math.isfinite(sum(found.values())) else None
 
 

@@ -13,11 +13,9 @@ from attrs import asdict, frozen
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, without_warnings
 from iriftrace.core.plain import JsonObject
+from iriftrace.planning.pair_table import PairRequest
 from iriftrace.planning.pairs import (
     PairPlan,
-    feature_region,
-    in_region,
-    quantities,
     scene_of_pairs,
     score_of_pairs,
     size_error,
@@ -116,14 +114,14 @@ def refine_pair(
     around = [around_pose(dataset, pose) for pose in (first, second)]
     cameras = [swept_camera(dataset, pose) for pose in (first, second)]
     scene = scene_of_pairs(dataset, first)
+    request = PairRequest(scene.part, plan.criteria, plan.system, plan.feature, plan.angles_deg)
     trials: list[PairValue] = []
 
     def evaluate(place: FloatArray) -> float:
-        one, other = around
-        matrices = np.array((one.matrix(place[:4]), other.matrix(place[4:])))
-        distances = np.array((one.distance(place[:4]), other.distance(place[4:])))
-        devices = [camera.at(matrix) for camera, matrix in zip(cameras, matrices, strict=True)]
-        trials.append(_value(scene, devices, matrices, distances, plan))
+        moves = list(zip(cameras, around, place.reshape(2, 4), strict=True))
+        devices = [camera.at(pose.matrix(move)) for camera, pose, move in moves]
+        distances = np.array([pose.distance(move) for _, pose, move in moves])
+        trials.append(_value(scene, devices, distances, request, plan.limits))
         if progress is not None:
             progress(len(trials), min(trial.score for trial in trials))
         return trials[-1].score
@@ -141,36 +139,34 @@ def refine_pair(
 def _value(
     scene: LoadedScene,
     devices: list[Camera],
-    matrices: FloatArray,
     distances: FloatArray,
-    plan: PairPlan,
+    request: PairRequest,
+    limits: dict[str, tuple[float, float]],
 ) -> PairValue:
-    part, criteria = scene.part, plan.criteria
-    region = feature_region(plan.feature, criteria, part) if plan.feature else criteria.region
+    matrices = np.array([device.matrix for device in devices])
     nothing = PairValue(matrices, distances, _NOTHING)
     if is_inside(scene, matrices[:, :3, 3]).any():
         return nothing
     try:
         with without_warnings():
             # Limits of a scene were warned of when it was swept.
-            scan = measure(scene, *devices, system=plan.system)
+            scan = measure(scene, *devices, system=request.system)
     except InputError:
         return nothing
     angle = np.degrees(scan.angle)
-    low, high = plan.angles_deg
-    chosen = in_region(region, scan.face, part) & (angle >= low) & (angle <= high)
-    areas = np.where(in_region(region, np.arange(len(part.faces)), part), part.face_areas, 0.0)
+    low, high = request.angles_deg
+    chosen = request.inside[scan.face] & (angle >= low) & (angle <= high)
     seen = np.unique(scan.face[chosen])
-    coverage = float(areas[seen].sum() / areas.sum())
+    coverage = float(request.areas[seen].sum() / request.areas.sum())
+    criteria = request.criteria
     if chosen.sum() < criteria.min_hits or coverage < criteria.min_coverage:
         return nothing
-    error = statistic_along(scan, chosen, criteria)
-    if plan.feature:
-        bias = size_error(scan, part, plan.feature)
-    else:
-        bias = float(np.median(scan.error_normal[chosen]))
-    middle = float(np.median(angle[chosen]))
-    values = np.array((error, bias, coverage, middle))[:, None]
-    counted = quantities(values, bool(plan.feature))
-    score = float(score_of_pairs(counted, plan.limits, criteria, clipped=False)[0])
-    return PairValue(matrices, distances, score, error, bias, coverage, middle)
+    along = float(np.median(scan.error_normal[chosen]))
+    values = (
+        statistic_along(scan, chosen, criteria),
+        size_error(scan, request) if request.feature else along,
+        coverage,
+        float(np.median(angle[chosen])),
+    )
+    score = score_of_pairs(np.array(values)[:, None], limits, request, clipped=False)
+    return PairValue(matrices, distances, float(score[0]), *values)

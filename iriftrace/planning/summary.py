@@ -26,7 +26,7 @@ from iriftrace.planning.quantities import (
     score_quantity,
 )
 from iriftrace.planning.rank import Plan, pareto_front, rank_poses, ranked_quietly
-from iriftrace.sweep.diagnostics import Varied, series_of, varied_of
+from iriftrace.sweep.diagnostics import Varied, series_of, setting_of, varied_of
 from iriftrace.sweep.faces import faces_seen
 from iriftrace.sweep.store import WHOLE_PART, attribute, line_of_sight_angles, scene_of
 from iriftrace.sweep.warned import warned_of
@@ -126,6 +126,11 @@ class SweepSummary:
         """The metrics, for an ensemble the scatter, and the score."""
         scatter = () if self.scatter is None else (self.scatter,)
         return *self.metrics, *scatter, self.score
+
+    def setting(self, pose: int) -> str:
+        """Settings of a pose, in brackets; empty if they are the same for all poses."""
+        text = setting_of(self.varied, pose)
+        return f" ({text})" if text else ""
 
     def value_text(self, quantity: Quantity, pose: int) -> str:
         """A metric of a pose with four digits; 0 if a resolution is only rounding."""

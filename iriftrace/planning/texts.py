@@ -11,6 +11,7 @@ from iriftrace.core.arrays import BoolArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import counted
 from iriftrace.image.resolution import FRONTAL
+from iriftrace.planning.candidates import ranked_error
 from iriftrace.planning.cover import ViewLimits, ViewSet
 from iriftrace.planning.quantities import Quantity
 from iriftrace.planning.stability import close_alternative, far_apart, stability
@@ -46,45 +47,28 @@ def front_table(summary: SweepSummary) -> RankingTable:
 def _table(summary: SweepSummary, poses: Sequence[int]) -> RankingTable:
     ranks = {pose: str(rank) for rank, pose in enumerate(summary.plan.order.tolist(), start=1)}
     flags = _flags_met(np.asarray(summary.warned[list(poses)].any(axis=0)))
-    rows = [
-        (
-            ranks.get(pose, ""),
-            str(pose),
-            f"{summary.azimuth[pose]:.1f}",
-            f"{summary.elevation[pose]:.1f}",
-            *(one.values[pose] for one in summary.varied),
-            f"{summary.score.values[pose]:.3f}" if pose in ranks else "",
-            *(summary.value_text(quantity, pose) for quantity in summary.metrics),
-            *(("".join(f.letter for f in _flags_met(summary.warned[pose])),) if flags else ()),
-        )
-        for pose in poses
+    scores = [f"{summary.score.values[pose]:.3f}" if pose in ranks else "" for pose in poses]
+    short = (ranked_error(summary.plan.criteria).short, "cover", "axial", "lat.")
+    columns = [
+        ("rank", "rank", [ranks.get(pose, "") for pose in poses]),
+        ("pose", "pose", [str(pose) for pose in poses]),
+        ("azimuth (°)", "az. °", [f"{summary.azimuth[pose]:.1f}" for pose in poses]),
+        ("elevation (°)", "el. °", [f"{summary.elevation[pose]:.1f}" for pose in poses]),
+        *((v.name, v.short_name, [v.values[pose] for pose in poses]) for v in summary.varied),
+        ("score", "score", scores),
     ]
-    criteria = summary.plan.criteria
-    error = {"normal": f"|e| {criteria.statistic}", "features": "|d|"}
-    short = (error.get(criteria.criterion or "", criteria.statistic), "cover", "axial", "lat.")
+    for name, metric in zip(short, summary.metrics, strict=True):
+        values = [summary.value_text(metric, pose) for pose in poses]
+        columns.append((metric.label, f"{name} {metric.unit}", values))
     notes = []
     if any(map(summary.sees_frontally, poses)):
         notes.append(f"Axial resolution 0: {FRONTAL}.")
     if flags:
+        met = [_flags_met(summary.warned[pose]) for pose in poses]
+        columns.append(("warned", "warn", ["".join(flag.letter for flag in each) for each in met]))
         notes.append(f"Warned of: {', '.join(f'{flag.letter} {flag.text}' for flag in flags)}.")
-    return RankingTable(
-        (
-            *("rank", "pose", "azimuth (°)", "elevation (°)"),
-            *(one.name for one in summary.varied),
-            "score",
-            *(quantity.label for quantity in summary.metrics),
-            *(("warned",) if flags else ()),
-        ),
-        (
-            *("rank", "pose", "az. °", "el. °"),
-            *(one.short_name for one in summary.varied),
-            "score",
-            *(f"{name} {metric.unit}" for name, metric in zip(short, summary.metrics, strict=True)),
-            *(("warn",) if flags else ()),
-        ),
-        tuple(rows),
-        " ".join(notes),
-    )
+    headings, short_headings, cells = zip(*columns, strict=True)
+    return RankingTable(headings, short_headings, tuple(zip(*cells, strict=True)), " ".join(notes))
 
 
 def _flags_met(given: BoolArray) -> list[Flag]:

@@ -1,6 +1,6 @@
 """The studies: the varied quantity of each, and its reference.
 
-Each gets a scene, whose air is replaced, fields by name, coarse to fine, and the modes.
+Each gets what its cases have in common: a scene whose air is replaced, the fields and the modes.
 
 Against a stack of 20 shells with facet normals, the difference has a local maximum at six shells,
 which is not a property of six. By the outer rule shell k of N lies at the fraction k / N of the
@@ -11,7 +11,7 @@ are at 6, 8 and 12, and against the cells engine, or with gradient normals, ther
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -19,15 +19,12 @@ from attrs import evolve
 
 from iriftrace.core.errors import InputError
 from iriftrace.field.index_field import IndexField
-from iriftrace.scene.scene import Scene
 from iriftrace.shells.decimate import FEWEST, decimate
 from iriftrace.shells.edit import smooth_taubin, subdivide_midpoint
 from iriftrace.shells.stack import ShellStack
 from iriftrace.studies.mode import Mode, check_modes, shells_of
 from iriftrace.studies.split_cells import as_tetrahedra, split_tetrahedra
-from iriftrace.studies.study import BY_CELLS, SAME_MODE, Axis, Study
-
-Fields = Mapping[str, IndexField]
+from iriftrace.studies.study import BY_CELLS, SAME_MODE, Axis, Setup, Study
 
 THE_PAPERS = "20"
 """Shells of the reference of Kern et al. (2025)."""
@@ -37,12 +34,7 @@ SPLIT = "+"
 
 
 def layers_study(
-    scene: Scene,
-    fields: Fields,
-    modes: Sequence[Mode],
-    *,
-    layers: Sequence[int],
-    references: Sequence[str] | None = None,
+    setup: Setup, *, layers: Sequence[int], references: Sequence[str] | None = None
 ) -> Study:
     """Compare numbers of shells with references.
 
@@ -51,22 +43,18 @@ def layers_study(
     """
     if any(count < 1 for count in layers):
         raise InputError(f"{min(layers)} shells refract no ray; give numbers of at least 1.")
-    (field,) = fields.values()
+    (field,) = setup.fields.values()
     return Study(
         "layers",
         Axis("layers", layers, "number of shells"),
-        scene,
-        fields,
-        modes,
+        setup,
         lambda mode, n: shells_of(field, layers[n], mode),
         references=references or (THE_PAPERS, BY_CELLS),
     )
 
 
 def smoothing_study(
-    scene: Scene,
-    fields: Fields,
-    modes: Sequence[Mode],
+    setup: Setup,
     *,
     iterations: Sequence[int],
     layers: int = 13,
@@ -80,33 +68,28 @@ def smoothing_study(
     By default the references are the finest field in the case's own mode, as in the paper, and the
     cells engine.
     """
-    coarse, _ = fields.values()
+    coarse, _ = setup.fields.values()
 
-    @lru_cache(maxsize=len(modes))
+    @lru_cache(maxsize=len(setup.modes))
     def unsmoothed(mode: Mode) -> ShellStack | None:
-        return study.shells(coarse, layers, mode, 0)
+        return setup.shells(coarse, layers, mode, 0)
 
     def varied(mode: Mode, position: int) -> ShellStack | None:
         stack = unsmoothed(mode)
         return None if stack is None else smoothed(stack, iterations[position])
 
-    study = Study(
+    return Study(
         "smoothing",
         Axis("iterations", iterations, "Taubin smoothing iterations"),
-        scene,
-        fields,
-        modes,
+        setup,
         varied,
         layers=layers,
         references=references or (SAME_MODE, BY_CELLS),
     )
-    return study
 
 
 def mesh_study(
-    scene: Scene,
-    fields: Fields,
-    modes: Sequence[Mode],
+    setup: Setup,
     *,
     layers: int = 13,
     split: Sequence[str] = (),
@@ -120,15 +103,16 @@ def mesh_study(
 
     Raises InputError if there is only one field, or a name to split that is not a field's.
     """
-    names, given = list(fields), list(fields.values())
+    names, given = list(setup.fields), list(setup.fields.values())
     if len(names) < 2:
         raise InputError(
             "A study of resolutions needs at least two fields, coarse to fine; give another one."
         )
     for name in split:
-        if name not in fields:
-            listed = ", ".join(names)
-            raise InputError(f"There is no field {name} to split; the study has {listed}.")
+        if name not in names:
+            raise InputError(
+                f"There is no field {name} to split; the study has {', '.join(names)}."
+            )
     cases = [
         (number, suffix)
         for number, name in enumerate(names)
@@ -144,33 +128,23 @@ def mesh_study(
         tetrahedra = as_tetrahedra(given[number])
         return tetrahedra if suffix == TETRAHEDRA else split_tetrahedra(tetrahedra)
 
-    study = Study(
+    return Study(
         "mesh",
         Axis("field", [names[n] + suffix for n, suffix in cases], "field, coarse to fine"),
-        scene,
-        fields,
-        modes,
-        lambda mode, n: study.shells(cut(n), layers, mode, cases[n][0]),
+        setup,
+        lambda mode, n: setup.shells(cut(n), layers, mode, cases[n][0]),
         layers=layers,
         references=references or (SAME_MODE, BY_CELLS),
     )
-    return study
 
 
-def rays_study(
-    scene: Scene,
-    fields: Fields,
-    modes: Sequence[Mode],
-    *,
-    scales: Sequence[float],
-    layers: int = 13,
-) -> Study:
+def rays_study(setup: Setup, *, scales: Sequence[float], layers: int = 13) -> Study:
     """Time the stages of one picture at several factors on the camera's resolution.
 
     Raises InputError if two scales give the same number of rays.
     """
-    (field,) = fields.values()
-    cameras = tuple(scene.camera.scaled(scale) for scale in scales)
+    (field,) = setup.fields.values()
+    cameras = tuple(setup.scene.camera.scaled(scale) for scale in scales)
     rays = [camera.resolution[0] * camera.resolution[1] for camera in cameras]
     if not rays or len(set(rays)) < len(rays):
         raise InputError(
@@ -180,9 +154,7 @@ def rays_study(
     return Study(
         "rays",
         Axis("launched", rays, "rays launched"),
-        scene,
-        fields,
-        modes,
+        setup,
         lambda mode, _: shells_of(field, layers, mode),
         layers=layers,
         cameras=cameras,
@@ -190,13 +162,7 @@ def rays_study(
 
 
 def polygons_study(
-    scene: Scene,
-    fields: Fields,
-    modes: Sequence[Mode],
-    *,
-    layers: int = 13,
-    smallest: int = 4_700,
-    largest: int = 320_000,
+    setup: Setup, *, layers: int = 13, smallest: int = 4_700, largest: int = 320_000
 ) -> Study:
     """Time the stages of one picture at several numbers of triangles.
 
@@ -212,10 +178,10 @@ def polygons_study(
             f"Triangles of a shell from {smallest} to {largest} are not a range; give at least "
             f"{FEWEST} and then more."
         )
-    check_modes(modes, 1, layers)
-    (field,) = fields.values()
+    check_modes(setup.modes, 1, layers)
+    (field,) = setup.fields.values()
 
-    @lru_cache(maxsize=len(modes))
+    @lru_cache(maxsize=len(setup.modes))
     def start(mode: Mode) -> ShellStack | None:
         stack = shells_of(field, layers, mode)
         return None if stack is None else decimate(stack, smallest * len(stack.shells))
@@ -224,15 +190,13 @@ def polygons_study(
         stack = start(mode)
         return None if stack is None else subdivide_midpoint(stack, position)
 
-    first, steps = start(modes[0]), 0.0
+    first, steps = start(setup.modes[0]), 0.0
     if first is not None:
         steps = np.log(largest * len(first.shells) / first.triangles) / np.log(4) + 1e-9
     return Study(
         "polygons",
         Axis("subdivisions", range(max(0, int(steps)) + 1), "midpoint subdivisions"),
-        scene,
-        fields,
-        modes,
+        setup,
         divided,
         layers=layers,
         more={"smallest": smallest},

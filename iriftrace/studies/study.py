@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -77,6 +77,34 @@ class Axis:
 
 
 @frozen(eq=False)
+class Setup:
+    """What the cases of a study have in common.
+
+    Attributes
+    ----------
+    scene : Scene
+        Its part, camera, variant and notes; its air is replaced.
+    fields : mapping of IndexField
+        Fields by name, coarse to fine.
+    modes : tuple of Mode
+    """
+
+    scene: Scene
+    fields: Mapping[str, IndexField]
+    modes: tuple[Mode, ...] = field(converter=tuple[Mode, ...])
+
+    @property
+    def finest(self) -> IndexField:
+        """The last field."""
+        return list(self.fields.values())[-1]
+
+    def shells(self, field: IndexField, layers: int, mode: Mode, number: int) -> ShellStack | None:
+        """Field ``number``, from 0, cut at the levels of the finest one."""
+        levels = self.finest.ambient_refractivity, self.finest.hottest_refractivity
+        return shells_of(field, layers, mode, number=number, index_range=levels)
+
+
+@frozen(eq=False)
 class Study:
     """Cases along an axis, in each mode.
 
@@ -84,11 +112,7 @@ class Study:
     ----------
     name : str
     axis : Axis
-    scene : Scene
-        Its part, camera, variant and notes; its air is replaced.
-    fields : mapping of IndexField
-        Fields by name, coarse to fine.
-    modes : tuple of Mode
+    setup : Setup
     varied : callable
         From a mode and a position on the axis to the shells, or None if none is left.
     layers : int, optional
@@ -110,9 +134,7 @@ class Study:
 
     name: str
     axis: Axis
-    scene: Scene
-    fields: Mapping[str, IndexField]
-    modes: tuple[Mode, ...] = field(converter=tuple[Mode, ...])
+    setup: Setup
     varied: Callable[[Mode, int], ShellStack | None]
     layers: int | None = None
     cameras: tuple[Camera, ...] = ()
@@ -122,7 +144,7 @@ class Study:
     def __attrs_post_init__(self) -> None:
         """Raise InputError for options that cannot be compared or leave nothing to trace."""
         for what, some, fewest in (
-            ("modes", [mode.name for mode in self.modes], 1),
+            ("modes", [mode.name for mode in self.setup.modes], 1),
             (self.axis.name, list(self.axis.values), 1),
             ("references", list(self.references), 0),
         ):
@@ -138,45 +160,39 @@ class Study:
                     f'"{name}" is not a reference; give {", ".join(known)} or a number of shells, '
                     "such as 20."
                 )
-        check_modes(self.modes, len(self.fields), self.layers)
-
-    @property
-    def finest(self) -> IndexField:
-        """The last field."""
-        return list(self.fields.values())[-1]
-
-    def shells(self, field: IndexField, layers: int, mode: Mode, number: int) -> ShellStack | None:
-        """Field ``number``, from 0, cut at the levels of the finest one."""
-        levels = self.finest.ambient_refractivity, self.finest.hottest_refractivity
-        return shells_of(field, layers, mode, number=number, index_range=levels)
+        check_modes(self.setup.modes, len(self.setup.fields), self.layers)
 
     def case(self, mode: Mode, position: int) -> Scene | None:
         """Scene at a position on the axis, or None if no shell is left."""
-        stack = self.varied(mode, position)
-        scene = evolve(self.scene, camera=self.cameras[position]) if self.cameras else self.scene
+        stack, scene = self.varied(mode, position), self.setup.scene
+        if self.cameras:
+            scene = evolve(scene, camera=self.cameras[position])
         return None if stack is None else through_shells(scene, stack, mode)
 
     def reference(self, mode: Mode, name: str) -> Scene | None:
         """Scene of a reference, or None if no shell is left."""
+        scene, finest = self.setup.scene, self.setup.finest
         if name in CELLS:
-            return through_cells(self.scene, self.finest, CELLS[name])
+            return through_cells(scene, finest, CELLS[name])
         layers = self.layers if name == SAME_MODE and self.layers else int(name)
-        stack = self.shells(self.finest, layers, mode, len(self.fields) - 1)
-        return None if stack is None else through_shells(self.scene, stack, mode)
+        stack = self.setup.shells(finest, layers, mode, len(self.setup.fields) - 1)
+        return None if stack is None else through_shells(scene, stack, mode)
 
     @property
     def source(self) -> JsonObject:
-        """Origin of the study, as plain JSON values."""
-        fields = list(self.fields.values())
+        """Name, modes and origin of the study, as plain JSON values."""
+        scene, fields = self.setup.scene, list(self.setup.fields.values())
         return {
+            "study": self.name,
+            "modes": [asdict(mode) for mode in self.setup.modes],
             "version": version("iriftrace"),
             "fields": [plain(each.source) for each in fields],
-            "part": {"path": str(self.scene.part.path), "sha256": self.scene.part.sha256},
+            "part": {"path": str(scene.part.path), "sha256": scene.part.sha256},
             "air": asdict(fields[0].air),
             "wavelength_nm": fields[0].air.wavelength_nm,
-            "camera": self.scene.camera.as_dict(),
-            "notes": dict(self.scene.air.notes),
-            "variant": self.scene.variant,
+            "camera": scene.camera.as_dict(),
+            "notes": dict(scene.air.notes),
+            "variant": scene.variant,
             "length_unit": "mm",
             **({} if self.layers is None else {"layers": self.layers}),
             **self.more,
@@ -213,27 +229,26 @@ def run_study(study: Study, path: str | Path, progress: Progress | None = None) 
         file cannot be written, or it belongs to another study.
     """
     identity = {
-        "study": study.name,
         "axis": [study.axis.name, list(study.axis.values)],
-        "modes": [asdict(mode) for mode in study.modes],
         "references": list(study.references),
         **study.source,
     }
+    modes = study.setup.modes
     work = Work(
         kind="study",
         parts="files or options",
         output=Path(path),
         request=fingerprint(version("iriftrace"), identity),
-        total=len(study.axis.values) * len(study.modes),
+        total=len(study.axis.values) * len(modes),
     )
-    measure = _compared(study) if study.references else _timed(study)
+    measure = _compared(study) if study.references else partial(_timed, study)
 
     def left(journal: Journal) -> Iterator[Piece]:
         for number in range(work.total):
             if number not in journal:
                 # All modes at one position, because the data of a position may be large.
-                position, mode = divmod(number, len(study.modes))
-                yield Piece(number, measure(study.modes[mode], position))
+                position, mode = divmod(number, len(modes))
+                yield Piece(number, measure(modes[mode], position))
 
     def write(journal: Journal) -> None:
         dataset = _dataset(study, [journal.entry(number) for number in range(work.total)])
@@ -275,7 +290,8 @@ def _compared(study: Study) -> Callable[[Mode, int], Entry]:
             )
         # The engine of cells has no mode.
         others = [
-            reference(study.modes[0] if name in CELLS else mode, name) for name in study.references
+            reference(study.setup.modes[0] if name in CELLS else mode, name)
+            for name in study.references
         ]
         pairs = [{} if other is None else compare(hits, other).as_dict() for other in others]
         differences = {name: [pair.get(name) for pair in pairs] for name in DIFFERENCES}
@@ -284,18 +300,15 @@ def _compared(study: Study) -> Callable[[Mode, int], Entry]:
     return measure
 
 
-def _timed(study: Study) -> Callable[[Mode, int], Entry]:
-    def measure(mode: Mode, position: int) -> Entry:
-        free_memory()
-        scene = study.case(mode, position)
-        if scene is None:
-            raise InputError(
-                f"The mode '{mode.name}' leaves no shell that the field reaches; give more layers, "
-                "or leave fewer inner ones out."
-            )
-        return dict(times(scene))
-
-    return measure
+def _timed(study: Study, mode: Mode, position: int) -> Entry:
+    free_memory()
+    scene = study.case(mode, position)
+    if scene is None:
+        raise InputError(
+            f"The mode '{mode.name}' leaves no shell that the field reaches; give more layers, or "
+            "leave fewer inner ones out."
+        )
+    return dict(times(scene))
 
 
 def _dataset(study: Study, entries: Sequence[Entry]) -> xr.Dataset:
@@ -305,17 +318,15 @@ def _dataset(study: Study, entries: Sequence[Entry]) -> xr.Dataset:
     axis = study.axis
     texts = any(isinstance(value, str) for value in axis.values)
     places = np.array(axis.values, dtype=object if texts else None)
-    modes = np.array([(mode.name, mode.describe()) for mode in study.modes], dtype=object)
+    names = [(mode.name, mode.describe()) for mode in study.setup.modes]
+    modes = np.array(names, dtype=object)
+    about = {"long_name": axis.text} | ({} if texts else {"units": "1"})
     coords = {
         "mode": modes[:, 0],
         "mode_description": ("mode", modes[:, 1]),
-        axis.name: (
-            axis.name,
-            places,
-            {"long_name": axis.text} | ({} if texts else {"units": "1"}),
-        ),
+        axis.name: (axis.name, places, about),
     }
-    attrs = {"study": study.name, "modes": [asdict(mode) for mode in study.modes], **study.source}
+    attrs = study.source
     if study.references:
         coords["reference"] = np.array(study.references, dtype=object)
     else:
@@ -329,7 +340,7 @@ def _column(
     study: Study, entries: Sequence[Entry], name: str, unit: str, kind: type, text: str
 ) -> tuple[list[str], AnyArray, dict[str, str]]:
     """Dimensions, values and attributes of a variable; missing values of a case are NaN or -1."""
-    sizes = {study.axis.name: len(study.axis.values), "mode": len(study.modes)}
+    sizes = {study.axis.name: len(study.axis.values), "mode": len(study.setup.modes)}
     if name in DIFFERENCES:
         sizes["reference"] = len(study.references)
     # None of a case without shells is used for all references.

@@ -32,11 +32,6 @@ def check_table(path: Path) -> None:
         )
 
 
-def check_surface(path: Path) -> None:
-    """Check that ParaView can open the surface before starting the computation, else InputError."""
-    _check_suffix(path, "surface", (".vtp", ".vtu"))
-
-
 def _check_suffix(path: Path, what: str, suffixes: tuple[str, ...]) -> None:
     if path.suffix.lower() not in suffixes:
         raise InputError(
@@ -74,7 +69,7 @@ def write_face_maps(path: Path, dataset: xr.Dataset, part: Part) -> None:
 
     Raises InputError for another ending or part, or if the file cannot be written.
     """
-    check_surface(path)
+    _check_suffix(path, "surface", (".vtp", ".vtu"))
     if dataset.sizes.get("face") != len(part.faces):
         raise InputError(
             f"The sweep has maps of {dataset.sizes.get('face', 0)} faces, but {part.path} has "

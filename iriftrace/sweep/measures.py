@@ -54,11 +54,12 @@ _STATISTICS = (
     ("max", "largest"),
     ("rms", "root mean square"),
 )
-_READINGS = (
-    ("", "step to the next pixel"),
-    ("_nn3d", "nearest neighbour in space"),
-    ("_nnxy", "nearest neighbour in the picture's plane"),
-)
+READINGS = {
+    "": "step to the next pixel",
+    "_nn3d": "nearest neighbour in space",
+    "_nnxy": "nearest neighbour in the picture's plane",
+}
+"""Readings of a resolution, by the ends of their variables' names."""
 
 MEASURES: dict[str, Measure] = {
     **{
@@ -86,7 +87,7 @@ MEASURES: dict[str, Measure] = {
             (f"{direction}_resolution_mm{reading}",), "mm", f"{direction} resolution, {text}"
         )
         for direction in ("lateral", "axial")
-        for reading, text in _READINGS
+        for reading, text in READINGS.items()
     },
     "incidence_angle": Measure(("incidence_angle_deg",), "degree", "mean angle of incidence"),
     "coverage": Measure(("coverage",), "1", "area of the faces hit over the area"),

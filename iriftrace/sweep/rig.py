@@ -106,17 +106,12 @@ def _of(scan: Scan, part: Part, faces: BoolArray, size: _Size | None) -> JsonObj
     }
     if chosen.sum() < FEWEST_POINTS:
         return known
-    errors = scan.error_normal[chosen]
-    length = np.abs(errors)
-    scatter = scan.scatter_normal
+    errors, scatter = scan.error_normal[chosen], scan.scatter_normal
     return known | {
         "size_mm": None if size is None else size.error_mm,
         "size_scatter_mm": None if size is None else size.scatter_mm,
         "error_normal_mm": {
-            "mean": float(length.mean()),
-            "median": float(np.median(length)),
-            "p95": float(np.percentile(length, 95)),
-            "rms": float(np.sqrt(np.mean(errors**2))),
+            **spread(np.abs(errors), ("mean", "median", "p95", "rms")),
             "bias": float(np.median(errors)),
         },
         **({} if scatter is None else {"scatter_normal_mm": spread(scatter[chosen])}),

@@ -16,7 +16,7 @@ from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import JsonObject, plain
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.sweep.journal import Piece
-from iriftrace.sweep.pose import PoseTask, SceneSource, render_pose, source_of
+from iriftrace.sweep.pose import PoseTask, SceneSource, source_of
 from iriftrace.sweep.rig import Rig, rig_of
 from iriftrace.trace.rays import is_inside
 
@@ -170,17 +170,6 @@ def sources_of(series: Sequence[Series]) -> list[SceneSource]:
         for key, scene in scenes.items()
     }
     return [known[id(one.scene)] for one in series]
-
-
-def render_here(series: Sequence[Series], sources: Sequence[SceneSource]) -> RenderPoses:
-    """Render in this process, one pose after the other."""
-    scenes = {source.fingerprint: one.scene for source, one in zip(sources, series, strict=True)}
-
-    def render(tasks: Iterable[PoseTask]) -> Iterator[Piece]:
-        for task in tasks:
-            yield render_pose(task, scenes[task.source.fingerprint])
-
-    return render
 
 
 def series_variables(series: Sequence[Series]) -> Variables:

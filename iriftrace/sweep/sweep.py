@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
-from attrs import frozen
+from attrs import field, frozen
 from numpy.typing import ArrayLike
 
 from iriftrace.camera.pose_set import PoseSet, joined
@@ -19,15 +19,14 @@ from iriftrace.core.errors import InputError, warn
 from iriftrace.image.ray_statistics import FEWEST_RAYS
 from iriftrace.image.sightings import COLUMNS, NOTHING_SEEN, ROW, FaceSightings, face_maps
 from iriftrace.scene.scene import AnyScene, loaded_scene
-from iriftrace.sweep.journal import Journal, Progress, Work
+from iriftrace.sweep.journal import Journal, Piece, Progress, Work
 from iriftrace.sweep.measures import metric_variables
-from iriftrace.sweep.pose import PoseTask, SceneSource, fingerprint
+from iriftrace.sweep.pose import PoseTask, SceneSource, fingerprint, render_pose
 from iriftrace.sweep.series import (
     RenderPoses,
     Series,
     all_series,
     check_comparable,
-    render_here,
     scenes_attribute,
     series_variables,
     sources_of,
@@ -156,89 +155,131 @@ def run_series(
     """Sweep any series that can be compared, as `run_sweep` does."""
     check_comparable(series, resumable=path is not None)
     if path is not None:
-        return _run(series, Path(path), target, options, progress, render)
+        return _Sweep(series, Path(path), target, options).run(progress, render)
     if options.exr:
         raise InputError("Pictures of a sweep are stored next to its file; give the sweep a path.")
     with TemporaryDirectory() as folder:
-        return _run(series, Path(folder) / "sweep.nc", target, options, progress, render).load()
+        in_file = _Sweep(series, Path(folder) / "sweep.nc", target, options)
+        return in_file.run(progress, render).load()
 
 
-def _run(
-    series: Sequence[Series],
-    out: Path,
-    target: ArrayLike | None,
-    options: SweepOptions,
-    progress: Progress | None,
-    render: RenderPoses | None,
-) -> xr.Dataset:
-    sources = sources_of(series)
-    work = Work(
-        kind="sweep",
-        parts="poses, another scene or other options",
-        output=out,
-        request=_request(series, sources, options),
-        total=sum(len(one.poses) for one in series),
-    )
+@frozen(eq=False)
+class _Sweep:
+    """Series to render into one file, and the source of each one's scene."""
 
-    def write(journal: Journal) -> None:
-        dataset = _dataset(series, sources, journal, options, out, target)
-        dataset.attrs["request"] = work.request
-        write_sweep(out, dataset, _sightings(journal, work.total))
+    series: Sequence[Series]
+    out: Path
+    target: ArrayLike | None
+    options: SweepOptions
+    sources: Sequence[SceneSource] = field(init=False)
 
-    fresh = not out.is_file()
-    dataset = work.run(
-        lambda journal: (render or render_here(series, sources))(
-            _tasks(series, sources, options, out, journal)
-        ),
-        write,
-        read_sweep,
-        progress,
-    )
-    if fresh:
-        _warn_of_empty_poses(dataset)
-        judged = ("engine_test_p95", "engine_test_p95_mm", "through_cells")
-        warn_of_coarse_poses(*(dataset[name].values for name in judged))
-    return dataset
+    @sources.default
+    def _sources(self) -> Sequence[SceneSource]:
+        return sources_of(self.series)
 
+    def run(self, progress: Progress | None, render: RenderPoses | None) -> xr.Dataset:
+        work = Work(
+            kind="sweep",
+            parts="poses, another scene or other options",
+            output=self.out,
+            request=self.request(),
+            total=sum(len(one.poses) for one in self.series),
+        )
+        render = render or self.render_here
 
-def _request(
-    series: Sequence[Series], sources: Sequence[SceneSource], options: SweepOptions
-) -> str:
-    """Fingerprint of everything that the result depends on."""
-    content = [
-        [source.fingerprint, one.camera.as_dict(), one.stand_off_mm, one.poses.matrices.tolist()]
-        for source, one in zip(sources, series, strict=True)
-    ]
-    settings = [options.nearest, list(options.include), options.exr]
-    # A journal's rows have these columns.
-    return fingerprint(version("iriftrace"), content, settings, list(COLUMNS))
+        def write(journal: Journal) -> None:
+            dataset = self.dataset(journal)
+            dataset.attrs["request"] = work.request
+            write_sweep(self.out, dataset, _sightings(journal, work.total))
 
+        fresh = not self.out.is_file()
+        dataset = work.run(lambda journal: render(self.tasks(journal)), write, read_sweep, progress)
+        if fresh:
+            _warn_of_empty_poses(dataset)
+            judged = ("engine_test_p95", "engine_test_p95_mm", "through_cells")
+            warn_of_coarse_poses(*(dataset[name].values for name in judged))
+        return dataset
 
-def _tasks(
-    series: Sequence[Series],
-    sources: Sequence[SceneSource],
-    options: SweepOptions,
-    out: Path,
-    done: Collection[int],
-) -> Iterator[PoseTask]:
-    """Poses that are not finished, scene by scene, so that a worker needs one scene at a time."""
-    folder = out.with_suffix("").absolute()
-    if options.exr:
-        folder.mkdir(exist_ok=True)
-    number = 0
-    for source, one in zip(sources, series, strict=True):
-        for matrix in one.poses.matrices:
-            if number not in done:
-                yield PoseTask(
-                    number=number,
-                    source=source,
-                    camera=one.camera.at(matrix),
-                    include=options.include,
-                    nearest=options.nearest,
-                    exr=str(folder / _exr_name(number)) if options.exr else "",
-                    second=None if one.rig is None else one.rig.placed(matrix),
-                )
-            number += 1
+    def request(self) -> str:
+        """Fingerprint of everything that the result depends on."""
+        content = [
+            [
+                source.fingerprint,
+                one.camera.as_dict(),
+                one.stand_off_mm,
+                one.poses.matrices.tolist(),
+            ]
+            for source, one in zip(self.sources, self.series, strict=True)
+        ]
+        settings = [self.options.nearest, list(self.options.include), self.options.exr]
+        # A journal's rows have these columns.
+        return fingerprint(version("iriftrace"), content, settings, list(COLUMNS))
+
+    def render_here(self, tasks: Iterable[PoseTask]) -> Iterator[Piece]:
+        """Render in this process, one pose after the other."""
+        pairs = zip(self.sources, self.series, strict=True)
+        scenes = {source.fingerprint: one.scene for source, one in pairs}
+        for task in tasks:
+            yield render_pose(task, scenes[task.source.fingerprint])
+
+    def tasks(self, done: Collection[int]) -> Iterator[PoseTask]:
+        """Poses that are not finished, scene by scene: a worker needs one scene at a time."""
+        folder, options = self.out.with_suffix("").absolute(), self.options
+        if options.exr:
+            folder.mkdir(exist_ok=True)
+        number = 0
+        for source, one in zip(self.sources, self.series, strict=True):
+            for matrix in one.poses.matrices:
+                if number not in done:
+                    yield PoseTask(
+                        number=number,
+                        source=source,
+                        camera=one.camera.at(matrix),
+                        include=options.include,
+                        nearest=options.nearest,
+                        exr=str(folder / _exr_name(number)) if options.exr else "",
+                        second=None if one.rig is None else one.rig.placed(matrix),
+                    )
+                number += 1
+
+    def dataset(self, journal: Journal) -> xr.Dataset:
+        """All variables of the journal, except the faces that each pose sees."""
+        series, options = self.series, self.options
+        first = series[0]
+        part = first.scene.part
+        poses = joined(one.poses for one in series)
+        rig = None if first.rig is None else first.rig.as_dict(first.scene.second_id)
+        numbers = range(len(poses))
+        measured = metric_variables(
+            map(journal.entry, numbers),
+            len(poses),
+            part.region_names,
+            ensemble=any(one.scene.ensemble is not None for one in series),
+            rig=rig is not None,
+        )
+        folder = self.out.with_suffix("").name
+        images = [
+            f"{folder}/{_exr_name(number)}" if options.exr and not failure else ""
+            for number, failure in enumerate(measured["failure"][1])
+        ]
+        found = to_dataset(
+            {
+                **measured,
+                **pose_variables(poses, part.centre if self.target is None else self.target),
+                **series_variables(series),
+                "exr": (("pose",), np.array(images, dtype=object)),
+                **face_maps(_sightings(journal, len(poses)), part),
+            },
+            part.region_names,
+            {
+                **provenance(first.scene, first.camera),
+                "camera": first.camera.as_dict(),
+                "scenes": scenes_attribute(series, self.sources),
+                "include": list(options.include),
+                **({} if rig is None else {"rig": rig}),
+            },
+        )
+        return found.assign({WARNED: warned_variable(found)})
 
 
 def _exr_name(number: int) -> str:
@@ -252,52 +293,6 @@ def _sightings(journal: Journal, total: int) -> Iterator[FaceSightings]:
         if rows is not None and rows.dtype != ROW:
             raise sqlite3.DatabaseError(f"piece {number}: its rows are not those of sightings")
         yield NOTHING_SEEN if rows is None else FaceSightings.from_rows(rows)
-
-
-def _dataset(
-    series: Sequence[Series],
-    sources: Sequence[SceneSource],
-    journal: Journal,
-    options: SweepOptions,
-    out: Path,
-    target: ArrayLike | None,
-) -> xr.Dataset:
-    """All variables of the journal, except the faces that each pose sees."""
-    first = series[0]
-    part = first.scene.part
-    poses = joined(one.poses for one in series)
-    rig = None if first.rig is None else first.rig.as_dict(first.scene.second_id)
-    numbers = range(len(poses))
-    measured = metric_variables(
-        map(journal.entry, numbers),
-        len(poses),
-        part.region_names,
-        ensemble=any(one.scene.ensemble is not None for one in series),
-        rig=rig is not None,
-    )
-    failures = measured["failure"][1]
-    images = [
-        f"{out.with_suffix('').name}/{_exr_name(number)}" if options.exr and not failure else ""
-        for number, failure in enumerate(failures)
-    ]
-    found = to_dataset(
-        {
-            **measured,
-            **pose_variables(poses, part.centre if target is None else target),
-            **series_variables(series),
-            "exr": (("pose",), np.array(images, dtype=object)),
-            **face_maps(_sightings(journal, len(poses)), part),
-        },
-        part.region_names,
-        {
-            **provenance(first.scene, first.camera),
-            "camera": first.camera.as_dict(),
-            "scenes": scenes_attribute(series, sources),
-            "include": list(options.include),
-            **({} if rig is None else {"rig": rig}),
-        },
-    )
-    return found.assign({WARNED: warned_variable(found)})
 
 
 def _warn_of_empty_poses(dataset: xr.Dataset) -> None:

@@ -6,12 +6,12 @@ import logging
 import re
 import socket
 import threading
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from importlib import import_module
 from importlib.metadata import version
 from importlib.util import find_spec
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
@@ -101,8 +101,8 @@ def pose_workers(scheduler: str, count: int | None = None) -> Iterator[RenderPos
     """Workers that render poses, as long as the block lasts.
 
     Each worker loads the scene's files itself and keeps the scene, so workers on other machines
-    must see them under the same path. The results are those of `iriftrace.sweep.series.render_here`
-    but for rounding, a relative 1e-11. When a worker dies, another one renders its poses again.
+    must see them under the same path. The results are those of this process but for rounding, a
+    relative 1e-11. When a worker dies, its poses are rendered again by another one.
 
     Parameters
     ----------
@@ -120,7 +120,10 @@ def pose_workers(scheduler: str, count: int | None = None) -> Iterator[RenderPos
         If Dask distributed is not installed.
     """
     with scheduler_client(scheduler, count) as client:
-        yield lambda tasks: _render(client, tasks)
+        # Workers come and go, so they are counted as each task is sent.
+        yield lambda tasks: run_tasks(
+            client, render_on_worker, ((task, list(client.nthreads())) for task in tasks)
+        )
 
 
 @contextmanager
@@ -136,12 +139,26 @@ def run_tasks(
     client: Client, work: Callable[[Task], Result], tasks: Iterable[Task]
 ) -> Iterator[Result]:
     """Yield results of `work(task)` as they arrive; workers must be able to import `work`."""
-    futures = [client.submit(work, task, pure=False) for task in tasks]
+    waiting = iter(tasks)
+    running: set[Future[Result]] = set()
+    completed = import_module("distributed").as_completed(loop=client.loop)
+
+    def fill() -> None:
+        most = max(1, _TASKS_PER_WORKER * len(client.nthreads()))
+        for task in islice(waiting, max(0, most - len(running))):
+            future = client.submit(work, task, pure=False)
+            running.add(future)
+            completed.add(future)
+
     try:
-        for future in import_module("distributed").as_completed(futures, loop=client.loop):
-            yield _result(future)
+        fill()
+        for future in completed:
+            running.discard(future)
+            result = _result(future)
+            fill()
+            yield result
     finally:
-        client.cancel(futures)
+        client.cancel(list(running))
 
 
 @contextmanager
@@ -201,33 +218,6 @@ def _quiet() -> Iterator[None]:
             logging.getLogger(name).setLevel(level)
 
 
-def _render(client: Client, tasks: Iterable[PoseTask]) -> Iterator[Piece]:
-    waiting = iter(tasks)
-    running: set[Future[Piece]] = set()
-    completed = import_module("distributed").as_completed(loop=client.loop)
-
-    def fill() -> None:
-        addresses = list(client.nthreads())
-        hosts = dict(Counter(map(host_of, addresses)))
-        while len(running) < max(1, _TASKS_PER_WORKER * len(addresses)):
-            task = next(waiting, None)
-            if task is None:
-                return
-            future = client.submit(render_on_worker, task, hosts, pure=False)
-            running.add(future)
-            completed.add(future)
-
-    try:
-        fill()
-        for future in completed:
-            running.discard(future)
-            result = _result(future)
-            fill()
-            yield result
-    finally:
-        client.cancel(list(running))
-
-
 def _result(future: Future[Result]) -> Result:
     """The result, or an error that a user understands."""
     distributed = import_module("distributed")
@@ -253,14 +243,15 @@ def _result(future: Future[Result]) -> Result:
     return result
 
 
-def render_on_worker(task: PoseTask, workers_of_host: Mapping[str, int]) -> Piece:
-    """Render one pose in this worker; hosts are named as in the workers' addresses."""
+def render_on_worker(sent: tuple[PoseTask, Sequence[str]]) -> Piece:
+    """Render one pose in this worker, one of those with the addresses that come with the task."""
+    task, addresses = sent
     with _one_at_a_time:
-        _limit_cores(task.source.variant, workers_of_host)
+        _limit_cores(task.source.variant, addresses)
         return render_pose(task, _scene(task.source))
 
 
-def _limit_cores(variant: str, workers_of_host: Mapping[str, int]) -> None:
+def _limit_cores(variant: str, addresses: Sequence[str]) -> None:
     """Let Dr.Jit use this worker's part of the cores.
 
     By default each process uses all of them: n workers would run n times as many threads as there
@@ -268,9 +259,10 @@ def _limit_cores(variant: str, workers_of_host: Mapping[str, int]) -> None:
     """
     runtime.ensure(variant)
     drjit = import_module("drjit")
-    address = import_module("distributed").get_worker().address
+    host = host_of(import_module("distributed").get_worker().address)
     cores = import_module("dask.system").CPU_COUNT
-    threads = max(1, cores // workers_of_host.get(host_of(address), 1))
+    sharing = [host_of(each) for each in addresses].count(host)
+    threads = max(1, cores // max(1, sharing))
     if drjit.thread_count() != threads:
         drjit.set_thread_count(threads)
 

@@ -9,8 +9,7 @@ them again and moves the point. A round reduces the residual as one of `lines_of
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,15 +25,8 @@ from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.scene import AnyScene
 from iriftrace.trace.engine import choose
 from iriftrace.trace.lost import warn_of_lost_points
-from iriftrace.triangulation.correction import Correction, CorrectionStatus
-from iriftrace.triangulation.devices import (
-    Phase,
-    System,
-    devices_of,
-    provenance_of_two,
-    triangulated,
-)
-from iriftrace.triangulation.field_state import field_state
+from iriftrace.triangulation.correction import Correction, CorrectionStatus, FieldState
+from iriftrace.triangulation.devices import Phase, Sensor, System, provenance_of_two, sensor_of
 from iriftrace.triangulation.larger import Larger, in_box, larger_than, sample_of
 from iriftrace.triangulation.two_points import lines_of_sight
 
@@ -132,20 +124,18 @@ def correct(
         As :func:`iriftrace.trace.engine.choose`.
     """
     measured = _checked(points, field_uncertainty)
-    loaded, camera, second, system, phase = devices_of(scene, camera, second, system, phase)
+    loaded, sensor = sensor_of(scene, camera, second, system, phase)
     near_box, to_part = _near_part(measured, loaded.part)
-    traced = choose(loaded, camera, second).scene
+    traced = choose(loaded, *sensor.devices).scene
     members = (traced,) if traced.ensemble is None else traced.ensemble.scenes()
     # Clouds come in any order; neighbouring rays are traced faster.
     with np.errstate(divide="ignore", invalid="ignore"):
-        pixel, second_pixel = (device.project(measured) for device in (camera, second))
+        pixel, second_pixel = (device.project(measured) for device in sensor.devices)
     in_view = np.asarray(np.isfinite(np.hstack((pixel, second_pixel))).all(axis=1))
     order = tile_order(pixel)
     order = order[(in_view & near_box)[order]]
-    point_error = partial(_point_error, camera=camera, second=second, system=system, phase=phase)
-    found = [_in_one_field(measured, in_view, order, member, point_error) for member in members]
-    by_member, statuses = [one[0] for one in found], [one[1] for one in found]
-    face = found[0][2]
+    found = [_in_one_field(measured, in_view, order, member, sensor) for member in members]
+    by_member, statuses, (face, *_) = zip(*found, strict=True)
     weights = None if traced.ensemble is None else traced.ensemble.weights
     status = _common_status(statuses, by_member, weights)
     # What stands behind the part, such as a table, is hidden and does not belong to it.
@@ -163,15 +153,15 @@ def correct(
         status=status,
         face=face,
         normal=loaded.part.surface.normals[face],
-        system=system,
-        provenance=provenance_of_two(traced, camera),
+        system=sensor.system,
+        provenance=provenance_of_two(traced, sensor.camera),
         field_uncertainty=field_uncertainty,
         errors=None if weights is None else errors,
         weights=weights,
         to_part=to_part,
         larger=larger,
         growth=loaded.part.growth,
-        state=field_state(loaded),
+        state=FieldState.of(loaded),
     )
 
 
@@ -180,16 +170,15 @@ def _in_one_field(
     in_view: BoolArray,
     order: IntArray,
     scene: LoadedScene,
-    point_error: Callable[..., tuple[FloatArray, IntArray, IntArray]],
+    sensor: Sensor,
 ) -> tuple[FloatArray, IntArray, IntArray]:
     """`_robust_error` of the points whose rows are in `order`, and outcomes of all others."""
     error = np.zeros_like(measured)
     outside = (CorrectionStatus.FAR_FROM_PART, CorrectionStatus.OUTSIDE_VIEW)
     status = np.where(in_view, *outside).astype(np.int64)
     face = np.full(len(measured), -1)
-    of_field = partial(point_error, loaded=scene)
     for rows in np.array_split(order, math.ceil(len(order) / PIECE)) if len(order) else ():
-        error[rows], status[rows], face[rows] = _robust_error(measured[rows], scene.part, of_field)
+        error[rows], status[rows], face[rows] = _robust_error(measured[rows], scene, sensor)
     return error, status, face
 
 
@@ -295,9 +284,7 @@ def _across(points: FloatArray) -> float:
 
 
 def _robust_error(
-    measured: FloatArray,
-    part: Part,
-    point_error: Callable[..., tuple[FloatArray, IntArray, IntArray]],
+    measured: FloatArray, scene: LoadedScene, sensor: Sensor
 ) -> tuple[FloatArray, IntArray, IntArray]:
     """`_point_error` with the face of a point, and whether it is seen, made robust to noise.
 
@@ -306,7 +293,8 @@ def _robust_error(
     it too small. So the face is the nearest one, and points that seem hidden or far, or to lie on
     another region, are judged as if they lay on it.
     """
-    error, status, face = point_error(measured)
+    part = scene.part
+    error, status, face = _point_error(measured, scene, sensor, REACH_MM)
     place = measured - error
     foot, nearest = part.surface.nearest(place)
     near = np.linalg.norm(foot - place, axis=1) <= REACH_MM
@@ -316,18 +304,12 @@ def _robust_error(
     face[near] = nearest[near]
     if len(rows):
         on_part = foot[rows] + error[rows]
-        error[rows], status[rows], _ = point_error(on_part, reach_mm=ON_THE_PART_MM)
+        error[rows], status[rows], _ = _point_error(on_part, scene, sensor, ON_THE_PART_MM)
     return error, status, face
 
 
 def _point_error(
-    measured: FloatArray,
-    loaded: LoadedScene,
-    camera: Camera,
-    second: Camera,
-    system: System,
-    phase: Phase,
-    reach_mm: float = REACH_MM,
+    measured: FloatArray, scene: LoadedScene, sensor: Sensor, reach_mm: float
 ) -> tuple[FloatArray, IntArray, IntArray]:
     """`error`, `status` and `face` of points as in `Correction`, in one field.
 
@@ -343,8 +325,8 @@ def _point_error(
         if len(rows) == 0:
             break
         one, other = (
-            lines_of_sight(loaded, device.origin, place[rows], offset[rows], rounds=1)
-            for device, offset in zip((camera, second), offsets, strict=True)
+            lines_of_sight(scene, device.origin, place[rows], offset[rows], rounds=1)
+            for device, offset in zip(sensor.devices, offsets, strict=True)
         )
         aimed = np.array((one.offset, other.offset))
         moved = np.linalg.norm(aimed - offsets[:, rows], axis=2).max(axis=0)
@@ -355,9 +337,9 @@ def _point_error(
         lost[rows] = one.lost | other.lost
         a, b = (
             unit_vectors(place[rows] + offset - device.origin)
-            for device, offset in zip((camera, second), aimed, strict=True)
+            for device, offset in zip(sensor.devices, aimed, strict=True)
         )
-        seen, _ = triangulated(camera, second, a, b, system, phase)
+        seen, _ = sensor.triangulated(a, b)
         step = measured[rows] - seen
         place[rows] += step
         moved = np.maximum(moved, np.linalg.norm(step, axis=1))

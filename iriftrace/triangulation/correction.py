@@ -24,10 +24,11 @@ from iriftrace.features.fitted import FittedFeature, fit_features
 from iriftrace.features.outliers import GATE
 from iriftrace.features.quantity import Quantity, Uncertainty
 from iriftrace.features.relations import Relation, relations
+from iriftrace.field.source import FieldKind
 from iriftrace.geometry.transform import apply
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
-from iriftrace.triangulation.field_state import FieldState
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.triangulation.larger import Larger
 from iriftrace.triangulation.statistics import (
     PointStatus,
@@ -44,6 +45,9 @@ COVERAGE_FACTOR = 2
 
 COVERED = 0.9772498680518208
 """Fraction of that distribution below twice its standard deviation."""
+
+_RANGE = 2.0 * math.sqrt(3.0)
+"""Range over standard deviation of a value that may lie anywhere in between (GUM, 4.3.7)."""
 
 
 class CorrectionStatus(PointStatus):
@@ -65,6 +69,34 @@ class CorrectionStatus(PointStatus):
     LOST = 6
     OUTSIDE_VIEW = 7
     NOT_MEASURED = 8
+
+
+@frozen
+class FieldState:
+    """What the file of a scene's field states about the uncertainty of a correction."""
+
+    synthetic: bool = False  # air from formulas, whose uncertainty is not known
+    # Relative standard uncertainty of the air's contrast because it changes in time while a scan
+    # sees one state; 0 for steady air and where nothing is stated, None for unsteady air whose
+    # changes are not stated.
+    unsteadiness: float | None = 0.0
+
+    @classmethod
+    def of(cls, scene: LoadedScene) -> FieldState:
+        """State of a scene's field; the scatter of an ensemble's fields has their unsteadiness."""
+        if scene.ensemble is None:
+            sources = [scene.source]
+        else:
+            sources = [member.source for member in scene.ensemble.members]
+        kinds = [source.facts.kind for source in sources if source is not None]
+        if scene.source is None or scene.ensemble is not None or FieldKind.UNSTEADY not in kinds:
+            return cls(synthetic=FieldKind.SYNTHETIC in kinds)
+        facts, heating_k = scene.source.facts, scene.stated.heating_k
+        if facts.heat_variation is None or facts.plume_swing_k is None or heating_k is None:
+            return cls(unsteadiness=None)
+        # The larger of heat flow's and plume's relative range, as a rectangular distribution.
+        relative = max(facts.heat_variation, facts.plume_swing_k / heating_k)
+        return cls(unsteadiness=relative / _RANGE)
 
 
 @frozen(eq=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal, get_args
 
 import numpy as np
+from attrs import frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
@@ -29,14 +30,53 @@ SYSTEM_OF_DEVICE: dict[str, System] = {
 DEVICE_OF_SYSTEM = {system: device for device, system in SYSTEM_OF_DEVICE.items()}
 
 
-def devices_of(
+@frozen(eq=False)
+class Sensor:
+    """Two devices that triangulate, and what their software intersects."""
+
+    camera: Camera
+    second: Camera
+    system: System
+    phase: Phase  # lines of a projector; "both" for two cameras, "columns" for a laser
+
+    @classmethod
+    def of(
+        cls, camera: Camera, second: Camera, system: System, phase: Phase | None = None
+    ) -> Sensor:
+        """A sensor; the phase is a projector's, by default its `better_phase`."""
+        if system == "fringe":
+            return cls(camera, second, system, phase or better_phase(camera, second))
+        return cls(camera, second, system, "both" if system == "stereo" else "columns")
+
+    @property
+    def devices(self) -> tuple[Camera, Camera]:
+        """Both of them."""
+        return self.camera, self.second
+
+    def triangulated(self, a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Measured points, mm, and gaps, mm, of lines of the camera and of the second device."""
+        camera, second = self.devices
+        if self.phase == "both":
+            return nearest_point(camera.origin, a, second.origin, b)
+        if self.system == "laser":
+            # The plane of the laser's middle column.
+            middle, height = (second.resolution[0] - 1) / 2, second.resolution[1]
+            _, (top, bottom) = second.rays(((middle, -0.5), (middle, height - 0.5)))
+            across = np.cross(top, bottom)
+            normal = np.broadcast_to(across / np.linalg.norm(across), a.shape)
+        else:
+            normal = phase_planes(second, b, self.phase)
+        return on_plane(camera.origin, a, second.origin, normal), np.zeros(len(a))
+
+
+def sensor_of(
     scene: AnyScene,
     camera: Camera | None,
     second: Camera | None,
     system: System | None,
     phase: Phase | None,
-) -> tuple[LoadedScene, Camera, Camera, System, Phase]:
-    """The scene, its two devices and the kind of sensor, with the defaults of `measure`."""
+) -> tuple[LoadedScene, Sensor]:
+    """The scene and its sensor, with the defaults of `measure`."""
     loaded = loaded_scene(scene)
     camera = loaded.camera if camera is None else camera
     second = loaded.second if second is None else second
@@ -56,11 +96,7 @@ def devices_of(
             "a focal length."
         )
     refuse_one_place(camera, second)
-    if system == "stereo":
-        return loaded, camera, second, system, "both"
-    if system == "laser":
-        return loaded, camera, second, system, "columns"
-    return loaded, camera, second, system, phase or better_phase(camera, second)
+    return loaded, Sensor.of(camera, second, system, phase)
 
 
 def better_phase(camera: Camera, projector: Camera) -> Phase:
@@ -74,23 +110,6 @@ def provenance_of_two(scene: LoadedScene, camera: Camera) -> JsonObject:
     found = provenance(scene, camera)
     found["assumptions"]["exposure"] = "one instant: both devices see the same air"
     return found
-
-
-def triangulated(
-    camera: Camera, second: Camera, a: FloatArray, b: FloatArray, system: System, phase: Phase
-) -> tuple[FloatArray, FloatArray]:
-    """Measured points, mm, and gaps, mm, of lines of the camera and of the second device."""
-    if phase == "both":
-        return nearest_point(camera.origin, a, second.origin, b)
-    if system == "laser":
-        # The plane of the laser's middle column.
-        middle, height = (second.resolution[0] - 1) / 2, second.resolution[1]
-        _, (top, bottom) = second.rays(((middle, -0.5), (middle, height - 0.5)))
-        across = np.cross(top, bottom)
-        normal = np.broadcast_to(across / np.linalg.norm(across), a.shape)
-    else:
-        normal = phase_planes(second, b, phase)
-    return on_plane(camera.origin, a, second.origin, normal), np.zeros(len(a))
 
 
 def phase_planes(projector: Camera, direction: FloatArray, phase: str) -> FloatArray:

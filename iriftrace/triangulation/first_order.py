@@ -4,27 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
 from iriftrace.geometry.triangles import unit_vectors
-from iriftrace.triangulation.devices import (
-    Phase,
-    System,
-    better_phase,
-    nearest_point,
-    on_plane,
-    phase_planes,
-)
+from iriftrace.triangulation.devices import Sensor, nearest_point, on_plane, phase_planes
 
 
 def first_order_error(
-    camera: Camera,
-    second: Camera,
-    points: FloatArray,
-    offset: FloatArray,
-    second_offset: FloatArray,
-    system: System = "fringe",
-    phase: Phase | None = None,
+    sensor: Sensor, points: FloatArray, offset: FloatArray, second_offset: FloatArray
 ) -> FloatArray:
     r"""Error X' - X (n, 3) of points whose lines of sight pass them at known offsets.
 
@@ -38,13 +24,12 @@ def first_order_error(
 
     Points and offsets are (n, 3) arrays, mm, world; an offset is :math:`-(I - a a^T)` times the
     displacement, as `iriftrace.image.sightings.FaceSightings.offset` has it. A laser's sheet is
-    assumed to pass through each point. System and phase as for :func:`iriftrace.measure`.
+    assumed to pass through each point.
     """
-    a, b = unit_vectors(points - camera.origin), unit_vectors(points - second.origin)
-    phase = phase or ("columns" if system == "laser" else better_phase(camera, second))
-    if system == "stereo" or phase == "both":
+    a, b = (unit_vectors(points - device.origin) for device in sensor.devices)
+    if sensor.phase == "both":
         return nearest_point(offset, a, second_offset, b)[0]
-    return on_plane(offset, a, second_offset, phase_planes(second, b, phase))
+    return on_plane(offset, a, second_offset, phase_planes(sensor.second, b, sensor.phase))
 
 
 def first_order_size(

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from attrs import evolve
+from attrs import asdict, evolve
 from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
@@ -29,13 +29,7 @@ from iriftrace.scene.scene import AnyScene
 from iriftrace.trace.engine import choose
 from iriftrace.trace.lost import warn_of_lost_points
 from iriftrace.trace.rays import traced_as_chosen
-from iriftrace.triangulation.devices import (
-    Phase,
-    System,
-    devices_of,
-    provenance_of_two,
-    triangulated,
-)
+from iriftrace.triangulation.devices import Phase, Sensor, System, provenance_of_two, sensor_of
 from iriftrace.triangulation.scan import Scan, ScanStatus
 from iriftrace.triangulation.two_points import lines_of_sight
 
@@ -91,17 +85,15 @@ def measure(
     IriftraceWarning
         Half of the lines meet at less than 1 degree, or as :func:`iriftrace.trace.engine.choose`.
     """
-    loaded, camera, second, system, phase = devices_of(scene, camera, second, system, phase)
+    loaded, sensor = sensor_of(scene, camera, second, system, phase)
     started = time.perf_counter()
-    chosen = choose(loaded, camera, second).scene
+    chosen = choose(loaded, *sensor.devices).scene
     if chosen.ensemble is None:
-        found = _scan(chosen, camera, second, system, phase)
+        found = _scan(chosen, sensor)
     else:
-        members = chosen.ensemble.scenes()
-        scans = [_scan(member, camera, second, system, phase) for member in members]
-        found = evolve(
-            _together(scans, chosen.ensemble.weights), provenance=provenance_of_two(chosen, camera)
-        )
+        scans = [_scan(member, sensor) for member in chosen.ensemble.scenes()]
+        together = _together(scans, chosen.ensemble.weights)
+        found = evolve(together, provenance=provenance_of_two(chosen, sensor.camera))
     measure_s = time.perf_counter() - started
     time_s = {"load": loaded.load_s, "build": loaded.build_s, "measure": measure_s}
     return evolve(found, time_s=time_s)
@@ -140,9 +132,10 @@ def _together(scans: Sequence[Scan], weights: MemberWeights) -> Scan:
     )
 
 
-def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, phase: Phase) -> Scan:
-    forward, solved = (second, camera) if system == "laser" else (camera, second)
-    lit = _lit_points(scene, forward, sheet=system == "laser")
+def _scan(scene: LoadedScene, sensor: Sensor) -> Scan:
+    camera, sheet = sensor.camera, sensor.system == "laser"
+    forward, solved = reversed(sensor.devices) if sheet else sensor.devices
+    lit = _lit_points(scene, forward, sheet=sheet)
     codes, numbers, direction = _seen_by(scene, solved, forward, lit)
     status = lit.status
     status[lit.pixel] = codes
@@ -153,9 +146,9 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
     kept = numbers[good]
     if len(kept) == 0:
         raise InputError(_nothing_in_common(lit.outcome, codes))
-    one, other = lit.direction[kept], direction[good]
-    a, b = (other, one) if system == "laser" else (one, other)
-    points, gap = triangulated(camera, second, a, b, system, phase)
+    lines = lit.direction[kept], direction[good]
+    a, b = reversed(lines) if sheet else lines
+    points, gap = sensor.triangulated(a, b)
     angle = np.arccos(np.clip(np.einsum("ij,ij->i", a, b), -1.0, 1.0))
     median = float(np.median(angle))
     if median < LEAST_ANGLE:
@@ -169,13 +162,10 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
         normal=lit.normal[kept],
         gap=gap,
         angle=angle,
-        pixel=camera.project(camera.origin + a) if system == "laser" else lit.place[kept],
+        pixel=camera.project(camera.origin + a) if sheet else lit.place[kept],
         face=lit.face[kept],
         status=status.reshape(lit.shape),
-        system=system,
-        phase=phase,
-        camera=camera,
-        second=second,
+        **asdict(sensor, recurse=False),
         provenance=provenance_of_two(scene, camera),
     )
 

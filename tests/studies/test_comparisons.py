@@ -15,7 +15,7 @@ from iriftrace.scene.scene import Scene
 from iriftrace.shells.contour import contour_shells
 from iriftrace.studies.kinds import layers_study, mesh_study, smoothed, smoothing_study
 from iriftrace.studies.mode import OURS, PAPERS, Mode, through_cells, through_shells
-from iriftrace.studies.study import DIFFERENCES, SIZES, picture, run_study
+from iriftrace.studies.study import DIFFERENCES, SIZES, Setup, picture, run_study
 from validation.inputs.study_inputs import field_and_scene
 
 FACETS = Mode("facets", normals="facet")
@@ -29,9 +29,7 @@ def block(variant: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[Index
 @pytest.fixture(scope="module")
 def layers(block: tuple[IndexField, Scene], tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     study = layers_study(
-        block[1],
-        {"f": block[0]},
-        [OURS, PAPERS],
+        Setup(block[1], {"f": block[0]}, [OURS, PAPERS]),
         layers=[1, 3, 6],
         references=["6", "cells"],
     )
@@ -96,7 +94,7 @@ def test_figures_have_a_column_for_each_reference(layers: xr.Dataset) -> None:
 @pytest.mark.parametrize("name", ["0", "fine", "-3"])
 def test_unknown_references_are_refused(block: tuple[IndexField, Scene], name: str) -> None:
     with pytest.raises(InputError, match="not a reference"):
-        layers_study(block[1], {"f": block[0]}, [OURS], layers=[2], references=[name])
+        layers_study(Setup(block[1], {"f": block[0]}, [OURS]), layers=[2], references=[name])
 
 
 def test_no_smoothing_of_the_finest_field_changes_nothing(
@@ -104,9 +102,7 @@ def test_no_smoothing_of_the_finest_field_changes_nothing(
 ) -> None:
     field, scene = block
     study = smoothing_study(
-        scene,
-        {"a": field, "b": field},
-        [OURS, FACETS],
+        Setup(scene, {"a": field, "b": field}, [OURS, FACETS]),
         iterations=[0, 5],
         layers=3,
         references=["same mode"],
@@ -138,9 +134,7 @@ def test_meshes_are_compared_with_the_last_and_splitting_adds_coplanar_triangles
     coarse, _ = field_and_scene(tmp_path, variant, cells=9)
     fine, scene = field_and_scene(tmp_path, variant, cells=18)
     study = mesh_study(
-        scene,
-        {"coarse": coarse, "fine": fine},
-        [OURS, FACETS],
+        Setup(scene, {"coarse": coarse, "fine": fine}, [OURS, FACETS]),
         references=["same mode"],
         layers=3,
         split=["coarse"],
@@ -163,15 +157,11 @@ def test_a_study_of_meshes_needs_two_fields_and_known_names(
 ) -> None:
     field, scene = block
     with pytest.raises(InputError, match="at least two fields"):
-        mesh_study(scene, {"a": field}, [OURS], references=["same mode"])
+        mesh_study(Setup(scene, {"a": field}, [OURS]), references=["same mode"])
+    two = Setup(scene, {"a": field, "b": field}, [OURS])
     with pytest.raises(InputError, match="no field c to split"):
-        mesh_study(scene, {"a": field, "b": field}, [OURS], references=["same mode"], split=["c"])
+        mesh_study(two, references=["same mode"], split=["c"])
     with pytest.raises(InputError, match="not a reference"):
-        mesh_study(scene, {"a": field, "b": field}, [OURS], references=["best"])
+        mesh_study(two, references=["best"])
     with pytest.raises(InputError, match="leaves none"):
-        mesh_study(
-            scene,
-            {"a": field, "b": field},
-            [evolve(OURS, drop_inner=[0, 3])],
-            layers=3,
-        )
+        mesh_study(evolve(two, modes=[evolve(OURS, drop_inner=[0, 3])]), layers=3)

@@ -11,7 +11,7 @@ from iriftrace.shells.contour import contour_shells
 from iriftrace.studies import times
 from iriftrace.studies.kinds import polygons_study, rays_study
 from iriftrace.studies.mode import OURS, PAPERS, Mode, through_shells
-from iriftrace.studies.study import run_study
+from iriftrace.studies.study import Setup, run_study
 from iriftrace.studies.times import STAGES
 from iriftrace.trace.query_replay import Recording
 from validation.inputs.study_inputs import field_and_scene
@@ -24,7 +24,7 @@ def _few_repeats(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_rays_are_counted_and_every_stage_takes_time(variant: str, tmp_path: Path) -> None:
     field, scene = field_and_scene(tmp_path, variant)
-    study = rays_study(scene, {"f": field}, [OURS], scales=[0.5, 1.0], layers=3)
+    study = rays_study(Setup(scene, {"f": field}, [OURS]), scales=[0.5, 1.0], layers=3)
     found = run_study(study, tmp_path / "rays.nc")
     np.testing.assert_array_equal(found["rays"], [[750, 3000]])
     for stage in STAGES:
@@ -51,7 +51,7 @@ def test_rays_are_counted_and_every_stage_takes_time(variant: str, tmp_path: Pat
 def test_polygons_grow_by_four(variant: str, tmp_path: Path) -> None:
     field, scene = field_and_scene(tmp_path, variant)
     study = polygons_study(
-        scene, {"f": field}, [OURS, PAPERS], layers=3, smallest=400, largest=2_000
+        Setup(scene, {"f": field}, [OURS, PAPERS]), layers=3, smallest=400, largest=2_000
     )
     found = run_study(study, tmp_path / "polygons.nc")
     triangles = found["triangles"].values
@@ -90,8 +90,8 @@ def test_replayed_queries_find_what_the_trace_found(
 def test_ranges_are_checked(variant: str, tmp_path: Path) -> None:
     field, scene = field_and_scene(tmp_path, variant)
     with pytest.raises(InputError, match="not a range"):
-        polygons_study(scene, {"f": field}, [OURS], smallest=5000, largest=400)
+        polygons_study(Setup(scene, {"f": field}, [OURS]), smallest=5000, largest=400)
     with pytest.raises(InputError, match="each different"):
-        rays_study(scene, {"f": field}, [OURS], scales=[1.0, 1.0])
+        rays_study(Setup(scene, {"f": field}, [OURS]), scales=[1.0, 1.0])
     with pytest.raises(InputError, match="scale"):
-        rays_study(scene, {"f": field}, [OURS], scales=[0.0])
+        rays_study(Setup(scene, {"f": field}, [OURS]), scales=[0.0])

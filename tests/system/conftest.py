@@ -9,7 +9,7 @@ import pytest
 from failing import NINE_POSES, Failing, Run
 
 from iriftrace.cli import main
-from iriftrace.figures import pose, space, style, sweep_space
+from iriftrace.figures import pose, space, style
 from iriftrace.runtime import doctor
 from validation.inputs import hot_block
 from validation.inputs.hot_block import HotBlock
@@ -48,8 +48,7 @@ def _small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     dpi, size_px = style.DPI // 4, tuple(size // 4 for size in space.SIZE_PX)
     for module in (pose, space, style):
         monkeypatch.setattr(module, "DPI", dpi)
-    for module in (space, sweep_space):
-        monkeypatch.setattr(module, "SIZE_PX", size_px)
+    monkeypatch.setattr(space, "SIZE_PX", size_px)
 
 
 @pytest.fixture

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iriftrace.air.refractivity import Air
 from iriftrace.cli import main
 from iriftrace.cli.field_options import FieldOptions, PartOptions
 from iriftrace.core.errors import InputError
@@ -30,7 +29,7 @@ def _few_cubes(monkeypatch: pytest.MonkeyPatch) -> None:
 def read(path: Path, *temperatures: str) -> np.ndarray:
     """Extents of a part that has grown."""
     field = path.with_name("air.vtu")
-    wall = partial(FieldOptions().read_wall, field, Air())
+    wall = partial(FieldOptions().read_wall, field)
     options = PartOptions(expansion=1e-5, hot_temperature=list(temperatures))
     return np.ptp(options.read(path, wall).bounds, axis=0)
 

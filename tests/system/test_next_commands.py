@@ -9,7 +9,7 @@ import pytest
 from iriftrace.cfd.openfoam.simulate import Simulation
 from iriftrace.cli import main
 from iriftrace.cli.field_options import PartOptions
-from iriftrace.cli.simulate import _print_simulation
+from iriftrace.cli.simulate import _print_simulation, next_scene
 from iriftrace.cli.simulation_options import SimulationOptions
 from validation.inputs import hot_block
 
@@ -58,6 +58,18 @@ def test_after_a_simulation(capsys: Printed) -> None:
         *("scene", "case/field.vtu", "a part.stl", "-o", "case/scene/scene.xml"),
         *("--ambient", "25 degC", "--pressure", "90000 Pa", "--length-unit", "m"),
         *("--expansion", "1.4e-05/K", "--hot-temperature", "1100 degC"),
+    ]
+
+
+def test_after_a_family() -> None:
+    """Its members are one ensemble, in the air of the simulation."""
+    simulation = SimulationOptions(ambient=298.15, pressure=9e4)
+    files = [Path("family/still.vtu"), Path("family/a.vtu"), Path("family/b.vtu")]
+    command = next_scene(files, Path("part.stl"), simulation, PartOptions())
+    assert shlex.split(command)[1:] == [
+        *("scene", "family/still.vtu", "part.stl", "-o", "family/scene/scene.xml"),
+        *("--ambient", "25 degC", "--member", "family/a.vtu", "--member", "family/b.vtu"),
+        *("--pressure", "90000 Pa"),
     ]
 
 

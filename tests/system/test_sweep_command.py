@@ -1,6 +1,8 @@
 """Sweeps from the command line: schedulers, lists of poses, failed poses, products of options."""
 
 import importlib.util
+import re
+import shlex
 import shutil
 import socket
 from pathlib import Path
@@ -56,13 +58,18 @@ def test_what_is_not_installed(
 def test_a_turntables_angle_is_stated(
     hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """As a column of the plan, and of the best pose; poses at all angles are of one series."""
-    sweep = tmp_path / "turned.nc"
-    assert main(f"sweep {hot.scene} -o {sweep} --turntable z:20:80:30".split()) == 0
+    """As a column of the plan, and of the best pose; poses at all angles are of one series.
+
+    The command of the plan runs as it was printed.
+    """
+    sweep = tmp_path / "a turned part.nc"
+    words = ["sweep", str(hot.scene), "-o", str(sweep), "--turntable", "z:20:80:30"]
+    assert main(words) == 0
     dataset = read_sweep(sweep)
     assert dataset["table"].values.tolist() == [20.0, 50.0, 80.0]
-    capsys.readouterr()
-    assert main(["plan", str(sweep), "--min-hits", "1"]) == 0
+    command = re.search("now run:  iriftrace (.*)", capsys.readouterr().out)
+    assert command
+    assert main([*shlex.split(command[1]), "--min-hits", "1"]) == 0
     printed = capsys.readouterr().out
     best = summarise(dataset, Criteria(min_hits=1)).plan.best
     assert f"Best pose {best} (table's angle {dataset['table'].values[best]:g} deg)" in printed

@@ -9,6 +9,7 @@ from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
 from iriftrace.trace.rays import trace_rays
+from iriftrace.triangulation.devices import Sensor
 from iriftrace.triangulation.first_order import first_order_error, first_order_size
 from iriftrace.triangulation.measure import measure
 from validation.inputs.cameras import camera_at
@@ -33,9 +34,8 @@ def offset(slope: float) -> np.ndarray:
 @pytest.mark.parametrize(("tc", "tp"), [(-0.3, 0.3), (0.0, 0.6), (0.4, 1.2)])
 def test_plane_layers(system: str, tc: float, tp: float) -> None:
     """Depth J (1 + tc^2 + tc tp + tp^2), lateral -J tc tp (tc + tp), whatever the sensor."""
-    error = first_order_error(
-        device(tc), device(tp), np.zeros((1, 3)), offset(tc), offset(tp), system
-    )
+    sensor = Sensor.of(device(tc), device(tp), system)
+    error = first_order_error(sensor, np.zeros((1, 3)), offset(tc), offset(tp))
     expected = (-J_MM * tc * tp * (tc + tp), 0.0, -J_MM * (1 + tc**2 + tc * tp + tp**2))
     assert error[0] == pytest.approx(expected, abs=1e-12)
 
@@ -51,14 +51,8 @@ def test_the_exact_solver_differs_in_the_second_order_alone() -> None:
         moved = trace_rays(scene, np.broadcast_to(one.origin, sight.shape), sight).displacement
         offsets.append(sight * np.einsum("ij,ij->i", sight, moved)[:, None] - moved)
     known = np.isfinite(offsets[0] + offsets[1]).all(axis=1)
-    found = first_order_error(
-        scene.camera,
-        scene.second,
-        scan.true[known],
-        *(o[known] for o in offsets),
-        "fringe",
-        scan.phase,
-    )
+    sensor = Sensor.of(scene.camera, scene.second, "fringe", scan.phase)
+    found = first_order_error(sensor, scan.true[known], *(o[known] for o in offsets))
     left = np.linalg.norm(found - scan.error[known], axis=1)
     size = np.linalg.norm(scan.error[known], axis=1)
     assert known.mean() > 0.98

@@ -25,8 +25,7 @@ from iriftrace.scene.xml import SceneSettings
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import slab
 from iriftrace.triangulation.correct import correct
-from iriftrace.triangulation.correction import CorrectionStatus
-from iriftrace.triangulation.field_state import field_state
+from iriftrace.triangulation.correction import CorrectionStatus, FieldState
 from iriftrace.triangulation.measure import measure
 from iriftrace.triangulation.scan import Scan, ScanStatus
 from validation.inputs import hot_block
@@ -286,7 +285,7 @@ def test_air_that_changes_in_time_is_uncertain(
     scene = with_facts(member(three, 2), facts)
     shells = [evolve(row, temperature_k=1193.15) for row in scene.stated.shells]
     scene = evolve(scene, stated=evolve(scene.stated, shells=shells, air=Air(temperature_k=293.15)))
-    assert field_state(scene).unsteadiness == pytest.approx(unsteadiness)
+    assert FieldState.of(scene).unsteadiness == pytest.approx(unsteadiness)
     found = correct(measure(scene).points, scene, field_uncertainty=0.05)
     assert found.u_contrast == pytest.approx(np.hypot(0.05, unsteadiness or 0.0))
     assert found.as_dict()["unsteadiness"] == found.state.unsteadiness
