@@ -7,6 +7,7 @@ need room around the box that depends on the view.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import product
@@ -204,7 +205,9 @@ def label_box(axes: Axes, view: View, box: Box) -> None:
         positions = view.pixels(edge)
         ends, positions = positions[:2], positions[2:]
         outward = _outward(ends, middle)
-        for tick, position in zip(ticks[axis], positions, strict=True):
+        steps = np.abs(np.diff(positions, axis=0)).max(axis=1)
+        every = math.ceil(_LABEL_WIDTH_PX / steps.min()) if len(steps) else 1
+        for tick, position in list(zip(ticks[axis], positions, strict=True))[::every]:
             # Near a corner the label would meet that of the next edge.
             if np.linalg.norm(ends - position, axis=1).min() > _CORNER_PX:
                 _write(axes, position + _TICK_GAP_PX * outward, number(tick), outward, 8)

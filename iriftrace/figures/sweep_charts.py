@@ -315,7 +315,7 @@ def _draw_panel(axes: Axes, summary: SweepSummary, quantity: Quantity, members: 
         _draw_cells(axes, summary, quantity, grid)
     azimuth, elevation = summary.azimuth_on_maps, summary.elevation
     warned = members[summary.warned[members].any(axis=1)]
-    axes.plot(azimuth[warned], elevation[warned], zorder=3, **WARNED)
+    axes.plot(azimuth[warned], elevation[warned], zorder=3, clip_on=False, **WARNED)
     best = summary.plan.best
     if best in members:
         axes.plot(azimuth[best], elevation[best], zorder=4, clip_on=False, **BEST)
