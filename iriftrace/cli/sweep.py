@@ -88,7 +88,7 @@ def sweep(
         check_scheduler(scheduler, workers)
     loaded = [trace.load(scene) for scene in scenes]
     poses = orbit.pose_sets(loaded[0])
-    if orbit.is_default:
+    if orbit.is_default and focal_length is None:
         from iriftrace.cli.output import print_default_orbit
 
         ((stand_off, around),) = poses.items()

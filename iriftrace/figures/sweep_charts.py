@@ -327,7 +327,9 @@ def _draw_panel(axes: Axes, summary: SweepSummary, quantity: Quantity, members: 
         low, high = axis.get_view_interval()
         step = next((s for s in _TICK_STEPS_DEG if (high - low) / s <= _MOST_TICKS), None)
         small = high - low < 2 * _TICK_STEPS_DEG[0]
-        axis.set_major_locator(MaxNLocator(6) if step is None or small else MultipleLocator(step))
+        axis.set_major_locator(
+            MaxNLocator(6, steps=[1, 2, 5, 10]) if step is None or small else MultipleLocator(step)
+        )
     axes.xaxis.set_major_formatter(lambda value, _position: number(round(value, 6) % 360.0))
 
 

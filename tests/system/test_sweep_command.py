@@ -15,6 +15,7 @@ from failing import Failing
 from iriftrace.cli import main
 from iriftrace.planning.criteria import Criteria
 from iriftrace.planning.summary import summarise
+from iriftrace.scenes import folder_of
 from iriftrace.sweep.store import read_sweep
 from validation.inputs.hot_block import HotBlock
 
@@ -53,6 +54,21 @@ def test_what_is_not_installed(
     )
     message = fails(*f"sweep {hot.scene} -o a.nc {ORBIT} {option}".split())
     assert "not installed; in the clone: pip install -e '.[" in message
+
+
+def test_what_the_default_orbit_misses_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The part is 170 mm long; 150 mm off it, at 163.5 mm, the picture is 163.5 * 0.67 mm wide."""
+    scene, file = folder_of("cylinder") / "scene.xml", tmp_path / "a.nc"
+    words = ["sweep", str(scene), "-o", str(file), "--azimuth=90", "--elevation=0"]
+    assert main([*words, "-D", "scale=0.03"]) == 0
+    said = capsys.readouterr().out.splitlines()[0]
+    assert said.startswith("Of the part's side that faces the camera 35% is outside the picture on")
+    assert "150 mm off the part; change this distance (--stand-off)" in said
+    file.unlink()
+    assert main([*words, "-D", "scale=0.03", "--stand-off=150"]) == 0
+    assert "faces the camera" not in capsys.readouterr().out
 
 
 def test_a_turntables_angle_is_stated(
