@@ -152,8 +152,8 @@ def fit_part_to_field(
     advice = _advice(part, field, cavity)
     if _apart(part.bounds, data):
         raise InputError(
-            f"{unreached}they do not overlap; {advice} If the part is a board that is seen past a "
-            "hot part, give that one as a blocker (--blocker)."
+            f"{unreached}they do not overlap; {advice} If the part is a board seen past a hot "
+            "part, give that one as a blocker (--blocker)."
         )
     larger = _diagonal(part.bounds) / _diagonal(data)
     wider = _diagonal(cavity) / _diagonal(part.bounds)
