@@ -150,9 +150,6 @@ def plan(
     _refuse_without("--pairs", pairs, of_pairs)
     limits = several.limits()
     check_output(output, "refined.json")
-    check_input(sweep)
-    dataset = read_sweep(sweep)
-    check_light(wavelength, dataset.attrs, sweep)
     count = 80 if evaluations is None else evaluations
     if refine:
         check_evaluations(count)
@@ -161,6 +158,10 @@ def plan(
             {"--views": several.views, "--save-poses": save_poses},
             "is about single poses; leave it out, or --pairs.",
         )
+    check_input(sweep)
+    dataset = read_sweep(sweep)
+    check_light(wavelength, dataset.attrs, sweep)
+    if pairs:
         measured = confirm is not False
         pair_plan = print_pairs(dataset, ranking, system or "fringe", angle, feature, measured, top)
         if refine:
