@@ -33,6 +33,10 @@ demo: $(VENV)/installed $(VENV)/drawing llvm
 # Most of a test is one thread of Python or VTK. What a file's tests share is made once.
 TWO_AT_A_TIME = --numprocesses 2 --dist loadfile --no-loadscope-reorder
 
+# Pytest rewrites and compiles each module of tests; the next run reads them, also where Python is told
+# to write no bytecode.
+test test-all: export PYTHONDONTWRITEBYTECODE =
+
 test: $(VENV)/installed-dev $(VENV)/drawing llvm
 	$(BIN)/python -m pytest $(TWO_AT_A_TIME)
 

@@ -157,7 +157,7 @@ def plugin_class(variant: str) -> type:
                 dr.select(on_part, dr.norm(end - one.point), dr.nan) for end in (twin, other.point)
             )
             unmet = one.crossings == 0
-            dr.eval(shifts, unmet)
+            dr.eval(shifts, unmet, straight.distance)
             return *shifts, prepared.between_shells(origin, direction, straight.distance, unmet)
 
         def checking(self, prepared: PreparedScene) -> dt.Check:

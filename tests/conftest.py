@@ -17,6 +17,7 @@ import hypothesis
 import pytest
 
 from iriftrace.core.errors import IriftraceError
+from iriftrace.field import part_fit
 from iriftrace.runtime import variant as runtime
 
 SYSTEM_TESTS = Path(__file__).parent / "system"
@@ -25,7 +26,7 @@ TESTED_VARIANTS = ("llvm_ad_mono", "cuda_ad_mono") if CUDA.devices else ("llvm_a
 
 # Shared machines are slow at times; how long an example takes says nothing about its result.
 # Each run draws other examples.
-hypothesis.settings.register_profile("iriftrace", deadline=None, max_examples=30)
+hypothesis.settings.register_profile("iriftrace", deadline=None, max_examples=20)
 hypothesis.settings.load_profile("iriftrace")
 
 
@@ -36,12 +37,18 @@ def pytest_sessionstart() -> None:
     except IriftraceError as error:
         pytest.exit(f"llvm_ad_mono cannot be tested: {error}", returncode=2)
     os.environ.setdefault("DRJIT_LIBLLVM_PATH", library.path)
+    import drjit
     import mitsuba
 
     try:
         mitsuba.set_variant("llvm_ad_mono")
     except ImportError as error:
         pytest.exit(f"llvm_ad_mono cannot be tested: {error}", returncode=2)
+    # As for OpenBLAS above.
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        drjit.set_thread_count(1)
+    # A tenth of the places at which each new scene compares its part with the field's wall.
+    part_fit.SAMPLE = 2_000
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

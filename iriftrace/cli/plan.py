@@ -140,20 +140,21 @@ def plan(
     _refuse_without("--pairs", pairs, of_pairs)
     limits = several.limits()
     checks.output(output, "refined.json")
-    checks.inputs(sweep)
-    dataset = read_sweep(sweep)
-    check_light(wavelength, dataset.attrs, sweep)
     count = 80 if evaluations is None else evaluations
     if refine:
         check_evaluations(count)
     if pairs:
-        from iriftrace.planning.pairs import ANGLES_DEG, plan_pairs
-        from iriftrace.planning.refine_pair import refine_pair, write_refined_pair
-
         refuse_given(
             {"--views": several.views, "--save-poses": save_poses},
             "is about single poses; leave it out, or --pairs.",
         )
+    checks.inputs(sweep)
+    dataset = read_sweep(sweep)
+    check_light(wavelength, dataset.attrs, sweep)
+    if pairs:
+        from iriftrace.planning.pairs import ANGLES_DEG, plan_pairs
+        from iriftrace.planning.refine_pair import refine_pair, write_refined_pair
+
         with working("Ranking pairs of poses"):
             paired = plan_pairs(
                 dataset,

@@ -107,6 +107,8 @@ def body_in_air(field: IndexField, part: Part, blockers: Sequence[Part]) -> Part
     A board that is seen past a hot part stands apart. A body is in the air if the field's inner
     wall lies near it or, for a field without inner wall, its hot air does.
     """
+    if not blockers:
+        return part
     middle = 0.5 * (field.ambient_refractivity + field.hottest_refractivity)
     for body in (part, *blockers):
         if field.wall.n_points:

@@ -181,9 +181,14 @@ def _sample(scene: LoadedScene, view: View) -> _Sample:
 def _of_bundle(origins: FloatArray, directions: FloatArray) -> tuple[mi.Point3d, mi.Vector3d]:
     import mitsuba as mi
 
+    from iriftrace.plugins.kernels.vertex_table import aligned_rows
+
     count = min(SAMPLE, len(origins))
     chosen = (np.arange(count) * (len(origins) / count)).astype(np.int64)
-    return mi.Point3d(origins[chosen].T), mi.Vector3d(directions[chosen].T)
+    return (
+        mi.Point3d(*aligned_rows(origins[chosen])),
+        mi.Vector3d(*aligned_rows(directions[chosen])),
+    )
 
 
 def _tested(scene: LoadedScene, sample: _Sample) -> EngineTest | None:

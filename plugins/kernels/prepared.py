@@ -7,6 +7,7 @@ straight lines from there to the outside (`PreparedScene.crossed_steps`), so no 
 from __future__ import annotations
 
 from copy import copy
+from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -73,7 +74,6 @@ class PreparedScene:
             self.opaque = scene_beside(scene, opaque)
         else:
             self.opaque = scene
-        self.usual_wall_index = mi.Float64(aligned(self._wall_layers()))
 
     def surroundings(self, point: FloatArray) -> str | None:
         """``"part"`` or ``"hot air"`` around a point (3,), mm, world; None for outside.
@@ -96,8 +96,13 @@ class PreparedScene:
             return "part"
         return "hot air" if np.mean(seen >> 1) > 0.5 else None
 
+    @cached_property
+    def usual_wall_index(self) -> dt.Float64:
+        """Index of the layer that usually touches each face of the part (Float64)."""
+        return mi.Float64(aligned(self._wall_layers()))
+
     def _wall_layers(self) -> FloatArray:
-        """Index of the layer that usually touches each face of the part, (m,) array.
+        """The same as an array (m,).
 
         Straight lines from a few points on each face count the steps to the outside; so no field is
         needed, and shells that cut the part or end on it are taken as they are. Rays that end in
@@ -125,6 +130,8 @@ class PreparedScene:
         behind, before, _ = self.crossed_steps(
             mi.Point3d(*aligned_rows(starts)), mi.Vector3d(*aligned_rows(directions)), passed
         )
+        # Together, the lines are followed once.
+        dr.eval(before, behind)
         counted = (np.array(index).reshape(lines, -1) for index in (before, behind))
         return np.array([self._majority(index) for index in counted])
 

@@ -337,6 +337,7 @@ def test_no_opengl_is_a_setup_error(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_window_that_cannot_open_is_noticed_before_vtk_crashes() -> None:
     """VTK's last resort, OSMesa, is absent on most machines: drawing with it would be a crash."""
     script = (

@@ -95,6 +95,9 @@ def test_files_are_drawn_and_marked(
         assert share_like(picture, hue) > share
     origins = {"part.ply": [], "field.vtu": [""]}.get(bundled, ["OpenFOAM"])
     assert [source.origin.partition(",")[0] for source in marked] == origins
+    if bundled == "part.ply":
+        # Names of the regions' colours.
+        assert share_of(picture, "black") > 0.0003
     if bundled == "scene.xml":
         assert share_of(picture, SIGHT_COLOUR) > 0.0005
         assert share_of(picture, SECOND_COLOUR) == 0.0
@@ -114,16 +117,11 @@ def test_a_pose_has_the_scale_of_its_picture(
     assert look["clim"] == pytest.approx((norm.vmin, norm.vmax), rel=1e-6)
 
 
-def test_a_scene_shows_both_devices(tmp_path: Path) -> None:
+def test_a_scene_shows_both_devices_and_names_its_colours(tmp_path: Path) -> None:
+    """In black; those of a part in `test_files_are_drawn_and_marked`."""
     two = drawn(folder_of("fringe_cylinder") / "scene.xml", tmp_path)
     assert share_of(two, SECOND_COLOUR) > 0.0005
-
-
-def test_colours_are_named_in_black(tmp_path: Path) -> None:
-    """Of a part's regions, and of part, camera and second device of a scene."""
-    regions = drawn(folder_of("wishbone") / "part.ply", tmp_path)
-    assert share_of(regions, "black") > 0.0003
-    assert share_of(drawn(folder_of("fringe_cylinder") / "scene.xml", tmp_path), "black") > 0.0004
+    assert share_of(two, "black") > 0.0004
 
 
 def test_a_field_of_formulas_is_marked(tmp_path: Path) -> None:

@@ -45,6 +45,8 @@ def test_weld_takes_minus_zero_for_zero_but_keeps_the_next_float_apart():
     next_up = np.nextafter(np.float32(1), np.float32(2))
     points = np.array([[0, 1, 0], [-0.0, 1, 0], [0, next_up, 0], [5, 5, 5]], np.float32)
     assert_array_equal(weld(points)[np.array([[0, 2, 3], [1, 2, 3]])], [[0, 2, 3], [0, 2, 3]])
+    # In double precision too, single precision counts.
+    assert_array_equal(weld(np.array([[1.0, 0, 0], [1.0 + 1e-9, 0, 0]])), [0, 0])
 
 
 def test_used_vertices_renumbers_in_order():

@@ -185,14 +185,6 @@ def test_flipping_finds_exactly_the_turned_minority() -> None:
         assert not one_sided.any()
 
 
-def test_weld_ignores_the_sign_of_zero_and_sees_float32() -> None:
-    vertices = np.array([[0.0, 1, 2], [-0.0, 1, 2], [1e-12, 1 + 1e-9, 2], [0, 1, 2.001]])
-    numbers = weld(vertices)
-    assert numbers[0] == numbers[1]
-    assert numbers[3] != numbers[0]
-    assert weld(np.array([[1.0, 0, 0], [1.0 + 1e-9, 0, 0]])).tolist() == [0, 0]
-
-
 def test_equal_holes_have_the_same_numbers_in_millimetres_and_metres() -> None:
     """Six tubes of one size: their bores differ in area by the rounding of the file alone."""
     turns = np.radians(60.0 * np.arange(6))

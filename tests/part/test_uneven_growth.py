@@ -16,12 +16,12 @@ from iriftrace.part.uneven_growth import grown_unevenly
 ALPHA, COLD = 14e-6, 293.15
 
 
-def bar() -> Part:
-    """100 x 20 x 20 mm, corners every 2.5 mm."""
+def bar(edge_mm: float) -> Part:
+    """100 x 20 x 20 mm."""
     import trimesh
 
     mesh = trimesh.creation.box((100.0, 20.0, 20.0))
-    return subdivide_part(part_of_mesh(mesh.vertices, mesh.faces, name="bar"), 5.0)
+    return subdivide_part(part_of_mesh(mesh.vertices, mesh.faces, name="bar"), edge_mm)
 
 
 def grown(part: Part, kelvins: Callable[[np.ndarray], np.ndarray]) -> Part:
@@ -29,7 +29,7 @@ def grown(part: Part, kelvins: Callable[[np.ndarray], np.ndarray]) -> Part:
 
 
 def test_an_equally_hot_part_keeps_its_shape() -> None:
-    part = bar()
+    part = bar(20.0)
     hot = grown(part, lambda points: np.full(len(points), 1000.0))
     about = np.array((1.0, 2.0, 3.0))
     np.testing.assert_allclose(hot.vertices, about + 1.014 * (part.vertices - about), atol=1e-9)
@@ -39,7 +39,7 @@ def test_an_equally_hot_part_keeps_its_shape() -> None:
 
 def test_a_bar_that_is_hotter_above_bends_without_stress() -> None:
     """T = b z: u = a b (x z, y z, (z^2 - x^2 - y^2) / 2), Timoshenko and Goodier, section 153."""
-    part, slope = bar(), 20.0
+    part, slope = bar(5.0), 20.0
     hot = grown(part, lambda points: slope * points[:, 2])
     x, y, z = part.vertices.T
     u = ALPHA * slope * np.column_stack((x * z, y * z, (z**2 - x**2 - y**2) / 2.0))
@@ -65,7 +65,7 @@ def test_a_cylinder_that_is_hotter_inside_grows_by_its_mean_temperature() -> Non
 
 
 def test_the_drawing_travels_with_the_file(tmp_path: Path) -> None:
-    part = bar()
+    part = bar(20.0)
     hot = grown(part, lambda points: 5.0 * points[:, 0] + 600.0)
     save_part(hot, tmp_path / "hot.ply")
     matrix = np.array(((0.0, -1, 0, 5), (1, 0, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)))
@@ -91,4 +91,4 @@ def read_part_even(folder: Path, part: Part) -> Part:
 
 def test_temperatures_that_are_not_finite_are_refused() -> None:
     with pytest.raises(InputError, match="to nan K"):
-        grown(bar(), lambda points: np.full(len(points), np.nan))
+        grown(bar(20.0), lambda points: np.full(len(points), np.nan))

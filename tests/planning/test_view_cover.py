@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
-from numpy.testing import assert_allclose
 
 from iriftrace.core.errors import InputError
 from iriftrace.planning import cover as view_cover
@@ -29,17 +28,6 @@ def cube_seen_from(directions: np.ndarray) -> np.ndarray:
 CORNERS = np.array(list(product((-1, 1), repeat=3)), dtype=float)
 EDGES = np.array([d for d in product((-1, 0, 1), repeat=3) if d.count(0) == 1], dtype=float)
 AXES = np.concatenate((np.eye(3), -np.eye(3)))
-
-
-def test_two_opposite_corners_see_the_whole_cube() -> None:
-    seen = cube_seen_from(np.concatenate((AXES, EDGES, CORNERS)))
-    found = choose_views(seen, np.ones(6), 2)
-    first, second = found.poses - len(AXES) - len(EDGES)
-    assert_allclose(CORNERS[first], -CORNERS[second])
-    assert found.covered == pytest.approx(1)
-    assert_allclose(found.added, [0.5, 0.5])
-    assert found.exact
-    assert found.gap == 0
 
 
 @pytest.mark.parametrize(
@@ -135,15 +123,6 @@ def test_the_gap_of_large_cases_holds(
         assert found.covered == pytest.approx(optimum, abs=1e-6)
 
 
-@given(cases())
-def test_no_set_exceeds_the_bound_of_gains(case: tuple[np.ndarray, np.ndarray, int]) -> None:
-    """However bad the poses are from which it starts, here always the first one."""
-    seen, areas, k = case
-    views = min(k, len(seen))
-    bound = view_cover._bound_of_gains(seen, areas, np.array([0]), views)
-    assert bound >= best_by_trying(seen, areas, views) * areas.sum() - 1e-9
-
-
 def test_the_gap_is_that_of_the_relaxed_program(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two bodies whose relaxed programs can be solved in the head.
 
@@ -178,22 +157,6 @@ def test_giving_up_says_how_far_the_optimum_can_be(monkeypatch: pytest.MonkeyPat
     assert hasty.covered <= patient.covered + 1e-9
     assert hasty.covered + hasty.gap >= patient.covered - 1e-9
     assert hasty.gap >= patient.gap - 1e-9
-
-
-def test_joining_equal_faces_keeps_their_area() -> None:
-    """Twelve faces in three groups; a fourth group is seen by nobody and a fifth has no area."""
-    columns = np.array([[1, 0], [0, 1], [1, 1], [0, 0], [1, 0]], dtype=bool)
-    kind = np.tile([0, 1, 2, 3], 4)
-    seen = np.concatenate((columns[kind], columns[4:])).T
-    shares = np.append(np.full(16, 1 / 16), 0.0)
-    groups, sums = view_cover._grouped(seen, shares)
-    assert groups.shape == (2, 3)
-    assert_allclose(sums, [0.25] * 3)
-    assert {tuple(column) for column in groups.T.tolist()} == {
-        (True, False),
-        (False, True),
-        (True, True),
-    }
 
 
 @pytest.mark.parametrize(

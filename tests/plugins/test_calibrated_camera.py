@@ -13,6 +13,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import Distortion
 from iriftrace.camera.pose import look_at
 from iriftrace.plugins.calibrated_camera import sensor_of
+from iriftrace.plugins.kernels.vertex_table import aligned, aligned_rows
 from validation.inputs.lenses import LENSES, lens_camera
 from validation.inputs.small_scenes import camera, channels, film, part, scene, vector
 
@@ -37,12 +38,13 @@ def loaded(origin: Any = POSE[0], target: Any = POSE[1], **more: Any) -> Any:
 
 def rays(sensor: Any, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     positions = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
-    origin, direction = sensor.rays64(*(mi.Float64(p) for p in positions.T))
+    origin, direction = sensor.rays64(*(mi.Float64(aligned(p)) for p in positions.T))
     return np.array(origin).T, np.array(direction).T
 
 
 def projected(sensor: Any, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    x, y, in_front = sensor.project64(mi.Point3d(*np.asarray(points, dtype=np.float64).T))
+    columns = aligned_rows(np.asarray(points, dtype=np.float64))
+    x, y, in_front = sensor.project64(mi.Point3d(*columns))
     return np.stack((np.array(x), np.array(y)), axis=1), np.array(in_front)
 
 

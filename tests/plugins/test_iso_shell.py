@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_erosion
 
+from iriftrace.plugins.kernels.vertex_table import aligned_rows
 from validation.inputs.small_scenes import nested_spheres, ply, sphere
 
 pytestmark = pytest.mark.usefixtures("variant")
@@ -59,7 +60,7 @@ def test_wrong_parameters_are_refused(values: dict[str, Any], message: str) -> N
 
 def sampled(loaded: Any, outgoing: np.ndarray, **context: Any) -> tuple[Any, np.ndarray]:
     interaction = mi.SurfaceInteraction3f()
-    interaction.wi = mi.Vector3f(*outgoing.T)
+    interaction.wi = mi.Vector3f(*aligned_rows(outgoing.astype(np.float32)))
     samples = mi.Point2f(0.5)
     return loaded.sample(
         mi.BSDFContext(**context), interaction, mi.Float(0.5), samples, mi.Mask(True)

@@ -18,6 +18,7 @@ from iriftrace.plugins.kernels.between import (
     outside,
     stays_in_layer,
 )
+from iriftrace.plugins.kernels.vertex_table import aligned, aligned_rows
 
 pytestmark = pytest.mark.usefixtures("variant")
 
@@ -31,11 +32,11 @@ angles = st.floats(0.0, 2.0 * np.pi)
 
 def vectors(rows: Any) -> Any:
     """Vector3d from (n, 3) or (3,) numbers."""
-    return mi.Vector3d(*np.atleast_2d(np.asarray(rows, dtype=np.float64)).T)
+    return mi.Vector3d(*aligned_rows(np.asarray(rows, dtype=np.float64)))
 
 
 def numbers(values: Any) -> Any:
-    return mi.Float64(np.atleast_1d(np.asarray(values, dtype=np.float64)))
+    return mi.Float64(aligned(np.atleast_1d(np.asarray(values, dtype=np.float64))))
 
 
 def row(value: Any) -> np.ndarray:

@@ -203,11 +203,6 @@ def test_rotated_shells_and_part_are_fine(xml: Path, edit: Edit) -> None:
     assert np.linalg.norm(plain.displacement) > 1e-4
 
 
-def test_unknown_variables_are_refused(xml: Path) -> None:
-    with pytest.raises(InputError, match=r"no parameter spp.*it has scale, normals"):
-        load_scene(xml, {"spp": 4})
-
-
 def test_unneeded_default_is_an_error_of_the_file(xml: Path, edit: Edit) -> None:
     edit('value="$scale"', 'value="0.5"')
     with pytest.raises(InputError, match=r'<default name="scale">, but nothing in it uses \$scale'):

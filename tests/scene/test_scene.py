@@ -319,6 +319,7 @@ def test_folder_that_cannot_be_made_is_named(
             '2 shapes with id="part"|part',
         ),
         ('name="focus_near"', 'name="focus_ner"', 'unreferenced property.*"focus_ner"'),
+        ('origin="[^"]*"', 'origin="nan, 0, 0"', "invalid lookat"),
     ],
 )
 def test_broken_files_are_refused_in_one_line(

@@ -163,10 +163,9 @@ def gear_under_its_plume() -> iriftrace.Scene:
 
 
 # The mesh is too coarse for a gear, which is said and does not matter here.
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*off the field's wall")
-@pytest.mark.parametrize(
-    ("of_gear", "engine"), [(False, "shells"), pytest.param(True, "cells", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("of_gear", "engine"), [(False, "shells"), (True, "cells")])
 def test_commands_and_python_give_the_same_numbers(
     tmp_path: Path, scene: iriftrace.Scene, of_gear: bool, engine: str
 ) -> None:

@@ -321,14 +321,6 @@ def test_surface_carries_the_maps(
         )
 
 
-@pytest.mark.parametrize("content", [b"", b"not netCDF"])
-def test_file_of_another_kind_is_refused(tmp_path: Path, content: bytes) -> None:
-    path = tmp_path / "odd.nc"
-    path.write_bytes(content)
-    with pytest.raises(InputError, match="no netCDF"):
-        read_sweep(path)
-
-
 def test_a_sweep_that_is_not_finished_is_no_missing_one(tmp_path: Path) -> None:
     (tmp_path / "half.nc.partial").touch()
     with pytest.raises(

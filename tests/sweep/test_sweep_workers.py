@@ -110,6 +110,7 @@ def test_sweep_begun_by_workers_is_finished_without_them(
     assert untimed(run_sweep(scene, poses, path)).identical(untimed(alone))
 
 
+@pytest.mark.slow
 def test_workers_that_see_another_scene_are_refused(
     scene: LoadedScene, poses: PoseSet, local: Any, tmp_path: Path
 ) -> None:
@@ -127,6 +128,7 @@ def test_workers_that_see_another_scene_are_refused(
             list(local([PoseTask(0, wrong, camera, (0,), False, "")]))
 
 
+@pytest.mark.slow
 def test_a_local_worker_gives_the_same_to_the_last_bit(
     scene: LoadedScene, poses: PoseSet, local: Any, tmp_path: Path
 ) -> None:

@@ -80,14 +80,6 @@ def test_a_scene_that_was_moved_without_its_meshes(scene: Path, fails: Failing, 
     )
 
 
-def test_a_damaged_field_file_is_not_to_be_trusted(scene: Path, fails: Failing) -> None:
-    """NumPy takes what it does not know for pickled objects and proposes to load them."""
-    (scene.parent / FIELD_FILE).write_bytes(b"no field at all" * 100)
-    said = fails("render", "scene/scene.xml", "-o", "out.exr", "--engine", "cells")
-    assert "damaged or not a field file (it holds something else than arrays of numbers)" in said
-    assert "pickle" not in said
-
-
 @pytest.mark.parametrize("name", ["part.ply", "shells/shell_01.ply"])
 def test_corners_that_a_scenes_mesh_lacks(scene: Path, fails: Failing, name: str) -> None:
     """Mitsuba takes them as they are, and what it finds there is no vertex."""

@@ -3,6 +3,8 @@
 import json
 import re
 import shutil
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -100,21 +102,26 @@ def test_own_wavelength_changes_no_bit(hot: HotBlock, tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def sweeps(hot: HotBlock, tmp_path_factory: pytest.TempPathFactory) -> dict[float, Path]:
-    """Two poses in light of both wavelengths, with their tables."""
+def swept(hot: HotBlock, tmp_path_factory: pytest.TempPathFactory) -> Callable[[float], Path]:
+    """Two poses in light of a wavelength, with their table."""
     folder = tmp_path_factory.mktemp("sweeps")
-    words = ["sweep", str(hot.scene), "--azimuth=0:90:2", "--elevation=30"]
-    found = {nm: folder / f"{nm:g}.nc" for nm in (BLUE, INFRARED)}
-    for nm, path in found.items():
-        files = ["-o", str(path), "--export", str(path.with_suffix(".csv"))]
-        assert main([*words, *files, f"--wavelength={nm:g} nm"]) == 0
-    return found
+
+    @cache
+    def sweep(nm: float) -> Path:
+        path = folder / f"{nm:g}.nc"
+        words = ["sweep", str(hot.scene), "--azimuth=0:90:2", "--elevation=30", "-o", str(path)]
+        table = ["--export", str(path.with_suffix(".csv"))]
+        assert main([*words, *table, f"--wavelength={nm:g} nm"]) == 0
+        return path
+
+    return sweep
 
 
 @pytest.mark.slow
-def test_sweep_says_and_uses_the_wavelength(sweeps: dict[float, Path]) -> None:
+def test_sweep_says_and_uses_the_wavelength(swept: Callable[[float], Path]) -> None:
     found = {}
-    for nm, path in sweeps.items():
+    for nm in (BLUE, INFRARED):
+        path = swept(nm)
         assert (pd.read_csv(path.with_suffix(".csv"))["wavelength_nm"] == nm).all()
         with xr.open_dataset(path) as dataset:
             assert dataset.attrs["wavelength_nm"] == nm
@@ -169,9 +176,9 @@ def test_scenes_for_different_light_are_not_ranked_together(
 
 
 def test_results_are_asked_for_the_light_they_are_of(
-    hot: HotBlock, sweeps: dict[float, Path], tmp_path: Path, fails: Failing
+    hot: HotBlock, swept: Callable[[float], Path], tmp_path: Path, fails: Failing
 ) -> None:
-    sweep, image = sweeps[BLUE], tmp_path / "image.exr"
+    sweep, image = swept(BLUE), tmp_path / "image.exr"
     light = "--wavelength=450 nm"
     shutil.copy(hot.image, image)
     height, width = read_exr(image).status.shape

@@ -65,6 +65,7 @@ def program(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return python.with_name("iriftrace")
 
 
+@pytest.mark.slow
 def test_the_wheel_holds_code_plugins_and_whole_scenes(wheel: Path) -> None:
     """Every file of a scene is needed; of the checkout's tests and caches none is.
 

@@ -87,6 +87,10 @@ class Ends:
     """Ends of rays, as NumPy arrays."""
 
     def __init__(self, hits: Any) -> None:
+        import drjit as dr
+
+        # Together, the rays are traced once.
+        dr.eval(*hits)
         self.point = np.stack([np.array(axis) for axis in hits.point], axis=1)
         self.direction = np.stack([np.array(axis) for axis in hits.direction], axis=1)
         self.outcome = np.array(hits.outcome)
