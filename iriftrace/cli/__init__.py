@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import signal
 import sys
 
@@ -13,6 +14,10 @@ def main(arguments: list[str] | None = None) -> int:
 
     0 success, 2 wrong input, 130 interrupted, 143 terminated.
     """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            # An output without a sign, such as a Windows file without "µ", shows "?" there.
+            stream.reconfigure(errors="replace")
     with watching():
         status = _run(sys.argv[1:] if arguments is None else arguments)
     if arguments is None and signal.getsignal(signal.SIGINT) is signal.default_int_handler:

@@ -1,5 +1,6 @@
 """The program, render and metrics as a user runs them: files, numbers and what is printed."""
 
+import io
 import os
 import re
 import shlex
@@ -15,6 +16,7 @@ import pytest
 from failing import Run, metrics_of
 
 import iriftrace
+from iriftrace.cli import main
 from iriftrace.image.aov_image import CHANNELS, Status
 from iriftrace.runtime import doctor
 from validation.inputs.hot_block import HotBlock
@@ -232,3 +234,14 @@ def test_metrics_again_in_place_of_the_renderings(run: Run, hot: HotBlock, tmp_p
     assert [before[key] for key in readings] == [None, None]
     in_space, across = (after[key] for key in readings)
     assert 0 < across <= in_space
+
+
+def test_an_output_without_a_sign_shows_a_question_mark(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a file does into which Windows leads the output."""
+    written = io.BytesIO()
+    monkeypatch.setattr("sys.stdout", io.TextIOWrapper(written, encoding="ascii"))
+    assert main(["part", "cylinder", "-o", str(tmp_path / "Pr\u00fcfling.ply")]) == 0
+    sys.stdout.flush()
+    assert b"Pr?fling.ply" in written.getvalue()
