@@ -29,8 +29,7 @@ if TYPE_CHECKING:
     from iriftrace.core.plain import JsonObject
 
 _SECONDS, _BYTES_A_SECOND = 5, 1_000_000
-"""Processor time for a file: small ones take 0.1 s, the first one up to 2 s more for its libraries,
-and text, the slowest, 10 MB a second."""
+"""Processor time for a file: small ones take 0.1 s, and text, the slowest, 10 MB a second."""
 
 _MEMORY, _MEMORY_A_BYTE = 3 << 30, 64
 """Memory for a file: VTK's libraries take up to 1 GB, and compression packs fields 3 to 20 times.
@@ -92,13 +91,17 @@ class _Process:
         asked, answers = self.running.stdin, self.running.stdout
         assert asked is not None
         assert answers is not None
-        before = self._used()
         with ThreadPoolExecutor(1) as threads:
-            answer = threads.submit(_received, answers)
             try:
                 with suppress(OSError):  # it has broken down
                     asked.write(request + b"\n")
                     asked.flush()
+                # Its libraries are imported before a line that is empty.
+                ready = threads.submit(answers.readline)
+                while not wait([ready], _POLL).done:
+                    pass
+                before = self._used()
+                answer = threads.submit(_received, answers)
                 while not wait([answer], _POLL).done:
                     time, held = np.subtract(self._used(), before)
                     if time > seconds:
@@ -199,6 +202,8 @@ def _answer(out: IO[bytes], function: str, arguments: Sequence[object]) -> None:
 
     module, _, name = function.partition(":")
     work = getattr(import_module(module), name)
+    out.write(b"\n")
+    out.flush()
     try:
         head = json.dumps({"value": work(*arguments)}, default=placeholder)
     except Exception as error:  # libraries that read files raise any

@@ -35,6 +35,7 @@ def test_values_and_arrays_come_back_as_they_were() -> None:
     [
         ("json:loads", "{", "Expecting property name"),
         ("builtins:bytearray", 1 << 40, "more memory than it may take"),
+        ("numpy:ones", [1 << 27], "more memory than it may take"),  # 1 GB
         ("math:factorial", 10**8, "still busy with it after 1 s"),
         ("os:_exit", 0, "broke down, exit status 0"),
         ("signal:raise_signal", signal.SIGABRT, "broke down, SIGABRT"),
@@ -44,6 +45,8 @@ def test_each_end_has_its_reason(
     function: str, argument: object, reason: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(child, "_SECONDS", 1)
+    monkeypatch.setattr(child, "_MEMORY", 1 << 27)
+    monkeypatch.setattr(child, "_POLL", 0.005)
     with pytest.raises(ChildError, match=reason):
         read_in_child(function, 0, argument)
     assert read_in_child("builtins:abs", 0, -1) == 1
