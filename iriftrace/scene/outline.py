@@ -46,10 +46,14 @@ def blocker_surfaces(scene: Path) -> list[tuple[FloatArray, IntArray]]:
         name = shape.find("string[@name='filename']")
         if name is None or not shape.get("id", "").startswith(BLOCKER_ID):
             continue
-        file = scene.parent / name.get("value", "")
-        try:
-            mesh = read_ply(file)
-        except Exception as error:  # its reader lets any through that a damaged file causes
-            raise InputError(f"{file} is damaged ({error})") from error
-        found.append((mesh.vertices, mesh.faces))
+        found.append(read_surface(scene.parent / name.get("value", "")))
     return found
+
+
+def read_surface(file: Path) -> tuple[FloatArray, IntArray]:
+    """Vertices (n, 3), mm, and faces (m, 3) of a PLY file; InputError, half a sentence."""
+    try:
+        mesh = read_ply(file)
+    except Exception as error:  # its reader lets any through that a damaged file causes
+        raise InputError(f"{file} is damaged ({error})") from error
+    return mesh.vertices, mesh.faces

@@ -7,18 +7,16 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 from attrs import frozen
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from iriftrace.camera.camera import Camera
-from iriftrace.core.arrays import AnyIntArray, FloatArray, IntArray
+from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.engines import AUTO
 from iriftrace.core.errors import InputError, SetupError, warn, without_warnings
 from iriftrace.core.plain import JsonObject
 from iriftrace.part.part import Part, read_part
-from iriftrace.scene.outline import blocker_surfaces, outermost_surface
-from iriftrace.shells.files import read_shell
+from iriftrace.scene.outline import blocker_surfaces, outermost_surface, read_surface
 from iriftrace.sweep.rig import add_measured, rig_of
 from iriftrace.sweep.store import attribute, check_unchanged, scene_of, scene_of_pose
 
@@ -127,7 +125,7 @@ class Surroundings:
 
     part: Part | None = None
     blockers: tuple[tuple[FloatArray, IntArray], ...] = ()
-    hot_air: tuple[NDArray[np.float32], AnyIntArray] | None = None
+    hot_air: tuple[FloatArray, IntArray] | None = None
     missing: tuple[str, ...] = ()
 
 
@@ -174,10 +172,9 @@ def _unchanged_scene(dataset: xr.Dataset) -> Path:
     return scene
 
 
-def _hot_air(dataset: xr.Dataset) -> tuple[NDArray[np.float32], AnyIntArray]:
+def _hot_air(dataset: xr.Dataset) -> tuple[FloatArray, IntArray]:
     outermost = outermost_surface(_unchanged_scene(dataset))
     files = scene_of_pose(dataset, 0).get("files", {})
     if str(outermost.resolve()) in files:
         check_unchanged(outermost, files[str(outermost.resolve())])
-    vertices, faces, *_ = read_shell(outermost)
-    return vertices, faces
+    return read_surface(outermost)
