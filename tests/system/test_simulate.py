@@ -124,7 +124,7 @@ def test_heat_that_leaves_comes_from_the_wall(simulated: Run, name: str, limit: 
     assert balance.own_flux
     assert balance.carried_w > 0.8 * field.source.wall_heat_w
     assert balance.leaving_w == pytest.approx(field.source.wall_heat_w, rel=limit)
-    # The plume's top has yet to pass some of the surfaces: 0.6 % in one state, more in others.
+    # Not zero, as the plume's top has yet to pass some of the surfaces; 0.65 % was the least seen.
     assert abs(balance.stored_w) > 0.003 * field.source.wall_heat_w
 
 
