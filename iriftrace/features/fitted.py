@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import chain
 
 import numpy as np
@@ -104,8 +104,13 @@ def cone_place(kind: str, positions: Mapping[str, ArrayLike]) -> str:
     """`FittedFeature.place`, for positions by cloud."""
     if kind != "cone":
         return ""
-    x, y, z = np.round(np.asarray(next(iter(positions.values()))), 2) + 0.0
+    x, y, z = np.round(np.asarray(positions[_reference(positions)]), 2) + 0.0
     return f"({x:.2f}, {y:.2f}, {z:.2f}) mm"
+
+
+def _reference(clouds: Collection[str]) -> str:
+    """Name of the cloud that hot air does not move: the corrected one, else the first (cold)."""
+    return "corrected" if "corrected" in clouds else next(iter(clouds))
 
 
 def _plain_fit(fit: Feature) -> JsonObject:
@@ -138,11 +143,12 @@ def fit_features(
 
     Outliers of the cloud ``"corrected"`` (else of the first), which hot air does not move, and
     points as near to other regions, by `inliers`, are removed from all. The diameters of a cone are
-    all those at the same height.
+    all those at the same height, that of its position in this cloud.
     """
     wanted = checked_choices(choices, part)
     check_gate(gate)
-    gated = clouds.get("corrected", next(iter(clouds.values())))
+    reference = _reference(clouds)
+    gated = clouds[reference]
     members = list(by_member)
     found = found_features(part, face)
     features = []
@@ -168,7 +174,7 @@ def fit_features(
             warn(doubt)
         if kind == "cone":
             # Rounded, so that the height can be stated as exactly as the diameter.
-            place = np.round(next(iter(fits.values())).position, 2)
+            place = np.round(fits[reference].position, 2)
             fits = {name: fit.at(place) for name, fit in fits.items()}
             same = [fit.at(place) for fit in same]
         features.append(FittedFeature(kind, region, count - len(chosen), fits, tuple(same)))

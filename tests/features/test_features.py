@@ -197,6 +197,24 @@ def test_diameters_of_a_cone_hold_at_one_height() -> None:
     assert sizes["measured"] == pytest.approx(15 + 2 * (z - 1) * np.tan(0.2), abs=1e-6)
 
 
+def test_a_turned_cone_has_the_same_diameters_as_measured_and_as_corrected() -> None:
+    """They hold at the height of the cold or corrected one, wherever the measured one's axis is."""
+    cold = grid("cone")
+    cold = cold[cold[:, 0] > np.median(cold[:, 0])]  # one side, whose cone turns far
+    turned = Rotation.from_rotvec((0.0, 0.2, 0.0)).as_matrix()
+    hot = cold.mean(axis=0) + (cold - cold.mean(axis=0)) @ turned.T
+    face = np.zeros(len(cold), dtype=np.int64)
+
+    def sizes(clouds: dict[str, np.ndarray]) -> tuple[dict[str, float], str]:
+        (found,) = fit_features(clouds, face, cylinder(), ["cone:"], gate=None)
+        return {name: fit.size_mm for name, fit in found.fits.items()}, found.place
+
+    measured, place = sizes({"cold": cold, "measured": hot})
+    corrected, same = sizes({"measured": hot, "corrected": cold})
+    assert same == place
+    assert corrected == {"measured": measured["measured"], "corrected": measured["cold"]}
+
+
 def test_what_points_do_not_determine_is_left_out() -> None:
     """The rest is still fitted; a kind or region that does not exist is refused."""
     part = cylinder()
