@@ -112,7 +112,7 @@ def test_stages_of_the_run(case: Case, tmp_path: Path) -> None:
     write_control(case, tmp_path, averaging=False)
     assert float(entry(file, "endTime")) == 1.5
     assert "fieldAverage" not in file.read_text()
-    assert float(entry(file, "writeInterval")) == 1.5 / 12
+    assert float(entry(file, "writeInterval")) == 1.5 / 4
     write_control(evolve(case, times=Times(2.0, 0.5, 10)), tmp_path, averaging=True, start=1.5)
     assert float(entry(file, "startTime")) == 1.5
     assert float(entry(file, "endTime")) == 2.0

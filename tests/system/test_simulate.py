@@ -109,12 +109,9 @@ def test_heat_flow_is_plausible(simulated: Run) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "limit", "stored"),
-    [("field", 0.06, 0.05), ("field_snapshots_1", 0.1, 0.05), ("field_snapshots_2", 0.1, 0.0)],
+    ("name", "limit"), [("field", 0.06), ("field_snapshots_1", 0.1), ("field_snapshots_2", 0.1)]
 )
-def test_heat_that_leaves_comes_from_the_wall(
-    simulated: Run, name: str, limit: float, stored: float
-) -> None:
+def test_heat_that_leaves_comes_from_the_wall(simulated: Run, name: str, limit: float) -> None:
     """Averages and single states of a plume that is still rising, with what the air stores.
 
     The balance of the average was 4 % open and of the states 6 and 8 %: cells at the wall of 2.5 mm
@@ -145,9 +142,8 @@ def test_heat_that_leaves_comes_from_the_wall(
     )
     assert balance.carried_w > 0.8 * field.source.wall_heat_w
     assert balance.leaving_w == pytest.approx(field.source.wall_heat_w, rel=limit)
-    # The plume's top has yet to pass some of the surfaces. The share falls from 18 % through 0 near
-    # the last state, where it depends on the time steps: -4 or 1 %.
-    assert abs(balance.stored_w) > stored * field.source.wall_heat_w
+    # The plume's top has yet to pass some of the surfaces.
+    assert abs(balance.stored_w) > 0.01 * field.source.wall_heat_w
 
 
 def test_second_call_went_on_where_the_first_had_stopped(simulated: Run) -> None:

@@ -10,8 +10,7 @@ from iriftrace.core.errors import InputError
 _END, _AVERAGING_SHARE = 2.0, 0.25
 # The paper's cylinder, for which 2 s are enough for the boundary layer: (T_wall - T) / T, and mm.
 _REFERENCE_HEAT, _REFERENCE_LENGTH = 3.68, 170.0
-# An interrupted run loses at most a sixteenth of all time.
-_SETTLING_WRITTEN, _AVERAGING_WRITTEN = 12, 4
+_STAGES_WRITTEN = 4
 _MOST_SNAPSHOTS = 1000
 
 
@@ -48,12 +47,12 @@ class Times:
     @property
     def settling_interval(self) -> float:
         """Seconds between two states on disk before averaging, from which a run can continue."""
-        return self.settled / _SETTLING_WRITTEN
+        return self.settled / _STAGES_WRITTEN
 
     @property
     def averaging_interval(self) -> float:
         """Seconds between two states on disk while averaging."""
-        return self.averaging / (self.snapshots or _AVERAGING_WRITTEN)
+        return self.averaging / (self.snapshots or _STAGES_WRITTEN)
 
 
 def natural_times(
