@@ -26,7 +26,7 @@ TESTED_VARIANTS = ("llvm_ad_mono", "cuda_ad_mono") if CUDA.devices else ("llvm_a
 
 # Shared machines are slow at times; how long an example takes says nothing about its result.
 # Each run draws other examples.
-hypothesis.settings.register_profile("iriftrace", deadline=None, max_examples=20)
+hypothesis.settings.register_profile("iriftrace", deadline=None, max_examples=30)
 hypothesis.settings.load_profile("iriftrace")
 
 

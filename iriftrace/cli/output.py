@@ -62,7 +62,7 @@ def print_shells(stack: ShellStack, reports: Sequence[ShellReport], fit: Fit | N
         rows,
     )
     air, source = stack.air, stack.source
-    say(
+    out.print(
         f"Ambient air n - 1 = {air.ambient_refractivity:.4e} at "
         f"{air.temperature_k - ZERO_CELSIUS_K:g} degC, {air.wavelength_nm:g} nm; index rule "
         f"{stack.rule}; lengths in mm, field read in "
@@ -70,11 +70,11 @@ def print_shells(stack: ShellStack, reports: Sequence[ShellReport], fit: Fit | N
         "shell and to the part; cut: fraction of a shell inside the part."
     )
     for place, layers in open_at.items():
-        say(f"Open at the {place}: shells {', '.join(layers)}.")
+        out.print(f"Open at the {place}: shells {', '.join(layers)}.")
     if source is not None and source.origin:
         say(f"Field: {source.origin}.")
     for small in stack.small_components:
-        say(
+        out.print(
             f"Shell {small.layer}: {counted(small.components, 'small piece')} dropped "
             f"({counted(small.triangles, 'triangle')})."
         )
@@ -84,13 +84,13 @@ def print_shells(stack: ShellStack, reports: Sequence[ShellReport], fit: Fit | N
     if np.isfinite(fit.wall_temperature_k):
         temperature = f"{fit.wall_temperature_k - ZERO_CELSIUS_K:.0f} degC"
     if np.isfinite(fit.gap_median_mm):
-        say(
+        out.print(
             f"Field's wall and part: 95 % of the wall is within {fit.gap_p95_mm:.3f} mm of the "
             f"part, {1.0 - fit.bare_share:.1%} of the part within {LARGEST_GAP_MM} mm of the wall; "
             f"wall temperature {temperature}."
         )
     else:
-        say(f"Air at the part's surface: temperature {temperature}.")
+        out.print(f"Air at the part's surface: temperature {temperature}.")
 
 
 def _length(value: float | None) -> str:
@@ -102,12 +102,12 @@ def print_camera(camera: Camera, scale: float) -> None:
     x, y, z = (f"{v:.1f}" for v in camera.origin)
     width, height = camera.scaled(scale).resolution
     near, far = camera.focus_mm
-    say(
+    out.print(
         f"Camera at ({x}, {y}, {z}) mm, focal length {camera.focal_length_mm:g} mm, "
         f"{width} x {height} px, focus {near:g} to {far:g} mm."
     )
     if camera.distortion is not None:
-        say(f"Lens distortion {camera.distortion}.")
+        out.print(f"Lens distortion {camera.distortion}.")
 
 
 def print_view(part: Part, camera: Camera, move: str, refocus: str, end: str = "") -> None:

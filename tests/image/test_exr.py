@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from iriftrace.core.errors import InputError
@@ -45,6 +45,7 @@ def test_pixels_and_header_survive_bit_for_bit(tmp_path: Path) -> None:
         assert back.channels[name].tobytes() == image.channels[name].tobytes()
 
 
+@settings(max_examples=50, deadline=None)
 @given(
     value=st.recursive(
         st.none()

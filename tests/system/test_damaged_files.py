@@ -17,7 +17,7 @@ VALID: dict[str, dict[str, bytes]] = {}
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("door", DOORS, ids=lambda door: door.name)
-@settings(max_examples=3, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=5, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=st.integers(0, 2**32 - 1))
 def test_damaged_files_are_read_or_refused(
     door: Door, seed: int, tmp_path_factory: pytest.TempPathFactory

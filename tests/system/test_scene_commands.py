@@ -35,9 +35,7 @@ def default_levels(hottest: float, layers: int) -> FloatArray:
 
 def test_shells_with_a_part(run: Run, hot: HotBlock, tmp_path: Path) -> None:
     printed = run("shells", hot.field, "-o", "shells", "--part", hot.part)
-    rows = [line for line in printed.splitlines() if line.startswith(" ")]
-    assert len(rows) > 13
-    assert max(map(len, rows)) <= 80
+    assert max(map(len, printed.splitlines())) <= 80
     flat = " ".join(printed.split())
     assert "13 shells" in printed
     assert "within 0.000 mm of the part, 100.0% of the part within 0.2 mm of the wall; wall" in flat
