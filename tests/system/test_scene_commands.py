@@ -35,7 +35,8 @@ def default_levels(hottest: float, layers: int) -> FloatArray:
 
 def test_shells_with_a_part(run: Run, hot: HotBlock, tmp_path: Path) -> None:
     printed = run("shells", hot.field, "-o", "shells", "--part", hot.part)
-    assert max(map(len, printed.splitlines())) <= 80
+    # A path stands on one line, however long.
+    assert max(len(line) for line in printed.splitlines() if str(hot.part) not in line) <= 80
     flat = " ".join(printed.split())
     assert "13 shells" in printed
     assert "within 0.000 mm of the part, 100.0% of the part within 0.2 mm of the wall; wall" in flat
