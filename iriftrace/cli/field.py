@@ -94,6 +94,7 @@ def check(
         volume = field_options.read(field, measured, flow=True)
     with working("Checking the field"):
         from iriftrace.cfd.check.check import check_field as checked
+        from iriftrace.cfd.openfoam.bodies import bodies_beside
         from iriftrace.cfd.openfoam.case import RECORD, recorded_wall
         from iriftrace.part.region_choice import values_by_region
 
@@ -114,6 +115,7 @@ def check(
             diameter_mm=diameter,
             camera=origin,
             steady=field_options.steady,
+            bodies=bodies_beside(volume, transform=field_options.transform()),
         )
     headings = ("checked", "found", "verdict", "compared with")
     rows = [

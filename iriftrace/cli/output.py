@@ -84,10 +84,11 @@ def print_shells(stack: ShellStack, reports: Sequence[ShellReport], fit: Fit | N
     if np.isfinite(fit.wall_temperature_k):
         temperature = f"{fit.wall_temperature_k - ZERO_CELSIUS_K:.0f} degC"
     if np.isfinite(fit.gap_median_mm):
+        contact = " or in contact with a body" if fit.contact_share else ""
         out.print(
             f"Field's wall and part: 95 % of the wall is within {fit.gap_p95_mm:.3f} mm of the "
-            f"part, {1.0 - fit.bare_share:.1%} of the part within {LARGEST_GAP_MM} mm of the wall; "
-            f"wall temperature {temperature}."
+            f"part, {1.0 - fit.bare_share:.1%} of the part within {LARGEST_GAP_MM} mm of the "
+            f"wall{contact}; wall temperature {temperature}."
         )
     else:
         out.print(f"Air at the part's surface: temperature {temperature}.")

@@ -128,6 +128,7 @@ def scene(
         Leave out shells farther than this outside the camera's view, such as "10 mm"; the scene
         can then be used with this camera only.
     """
+    from iriftrace.cfd.openfoam.bodies import bodies_beside
     from iriftrace.cli.output import print_shells
     from iriftrace.field.readers.members import chosen_members
     from iriftrace.part.part import read_part
@@ -163,6 +164,14 @@ def scene(
     place = devices_of(camera_options, second_options, stereo_options, measured)
     wall_k = part_options.hot.single
 
+    def bodies(volume: IndexField) -> list[Part]:
+        """Bodies around which a field was solved, without those that are given as blockers."""
+        given = [file.stem for file in blocker or []]
+        found = bodies_beside(volume, given, field_options.transform())
+        if found:
+            say(f"Bodies of the field that block the view: {', '.join(b.path for b in found)}.")
+        return found
+
     def devices(volume: IndexField | None, stack: ShellStack) -> tuple[Camera, SceneSettings]:
         """The camera, and the settings of the scene's file."""
         settings = SceneSettings(
@@ -170,7 +179,7 @@ def scene(
             normals=normals,
             inside_hit=inside_hit,
             notes=shell_options.notes(),
-            blockers=(*blockers, *_bodies_of(field, volume, blocker or [])),
+            blockers=(*blockers, *(bodies(volume) if volume else ())),
         )
         camera, settings = place(settings, volume, stack)
         camera.scaled(scale)  # refuses a scale that leaves no pixel
@@ -200,18 +209,6 @@ def scene(
         )
     print_shells(saved.shells, saved.reports[0], saved.fits[0])
     _print_scene(output, camera, measured, settings)
-
-
-def _bodies_of(field: Path, volume: IndexField | None, given: Sequence[Path]) -> list[Part]:
-    """Bodies around which a field was solved, without those that are given as blockers."""
-    from iriftrace.cfd.openfoam.bodies import bodies_beside
-    from iriftrace.part.part import read_part
-
-    names = set() if volume is None else set(volume.source.facts.bodies)
-    files = bodies_beside(field, names - {file.stem for file in given})
-    if files:
-        say(f"Bodies of the field that block the view: {', '.join(map(str, files))}.")
-    return [read_part(file, length_unit="mm") for file in files]
 
 
 def _ensemble(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 from attrs import Factory, evolve, frozen
@@ -74,11 +75,14 @@ class Fit:
         Median temperature of the air at the wall, K; NaN if the field has no data at the part's
         surface.
     bare_share
-        Fraction of the part's area that is not near the field's wall; NaN without a wall.
+        Fraction of the part's area that is neither near the field's wall nor in contact with
+        another body; NaN without a wall.
     warnings
         One sentence for each mismatch.
     bare_of_region
         The same fraction for each region of the part with bare area, the largest area first.
+    contact_share
+        Fraction of the part's area that is in contact with another body, by the body's name.
     """
 
     gap_median_mm: float
@@ -87,6 +91,7 @@ class Fit:
     bare_share: float
     warnings: tuple[str, ...]
     bare_of_region: dict[str, float] = Factory(dict)
+    contact_share: dict[str, float] = Factory(dict)
 
     @property
     def notes(self) -> dict[str, str]:
@@ -167,7 +172,7 @@ def fit_part_to_field(
             raise InputError(
                 f"{unreached}{what} is {ratio:.3g} times as large as the {than}; {advice}"
             )
-    bodies = {id(body): body for body in (part, *blockers)}.values()
+    bodies = list({id(body): body for body in (part, *blockers)}.values())
     gaps = np.min([body.surface.distance(wall.points) for body in bodies], axis=0)
     # A wall that is nowhere closer than half its own size belongs to another body.
     if gaps.min() > 0.5 * min(_diagonal(cavity), _diagonal(part.bounds)):
@@ -178,9 +183,15 @@ def fit_part_to_field(
     median, p95 = (float(gap) for gap in np.percentile(gaps, (50, 95)))
     temperature = float(np.median(field.air.temperature(as_float64(wall["refractivity"]))))
     places, face = part.surface.even_places(SAMPLE)
-    off_wall = Surface(wall.points, wall.regular_faces).distance(places) > LARGEST_GAP_MM
+    to_wall = Surface(wall.points, wall.regular_faces).distance(places)
+    off_wall, contact = to_wall > LARGEST_GAP_MM, {}
+    for body in (body for body in bodies if body is not part):
+        # A crevice too narrow for the cells counts as contact: the body is nearer than any wall.
+        touching = off_wall & (body.surface.distance(places) < to_wall)
+        contact |= {Path(body.path).stem: float(np.mean(touching))} if touching.any() else {}
+        off_wall &= ~touching
     bare = float(np.mean(off_wall))
-    fit = Fit(median, p95, temperature, bare, (), _bare_of_region(part, off_wall, face))
+    fit = Fit(median, p95, temperature, bare, (), _bare_of_region(part, off_wall, face), contact)
     messages = _temperature_message(temperature, wall_temperature_k)
     if p95 > LARGEST_GAP_MM:
         # A part next to its cavity is bare too, but the warning about the gap says enough.

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista as pv
+import trimesh
 from attrs import evolve
 from numpy.testing import assert_allclose
 
@@ -16,11 +17,13 @@ from iriftrace.cfd.check.check import check_field
 from iriftrace.cfd.check.finding import FieldCheck, share_through_open_sides
 from iriftrace.cfd.check.nusselt import horizontal_cylinder_diameter
 from iriftrace.cfd.check.wall import gradient_errors, wall_state
+from iriftrace.cfd.openfoam.bodies import Body, write_bodies
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
 from iriftrace.field.index_field import IndexField
+from iriftrace.field.origin import state_origin
 from iriftrace.field.read import read_field
-from iriftrace.field.source import FieldSource
+from iriftrace.field.source import FieldFacts, FieldSource
 from iriftrace.part.part import Part, read_part
 from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
@@ -33,7 +36,7 @@ from validation.inputs.conducting_sphere import (
     conducting_sphere,
     finding,
 )
-from validation.inputs.parts import gear
+from validation.inputs.parts import gear, part_from
 from validation.inputs.solved_fields import DATA
 
 CYLINDER_A = DATA / "cylinder_A.vtu"
@@ -228,6 +231,50 @@ def test_half_a_field_is_found_out(tmp_path: Path) -> None:
     assert "missing at plane -x 100%, plane " in covered["remark"]
     whole = check_field(read_field(field), read_part(part))
     assert finding(whole, "part in the field")["covered"] == 1.0
+
+
+def test_walls_of_bodies_are_not_the_parts(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A cool support covers one of six sides of the block; the field names it."""
+    air = hot_block.air()
+    x, y, z = np.asarray(air.cell_centers().points).T
+    beside = (x > 0.0) & (x < 10.0) & (np.maximum(np.abs(y), np.abs(z)) < hot_block.HALF)
+    grid = air.extract_cells(np.flatnonzero(~beside))
+    x, y, z = np.asarray(grid.points).T
+    at_support = (x > 5.9) & (x < 10.1) & (np.maximum(np.abs(y), np.abs(z)) < 6.1)
+    grid.point_data["T"][at_support] = 350.0
+    grid.point_data["U"] = np.zeros((grid.n_points, 3))
+    state_origin(grid, "OpenFOAM, steady", FieldFacts(bodies=("support",)))
+    grid.save(tmp_path / "air.vtu")
+    field, part = read_field(tmp_path / "air.vtu"), tmp_path / "block.stl"
+    hot_block.block().export(part)
+    mesh = trimesh.creation.box(extents=(4.0, 12.0, 12.0))
+    support = evolve(part_from(mesh.apply_translation((8.0, 0.0, 0.0))), path="support.stl")
+    write_bodies([Body(support)], tmp_path)
+    words = ["field", "check", str(tmp_path / "air.vtu"), str(part), "-o"]
+    assert main([*words, str(tmp_path / "check.json"), "--wall-temperature", "1293.15 K"]) == 0
+    findings = json.loads((tmp_path / "check.json").read_text())["findings"]
+    found = {one["name"]: one["numbers"] for one in findings}
+    assert found["wall temperature"]["share_within"] == 1.0
+    assert found["field's wall to part"]["p95_mm"] < 1e-6
+    covered = found["part in the field"]
+    assert (covered["covered"], covered["missing_of_region"]) == (1.0, {})
+    assert covered["touching"] == {"support": pytest.approx(1 / 6, rel=0.1)}
+    wall = wall_state(field, read_part(part), [support])
+    assert wall.area_mm2 == pytest.approx(5 * 144.0)
+    assert wall.bodies_w != 0.0
+    balance = found["heat balance"]
+    assert balance["off"] == pytest.approx(
+        balance["leaving_w"] / (wall.heat_w + wall.bodies_w) - 1.0
+    )
+    moved = read_part(part, transform=np.eye(4) + 100.0 * np.eye(4, k=3))
+    with pytest.raises(InputError, match="does not reach the part"):
+        check_field(field, moved, bodies=[support])
+    (tmp_path / "bodies" / "support.stl").unlink()
+    capsys.readouterr()
+    assert main([*words, str(tmp_path / "check.json")]) == 0
+    assert "solved around bodies that are missing" in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.parametrize(

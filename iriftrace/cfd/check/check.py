@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,7 +21,13 @@ from iriftrace.cfd.openfoam.wall import WallTemperatures, wall_temperature
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import plain
 from iriftrace.field.index_field import IndexField
-from iriftrace.field.part_fit import LARGEST_BARE_SHARE, LARGEST_GAP_MM, Fit, fit_part_to_field
+from iriftrace.field.part_fit import (
+    LARGEST_BARE_SHARE,
+    LARGEST_GAP_MM,
+    Fit,
+    body_in_air,
+    fit_part_to_field,
+)
 from iriftrace.field.read import AMBIENT_TOLERANCE_K
 from iriftrace.part.part import Part
 
@@ -36,6 +42,7 @@ def check_field(
     diameter_mm: float | None = None,
     camera: ArrayLike | None = None,
     steady: bool | None = None,
+    bodies: Sequence[Part] = (),
 ) -> FieldCheck:
     """Measure and judge a field.
 
@@ -60,6 +67,8 @@ def check_field(
     steady : bool, optional
         True if the air is steady, so that it stores no heat; by default according to the field's
         origin.
+    bodies : sequence of Part, optional
+        Other bodies around which the field was solved; their walls are not the part's.
 
     Raises
     ------
@@ -67,13 +76,15 @@ def check_field(
         Field and part do not fit, the field has no inner boundary, the part is not closed or has no
         such region, or regions have a temperature but the rest has none.
     """
-    fit = fit_part_to_field(field, part)
-    wall = wall_state(field, part)
+    if body_in_air(field, part, bodies) is not part:
+        bodies = ()  # Then the fit refuses the part, and is not that of a body.
+    fit = fit_part_to_field(field, part, blockers=bodies)
+    wall = wall_state(field, part, bodies)
     regions_k, set_k = dict(region_temperatures_k or {}), None
     if wall_temperature_k is not None:
         expected = WallTemperatures(wall_temperature_k, regions_k, transition_mm)
         expected.check_regions(part)
-        set_k = wall_temperature(expected, part, field.wall.points)
+        set_k = wall_temperature(expected, part, wall.points)
     elif regions_k:
         raise InputError(
             "regions have a temperature, but the rest of the wall has none; give "
@@ -103,7 +114,7 @@ def check_field(
 def _gap(fit: Fit) -> Finding:
     median_mm, p95_mm = fit.gap_median_mm, fit.gap_p95_mm
     good = p95_mm <= LARGEST_GAP_MM
-    remedy = "" if good else "; a cold drawing in the field of a hot part needs --expansion"
+    remedy = "" if good else "; --expansion makes a cold drawing hot, if the field's part was hot"
     return Finding(
         "field's wall to part",
         f"{median_mm:.3g} mm",
@@ -115,14 +126,25 @@ def _gap(fit: Fit) -> Finding:
 
 def _covered(fit: Fit) -> Finding:
     bare = fit.bare_share
-    missing = f"; missing at {fit.bare_regions}" if fit.bare_of_region else ""
+    touching = (f"{share:.1%} touches {name}" for name, share in fit.contact_share.items())
+    remark = "; ".join(
+        (
+            "fraction of the part's surface on the field's wall",
+            *touching,
+            "at the rest no hot air is known, as where a half was solved and not mirrored",
+            *([f"missing at {fit.bare_regions}"] if fit.bare_of_region else []),
+        )
+    )
     return Finding(
         "part in the field",
         f"{1.0 - bare:.1%}",
         "good" if bare <= LARGEST_BARE_SHARE else "bad",
-        "fraction of the part's surface on the field's wall; at the rest no hot air is known, as "
-        f"where a half was solved and not mirrored{missing}",
-        {"covered": 1.0 - bare, "missing_of_region": fit.bare_of_region},
+        remark,
+        {
+            "covered": 1.0 - bare,
+            "missing_of_region": fit.bare_of_region,
+            "touching": fit.contact_share,
+        },
     )
 
 

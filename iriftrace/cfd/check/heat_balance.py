@@ -150,8 +150,8 @@ def balance_finding(field: IndexField, wall: WallState, covered: float, *, stead
     not change in time, nothing is stored.
     """
     counted = field.source.wall_heat_w
-    from_wall = wall.heat_w if counted is None else counted
-    numbers = {"conducted_w": wall.heat_w, "counted_w": counted}
+    from_wall = (wall.heat_w if counted is None else counted) + wall.bodies_w
+    numbers = {"conducted_w": wall.heat_w, "counted_w": counted, "bodies_w": wall.bodies_w}
     balance, flow = heat_balance(field), field.flow
     if balance is None or flow is None:
         why = "it was read without velocities" if flow is None else flow.missing
@@ -177,11 +177,12 @@ def balance_finding(field: IndexField, wall: WallState, covered: float, *, stead
     else:
         fastest = float(np.linalg.norm(flow.velocity, axis=1).max())
         read = f"velocities of {flow.name} read as {flow.unit}, up to {fastest:.3g} m/s"
+    bodies = f" and {wall.bodies_w:.3g} W of other bodies" if wall.bodies_w else ""
     remark = (
-        f"heat that leaves against heat from the wall ({balance.leaving_w:.4g} W leave: carried "
-        f"{balance.carried_w:.4g}, conducted {balance.conducted_w:.3g}, {stored}; {low:.4g} to "
-        f"{high:.4g} W through near and far surfaces); good up to {CLOSED:.0%} off, doubtful up to "
-        f"{limit:.0%}, bad beyond; {read}"
+        f"heat that leaves against heat from the wall{bodies} ({balance.leaving_w:.4g} W leave: "
+        f"carried {balance.carried_w:.4g}, conducted {balance.conducted_w:.3g}, {stored}; "
+        f"{low:.4g} to {high:.4g} W through near and far surfaces); good up to {CLOSED:.0%} off, "
+        f"doubtful up to {limit:.0%}, bad beyond; {read}"
     )
     if verdict == "bad":
         remark += _other_unit(balance, flow, from_wall)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pyvista as pv
 from attrs import frozen
@@ -28,13 +30,14 @@ _STEEPEST_DEG = 45.0
 
 @frozen(eq=False)
 class WallState:
-    """The inner boundary of a field, m triangles on n points.
+    """The part's wall, m triangles on n points that belong to no other body's wall.
 
     `flux_of_cells` uses their mean gradient, which belongs to a location above the wall: it is too
     small by some per cent, and the difference shows how well the cells resolve the layer. The layer
     is the conduction thickness, (T_wall - T_ambient) over the gradient.
     """
 
+    points: FloatArray  # (n, 3), mm
     temperature_k: FloatArray  # (n,)
     centres: FloatArray  # (m, 3), mm
     nearest_face: IntArray  # (m,), of the part, to each centre
@@ -44,6 +47,7 @@ class WallState:
     flux_of_cells: FloatArray  # (m,), W/m2
     layer_mm: FloatArray  # (n,); NaN where the wall is not hotter than the room
     cell_mm: FloatArray  # (n,), height of the first cell above the wall
+    bodies_w: float  # heat conducted from the walls of other bodies, W
 
     @property
     def area_mm2(self) -> float:
@@ -56,8 +60,8 @@ class WallState:
         return float(np.sum(self.flux * self.areas)) * 1e-6
 
 
-def wall_state(field: IndexField, part: Part) -> WallState:
-    """Measure the inner boundary of a field.
+def wall_state(field: IndexField, part: Part, bodies: Sequence[Part] = ()) -> WallState:
+    """Measure the part's wall in a field, without those of other `bodies`.
 
     The flux is the gradient of the integral of the conductivity over the temperature, which is
     nearly linear in the distance where the air is at rest, so cells of finite height cause little
@@ -79,10 +83,16 @@ def wall_state(field: IndexField, part: Part) -> WallState:
     surface = part.closed_surface
     centres = points[faces].mean(axis=1)
     nearest_face = surface.nearest(centres)[1]
+    owner = np.argmin([body.surface.distance(centres) for body in (part, *bodies)], axis=0)
+    own = owner == 0
+    alone = np.setdiff1d(faces[own], faces[~own])
     areas = area_vectors(points, faces)
     normals = unit_vectors(areas)
-    # The triangles' own direction, reversed if it disagrees with the part's normal.
+    # The triangles' own direction, reversed if it disagrees with the body's normal.
     outward = part.face_normals[nearest_face]
+    for place, body in enumerate(bodies, start=1):
+        of_body = owner == place
+        outward[of_body] = body.face_normals[body.surface.nearest(centres[of_body])[1]]
     normals *= np.where(np.einsum("ij,ij->i", normals, outward) < 0.0, -1.0, 1.0)[:, None]
 
     temperature = field.temperature_k
@@ -93,16 +103,21 @@ def wall_state(field: IndexField, part: Part) -> WallState:
     def conducted(gradient: FloatArray) -> FloatArray:
         return as_float64(-1e3 * np.einsum("ij,ij->i", gradient[faces].mean(axis=1), normals))
 
+    flux, size = conducted(slope), np.linalg.norm(areas, axis=1)
+    layer = _conduction_thickness(field, temperature[number], slope)
+    cells = _first_cells(field.grid, number, surface.normals[surface.nearest(points)[1]])
     return WallState(
-        temperature_k=temperature[number],
-        centres=centres,
-        nearest_face=nearest_face,
-        normals=normals,
-        areas=np.linalg.norm(areas, axis=1),
-        flux=conducted(slope),
-        flux_of_cells=conducted(of_cells[number]),
-        layer_mm=_conduction_thickness(field, temperature[number], slope),
-        cell_mm=_first_cells(field.grid, number, surface.normals[surface.nearest(points)[1]]),
+        points=points[alone],
+        temperature_k=temperature[number[alone]],
+        centres=centres[own],
+        nearest_face=nearest_face[own],
+        normals=normals[own],
+        areas=size[own],
+        flux=flux[own],
+        flux_of_cells=conducted(of_cells[number])[own],
+        layer_mm=layer[alone],
+        cell_mm=cells[alone],
+        bodies_w=1e-6 * float(flux[~own] @ size[~own]),
     )
 
 

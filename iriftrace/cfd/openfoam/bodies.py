@@ -13,9 +13,10 @@ from iriftrace.cfd.openfoam.draught import SIDES
 from iriftrace.cfd.openfoam.part_surface import is_symmetric, write_stl
 from iriftrace.cfd.openfoam.wall import HOTTEST
 from iriftrace.core.arrays import BoolArray, FloatArray, as_float64
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.plain import JsonObject
-from iriftrace.part.part import Part
+from iriftrace.field.index_field import IndexField
+from iriftrace.part.part import Part, read_part
 
 FOLDER = "bodies"
 """Folder next to a field: copies of the bodies around which it was solved, in mm, world."""
@@ -56,10 +57,23 @@ def write_bodies(bodies: Sequence[Body], folder: Path) -> None:
         write_stl(body.surface, target, scale=1.0)
 
 
-def bodies_beside(field: Path, names: Collection[str]) -> tuple[Path, ...]:
-    """Files next to a field of the bodies with these names around which it was solved."""
-    files = sorted((field.parent / FOLDER).glob("*.stl"))
-    return tuple(file for file in files if file.stem in names)
+def bodies_beside(
+    field: IndexField, given: Collection[str] = (), transform: FloatArray | None = None
+) -> list[Part]:
+    """Bodies around which a field was solved, without those with `given` names; warns of missing.
+
+    Their files lie next to the field's; `transform` (4, 4) is that of the field to the world.
+    """
+    names = (name for name in field.source.facts.bodies if name not in given)
+    files = {name: Path(field.source.path).parent / FOLDER / f"{name}.stl" for name in names}
+    if missing := [str(file) for file in files.values() if not file.is_file()]:
+        warn(
+            f"The field {field.source.path} was solved around bodies that are missing next to it "
+            f"({', '.join(missing)}): they do not block the view, and their walls count as gaps of "
+            "the part; copy the folder along with the field."
+        )
+    present = (file for file in files.values() if file.is_file())
+    return [read_part(file, length_unit="mm", transform=transform) for file in present]
 
 
 def check_bodies(bodies: Sequence[Body], part: Part, domain: Domain) -> None:
