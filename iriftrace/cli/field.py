@@ -134,7 +134,7 @@ def synthetic(
     part: Path,
     *,
     output: Output,
-    wall_temperature: Temperature = 1100.0 + ZERO_CELSIUS_K,
+    wall_temperature: Temperature | None = None,
     region_temperature: list[str] | None = None,
     transition: Length | None = None,
     ambient: Temperature = 20.0 + ZERO_CELSIUS_K,
@@ -163,7 +163,7 @@ def synthetic(
     output
         The field's file, .vtu: mm, array T in K.
     wall_temperature
-        Temperature of the part.
+        Temperature of the part; by default --hot-temperature, else 1100 degC.
     region_temperature
         Another temperature for a region of the part, NAME=TEMPERATURE, or for all that match a
         pattern, "plane -x*=900 degC"; repeatable.
@@ -192,13 +192,14 @@ def synthetic(
 
     checks.inputs(part)
     checks.output(output, "field.vtu")
+    wall_k, regions = part_options.hot.wall(wall_temperature, region_temperature)
     air = synthetic_air(
         part_options.read(part),
-        wall_k=wall_temperature,
+        wall_k=1100.0 + ZERO_CELSIUS_K if wall_k is None else wall_k,
         ambient_k=ambient,
         boundary_layer_mm=boundary_layer,
         plume=plume,
-        regions=region_temperatures(region_temperature),
+        regions=region_temperatures(regions),
         transition_mm=transition,
     )
     size = usual_mesh(air, cell_mm=cell_size, sides_mm=sides, height_mm=height)

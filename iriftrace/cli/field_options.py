@@ -116,10 +116,10 @@ class PartOptions:
         from iriftrace.part.uneven_growth import grown_unevenly
 
         hot = self.hot
-        if self.expansion is None and hot.uneven:
+        if self.expansion is None and self.hot_temperature:
             raise InputError(
-                "--hot-temperature names the field or regions, by which the part expands only with "
-                "--expansion; give that, such as 14e-6/K."
+                "--hot-temperature is given, by which the part expands only with --expansion; give "
+                "that, such as 14e-6/K, or leave --hot-temperature out for a part drawn hot."
             )
         matrix = None if self.part_transform is None else parse_transform(self.part_transform)
         part = read_part(

@@ -11,7 +11,7 @@ from attrs import field, frozen
 from cyclopts import Parameter, Token
 
 from iriftrace.cli import checks
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import ZERO_CELSIUS_K
 
 if TYPE_CHECKING:
@@ -256,6 +256,23 @@ class HotTemperatures:
     def uneven(self) -> bool:
         """True if the part may not have the same temperature everywhere."""
         return self.of_field or bool(self.regions)
+
+    def wall(
+        self, kelvin: float | None, regions: list[str] | None
+    ) -> tuple[float | None, list[str] | None]:
+        """Temperature of the wall, K, and NAME=TEMPERATURE of regions: by default these.
+
+        Warns of a wall with another temperature than that by which the part expands.
+        """
+        if kelvin is None and self.default is not None:
+            own = [f"{name}={kelvins!r} K" for name, kelvins in self.regions.items()]
+            return self.default, own if regions is None else regions
+        if kelvin is not None and self.single is not None and abs(self.single - kelvin) > 1.0:
+            warn(
+                f"The part expands to its size at {celsius(self.single)} (--hot-temperature), but "
+                f"its wall has {celsius(kelvin)} (--wall-temperature); leave one of them out."
+            )
+        return kelvin, regions
 
     def at_walls(
         self, part: Part, field_wall: Callable[[Part], Temperatures] | None

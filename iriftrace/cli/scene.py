@@ -130,6 +130,7 @@ def scene(
     """
     from iriftrace.cfd.openfoam.bodies import bodies_beside
     from iriftrace.cli.output import print_shells
+    from iriftrace.field.part_fit import refuse_expanded_board
     from iriftrace.field.readers.members import chosen_members
     from iriftrace.part.part import read_part
     from iriftrace.scene.hot_air import AirState
@@ -174,6 +175,8 @@ def scene(
 
     def devices(volume: IndexField | None, stack: ShellStack) -> tuple[Camera, SceneSettings]:
         """The camera, and the settings of the scene's file."""
+        if volume and part_options.expansion is not None:
+            refuse_expanded_board(volume, measured, blockers)
         settings = SceneSettings(
             scale=scale,
             normals=normals,

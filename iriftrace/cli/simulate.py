@@ -88,6 +88,9 @@ def simulate(
         installation = find_openfoam()
         check_solver(installation)
     hot = part_options
+    if simulation.wall_temperature_from is None:
+        kelvin, regions = hot.hot.wall(simulation.wall_temperature, simulation.region_temperature)
+        simulation = evolve(simulation, wall_temperature=kelvin, region_temperature=regions)
     wall = simulation.wall()
     if hot.expansion is not None and hot.hot_temperature is None:
         # It has expanded according to the temperature of its wall.

@@ -42,7 +42,7 @@ class SimulationOptions:
     Parameters
     ----------
     wall_temperature
-        Temperature of the part's wall, "1100 degC".
+        Temperature of the part's wall, "1100 degC"; by default --hot-temperature.
     wall_temperature_from
         File with the temperatures of the wall: a table of x, y, z, T (.csv), such as
         points of a thermogram, or a surface with T (.vtp .vtk .vtu) of a finite element solution.

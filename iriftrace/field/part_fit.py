@@ -54,6 +54,8 @@ and a single stray vertex of a part slows the computation."""
 MOST_DATA_LARGER = 500.0
 """Data over part if the data have no inner wall to compare; air is 3 to 20 times as large."""
 
+_OF_BLOCKER = "give it hot and in place, as the scene of its own has it (SCENE/part.ply)."
+
 _TURNS = (
     "",
     *(f"rotate {axis} {angle}" for axis, angle in product("xyz", (90, -90, 180))),
@@ -126,6 +128,17 @@ def body_in_air(field: IndexField, part: Part, blockers: Sequence[Part]) -> Part
     return part
 
 
+def refuse_expanded_board(field: IndexField, part: Part, blockers: Sequence[Part]) -> None:
+    """Refuse a part that was expanded, but stands apart from the air that a blocker heats."""
+    hot = body_in_air(field, part, blockers)
+    if hot is not part:
+        raise InputError(
+            f"{part.path} stands apart from the hot air around the blocker {hot.path}, so it is a "
+            "board that stays cold; leave out --expansion, which applies to PART, and give the hot "
+            "part as the scene of its own has it (--blocker SCENE/part.ply)."
+        )
+
+
 def fit_part_to_field(
     field: IndexField,
     part: Part,
@@ -150,13 +163,14 @@ def fit_part_to_field(
     InputError
         The field does not reach the part; the message names the unit or axes that would fix it.
     """
-    part = body_in_air(field, part, blockers)
+    board, part = part, body_in_air(field, part, blockers)
+    what = "part" if part is board else f"blocker {part.path}"
     wall, data = field.wall, _box(np.asarray(field.grid.points))
     unreached = f"The field {field.source.path} does not reach the part {part.path}: "
     if not wall.n_points:
         return _fit_without_wall(field, part, data, unreached, wall_temperature_k)
     cavity = _box(np.asarray(wall.points))
-    advice = _advice(part, field, cavity)
+    advice = _advice(part, field, cavity) if part is board else _OF_BLOCKER
     if _apart(part.bounds, data):
         raise InputError(
             f"{unreached}they do not overlap; {advice} If the part is a board seen past a hot "
@@ -164,13 +178,13 @@ def fit_part_to_field(
         )
     larger = _diagonal(part.bounds) / _diagonal(data)
     wider = _diagonal(cavity) / _diagonal(part.bounds)
-    for what, ratio, than in (
+    for larger_one, ratio, than in (
         ("the part", larger, "field"),
         ("the field's inner wall", wider, "part"),
     ):
         if ratio > MOST_LARGER:
             raise InputError(
-                f"{unreached}{what} is {ratio:.3g} times as large as the {than}; {advice}"
+                f"{unreached}{larger_one} is {ratio:.3g} times as large as the {than}; {advice}"
             )
     bodies = list({id(body): body for body in (part, *blockers)}.values())
     gaps = np.min([body.surface.distance(wall.points) for body in bodies], axis=0)
@@ -196,8 +210,8 @@ def fit_part_to_field(
     if p95 > LARGEST_GAP_MM:
         # A part next to its cavity is bare too, but the warning about the gap says enough.
         messages = (
-            f"The part does not fill the cavity in the field: the gap is {median:.3g} mm (median) "
-            f"and {p95:.3g} mm (95th percentile), so rays cross air without field data; "
+            f"The {what} does not fill the cavity in the field: the gap is {median:.3g} mm "
+            f"(median) and {p95:.3g} mm (95th percentile), so rays cross air without field data; "
             f"{advice}",
             *messages,
         )
@@ -209,9 +223,9 @@ def fit_part_to_field(
             "where the part is round, or check unit and axes."
         )
         messages = (
-            f"{bare:.0%} of the part's surface lies more than {LARGEST_GAP_MM} mm off the field's "
-            f"wall ({fit.bare_regions}), so no hot air is known there and rays through it stay "
-            f"straight; {remedy}",
+            f"{bare:.0%} of the {what}'s surface lies more than {LARGEST_GAP_MM} mm off the "
+            f"field's wall ({fit.bare_regions}), so no hot air is known there and rays through it "
+            f"stay straight; {remedy}",
             *messages,
         )
     return evolve(fit, warnings=messages)

@@ -106,7 +106,10 @@ class Status(IntEnum):
     """The refracted ray could not be followed to its end: it was lost, or reached the limit of
     crossings or steps."""
     BLOCKED = 7, "another object in the way"
-    """Another opaque object is in the way of either ray."""
+    """Another opaque object is in the way of either ray, and the straight one would hit the part.
+
+    Bundles of rays, and pictures that Mitsuba renders alone, have it wherever an object is met.
+    """
 
     def __new__(cls, code: int, text: str) -> Status:
         status = int.__new__(cls, code)

@@ -111,7 +111,24 @@ def _one_field(
         "full_resolution": list(scene.full_resolution) if same_film else None,
     }
     channels = dict(zip(scene.integrator.aov_names(), planes, strict=True))
-    return AovImage(channels, header), report["straight"]
+    image = AovImage(channels, header)
+    _let_bystanders_be(scene, image)
+    return image, report["straight"]
+
+
+def _let_bystanders_be(scene: LoadedScene, image: AovImage) -> None:
+    """Count blocked pixels as missed if the part is not behind the object in the way."""
+    channels, status = image.channels, image.channels["status.code"]
+    neither = (channels["part.face"] == 0) & (channels["path.length"] == 0)
+    rows, columns = np.nonzero((status == Status.BLOCKED) & neither)
+    if not len(rows):
+        return
+    rays = image.camera.rays(np.stack((columns, rows), axis=1))
+    with runtime.using(scene.variant):
+        hidden = scene.integrator.prepare(scene.mitsuba_scene).meets_part(*rays)
+    status = status.copy()
+    status[rows[~hidden], columns[~hidden]] = Status.MISSED
+    channels["status.code"] = status
 
 
 class EnsembleStatistics:

@@ -15,11 +15,11 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.sampling import r2_sequence
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.queries import advanced, query_step, ray_query, same_crossing, zeros
-from iriftrace.plugins.kernels.tables import SceneTables, shell_indices, surface_index
+from iriftrace.plugins.kernels.tables import PART_ID, SceneTables, shell_indices, surface_index
 from iriftrace.plugins.kernels.vertex_table import PART, SHELL, aligned, aligned_rows
 
 MOST_STEPS = 30_000
@@ -95,6 +95,20 @@ class PreparedScene:
         if np.mean(seen & 1) > 0.5:
             return "part"
         return "hot air" if np.mean(seen >> 1) > 0.5 else None
+
+    def meets_part(self, origins: FloatArray, directions: FloatArray) -> BoolArray:
+        """Mask (n,) of straight rays that would meet the part if nothing else were in their way.
+
+        Origins (n, 3), mm, and unit directions (n, 3), world, of neighbouring rays.
+        """
+        origin, direction = (mi.Point3d(*aligned_rows(rows)) for rows in (origins, directions))
+        hit = ray_query(self._part_alone, origin, mi.Vector3d(direction), True, mi.Bool(True))
+        return np.array(hit.is_valid())
+
+    @cached_property
+    def _part_alone(self) -> dt.Scene:
+        part = [shape for shape in self.scene.shapes() if shape.id() == PART_ID]
+        return scene_beside(self.scene, part)
 
     @cached_property
     def usual_wall_index(self) -> dt.Float64:

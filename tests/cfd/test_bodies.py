@@ -11,14 +11,18 @@ import pyvista as pv
 import trimesh
 from attrs import evolve
 
-from iriftrace.cfd.openfoam.bodies import Body, write_bodies
+from iriftrace.cfd.openfoam import result
+from iriftrace.cfd.openfoam.bodies import Body, bodies_beside, write_bodies
 from iriftrace.cfd.openfoam.case import RECORD, Case, natural_case, symmetric_case
 from iriftrace.cfd.openfoam.case_files import write_case
 from iriftrace.cfd.openfoam.draught import draught_from
 from iriftrace.cfd.openfoam.simulate import prepare
 from iriftrace.cfd.openfoam.wall import WallTemperatures
 from iriftrace.core.errors import InputError
+from iriftrace.field.read import read_field
+from iriftrace.field.source import FieldFacts
 from iriftrace.part.part import Part
+from validation.inputs import hot_block
 from validation.inputs.parts import part_from
 
 
@@ -89,6 +93,24 @@ def test_record_names_what_lies_beside_the_field(cylinder: Part, tmp_path: Path)
     assert np.array(copy.bounds).reshape(3, 2).T == pytest.approx(TABLE.bounds, abs=1e-3)
     with pytest.raises(InputError, match="differs in bodies"):
         prepare(with_bodies(cylinder, Body(TABLE), floor=-60.0), tmp_path / "case")
+
+
+def test_a_floor_blocks_the_view_as_bodies_do(cylinder: Part, tmp_path: Path) -> None:
+    """As large as the field, a little below the floor's height; no body may have its name."""
+    air = hot_block.air()
+    case = with_bodies(cylinder, Body(TABLE), floor=-40.0)
+    result._write(case, air, tmp_path / "field.vtu", "mean", FieldFacts())
+    field = read_field(tmp_path / "field.vtu")
+    assert field.source.facts.bodies == ("table", "floor")
+    table, floor = bodies_beside(field)
+    assert table.bounds == pytest.approx(TABLE.bounds, abs=1e-3)
+    x, y, z = floor.bounds.T
+    assert (*x, *y) == pytest.approx(air.bounds[:4])
+    assert -40.1 < z[1] < -40.0
+    named = Body(block("floor", (9.0, 9.0, 9.0), (5.0, -3.0, -30.0)))
+    with_bodies(cylinder, named)
+    with pytest.raises(InputError, match='two bodies of the name "floor"'):
+        with_bodies(cylinder, named, floor=-60.0)
 
 
 def test_bodies_take_part_in_the_symmetry(cylinder: Part) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import iriftrace
-from iriftrace.cfd.openfoam.bodies import Body, write_bodies
+from iriftrace.cfd.openfoam.bodies import Body, floor_below, write_bodies
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
 from iriftrace.field.origin import state_origin
@@ -76,8 +76,11 @@ def test_the_field_is_compared_with_the_body_in_it(scene: iriftrace.Scene) -> No
     clipped = np.minimum(block.vertices, (0, 9, 9)), np.maximum(block.vertices, (0, -9, -9))
     halves = [part_of_mesh(vertices, block.faces, name="half") for vertices in clipped]
     assert any(
-        "does not fill" in text for text in iriftrace.fit_part_to_field(field, halves[0]).warnings
+        "part does not fill" in text
+        for text in iriftrace.fit_part_to_field(field, halves[0]).warnings
     )
+    past_half = iriftrace.fit_part_to_field(field, BOARD, blockers=halves[:1])
+    assert any("The blocker half does not fill" in text for text in past_half.warnings)
     both = iriftrace.fit_part_to_field(field, halves[0], blockers=[halves[1]])
     assert not any("does not fill" in text for text in both.warnings)
 
@@ -86,6 +89,26 @@ def test_a_device_in_a_blocker_is_refused(scene: iriftrace.Scene) -> None:
     camera = CAMERA.at(iriftrace.look_at((0.0, 0.0, 0.5), (0.0, 60.0, 0.0)))
     with pytest.raises(InputError, match=r"stands in the blocker .*block\.stl"):
         iriftrace.render_scene(attrs.evolve(scene, camera=camera))
+
+
+@pytest.mark.parametrize("engine", ["shells", "cells"])
+def test_only_the_part_can_be_hidden(scene: iriftrace.Scene, engine: str) -> None:
+    """A floor beside the block's picture counts as missed, not as in the way; below it, all is."""
+    (block,) = scene.blockers
+    floor = floor_below(hot_block.air(), -hot_block.HALF - 5.0).surface
+
+    def rendered(height: float, *blockers: iriftrace.Part) -> iriftrace.Rendering:
+        camera = CAMERA.at(iriftrace.look_at((0.0, -90.0, height), (0.0, 0.0, 0.0)))
+        there = attrs.evolve(scene, part=block, blockers=blockers, camera=camera, engine=engine)
+        return iriftrace.render_scene(there)
+
+    free, above = rendered(60.0).image, rendered(60.0, floor).image
+    # Bent rays that pass the block's edge end on the floor.
+    changed = above.status != free.status
+    assert set(free.status[changed]) <= {Status.REFRACTED_MISSED}
+    assert (free.status == Status.MISSED).sum() > 1000
+    with pytest.raises(InputError, match="Another object hides the part from every pixel"):
+        rendered(-200.0, floor)
 
 
 def test_command_takes_blockers_and_finds_bodies_of_the_field(
@@ -123,3 +146,8 @@ def test_command_takes_blockers_and_finds_bodies_of_the_field(
     assert {"part", "blocker_1", "blocker_2"} <= set(shapes)
     assert main(["scene", *words, *camera.split()]) == 2
     assert "does not reach the part" in " ".join(capsys.readouterr().err.split())
+    grown = ["--expansion=1e-5/K", "--hot-temperature=1000 K"]
+    assert main(["scene", *words, *blocker, *grown, *camera.split()]) == 2
+    assert "is a board that stays cold; leave out --expansion" in " ".join(
+        capsys.readouterr().err.split()
+    )

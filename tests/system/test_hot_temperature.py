@@ -11,6 +11,7 @@ import pytest
 from iriftrace.cli import main
 from iriftrace.cli.field_options import FieldOptions, PartOptions
 from iriftrace.core.errors import InputError
+from iriftrace.field.read import read_field
 from iriftrace.part import uneven_growth
 from iriftrace.part.part import read_part, save_part
 from iriftrace.part.shapes.cylinder import hybrid_cylinder
@@ -68,9 +69,23 @@ def test_commands_say_what_they_need(tmp_path: Path, capsys: Printed) -> None:
     for more, said in (
         (["--expansion", ALPHA, "--hot-temperature", "field"], "reads the part without a field"),
         (["--hot-temperature", "1000 K", "--hot-temperature", "a=1 K"], "only with --expansion"),
+        (["--hot-temperature", "1000 K"], "only with --expansion"),
     ):
         assert main([*words, *more]) == 2
         assert said in " ".join(capsys.readouterr().err.split())
+
+
+def test_the_wall_is_as_hot_as_the_part(tmp_path: Path, capsys: Printed) -> None:
+    """Unless another temperature is given for it, which is warned of."""
+    _, part = hot_block.save(tmp_path)
+    words = ["field", "synthetic", str(part), "-o", str(tmp_path / "f.vtu"), "--cell-size=3 mm"]
+    words += ["--expansion", ALPHA, "--hot-temperature", "900 degC"]
+    for more, celsius in ([], 900.0), (["--wall-temperature", "700 degC"], 700.0):
+        assert main([*words, *more]) == 0
+        hottest = read_field(tmp_path / "f.vtu").temperature_k.max()
+        assert hottest == pytest.approx(celsius + 273.15)
+        warned = "leave one of them out" in " ".join(capsys.readouterr().err.split())
+        assert warned == bool(more)
 
 
 def test_a_simulated_wall_is_what_the_part_grows_by(tmp_path: Path, capsys: Printed) -> None:
@@ -79,8 +94,12 @@ def test_a_simulated_wall_is_what_the_part_grows_by(tmp_path: Path, capsys: Prin
     save_part(hybrid_cylinder(length_mm=60.0), file)
     steel = read_part(file).region_names[0]
     words = ["field", "simulate", str(file), "-o", str(tmp_path / "case"), "--write-only"]
-    words += ["--wall-temperature", "1000 degC", "--region-temperature", f"{steel}=600 degC"]
-    assert main([*words, "--expansion", ALPHA]) == 0
+    words += ["--expansion", ALPHA]
+    wall = ["--wall-temperature", "1000 degC", "--region-temperature", f"{steel}=600 degC"]
+    assert main([*words, *wall]) == 0
+    grown = ["--hot-temperature", "1000 degC", "--hot-temperature", f"{steel}=600 degC"]
+    assert main([*words, *grown]) == 0
+    assert "Case already exists" in capsys.readouterr().out, "the same case"
     record = json.loads((tmp_path / "case" / "case.json").read_text())
     assert record["wall_k"] == pytest.approx(1273.15)
     options = PartOptions(expansion=1e-5, hot_temperature=["1000 degC", f"{steel}=600 degC"])

@@ -6,6 +6,8 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
+import pyvista as pv
+import trimesh
 from attrs import frozen
 
 from iriftrace.cfd.openfoam.domain import Domain
@@ -16,10 +18,13 @@ from iriftrace.core.arrays import BoolArray, FloatArray, as_float64
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.plain import JsonObject
 from iriftrace.field.index_field import IndexField
-from iriftrace.part.part import Part, read_part
+from iriftrace.part.part import Part, part_of_mesh, read_part
 
 FOLDER = "bodies"
 """Folder next to a field: copies of the bodies around which it was solved, in mm, world."""
+FLOOR = "floor"
+"""Name of the floor among the bodies."""
+_LOWER = 0.01  # mm
 _COLDEST = 200.0  # K
 _INLET_SAMPLES = 40
 _MOST_BLOCKED = 0.5
@@ -49,6 +54,17 @@ class Body:
         }
 
 
+def floor_below(grid: pv.UnstructuredGrid, height: float) -> Body:
+    """The floor at a height z, mm, that blocks the view: a plate as large as the field above it.
+
+    It lies slightly lower, so that it hides the underside of a part that stands on it.
+    """
+    box = np.reshape(grid.bounds, (3, 2)).T
+    box[:, 2] = height - _LOWER - 1.0, height - _LOWER
+    plate = trimesh.creation.box(bounds=box)
+    return Body(part_of_mesh(plate.vertices, plate.faces, name=FLOOR))
+
+
 def write_bodies(bodies: Sequence[Body], folder: Path) -> None:
     """Write copies of the bodies, mm, world, into `FOLDER` in the field's folder."""
     for body in bodies:
@@ -76,9 +92,9 @@ def bodies_beside(
     return [read_part(file, length_unit="mm", transform=transform) for file in present]
 
 
-def check_bodies(bodies: Sequence[Body], part: Part, domain: Domain) -> None:
-    """Refuse bodies that are not possible in this air, with an InputError."""
-    names = [body.name for body in bodies]
+def check_bodies(bodies: Sequence[Body], part: Part, domain: Domain, floor: bool = False) -> None:
+    """Refuse bodies that are not possible in this air, perhaps with a floor; an InputError."""
+    names = [body.name for body in bodies] + [FLOOR] * floor
     for body in bodies:
         path = body.surface.path
         if names.count(body.name) > 1:

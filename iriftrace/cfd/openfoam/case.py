@@ -95,7 +95,7 @@ class Case:
             self.part, self.size, self.mirrors, self.margin, self.floor, self._leaning
         )
         check_mirrored_bodies(self.bodies, self.part.centre, self.mirrors)
-        check_bodies(self.bodies, self.part, domain)
+        check_bodies(self.bodies, self.part, domain, self.floor is not None)
         if self.draught is not None:
             check_inlets(self.bodies, self.draught.inlets, domain)
         object.__setattr__(self, "domain", domain)

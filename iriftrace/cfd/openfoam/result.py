@@ -10,6 +10,7 @@ from attrs import evolve
 from scipy.spatial import cKDTree
 
 from iriftrace.air.thermophysics import heat_content, heat_content_slope, temperature_of_density
+from iriftrace.cfd.openfoam.bodies import floor_below, write_bodies
 from iriftrace.cfd.openfoam.case import Case
 from iriftrace.cfd.openfoam.case_files import DENSITY_RATE
 from iriftrace.cfd.openfoam.mesh import wall_patch
@@ -209,6 +210,10 @@ def _write(case: Case, grid: pv.UnstructuredGrid, file: Path, how: str, facts: F
             output.point_data[name] = values if name == "T" else _shortened(values)
     for name in grid.field_data:
         output.field_data[name] = grid.field_data[name]
-    names = tuple(body.name for body in case.bodies)
+    bodies = case.bodies
+    if case.floor is not None:
+        bodies = (*bodies, floor_below(output, case.floor))
+    write_bodies(bodies, file.parent)
+    names = tuple(body.name for body in bodies)
     state_origin(output, ", ".join(parts), evolve(facts, bodies=names, symmetry=symmetry))
     write_vtk(file, output)

@@ -12,7 +12,6 @@ import numpy as np
 import pyvista as pv
 from attrs import frozen
 
-from iriftrace.cfd.openfoam.bodies import write_bodies
 from iriftrace.cfd.openfoam.case import RECORD, UNFINISHED, Case, is_stored
 from iriftrace.cfd.openfoam.case_files import write_case
 from iriftrace.cfd.openfoam.mesh import make_mesh
@@ -93,7 +92,6 @@ def simulate(
         averaged = solve(case, folder, installation, display.watch)
     seconds = time.monotonic() - begun
     display.say("Writing the field")
-    write_bodies(case.bodies, file.parent)
     end = case.times.end
     steadiness = judge_steadiness(case, folder, (end - averaged, end))
     grid = write_mean(case, folder, file, averaged, steadiness)
