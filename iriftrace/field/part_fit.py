@@ -198,12 +198,14 @@ def fit_part_to_field(
     temperature = float(np.median(field.air.temperature(as_float64(wall["refractivity"]))))
     places, face = part.surface.even_places(SAMPLE)
     to_wall = Surface(wall.points, wall.regular_faces).distance(places)
-    off_wall, contact = to_wall > LARGEST_GAP_MM, {}
-    for body in (body for body in bodies if body is not part):
+    off_wall = to_wall > LARGEST_GAP_MM
+    contact: dict[str, float] = {}
+    for body in bodies[1:]:
         # A crevice too narrow for the cells counts as contact: the body is nearer than any wall.
         touching = off_wall & (body.surface.distance(places) < to_wall)
-        contact |= {Path(body.path).stem: float(np.mean(touching))} if touching.any() else {}
         off_wall &= ~touching
+        if touching.any():
+            contact[Path(body.path).stem] = float(np.mean(touching))
     bare = float(np.mean(off_wall))
     fit = Fit(median, p95, temperature, bare, (), _bare_of_region(part, off_wall, face), contact)
     messages = _temperature_message(temperature, wall_temperature_k)
