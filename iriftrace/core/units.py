@@ -30,8 +30,8 @@ _STATED_UNIT = re.compile(
     r"(?<![^\W_])(?:length[\s_]*)?(?:units?|einheit(?:en)?)(?:\s+of\s+length)?(?:\s+(?:is|are))?"
     r"(?:\s*[:=]\s*[\[(]?|\s+(?:in\s+)?|\s*[\[(])(?!in\s+[a-zµμ])([a-zµμ]+)"
     r"|(?:\b(?:coord(?:inate)?s|positions|translations?|xyz|koordinaten)"
-    r"|^\W*(?:comment\s+)?(?:all\s+)?(?:lengths|distances|dimensions|values|data|points|vertices"
-    r"|exported|längen|maße))(?:\s+(?:are|is|given))*(?:\s+in\s+|\s*[:=,]\s*|\s*[\[(]\s*)(?!in\b)"
+    r"|^\W*(?:comment\s+)?(?:all\s+)?(?:lengths?|distances|dimensions|values|data|points|vertices"
+    r"|exported|längen?|maße))(?:\s+(?:are|is|given))*(?:\s+in\s+|\s*[:=,]\s*|\s*[\[(]\s*)(?!in\b)"
     r"([a-zµμ]+)(?![\w/^*·]|\s+\w+\^?-\d)",
     re.IGNORECASE,
 )
