@@ -21,7 +21,7 @@ from iriftrace.camera.calibration_programs import (
 )
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import text_in
+from iriftrace.core.files import refuse_packed, text_in
 from iriftrace.core.plain import TwiceError, once
 from iriftrace.core.units import LENGTH_UNITS, stated_length_unit
 
@@ -98,6 +98,7 @@ def calibration_content(path: Path) -> Mapping[str, object]:
                 f"The calibration {path} has {path.stat().st_size:,} bytes, more than any camera "
                 f"needs ({LARGEST_BYTES:,}); give the file that OpenCV's FileStorage wrote."
             )
+        refuse_packed(path)
         text = text_in(path)
     except OSError as error:
         raise InputError(f"cannot read the calibration {path}: {error.strerror}.") from error

@@ -29,10 +29,14 @@ from iriftrace.part.soundness import (
     oriented_outward,
     signed_volume,
     stated_growth,
+    warn_of_folds,
 )
 
 FARTHEST_MM = 1e9
 """Larger coordinates mean damage: a thousand kilometres, whose cube still fits in float32."""
+
+COARSEST_STEP_MM = 1e-3
+"""Rounding of coordinates at 16 m from the origin."""
 
 MOST_FACES = 2**24 - 2
 """The EXR channel ``part.face`` is float32, which holds face number + 1 exactly up to here."""
@@ -235,6 +239,11 @@ def read_part(
         path, file.growth, expansion, reference_temperature_k, hot_temperature_k
     )
     stated = file.unit and SHORT_UNITS.get(file.unit.removesuffix("s"), file.unit)
+    if file.remark and length_unit is None:
+        warn(
+            f"{path} is read in mm, but its comment {file.remark!r} names another unit of length; "
+            "if its coordinates are in that, give it with length_unit (--length-unit)."
+        )
     length_unit = length_unit or stated or "mm"
     scale = length_factor(length_unit) * factor
     vertices = file.vertices * scale
@@ -307,6 +316,7 @@ def part_of_mesh(
     surface = Surface(points, triangles)
     if surface.areas.sum() <= 0:
         raise InputError(f"{name} has triangles but no area; export the part's surface again.")
+    warn_of_folds(name, neighbours, surface.normals, surface.areas)
     groups = find_smooth_groups(neighbours, surface.normals, region_angle_deg)
     named = regions or _named_regions(groups, surface, transform)
     part = Part(
@@ -320,7 +330,16 @@ def part_of_mesh(
         length_unit=length_unit,
         closed=not neighbours.open_edges,
     )
-    return part if transform is None else part.transformed(transform)
+    part = part if transform is None else part.transformed(transform)
+    step = float(np.spacing(np.float32(np.abs(part.bounds).max())))
+    if step > COARSEST_STEP_MM:
+        warn(
+            f"{name} lies {np.abs(part.bounds).max():.4g} mm from the origin, where single "
+            f"precision, in which scenes store it, has steps of {step:.2g} mm; export part and "
+            "field nearer to it, or move both (--part-transform and --field-transform, 'translate "
+            "X Y Z')."
+        )
+    return part
 
 
 def _named_regions(groups: IntArray, surface: Surface, transform: ArrayLike | None) -> Regions:

@@ -16,6 +16,8 @@ from iriftrace.part.growth import Growth
 PLAUSIBLE_SIZE_MM = (1.0, 10_000.0)
 """Parts outside these sizes are rarely real; a metre read as a millimetre is common."""
 
+LEAST_FOLDED = 1e-4
+"""Fraction of a part's area from which on folds are more than slivers."""
 
 # Names in files, without the s of the plural.
 SHORT_UNITS = {
@@ -122,6 +124,24 @@ def oriented_outward(
         faces = faces[:, ::-1]
         warn(f"{path} has inward-facing normals (negative volume); all triangles were turned over.")
     return faces, neighbours
+
+
+def warn_of_folds(
+    path: str, neighbours: Neighbours, normals: FloatArray, areas: FloatArray
+) -> None:
+    """Warn of triangles that lie on their neighbours, with normals (m, 3) opposite to theirs.
+
+    So do fans of concave polygons, which then cover what is not the part's. Of areas (m,), mm^2, a
+    small fraction can be slivers.
+    """
+    first, second = neighbours.pairs.T
+    folded = np.einsum("ij,ij->i", normals[first], normals[second]) < -1.0 + 1e-6
+    covered = np.minimum(areas[first], areas[second])[folded].sum() / areas.sum()
+    if covered > LEAST_FOLDED:
+        warn(
+            f"{path} has triangles that are folded back onto their neighbours ({100 * covered:.2g} "
+            "% of its area), as concave polygons become; export it as triangles."
+        )
 
 
 def signed_volume(vertices: FloatArray, faces: IntArray) -> float:
