@@ -24,6 +24,7 @@ from iriftrace.camera.calibration_names import (
     HEIGHT,
     LENS,
     MATRIX,
+    OTHER_CAMERAS,
     PINHOLE,
     PROJECTION,
     ROTATION,
@@ -39,8 +40,9 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import Distortion
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
+from iriftrace.core.files import text_in
 from iriftrace.core.units import length_factor
-from iriftrace.geometry.transform import nearest_rotations
+from iriftrace.geometry.transform import nearest_rotations, stated_direction
 
 LARGEST_PIXEL_MM = 0.5
 """Larger than for any camera; a number of this size is in micrometres."""
@@ -49,7 +51,9 @@ LARGEST_ROUNDING = 1.5e-3
 """Largest relative change of lengths by a rotation matrix that has three decimals."""
 
 _VIEWS = ("extrinsic_parameters",)
-_OF_A_POSE = re.compile("extrinsic|pose|world|position|orientation")
+_OF_A_POSE = re.compile(
+    "extrinsic|pose|world|position|orientation|transform|quaternion|euler|c2w|w2c|^[rt](wc|cw|vecs)$"
+)
 _RADTAN = ("radtan", "radial-tangential", "radial_tangential", "radialtangential")
 """Names of k1, k2, p1, p2 in Kalibr and its like."""
 
@@ -153,6 +157,12 @@ def read_calibration(path: str | Path, *, length_mm: float | None = None) -> Cal
     if length_mm is None:
         length_mm = length_factor(values.length_unit or "mm")
     calibration = calibration_of(values, length_mm)
+    said = stated_direction(text_in(Path(path)), to_camera=False)
+    if said and calibration.matrix is not None:
+        raise values.wrong(
+            f"it says {said!r}, but its pose is read as leading from the part's frame to the "
+            "camera's; write R and T of the inverse"
+        )
     unread = [name for name in map(str, values.content) if _OF_A_POSE.search(folded(name))]
     if unread and calibration.matrix is None and not calibration.views and not is_matlab(values):
         warn(
@@ -247,12 +257,14 @@ def _matrix(values: CalibrationValues) -> FloatArray:
         raise values.wrong(
             f"{matrix.tolist()} is not a camera matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"
         )
-    stated = values.named(("skew", "alpha_c"))
-    skew = stated if isinstance(stated, int | float) and stated else matrix[0, 1]
-    if abs(skew) > 1e-9 * matrix[0, 0] or matrix[1, 0] != 0:
-        raise values.wrong(
-            f"the camera matrix has the skew {skew:g}, which is not modelled; calibrate without it"
-        )
+    there = [name for name in OTHER_CAMERAS if values.named((name,))]
+    stated = {name: values.array((name,), (1,))[0] for name in there}
+    for name, number in {"": matrix[0, 1], **stated}.items():
+        if abs(number) > 1e-9 * matrix[0, 0] or matrix[1, 0] != 0:
+            raise values.wrong(
+                f"the camera matrix has the {'xi' if name == 'xi' else 'skew'} {number:g}, which "
+                "is not modelled; calibrate without it"
+            )
     return matrix
 
 

@@ -22,6 +22,7 @@ from iriftrace.camera.calibration_programs import (
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import refuse_packed, text_in
+from iriftrace.core.number_table import MISSING
 from iriftrace.core.plain import TwiceError, once
 from iriftrace.core.units import LENGTH_UNITS, stated_length_unit
 
@@ -275,8 +276,10 @@ class CalibrationValues:
             listed = ", ".join(map(str, value))
             raise self.wrong(f"{name} has the entries {listed} instead of numbers alone")
         numbers = _numbers(value)
-        if not np.isfinite(numbers).all():
-            raise self.wrong(f"{name} has entries that are not finite numbers; write it again")
+        if not np.isfinite(numbers).all() or (numbers == MISSING).any():
+            raise self.wrong(
+                f"{name} has entries that are not finite numbers, or {MISSING:g}; write it again"
+            )
         if counts and len(numbers) not in counts:
             allowed = " or ".join(map(str, counts))
             raise self.wrong(f"{name} has {len(numbers)} numbers instead of {allowed}")

@@ -40,7 +40,10 @@ LENS = ("distortion_model", "camera_model")
 FISHEYE = ("fisheye_model", "fisheye")
 _PINHOLE_SCALARS = ("fx", "fy", "cx", "cy")
 _LENS_SCALARS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
-_PART_OF_A_DISTORTION = re.compile("dist|coef|radial|tangential|^[kp][1-6]$")
+_PART_OF_A_DISTORTION = re.compile("dist|coef|radial|tangential|kappa|^[kp][1-6]$")
+OTHER_CAMERAS = ("skew", "alpha_c", "shear", "xi")
+"""Skew under its names, and the parameter of OpenCV's omnidirectional cameras."""
+
 _UNMODELLED = ("skew", "b1", "b2", "s1", "s2", "s3", "s4", "tau_x", "tau_y", "p3", "p4", "t1", "t2")
 """Numbers of lenses next to these, in OpenCV and Metashape."""
 

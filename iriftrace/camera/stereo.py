@@ -7,6 +7,7 @@ become the named values of two cameras and the rest, and then every value is fou
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -28,6 +29,7 @@ from iriftrace.camera.calibration_names import (
     HEIGHT,
     LENS,
     MATRIX,
+    OTHER_CAMERAS,
     PINHOLE,
     PROJECTION,
     ROTATION,
@@ -41,19 +43,29 @@ from iriftrace.camera.calibration_names import (
 from iriftrace.camera.stereo_checks import check_axes, refuse_contradiction
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
+from iriftrace.core.files import text_in
 from iriftrace.core.units import length_factor
 
 BASELINES_MM = (3.0, 20_000.0)
 """Distances of two cameras outside of which the unit of T is wrong: metres read as mm or back."""
 
 _SIDES = (("1", "2"), ("left", "right"), ("l", "r"), ("0", "1"), ("cam", "proj"))
+_TO = r"(?:[\s_-]+cam(?:era)?)?(?:'s)?(?:[\s_-]+frame)?[\s_-]*(?:to|->|→)[\s_-]*(?:the )?"
+_BACK = re.compile(
+    rf"(?<![^\W_])(?:(?:cam(?:era)?[\s_-]*2|right){_TO}(?:cam(?:era)?[\s_-]*1|left)"
+    rf"|cam(?:era)?[\s_-]*1{_TO}cam(?:era)?[\s_-]*0)(?![^\W_])",
+    re.IGNORECASE,
+)
 _OF_A_CAMERA = ("", "cam", "camera", "cameraparameters", "cameraparams", "sensor", "intrinsics")
 _RECTIFICATION = ("R", "rectification_matrix", "rectification")
 _KALIBR = ("T_cn_cnm1",)
 _MATLABS_ROTATION = ("rotationOfCamera2",)
 _SHARED = (*WIDTH, *HEIGHT, *SIZE, *LENS, *FISHEYE)
 _NAMES = tuple(
-    map(folded, (*MATRIX, *PINHOLE, *DISTORTION, *_RECTIFICATION, *PROJECTION, *_SHARED))
+    map(
+        folded,
+        (*MATRIX, *PINHOLE, *DISTORTION, *OTHER_CAMERAS, *_RECTIFICATION, *PROJECTION, *_SHARED),
+    )
 )
 
 
@@ -146,6 +158,11 @@ def read_stereo_calibration(
         )
     first, second, rest, sides = _cameras_in(paths)
     rotation, translation, usual = _motion(first, second, rest)
+    if said := next(filter(None, map(_BACK.search, map(text_in, map(Path, paths)))), None):
+        raise rest.wrong(
+            f"it says {said[0]!r}, but R and T are read as leading from camera 1 to camera 2; "
+            "invert them"
+        )
     unit = length_unit or rest.length_unit or usual
     shift = translation * length_factor(unit)
     baseline, (low, high) = float(np.linalg.norm(shift)), BASELINES_MM
@@ -175,7 +192,7 @@ def _cameras_in(
 ) -> tuple[CalibrationValues, CalibrationValues, CalibrationValues, tuple[str, str]]:
     """Values of each camera, those of neither, and what the one or two files call the two."""
     files = [CalibrationValues(Path(path), calibration_content(Path(path))) for path in paths]
-    if len(files) == 2 and all(_is_camera(file.content) for file in files):
+    if len(files) == 2 and all(map(_is_camera, files)):
         named = [str(file.content.get("camera_name", "")) for file in files]
         sides = ("left", "right") if "left" in named[0] and "right" in named[1] else ("1", "2")
         return files[0], files[1], evolve(files[0], content={}), sides
@@ -187,9 +204,9 @@ def _cameras_in(
     return first, second, values, sides
 
 
-def _is_camera(content: Mapping[str, object]) -> bool:
+def _is_camera(values: CalibrationValues) -> bool:
     """True if the values are those of a single camera."""
-    values = without_scalars(CalibrationValues(Path(), content))
+    values = without_scalars(values)
     return is_matlab(values) or isinstance(values.named((*MATRIX, *PINHOLE)), (list, Mapping))
 
 
@@ -216,14 +233,15 @@ def _two_cameras(
         # What stereoParametersToOpenCV returns is OpenCV's, but for rows before columns.
         shared[SIZE[0]] = values.array(SIZE, (2,))[::-1]
     for sides in _SIDES:
-        found = [_camera_of(by_name, side) for side in sides]
-        if all(_is_camera(content) for content in found):
+        found = [evolve(values, content=_camera_of(by_name, side)) for side in sides]
+        if all(map(_is_camera, found)):
             first, second = (
-                evolve(values, content={**shared, **content}, camera=f"camera {number}")
-                for number, content in enumerate(found, start=1)
+                evolve(values, content={**shared, **camera.content}, camera=f"camera {number}")
+                for number, camera in enumerate(found, start=1)
             )
             others = {"1": ("0", "3"), "0": ("2",)}.get(sides[0], ())
-            if any(_is_camera(_camera_of(by_name, other)) for other in others):
+            further = [evolve(values, content=_camera_of(by_name, other)) for other in others]
+            if any(map(_is_camera, further)):
                 raise values.wrong(
                     "it has more than two cameras; write a file with the two that measured"
                 )
@@ -293,7 +311,8 @@ def _motion(
         return rotation, shift, "m" if first.named(LENS) is not None else "mm"
     raise rest.wrong(
         "R and T from camera 1 to camera 2 are missing, as stereoCalibrate gives them (its names "
-        f"are {_listed(rest if rest.content else second)}); add both"
+        f"are {_listed(rest if rest.content else second)}); add both, x2 = R x1 + T, since what is "
+        "called R_12 or R_lr may lead back"
     )
 
 

@@ -1,0 +1,94 @@
+"""Calibrations that state another direction, another camera or a missing number."""
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from iriftrace.camera.calibration import read_calibration
+from iriftrace.camera.stereo import read_stereo_calibration
+from iriftrace.core.errors import InputError, IriftraceWarning
+from validation.inputs import stereo_files as rig
+from validation.inputs.calibration_files import plain
+
+POSE = {"R": np.eye(3).tolist(), "T": [0.0, 0.0, 500.0]}
+PAIR = {"R": rig.ROTATION.tolist(), "T": rig.TRANSLATION.tolist()}
+
+
+@pytest.mark.parametrize("said", ["camera to world", "T_wc", "c2w", "camera -> board"])
+def test_a_pose_that_says_to_lead_from_the_camera_is_refused(tmp_path: Path, said: str) -> None:
+    path = plain(tmp_path / "a.json", **POSE, note=said)
+    with pytest.raises(InputError, match=f"says '{said}', but its pose is read as leading from"):
+        read_calibration(path)
+    assert read_calibration(plain(tmp_path / "a.json", note=said)).matrix is None
+    path = plain(tmp_path / "a.json", **POSE, note="world to camera, T_cw")
+    np.testing.assert_allclose(read_calibration(path).matrix[:3, 3], (0.0, 0.0, -500.0))
+
+
+@pytest.mark.parametrize("name", ["T_wc", "R_c2w", "transform_matrix", "quaternion", "rvecs"])
+def test_further_poses_that_are_not_read_are_named(tmp_path: Path, name: str) -> None:
+    path = plain(tmp_path / "a.json", **{name: np.eye(4).tolist()})
+    with pytest.warns(IriftraceWarning, match=f"{name}, which is not read as the camera's pose"):
+        assert read_calibration(path).matrix is None
+
+
+@pytest.mark.parametrize(
+    "said", ["from camera 2 to camera 1", "right to left", "cam1_to_cam0", "right camera -> left"]
+)
+def test_a_pair_that_says_to_lead_back_is_refused(tmp_path: Path, said: str) -> None:
+    path = rig.opencv(tmp_path / "a.yaml")
+    text = path.read_text()
+    path.write_text(f"{text}# {said}\n")
+    with pytest.raises(InputError, match="read as leading from camera 1 to camera 2; invert"):
+        read_stereo_calibration(path)
+    path.write_text(f"{text}# camera 1 to camera 2, left to right, at a ratio of 2 to 1\n")
+    assert read_stereo_calibration(path).baseline_mm > 200.0
+
+
+@pytest.mark.parametrize("name", ["{}_12", "{}_lr", "{}21"])
+def test_names_of_a_motion_whose_direction_differs_are_not_read(tmp_path: Path, name: str) -> None:
+    path = rig.opencv(tmp_path / "a.yaml")
+    motion = {name.format(key): value for key, value in PAIR.items()}
+    lenses = path.read_text().split("R:")[0]
+    path.write_text(f"{lenses}\n{yaml.safe_dump(motion)}")
+    with pytest.raises(InputError, match=r"x2 = R x1 \+ T, since .* may lead back"):
+        read_stereo_calibration(path)
+
+
+@pytest.mark.parametrize("name", ["xi", "shear"])
+def test_numbers_of_other_cameras_are_refused(tmp_path: Path, name: str) -> None:
+    """xi of cv2.omnidir, also as a matrix of one number, of one or of two cameras."""
+    for value in (1.2, [[1.2]]):
+        with pytest.raises(InputError, match=r"has the (xi|skew) 1\.2, which is not modelled"):
+            read_calibration(plain(tmp_path / "a.json", **{name: value}))
+    path = rig.opencv(tmp_path / "a.yaml")
+    path.write_text(f"{path.read_text()}\n{name}2: 1.2\n")
+    with pytest.raises(InputError, match=r"camera 2: the camera matrix has the (xi|skew) 1\.2"):
+        read_stereo_calibration(path)
+
+
+@pytest.mark.parametrize("name", ["distortion_coefficients", "tvec"])
+def test_a_missing_number_is_refused(tmp_path: Path, name: str) -> None:
+    values = {"rvec": [0.0, 0.0, 0.0], "tvec": [0.0, 0.0, 500.0]}
+    values[name] = [0.0, 0.0, -9999.0]
+    with pytest.raises(InputError, match=f"{name} has entries that are not finite .* or -9999"):
+        read_calibration(plain(tmp_path / "a.json", **values))
+
+
+def test_a_packed_calibration_is_named(tmp_path: Path) -> None:
+    """OpenCV's FileStorage writes calibration.yml.gz, too."""
+    path = tmp_path / "a.yml.gz"
+    path.write_bytes(gzip.compress(plain(tmp_path / "a.json").read_bytes()))
+    with pytest.raises(InputError, match="is packed"):
+        read_calibration(path)
+
+
+def test_a_fault_of_one_of_two_files_names_the_file(tmp_path: Path) -> None:
+    lens = {"fx": 3653.0, "fy": 3657.0, "cx": 650.0, "cy": 498.0, "k1": -0.1, "k2": 0.1, "b1": 1.0}
+    paths = [tmp_path / name for name in ("left.yaml", "right.yaml")]
+    for path in paths:
+        path.write_text(yaml.safe_dump(lens))
+    with pytest.raises(InputError, match=r"left\.yaml: it has b1"):
+        read_stereo_calibration(*paths)
