@@ -99,7 +99,8 @@ def calibration_content(path: Path) -> Mapping[str, object]:
                 f"The calibration {path} has {path.stat().st_size:,} bytes, more than any camera "
                 f"needs ({LARGEST_BYTES:,}); give the file that OpenCV's FileStorage wrote."
             )
-        refuse_packed(path)
+        if path.suffix.lower() != ".npz":
+            refuse_packed(path)
         text = text_in(path)
     except OSError as error:
         raise InputError(f"cannot read the calibration {path}: {error.strerror}.") from error

@@ -29,6 +29,8 @@ _ANY = f"({'|'.join(_FRAMES)})"
 _LEADS = re.compile(
     rf"(?<![^\W_])(?<!distance )(?<!distance from ){_ANY}(?:'s)?(?:[\s_-]*\d|[\s_-]+(?:frame|coord"
     rf"\w*|system))*(?:[\s_-]*(?:to|->|→)[\s_-]*|2)(?:the )?{_ANY}(?![^\W_])"
+    rf"|(?<![^\W_]){_ANY}(?:'s)? (?:pose|position) in (?:the )?{_ANY}(?![^\W_])"
+    rf"|(?<=pose of the ){_ANY} in (?:the )?{_ANY}(?![^\W_])"
     rf"|(?<![^\W_])[RT]_?{_ANY}_?{_ANY}(?![^\W_])",
     re.IGNORECASE,
 )
@@ -83,8 +85,8 @@ def stated_direction(text: str, *, to_camera: bool) -> str:
     ``T_A_B`` leads from B to A.
     """
     for match in _LEADS.finditer(text):
-        start, end, outer, inner = (_FRAMES.get((name or "").lower(), 0) for name in match.groups())
-        steps = end - start + outer - inner
+        *pairs, outer, inner = (_FRAMES.get((name or "").lower(), 0) for name in match.groups())
+        steps = sum(pairs[1::2]) - sum(pairs[::2]) + outer - inner
         if steps < 0 if to_camera else steps > 0:
             return match[0]
     return ""

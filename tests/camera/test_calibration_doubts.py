@@ -17,10 +17,12 @@ POSE = {"R": np.eye(3).tolist(), "T": [0.0, 0.0, 500.0]}
 PAIR = {"R": rig.ROTATION.tolist(), "T": rig.TRANSLATION.tolist()}
 
 
-@pytest.mark.parametrize("said", ["camera to world", "T_wc", "c2w", "camera -> board"])
+@pytest.mark.parametrize(
+    "said", ["camera to world", "T_wc", "c2w", "camera -> board", "camera's pose in world"]
+)
 def test_a_pose_that_says_to_lead_from_the_camera_is_refused(tmp_path: Path, said: str) -> None:
     path = plain(tmp_path / "a.json", **POSE, note=said)
-    with pytest.raises(InputError, match=f"says '{said}', but its pose is read as leading from"):
+    with pytest.raises(InputError, match=f"says {said!r}, but its pose is read as leading from"):
         read_calibration(path)
     assert read_calibration(plain(tmp_path / "a.json", note=said)).matrix is None
     path = plain(tmp_path / "a.json", **POSE, note="world to camera, T_cw")
@@ -83,6 +85,9 @@ def test_a_packed_calibration_is_named(tmp_path: Path) -> None:
     path.write_bytes(gzip.compress(plain(tmp_path / "a.json").read_bytes()))
     with pytest.raises(InputError, match="is packed"):
         read_calibration(path)
+    np.savez(tmp_path / "a.npz", mtx=np.eye(3))
+    with pytest.raises(InputError, match="is a binary file; give YAML, XML or JSON"):
+        read_calibration(tmp_path / "a.npz")
 
 
 def test_a_fault_of_one_of_two_files_names_the_file(tmp_path: Path) -> None:

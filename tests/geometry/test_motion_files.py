@@ -26,6 +26,8 @@ ROWS = "\n".join(" ".join(map(repr, row)) for row in MOTION.tolist()) + "\n"
         "w2c",
         "T_cw",
         "reference to measured",
+        "part pose in the camera frame",
+        "pose of the board in camera 1",
     ],
 )
 def test_a_motion_that_says_to_lead_back_is_refused(tmp_path: Path, said: str) -> None:

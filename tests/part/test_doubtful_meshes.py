@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from iriftrace.cli.field_options import PartOptions
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.part.part import read_part
 
@@ -111,3 +112,15 @@ def test_a_part_far_from_the_origin_is_warned_of(tmp_path: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         np.testing.assert_allclose(read_part(path, transform=back).centre, 0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "turn"), [("a.glb", None), ("a.glb", "rotate x 90"), ("a.stl", None)]
+)
+def test_the_axis_that_is_up_in_gltf_is_said(
+    tmp_path: Path, name: str, turn: str | None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    trimesh.Scene(BOX).export(tmp_path / name)
+    PartOptions(part_transform=turn).read(tmp_path / name)
+    said = " ".join(capsys.readouterr().out.split())
+    assert ("up is y in glTF, but z here" in said) == (name == "a.glb" and turn is None)
