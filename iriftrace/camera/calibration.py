@@ -54,11 +54,15 @@ _VIEWS = ("extrinsic_parameters",)
 _OF_A_POSE = re.compile(
     "extrinsic|pose|world|position|orientation|transform|quaternion|euler|c2w|w2c|^[rt](wc|cw|vecs)$"
 )
-_RADTAN = ("radtan", "radial-tangential", "radial_tangential", "radialtangential")
-"""Names of k1, k2, p1, p2 in Kalibr and its like."""
+_RADTAN = {"radtan", "radialtangential"}
+"""Names of k1, k2, p1, p2 in Kalibr and its like, folded."""
 
-_MODELS = ("plumb_bob", "rational_polynomial", "brown", "brown_conrady", "opencv", *_RADTAN)
-_OTHER_LENS = re.compile("fisheye|equidistant|kannala|division|omni|sphere|unified", re.IGNORECASE)
+_MODELS = {"plumbbob", "rationalpolynomial", "brown", "brownconrady", "opencv", *_RADTAN}
+_OTHER_LENS = re.compile(
+    "fisheye|equidistant|kannala|division|omni|sphere|unified|inverse|telecentric|orthographic"
+    "|line.?scan",
+    re.IGNORECASE,
+)
 """In the names of lens models, which entries of any name with "model", "type" ... may have."""
 _OF_A_LENS = re.compile("model|type|lens|projection|distortion")
 _OF_TWO = re.compile("(cameramatrix|intrinsicmatrix|mtx|k|m)(2|r|right)|(camera|cam)1|right")
@@ -285,9 +289,14 @@ def _resolution(values: CalibrationValues) -> tuple[int, int]:
 
 def _distortion(values: CalibrationValues) -> Distortion:
     models = _models(values)
+    given = values.named(DISTORTION)
     if "none" in models:
+        if given is not None and values.array(DISTORTION).any():
+            raise values.wrong(
+                "its lens model is 'none', but it has distortion coefficients; leave out either"
+            )
         return Distortion()
-    if values.named(DISTORTION) is None:
+    if given is None:
         parts = [name for name in values.content if is_part_of_a_distortion(str(name))]
         raise values.wrong(
             f"{DISTORTION[0]} is missing; "
@@ -299,9 +308,9 @@ def _distortion(values: CalibrationValues) -> Distortion:
             )
         )
     numbers = values.array(DISTORTION)
-    if models & set(_RADTAN) and len(numbers) != 4:
+    if models.keys() & _RADTAN and len(numbers) != 4:
         raise values.wrong(
-            f"the lens model {', '.join(models & set(_RADTAN))!r} has four coefficients, k1, k2, "
+            f"the lens model {', '.join(models.keys() & _RADTAN)!r} has four coefficients, k1, k2, "
             f"p1, p2, but the file has {len(numbers)}; name the model of these"
         )
     if numbers[8:].any():
@@ -309,7 +318,7 @@ def _distortion(values: CalibrationValues) -> Distortion:
             f"{len(numbers)} distortion coefficients with thin prism or tilt terms are given, "
             "which are not modelled; calibrate with k1 to k6, p1 and p2 only"
         )
-    named = models & set(_MODELS) or values.named(FISHEYE) is not None
+    named = models.keys() & _MODELS or values.named(FISHEYE) is not None
     if len(numbers) == 4 and numbers.any() and not named:
         warn(
             f"{values.called} has four distortion coefficients and names no lens model; they are "
@@ -323,10 +332,10 @@ def _distortion(values: CalibrationValues) -> Distortion:
         raise values.wrong(str(error).rstrip(".")) from error
 
 
-def _models(values: CalibrationValues) -> set[str]:
-    """Lens models that the file names, in lower case."""
+def _models(values: CalibrationValues) -> dict[str, str]:
+    """Lens models that the file names, folded, and as it writes them in lower case."""
     found = (values.named((name,)) for name in LENS)
-    return {str(model).lower() for model in found if model}
+    return {folded(str(model)): str(model).lower() for model in found if model}
 
 
 def _refuse_other_models(values: CalibrationValues) -> None:
@@ -335,12 +344,12 @@ def _refuse_other_models(values: CalibrationValues) -> None:
             "it is of OpenCV's fisheye model, which is not modelled; calibrate with the one of "
             "Brown and Conrady"
         )
-    known = (*_MODELS, "pinhole")
-    for model in sorted(_models(values) - {*known, "none"}):
-        raise values.wrong(
-            f"the lens model {model!r} is not the one of Brown and Conrady ({', '.join(known)})"
-            "; calibrate with that"
-        )
+    for name, model in _models(values).items():
+        if name not in {*_MODELS, "pinhole", "none"}:
+            raise values.wrong(
+                f"the lens model {model!r} is not the one of Brown and Conrady (plumb_bob, "
+                "rational_polynomial, radtan, opencv); calibrate with that"
+            )
     for name, value in values.content.items():
         of_a_lens = _OF_A_LENS.search(folded(str(name)))
         if of_a_lens and isinstance(value, str) and _OTHER_LENS.search(value):

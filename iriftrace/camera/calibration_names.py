@@ -70,6 +70,8 @@ def without_scalars(values: CalibrationValues) -> CalibrationValues:
     source = values
     if isinstance(named, Mapping) and "data" not in named:
         source = evolve(values, content=named)
+        said = {name: value for name, value in named.items() if isinstance(value, str)}
+        content |= {f"distortion {name}": value for name, value in said.items()}
     lens = {name: source.named((name,)) for name in _LENS_SCALARS}
     # k1 to k4 without p1 are those of a fisheye lens.
     brown = isinstance(lens["k1"], int | float) and (lens["k4"] is None or lens["p1"] is not None)

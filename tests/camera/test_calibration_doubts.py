@@ -1,6 +1,7 @@
 """Calibrations that state another direction, another camera or a missing number."""
 
 import gzip
+import json
 from pathlib import Path
 
 import numpy as np
@@ -97,3 +98,30 @@ def test_a_fault_of_one_of_two_files_names_the_file(tmp_path: Path) -> None:
         path.write_text(yaml.safe_dump(lens))
     with pytest.raises(InputError, match=r"left\.yaml: it has b1"):
         read_stereo_calibration(*paths)
+
+
+@pytest.mark.parametrize("kind", ["division", "inverse", "telecentric", "line-scan", "fisheye"])
+def test_a_lens_model_next_to_the_coefficients_is_read(tmp_path: Path, kind: str) -> None:
+    for lens in ({"distortion": {"type": kind, "k1": -0.1, "p1": 0.0}}, {"camera_type": kind}):
+        path = plain(tmp_path / "a.json", **lens)
+        values = json.loads(path.read_text())
+        if "distortion" in lens:
+            del values["distortion_coefficients"]
+        path.write_text(json.dumps(values))
+        with pytest.raises(InputError, match=f"'{kind}' is another lens model"):
+            read_calibration(path)
+
+
+@pytest.mark.parametrize("model", ["Plumb Bob", "Brown-Conrady", "radial tangential"])
+def test_blanks_and_hyphens_in_names_of_models_do_not_count(tmp_path: Path, model: str) -> None:
+    four = [-0.1, 0.1, 0.001, 0.001]
+    path = plain(tmp_path / "a.json", distortion_model=model, distortion_coefficients=four)
+    assert read_calibration(path).distortion.coefficients[:4] == tuple(four)
+
+
+def test_coefficients_of_no_model_are_refused(tmp_path: Path) -> None:
+    path = plain(tmp_path / "a.json", distortion_model="none")
+    with pytest.raises(InputError, match="lens model is 'none', but it has distortion coeff"):
+        read_calibration(path)
+    path = plain(tmp_path / "a.json", distortion_model="none", distortion_coefficients=[0, 0, 0, 0])
+    assert not any(read_calibration(path).distortion.coefficients)
