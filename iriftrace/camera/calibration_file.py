@@ -21,7 +21,7 @@ from iriftrace.camera.calibration_programs import (
 )
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import refuse_packed, text_in
+from iriftrace.core.files import text_in
 from iriftrace.core.number_table import MISSING
 from iriftrace.core.plain import TwiceError, once
 from iriftrace.core.units import LENGTH_UNITS, stated_length_unit
@@ -99,14 +99,13 @@ def calibration_content(path: Path) -> Mapping[str, object]:
                 f"The calibration {path} has {path.stat().st_size:,} bytes, more than any camera "
                 f"needs ({LARGEST_BYTES:,}); give the file that OpenCV's FileStorage wrote."
             )
-        if path.suffix.lower() != ".npz":
-            refuse_packed(path)
         text = text_in(path)
     except OSError as error:
         raise InputError(f"cannot read the calibration {path}: {error.strerror}.") from error
     if "\0" in text:
         raise InputError(
-            f"The calibration {path} is a binary file; give YAML, XML or JSON with OpenCV's names."
+            f"The calibration {path} is a binary file; give YAML, XML or JSON with OpenCV's names "
+            "(unpacked, if it is packed)."
         )
     refuse_other_programs(path, text)
     colmap = colmap_values(path, text)

@@ -94,16 +94,6 @@ def check_readable(path: Path) -> None:
         raise InputError(f"Cannot read {path}: {error.strerror or error}.") from error
 
 
-def refuse_packed(path: Path) -> None:
-    """Refuse a file that gzip, bzip2, zip or a spreadsheet program has written."""
-    with path.open("rb") as file:
-        start = file.read(4)
-    if start.startswith((b"\x1f\x8b", b"BZh", b"PK\x03\x04")):
-        raise InputError(
-            f"{path} is packed (gzip, zip or a workbook); unpack it, and give its file."
-        )
-
-
 def text_in(path: Path) -> str:
     """Text of a file: of Unicode or of Western Windows, without the end mark of DOS."""
     content = path.read_bytes()

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
-from iriftrace.core.files import refuse_packed, text_in
+from iriftrace.core.files import text_in
 from iriftrace.core.number_table import MISSING, with_exponents
 from iriftrace.core.units import length_factor, stated_length_unit
 
@@ -53,7 +53,6 @@ def parse_transform(text: str) -> FloatArray:
     numbers, unit = _numbers(text), "mm"
     # Other than the path's own method, this takes any text.
     if numbers is None and os.path.isfile(path):
-        refuse_packed(path)
         written = text_in(path)
         unit = next(filter(None, map(stated_length_unit, written.splitlines())), "mm")
         numbers = _numbers(_bare(written))

@@ -12,7 +12,7 @@ from attrs import frozen
 
 from iriftrace.core.arrays import AnyArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import refuse_packed, sha256_of, whole_file
+from iriftrace.core.files import sha256_of, whole_file
 from iriftrace.core.units import names_length_unit, stated_length_unit
 from iriftrace.geometry.ply import HEADER_LIMIT, PlyMesh, check_corners, read_ply, write_ply
 from iriftrace.part.growth import Growth
@@ -55,8 +55,12 @@ def load_mesh_file(path: Path) -> MeshFile:
     if not path.is_file():
         raise InputError(f"there is no part file {path}; give an existing mesh.")
     suffix = path.suffix.removeprefix(".").lower()
-    if suffix != "3mf":
-        refuse_packed(path)
+    with path.open("rb") as file:
+        packed = file.read(4).startswith((b"\x1f\x8b", b"BZh", b"PK\x03\x04"))
+    if packed and suffix != "3mf":
+        raise InputError(
+            f"{path} is packed (gzip, bzip2 or zip); unpack it, and give the mesh in it."
+        )
     if suffix not in trimesh.available_formats():
         install = "install lxml and networkx (pip install lxml networkx), or "
         raise InputError(

@@ -84,11 +84,8 @@ def test_a_packed_calibration_is_named(tmp_path: Path) -> None:
     """OpenCV's FileStorage writes calibration.yml.gz, too."""
     path = tmp_path / "a.yml.gz"
     path.write_bytes(gzip.compress(plain(tmp_path / "a.json").read_bytes()))
-    with pytest.raises(InputError, match="is packed"):
+    with pytest.raises(InputError, match=r"is a binary file; .* \(unpacked, if it is packed\)"):
         read_calibration(path)
-    np.savez(tmp_path / "a.npz", mtx=np.eye(3))
-    with pytest.raises(InputError, match="is a binary file; give YAML, XML or JSON"):
-        read_calibration(tmp_path / "a.npz")
 
 
 def test_a_fault_of_one_of_two_files_names_the_file(tmp_path: Path) -> None:

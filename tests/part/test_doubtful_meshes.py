@@ -55,7 +55,7 @@ def test_packed_files_are_named(tmp_path: Path, name: str) -> None:
             archive.writestr("part.stl", BOX.export(file_type="stl"))
     else:
         (tmp_path / name).write_bytes(gzip.compress(BOX.export(file_type="stl")))
-    with pytest.raises(InputError, match=r"is packed \(gzip, zip or a workbook\); unpack it"):
+    with pytest.raises(InputError, match=r"is packed \(gzip, bzip2 or zip\); unpack it"):
         read_part(tmp_path / name)
 
 
