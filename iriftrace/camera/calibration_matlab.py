@@ -14,6 +14,7 @@ from attrs import evolve
 
 from iriftrace.camera.calibration_file import CalibrationValues
 from iriftrace.core.arrays import FloatArray
+from iriftrace.core.units import LENGTH_UNITS
 
 _RADIAL, _TANGENTIAL = ("RadialDistortion",), ("TangentialDistortion",)
 _OLD_MATRIX, _MATRIX = ("IntrinsicMatrix",), ("K",)
@@ -22,12 +23,6 @@ _FOCAL, _CENTRE, _SKEW = ("FocalLength",), ("PrincipalPoint",), ("Skew",)
 
 _SIZE = ("ImageSize",)
 _ROTATION, _TRANSLATION = ("RotationOfCamera2",), ("TranslationOfCamera2",)
-_UNITS = {
-    "millimeters": "mm",
-    "centimeters": "cm",
-    "meters": "m",
-    "inches": "in",
-}
 
 
 def is_matlab(values: CalibrationValues) -> bool:
@@ -87,4 +82,4 @@ def matlab_motion(values: CalibrationValues, *, rows: bool) -> tuple[FloatArray,
 def matlab_length_unit(values: CalibrationValues) -> str | None:
     """Unit of the translation, as `iriftrace.core.units.length_factor` takes it."""
     stated = values.named(("WorldUnits",))
-    return None if stated is None else _UNITS.get(str(stated).lower(), str(stated))
+    return None if stated is None else LENGTH_UNITS.get(str(stated).lower(), str(stated))

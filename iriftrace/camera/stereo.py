@@ -227,21 +227,19 @@ def _two_cameras(
     values: CalibrationValues,
 ) -> tuple[CalibrationValues, CalibrationValues, tuple[str, str]]:
     """The values of each camera, and what the file calls the two."""
-    by_name = {folded(str(name)): (str(name), value) for name, value in values.content.items()}
     shared = {name: value for name, value in values.content.items() if _is_shared(str(name))}
     if values.named(_MATLABS_ROTATION) is not None and values.named(SIZE) is not None:
         # What stereoParametersToOpenCV returns is OpenCV's, but for rows before columns.
         shared[SIZE[0]] = values.array(SIZE, (2,))[::-1]
     for sides in _SIDES:
-        found = [evolve(values, content=_camera_of(by_name, side)) for side in sides]
+        found = [_camera_of(values, side) for side in sides]
         if all(map(_is_camera, found)):
             first, second = (
                 evolve(values, content={**shared, **camera.content}, camera=f"camera {number}")
                 for number, camera in enumerate(found, start=1)
             )
             others = {"1": ("0", "3"), "0": ("2",)}.get(sides[0], ())
-            further = [evolve(values, content=_camera_of(by_name, other)) for other in others]
-            if any(map(_is_camera, further)):
+            if any(_is_camera(_camera_of(values, other)) for other in others):
                 raise values.wrong(
                     "it has more than two cameras; write a file with the two that measured"
                 )
@@ -257,19 +255,20 @@ def _listed(values: CalibrationValues) -> str:
     return ", ".join(map(str, list(values.content)[:12])) or "none"
 
 
-def _camera_of(by_name: Mapping[str, tuple[str, object]], side: str) -> dict[str, object]:
+def _camera_of(values: CalibrationValues, side: str) -> CalibrationValues:
     """Values of one side: its mapping, or the values whose names start or end with it."""
+    by_name = {folded(str(name)): value for name, value in values.content.items()}
     for word in _OF_A_CAMERA:
         for name in (word + side, side + word):
-            _, value = by_name.get(name, ("", None))
+            value = by_name.get(name)
             if isinstance(value, Mapping) and "data" not in value:  # no matrix
-                return dict(value)
+                return evolve(values, content=value)
     found = {}
     for base in _NAMES:
         for name in (base + side, side + base, f"cam{side}{base}", f"camera{side}{base}"):
             if name in by_name:
-                found[base] = by_name[name][1]
-    return found
+                found[base] = by_name[name]
+    return evolve(values, content=found)
 
 
 def _motion(

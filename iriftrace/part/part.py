@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError, warn
-from iriftrace.core.units import length_factor
+from iriftrace.core.units import LENGTH_UNITS, length_factor
 from iriftrace.geometry.face_blocks import FaceBlocks, nest_faces
 from iriftrace.geometry.query import Surface
 from iriftrace.geometry.topology import weld
@@ -22,7 +22,6 @@ from iriftrace.part.growth import Growth
 from iriftrace.part.regions import Regions, find_smooth_groups, name_regions
 from iriftrace.part.soundness import (
     PLAUSIBLE_SIZE_MM,
-    SHORT_UNITS,
     check_unit,
     distinct_faces,
     is_unlikely_size,
@@ -238,7 +237,7 @@ def read_part(
     growth, factor = stated_growth(
         path, file.growth, expansion, reference_temperature_k, hot_temperature_k
     )
-    stated = file.unit and SHORT_UNITS.get(file.unit.removesuffix("s"), file.unit)
+    stated = file.unit and LENGTH_UNITS.get(file.unit, file.unit)
     if file.remark and length_unit is None:
         warn(
             f"{path} is read in mm, but its comment {file.remark!r} names another unit of length; "

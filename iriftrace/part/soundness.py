@@ -19,12 +19,6 @@ PLAUSIBLE_SIZE_MM = (1.0, 10_000.0)
 LEAST_FOLDED = 1e-4
 """Fraction of a part's area from which on folds are more than slivers."""
 
-# Names in files, without the s of the plural.
-SHORT_UNITS = {
-    **{"meter": "m", "millimeter": "mm", "centimeter": "cm"},
-    **{"inche": "inch", "micron": "um"},
-}
-
 
 def stated_growth(
     path: Path,
