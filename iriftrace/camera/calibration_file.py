@@ -33,7 +33,7 @@ LARGEST_VALUES = 4_000_000
 """Numbers in a file, with its aliases written out; each takes one byte at least."""
 
 
-_LENGTH_UNIT = ("length_unit", "units", "unit", "translation_unit", "length_units")
+_LENGTH_UNIT = ("length_unit", "units", "unit", "translation_unit", "length_units", "world_units")
 _OF_PIXELS = ("", "px", "pixel", "pixels")
 
 

@@ -12,9 +12,9 @@ from collections.abc import Mapping
 import numpy as np
 from attrs import evolve
 
-from iriftrace.camera.calibration_file import CalibrationValues
+from iriftrace.camera.calibration_file import CalibrationValues, folded
+from iriftrace.camera.calibration_names import ROTATION, TRANSLATION
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.units import LENGTH_UNITS
 
 _RADIAL, _TANGENTIAL = ("RadialDistortion",), ("TangentialDistortion",)
 _OLD_MATRIX, _MATRIX = ("IntrinsicMatrix",), ("K",)
@@ -31,7 +31,10 @@ def is_matlab(values: CalibrationValues) -> bool:
 
 
 def matlab_camera(values: CalibrationValues) -> CalibrationValues:
-    """The values of one camera under OpenCV's names and conventions; others as they are."""
+    """The values of one camera under OpenCV's names and conventions; others as they are.
+
+    A pose under OpenCV's names has been added, and is OpenCV's.
+    """
     if not is_matlab(values):
         return values
     inner = values.named(("Intrinsics",))
@@ -48,9 +51,11 @@ def matlab_camera(values: CalibrationValues) -> CalibrationValues:
         matrix = values.array(_OLD_MATRIX, (9,)).reshape(3, 3).T.copy()
     matrix[:2, 2] -= 1.0
     height, width = values.array(_SIZE, (2,))
+    pose = set(map(folded, (*ROTATION, *TRANSLATION)))
     return evolve(
         values,
         content={
+            **{name: value for name, value in values.content.items() if folded(name) in pose},
             "camera_matrix": matrix,
             "distortion_model": "brown",
             "distortion_coefficients": (*radial[:2], *tangential, *radial[2:]),
@@ -77,9 +82,3 @@ def matlab_motion(values: CalibrationValues, *, rows: bool) -> tuple[FloatArray,
         return None
     rotation = values.array(_ROTATION, (9,)).reshape(3, 3)
     return rotation.T if rows else rotation, values.array(_TRANSLATION, (3,))
-
-
-def matlab_length_unit(values: CalibrationValues) -> str | None:
-    """Unit of the translation, as `iriftrace.core.units.length_factor` takes it."""
-    stated = values.named(("WorldUnits",))
-    return None if stated is None else LENGTH_UNITS.get(str(stated).lower(), str(stated))

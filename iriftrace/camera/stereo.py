@@ -22,7 +22,7 @@ from iriftrace.camera.calibration import (
     to_world,
 )
 from iriftrace.camera.calibration_file import CalibrationValues, calibration_content, folded
-from iriftrace.camera.calibration_matlab import is_matlab, matlab_length_unit, matlab_motion
+from iriftrace.camera.calibration_matlab import is_matlab, matlab_motion
 from iriftrace.camera.calibration_names import (
     DISTORTION,
     FISHEYE,
@@ -278,7 +278,7 @@ def _motion(
     if is_matlab(first) or rest.named(_MATLABS_ROTATION) is not None:
         motion = matlab_motion(rest, rows=is_matlab(first))
         if motion is not None:
-            unit = matlab_length_unit(first) or "mm"
+            unit = first.length_unit or "mm"
             return exact_rotation(rest, motion[0]), motion[1], unit
     if second.named(_KALIBR) is not None:
         matrix = second.array(_KALIBR, (16,)).reshape(4, 4)

@@ -122,3 +122,18 @@ def test_coefficients_of_no_model_are_refused(tmp_path: Path) -> None:
         read_calibration(path)
     path = plain(tmp_path / "a.json", distortion_model="none", distortion_coefficients=[0, 0, 0, 0])
     assert not any(read_calibration(path).distortion.coefficients)
+
+
+def test_a_pose_that_was_added_to_matlabs_parameters_is_read(tmp_path: Path) -> None:
+    """R and T as OpenCV's, in the unit that MATLAB states."""
+    content = {
+        "FocalLength": [3650.0, 3651.0],
+        "PrincipalPoint": [1224.5, 1024.5],
+        "ImageSize": [2048, 2448],
+        "RadialDistortion": [-0.08, 0.11],
+        "TangentialDistortion": [0.0004, -0.0002],
+        "WorldUnits": "meters",
+    }
+    (tmp_path / "a.json").write_text(json.dumps({**content, **POSE, "T": [0.0, 0.0, 0.5]}))
+    found = read_calibration(tmp_path / "a.json").matrix
+    np.testing.assert_allclose(found[:3, 3], (0.0, 0.0, -500.0))
