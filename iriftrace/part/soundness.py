@@ -9,12 +9,22 @@ import numpy as np
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import ZERO_CELSIUS_K
-from iriftrace.geometry.topology import Neighbours, find_neighbours, open_edges, wound_alike
-from iriftrace.geometry.triangles import area_vectors
+from iriftrace.geometry.query import Surface
+from iriftrace.geometry.topology import (
+    Neighbours,
+    connected,
+    find_neighbours,
+    open_edges,
+    wound_alike,
+)
+from iriftrace.geometry.triangles import area_vectors, row_lengths
 from iriftrace.part.growth import Growth
 
 PLAUSIBLE_SIZE_MM = (1.0, 10_000.0)
 """Parts outside these sizes are rarely real; a metre read as a millimetre is common."""
+
+LEAST_BODY = 1e-6
+"""Fraction of a part's volume from which on a piece of its surface is no sliver or double sheet."""
 
 LEAST_FOLDED = 1e-4
 """Fraction of a part's area from which on folds are more than slivers."""
@@ -114,10 +124,40 @@ def oriented_outward(
             "unknown; rays through a hole count what they find behind it."
         )
         return faces, neighbours
-    if signed_volume(vertices - vertices.mean(axis=0), faces) < 0.0:
-        faces = faces[:, ::-1]
-        warn(f"{path} has inward-facing normals (negative volume); all triangles were turned over.")
+    inward = _faces_inward(vertices, faces, neighbours)
+    if inward.any():
+        faces = np.where(inward[:, None], faces[:, ::-1], faces)
+        has, count = ("", "all") if inward.all() else ("bodies with ", f"their {inward.sum()}")
+        warn(
+            f"{path} has {has}inward-facing normals (negative volume); {count} triangles were "
+            "turned over."
+        )
     return faces, neighbours
+
+
+def _faces_inward(vertices: FloatArray, faces: IntArray, neighbours: Neighbours) -> BoolArray:
+    """Mask (m,) of the triangles of a closed surface whose normals point into the part.
+
+    Bodies have positive volumes, their cavities negative ones. Bodies within others may be either,
+    and stay as they are if all that are in none are right.
+    """
+    normals, piece = area_vectors(vertices, faces), connected(neighbours.pairs, len(faces))
+    areas = row_lengths(normals)
+    heights = np.einsum("ij,ij->i", vertices[faces[:, 0]] - vertices.mean(axis=0), normals)
+    volumes = np.bincount(piece, heights)
+    by_area = np.argsort(areas)
+    largest = np.empty(len(volumes), dtype=np.int64)
+    largest[piece[by_area]] = by_area
+    bodies = np.abs(volumes) > LEAST_BODY * np.abs(volumes).sum()
+    if bodies.sum() == 1 or (volumes <= 0.0)[bodies].all():
+        return np.full(len(faces), heights.sum() < 0.0)
+    face, sign = largest[bodies], np.sign(volumes[bodies])
+    outward = (sign / np.sqrt(areas[face]))[:, None] * normals[face]
+    nested = Surface(vertices, faces).inside(vertices[faces[face]].mean(axis=1) + 1e-6 * outward)
+    wrong = sign == np.where(nested, 1.0, -1.0)
+    turned = np.zeros(len(volumes), dtype=bool)
+    turned[bodies] = wrong & (wrong & ~nested).any()
+    return turned[piece]
 
 
 def warn_of_folds(

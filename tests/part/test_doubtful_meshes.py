@@ -124,3 +124,47 @@ def test_the_axis_that_is_up_in_gltf_is_said(
     PartOptions(part_transform=turn).read(tmp_path / name)
     said = " ".join(capsys.readouterr().out.split())
     assert ("up is y in glTF, but z here" in said) == (name == "a.glb" and turn is None)
+
+
+@pytest.mark.parametrize("outer", [1, -1])
+@pytest.mark.parametrize("cavity", [1, -1])
+@pytest.mark.parametrize("beside", [1, -1])
+def test_each_of_several_bodies_faces_outward(
+    tmp_path: Path, outer: int, cavity: int, beside: int
+) -> None:
+    """A box with a cavity next to another box; a mirrored component is often inside out.
+
+    The cavity's triangles are turned with those of the bodies, unless these are right (then it may
+    be a body in another one), or all have negative volumes.
+    """
+    hollow = 0.5 * BOX.vertices
+    vertices = np.vstack((BOX.vertices, hollow, BOX.vertices + np.array((8.0, 0.0, 0.0))))
+    signs = (outer, -cavity, beside)
+    faces = np.vstack([BOX.faces[:, ::sign] + 8 * k for k, sign in enumerate(signs)])
+    trimesh.Trimesh(vertices, faces, process=False).export(tmp_path / "part.ply")
+    wrong = outer < 0 or beside < 0
+    with (
+        pytest.warns(IriftraceWarning, match="inward-facing normals")
+        if wrong
+        else warnings.catch_warnings(action="error")
+    ):
+        part = read_part(tmp_path / "part.ply")
+    body_in_it = (cavity < 0 and not wrong) or signs == (-1, -1, -1)
+    assert part.volume == pytest.approx(51.0 if body_in_it else 45.0)
+    middle = np.where(part.face_centres[:, :1] > 4.0, (8.0, 0.0, 0.0), 0.0)
+    outward = np.einsum("ij,ij->i", part.face_centres - middle, part.face_normals) > 0.0
+    assert outward[:12].all()
+    assert outward[24:].all()
+
+
+def test_bodies_that_touch_with_other_triangles_are_not_taken_apart(tmp_path: Path) -> None:
+    """Their common edges have four triangles, so each wall would be a body of its own."""
+    low, high = trimesh.creation.box((4.0, 3.0, 2.0)), trimesh.creation.box((4.0, 3.0, 1.0))
+    other = np.asarray(high.vertices) + np.array((0.0, 0.0, 1.5))
+    mesh = trimesh.Trimesh(
+        np.vstack((low.vertices, other)), np.vstack((low.faces, high.faces + 8)), process=False
+    )
+    mesh.export(tmp_path / "part.ply")
+    part = read_part(tmp_path / "part.ply")
+    assert part.closed
+    assert part.volume == pytest.approx(36.0)
