@@ -33,7 +33,9 @@ LARGEST_VALUES = 4_000_000
 """Numbers in a file, with its aliases written out; each takes one byte at least."""
 
 
-_LENGTH_UNIT = ("length_unit", "units", "unit", "translation_unit", "length_units", "world_units")
+_LENGTH_UNIT = re.compile(
+    "(?:length|translation|t|tvec|trans|pose|extrinsics?|baseline|world|position|distance)?units?(?:t|tvec)?"
+)
 _OF_PIXELS = ("", "px", "pixel", "pixels")
 
 
@@ -197,7 +199,7 @@ def folded(name: str) -> str:
 
 def is_length_unit(name: str) -> bool:
     """True for a name of the unit of lengths."""
-    return folded(name) in map(folded, _LENGTH_UNIT)
+    return bool(_LENGTH_UNIT.fullmatch(folded(name)))
 
 
 def _numbers(value: object) -> FloatArray:
@@ -226,8 +228,10 @@ class CalibrationValues:
     @property
     def length_unit(self) -> str | None:
         """Unit of lengths that the file states, as `length_factor` takes it."""
-        stated = self.named(_LENGTH_UNIT)
-        if not isinstance(stated, str) or stated.casefold() in _OF_PIXELS:
+        units = (value for name, value in self.content.items() if is_length_unit(str(name)))
+        lengths = (str(unit) for unit in units if str(unit or "").casefold() not in _OF_PIXELS)
+        stated = next(lengths, None)
+        if stated is None:
             return None
         if stated.casefold() not in LENGTH_UNITS:
             raise self.wrong(

@@ -304,7 +304,7 @@ def _motion(
                 both = both and bool(second.array(PROJECTION, (12,))[3::4].any())
                 other = _motion_of_rectified(first, second) if both else None
                 refuse_contradiction(values, (rotation, shift), other)
-            return rotation, shift, "mm"
+            return rotation, shift, values.length_unit or "mm"
     if _is_rectified(first) and _is_rectified(second):
         rotation, shift = _motion_of_rectified(first, second)
         return rotation, shift, "m" if first.named(LENS) is not None else "mm"

@@ -137,3 +137,16 @@ def test_a_pose_that_was_added_to_matlabs_parameters_is_read(tmp_path: Path) -> 
     (tmp_path / "a.json").write_text(json.dumps({**content, **POSE, "T": [0.0, 0.0, 0.5]}))
     found = read_calibration(tmp_path / "a.json").matrix
     np.testing.assert_allclose(found[:3, 3], (0.0, 0.0, -500.0))
+
+
+@pytest.mark.parametrize("name", ["T_unit", "unit_tvec", "translation_units", "pose_unit"])
+def test_names_of_the_unit(tmp_path: Path, name: str) -> None:
+    """Next to a unit of pixels, and in the mapping of R and T."""
+    unit = {"units": "px", name: "cm"}
+    found = read_calibration(plain(tmp_path / "a.json", **POSE, **unit)).matrix
+    np.testing.assert_allclose(found[:3, 3], (0.0, 0.0, -5000.0))
+    path = rig.opencv(tmp_path / "a.yaml")
+    lenses = path.read_text().split("R:")[0]
+    path.write_text(f"{lenses}\n{yaml.safe_dump({'extrinsics': {**PAIR, **unit}})}")
+    found = read_stereo_calibration(path).translation_mm
+    np.testing.assert_allclose(found, 10.0 * rig.TRANSLATION)

@@ -168,3 +168,11 @@ def test_bodies_that_touch_with_other_triangles_are_not_taken_apart(tmp_path: Pa
     part = read_part(tmp_path / "part.ply")
     assert part.closed
     assert part.volume == pytest.approx(36.0)
+
+
+def test_slivers_next_to_a_part_are_no_bodies(tmp_path: Path) -> None:
+    sliver = 1e-3 * np.asarray(BOX.vertices) + 9.0
+    vertices = np.vstack((BOX.vertices, sliver))
+    faces = np.vstack((BOX.faces, BOX.faces[:, ::-1] + 8))
+    trimesh.Trimesh(vertices, faces, process=False).export(tmp_path / "part.ply")
+    np.testing.assert_array_equal(read_part(tmp_path / "part.ply").faces, faces)
