@@ -165,7 +165,7 @@ def read_calibration(path: str | Path, *, length_mm: float | None = None) -> Cal
     if said and calibration.matrix is not None:
         raise values.wrong(
             f"it says {said!r}, but its pose is read as leading from the part's frame to the "
-            "camera's; write R and T of the inverse"
+            "camera's; write R and T of the inverse, or leave out these words"
         )
     unread = [name for name in map(str, values.content) if _OF_A_POSE.search(folded(name))]
     if unread and calibration.matrix is None and not calibration.views and not is_matlab(values):

@@ -199,8 +199,8 @@ def read_motion(file: Path | None) -> FloatArray | None:
     checks.inputs(file)
     if file.is_file() and (said := stated_direction(text_in(file), to_camera=True)):
         raise InputError(
-            f"{file} says {said!r}, but its motion leads the other way, towards the part; write "
-            "the inverse matrix."
+            f"{file} says {said!r}, but it has to take points the other way, from the camera's "
+            "frame; write the inverse matrix, or leave out these words if it is meant."
         )
     return rigid_motion(parse_transform(str(file)), str(file))
 

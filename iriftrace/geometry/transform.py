@@ -17,23 +17,26 @@ from iriftrace.core.number_table import MISSING, with_exponents
 from iriftrace.core.units import length_factor, stated_length_unit
 
 _AXES = {"x": 0, "y": 1, "z": 2}
-_FRAMES = {
-    **dict.fromkeys("c cam camera cameras sensor scanner cloud scan measured actual".split(), 0),
-    **dict.fromkeys("gripper flange tool tcp".split(), 1),
-    **dict.fromkeys("base robot".split(), 2),
-    **dict.fromkeys("w world object part cad reference nominal board target workpiece".split(), 3),
-}
-"""Places of frames on the way from a camera to the part."""
-
-_ANY = f"({'|'.join(_FRAMES)})"
-_LEADS = re.compile(
-    rf"(?<![^\W_])(?<!distance )(?<!distance from ){_ANY}(?:'s)?(?:[\s_-]*\d|[\s_-]+(?:frame|coord"
-    rf"\w*|system))*(?:[\s_-]*(?:to|->|→)[\s_-]*|2)(?:the )?{_ANY}(?![^\W_])"
-    rf"|(?<![^\W_]){_ANY}(?:'s)? (?:pose|position) in (?:the )?{_ANY}(?![^\W_])"
-    rf"|(?<=pose of the ){_ANY} in (?:the )?{_ANY}(?![^\W_])"
-    rf"|(?<![^\W_])[RT]_?{_ANY}_?{_ANY}(?![^\W_])",
-    re.IGNORECASE,
+_OTHERS = (
+    "(?:w|world|object|part|cad|reference|nominal|board|target|workpiece|base|robot|gripper|flange"
+    "|tool|tcp)"
 )
+_CAMERA = "(?:c|cam|camera|sensor|scanner|cloud|scan|measured|actual)"
+
+
+def _leads(start: str, end: str) -> re.Pattern[str]:
+    """Words by which a text states that a motion leads from one frame to another."""
+    return re.compile(
+        rf"(?<![^\W_])(?:(?<!distance )(?<!distance from ){start}(?:'s)?(?:[\s_-]*\d"
+        rf"|[\s_-]+(?:frame|coord\w*|system))*(?:[\s_-]*(?:to|->|→)[\s_-]*|2)(?:the )?{end}"
+        rf"|{start}(?:'s)? (?:pose|position) in (?:the )?{end}"
+        rf"|(?<=pose of the ){start} in (?:the )?{end}"
+        rf"|[RT]_?{end}_?{start})(?![^\W_])",
+        re.IGNORECASE,
+    )
+
+
+_LEADS = {True: _leads(_OTHERS, _CAMERA), False: _leads(_CAMERA, _OTHERS)}
 _FORMS = "'rotate x 90', 'scale 0.001', 'translate 1 2 3', 16 numbers, or a file with 16 numbers"
 
 
@@ -80,15 +83,10 @@ def parse_transform(text: str) -> FloatArray:
 def stated_direction(text: str, *, to_camera: bool) -> str:
     """Words by which a text states that a motion leads to a camera, or from one; "" for none.
 
-    On the way from it come the camera (or its cloud), a robot's flange, its base, and the part.
     ``T_A_B`` leads from B to A.
     """
-    for match in _LEADS.finditer(text):
-        *pairs, outer, inner = (_FRAMES.get((name or "").lower(), 0) for name in match.groups())
-        steps = sum(pairs[1::2]) - sum(pairs[::2]) + outer - inner
-        if steps < 0 if to_camera else steps > 0:
-            return match[0]
-    return ""
+    match = _LEADS[to_camera].search(text)
+    return match[0] if match else ""
 
 
 def _refuse_distorting(matrix: FloatArray, name: str) -> None:

@@ -34,7 +34,9 @@ def test_a_motion_that_says_to_lead_back_is_refused(tmp_path: Path, said: str) -
     """Its inverse says the same with the two frames exchanged, and is read."""
     file = tmp_path / "motion.txt"
     file.write_text(f"# {said}\n{ROWS}")
-    with pytest.raises(InputError, match="leads the other way, towards the part; write the inv"):
+    with pytest.raises(
+        InputError, match="take points the other way, from the camera's frame; write"
+    ):
         read_motion(file)
     assert not stated_direction(said, to_camera=False)
 
