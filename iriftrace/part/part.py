@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError, warn
+from iriftrace.core.number_table import MISSING
 from iriftrace.core.units import LENGTH_UNITS, length_factor
 from iriftrace.geometry.face_blocks import FaceBlocks, nest_faces
 from iriftrace.geometry.query import Surface
@@ -29,13 +30,11 @@ from iriftrace.part.soundness import (
     signed_volume,
     stated_growth,
     warn_of_folds,
+    warn_of_rounding,
 )
 
 FARTHEST_MM = 1e9
 """Larger coordinates mean damage: a thousand kilometres, whose cube still fits in float32."""
-
-COARSEST_STEP_MM = 1e-3
-"""Rounding of coordinates at 16 m from the origin."""
 
 MOST_FACES = 2**24 - 2
 """The EXR channel ``part.face`` is float32, which holds face number + 1 exactly up to here."""
@@ -246,7 +245,7 @@ def read_part(
     length_unit = length_unit or stated or "mm"
     scale = length_factor(length_unit) * factor
     vertices = file.vertices * scale
-    check_unit(path, vertices, stated or length_unit, length_unit)
+    check_unit(path, vertices[file.faces.ravel()], stated or length_unit, length_unit)
     part = part_of_mesh(
         vertices,
         file.faces,
@@ -330,14 +329,7 @@ def part_of_mesh(
         closed=not neighbours.open_edges,
     )
     part = part if transform is None else part.transformed(transform)
-    step = float(np.spacing(np.float32(np.abs(part.bounds).max())))
-    if step > COARSEST_STEP_MM:
-        warn(
-            f"{name} lies {np.abs(part.bounds).max():.4g} mm from the origin, where single "
-            f"precision, in which scenes store it, has steps of {step:.2g} mm; export part and "
-            "field nearer to it, or move both (--part-transform and --field-transform, 'translate "
-            "X Y Z')."
-        )
+    warn_of_rounding(name, float(np.abs(part.bounds).max()))
     return part
 
 
@@ -358,8 +350,10 @@ def _refuse_unusable(name: str, points: FloatArray, triangles: IntArray) -> None
             f"{name} has {len(triangles)} triangles, but at most {MOST_FACES} can be numbered "
             "in the EXR; simplify the mesh."
         )
-    if not np.isfinite(points).all():
-        raise InputError(f"{name} has vertices that are NaN or infinite; export the part again.")
+    if not np.isfinite(points).all() or (points[triangles] == MISSING).any():
+        raise InputError(
+            f"{name} has vertices that are NaN, infinite or {MISSING:g}; export the part again."
+        )
     if np.abs(points).max(initial=0.0) > FARTHEST_MM:
         raise InputError(
             f"{name} has a vertex {np.abs(points).max():.3g} mm from the origin, farther than any "

@@ -23,6 +23,9 @@ from iriftrace.part.growth import Growth
 PLAUSIBLE_SIZE_MM = (1.0, 10_000.0)
 """Parts outside these sizes are rarely real; a metre read as a millimetre is common."""
 
+COARSEST_STEP_MM = 1e-3
+"""Rounding of coordinates at 16 m from the origin."""
+
 LEAST_BODY = 1e-6
 """Fraction of a part's volume from which on a piece of its surface is no sliver or double sheet."""
 
@@ -175,6 +178,17 @@ def warn_of_folds(
         warn(
             f"{path} has triangles that are folded back onto their neighbours ({100 * covered:.2g} "
             "% of its area), as concave polygons become; export it as triangles."
+        )
+
+
+def warn_of_rounding(path: str, farthest_mm: float) -> None:
+    """Warn of a part whose farthest coordinate is too large for the precision of scenes."""
+    step = float(np.spacing(np.float32(farthest_mm)))
+    if step > COARSEST_STEP_MM:
+        warn(
+            f"{path} lies {farthest_mm:.4g} mm from the origin, where single precision, in which "
+            f"scenes store it, has steps of {step:.2g} mm; export part and field nearer to it, or "
+            "move both (--part-transform and --field-transform, 'translate X Y Z')."
         )
 
 

@@ -176,3 +176,16 @@ def test_slivers_next_to_a_part_are_no_bodies(tmp_path: Path) -> None:
     faces = np.vstack((BOX.faces, BOX.faces[:, ::-1] + 8))
     trimesh.Trimesh(vertices, faces, process=False).export(tmp_path / "part.ply")
     np.testing.assert_array_equal(read_part(tmp_path / "part.ply").faces, faces)
+
+
+def test_a_missing_vertex_is_refused_unless_no_triangle_has_it(tmp_path: Path) -> None:
+    points = np.vstack((BOX.vertices, np.full((1, 3), -9999.0)))
+    trimesh.Trimesh(points, BOX.faces, process=False).export(tmp_path / "part.ply")
+    assert read_part(tmp_path / "part.ply").closed
+    points[0, 2] = -9999.0
+    trimesh.Trimesh(points, BOX.faces, process=False).export(tmp_path / "part.ply")
+    with (
+        pytest.warns(IriftraceWarning, match="unlikely for a measured part"),
+        pytest.raises(InputError, match="vertices that are NaN, infinite or -9999"),
+    ):
+        read_part(tmp_path / "part.ply")
