@@ -52,7 +52,8 @@ LARGEST_ROUNDING = 1.5e-3
 
 _VIEWS = ("extrinsic_parameters",)
 _OF_A_POSE = re.compile(
-    "extrinsic|pose|world|position|orientation|transform|quaternion|euler|c2w|w2c|^[rt](wc|cw|vecs)$"
+    "extrinsic|pose|world|position|orientation|transform|quaternion|euler|c2w|w2c"
+    "|^[rt](wc|cw|vecs)$"
 )
 _RADTAN = {"radtan", "radialtangential"}
 """Names of k1, k2, p1, p2 in Kalibr and its like, folded."""

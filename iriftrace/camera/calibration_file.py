@@ -34,7 +34,8 @@ LARGEST_VALUES = 4_000_000
 
 
 _LENGTH_UNIT = re.compile(
-    "(?:length|translation|t|tvec|trans|pose|extrinsics?|baseline|world|position|distance)?units?(?:t|tvec)?"
+    "(?:length|translation|t|tvec|trans|pose|extrinsics?|baseline|world|position|distance)?"
+    "units?(?:t|tvec)?"
 )
 _OF_PIXELS = ("", "px", "pixel", "pixels")
 

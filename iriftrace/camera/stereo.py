@@ -7,7 +7,6 @@ become the named values of two cameras and the rest, and then every value is fou
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -45,16 +44,15 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import text_in
 from iriftrace.core.units import length_factor
+from iriftrace.geometry.transform import leads
 
 BASELINES_MM = (3.0, 20_000.0)
 """Distances of two cameras outside of which the unit of T is wrong: metres read as mm or back."""
 
 _SIDES = (("1", "2"), ("left", "right"), ("l", "r"), ("0", "1"), ("cam", "proj"))
-_TO = r"(?:[\s_-]+cam(?:era)?)?(?:'s)?(?:[\s_-]+frame)?[\s_-]*(?:to|->|→)[\s_-]*(?:the )?"
-_BACK = re.compile(
-    rf"(?<![^\W_])(?:(?:cam(?:era)?[\s_-]*2|right){_TO}(?:cam(?:era)?[\s_-]*1|left)"
-    rf"|cam(?:era)?[\s_-]*1{_TO}cam(?:era)?[\s_-]*0)(?![^\W_])",
-    re.IGNORECASE,
+_BACK = leads(
+    r"(?:cam(?:era)?[\s_-]*[12]|right(?:[\s_-]+cam(?:era)?)?)",
+    r"(?:cam(?:era)?[\s_-]*[01]|left)",
 )
 _OF_A_CAMERA = ("", "cam", "camera", "cameraparameters", "cameraparams", "sensor", "intrinsics")
 _RECTIFICATION = ("R", "rectification_matrix", "rectification")

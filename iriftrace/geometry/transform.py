@@ -24,7 +24,7 @@ _OTHERS = (
 _CAMERA = "(?:c|cam|camera|sensor|scanner|cloud|scan|measured|actual)"
 
 
-def _leads(start: str, end: str) -> re.Pattern[str]:
+def leads(start: str, end: str) -> re.Pattern[str]:
     """Words by which a text states that a motion leads from one frame to another."""
     return re.compile(
         rf"(?<![^\W_])(?:(?<!distance )(?<!distance from ){start}(?:'s)?(?:[\s_-]*\d"
@@ -36,7 +36,7 @@ def _leads(start: str, end: str) -> re.Pattern[str]:
     )
 
 
-_LEADS = {True: _leads(_OTHERS, _CAMERA), False: _leads(_CAMERA, _OTHERS)}
+_LEADS = {True: leads(_OTHERS, _CAMERA), False: leads(_CAMERA, _OTHERS)}
 _FORMS = "'rotate x 90', 'scale 0.001', 'translate 1 2 3', 16 numbers, or a file with 16 numbers"
 
 
