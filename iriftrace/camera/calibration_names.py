@@ -107,6 +107,7 @@ def is_part_of_a_distortion(name: str) -> bool:
 
 
 def refuse_different(values: CalibrationValues) -> None:
-    """Refuse a matrix, coefficients or a pose that the file has twice, with different numbers."""
-    for names in (MATRIX, DISTORTION, ROTATION, TRANSLATION):
+    """Refuse what the file has twice, with different numbers, in two spellings of a name."""
+    spellings = ((str(name),) for name in values.content)
+    for names in (MATRIX, DISTORTION, ROTATION, TRANSLATION, *spellings):
         values.refuse_different(names)

@@ -228,7 +228,7 @@ def _two_cameras(
     shared = {name: value for name, value in values.content.items() if _is_shared(str(name))}
     if values.named(_MATLABS_ROTATION) is not None and values.named(SIZE) is not None:
         # What stereoParametersToOpenCV returns is OpenCV's, but for rows before columns.
-        shared[SIZE[0]] = values.array(SIZE, (2,))[::-1]
+        shared[str(values.spelling(SIZE))] = values.array(SIZE, (2,))[::-1]
     for sides in _SIDES:
         found = [_camera_of(values, side) for side in sides]
         if all(map(_is_camera, found)):

@@ -60,6 +60,17 @@ def test_names_of_a_motion_whose_direction_differs_are_not_read(tmp_path: Path, 
         read_stereo_calibration(path)
 
 
+def test_two_spellings_of_a_size_have_the_same_number(tmp_path: Path) -> None:
+    width = json.loads(plain(tmp_path / "a.json").read_text())["image_width"]
+    assert read_calibration(plain(tmp_path / "a.json", Image_Width=width)).resolution[0] == width
+    with pytest.raises(InputError, match="image_width and Image_Width are different"):
+        read_calibration(plain(tmp_path / "a.json", Image_Width=width // 2))
+    path = rig.opencv(tmp_path / "a.yaml")
+    path.write_text(f"{path.read_text()}\nimage_width2: 640\n")
+    with pytest.raises(InputError, match="camera 2: image_width and imagewidth are different"):
+        read_stereo_calibration(path)
+
+
 @pytest.mark.parametrize("name", ["xi", "shear"])
 def test_numbers_of_other_cameras_are_refused(tmp_path: Path, name: str) -> None:
     """xi of cv2.omnidir, also as a matrix of one number, of one or of two cameras."""
