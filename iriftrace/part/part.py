@@ -227,7 +227,7 @@ def read_part(
     -----
     IriftraceWarning
         The surface is not closed, was turned over, has triangles that lie on others, which are
-        removed, or its unit is doubtful.
+        removed, or on their neighbours, is far from the origin, or its unit is doubtful.
     """
     path = Path(path)
     if length_unit is not None:
