@@ -39,7 +39,11 @@ from iriftrace.camera.calibration_names import (
     refuse_different,
     without_scalars,
 )
-from iriftrace.camera.stereo_checks import check_axes, refuse_contradiction
+from iriftrace.camera.stereo_checks import (
+    check_axes,
+    refuse_contradiction,
+    refuse_other_baseline,
+)
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import text_in
@@ -169,6 +173,7 @@ def read_stereo_calibration(
             f"its two cameras are {baseline:.4g} mm apart where T is in {unit}; give the unit of T "
             "(--calibration-length-unit)"
         )
+    refuse_other_baseline(rest, baseline)
     if sides[0] in ("left", "l") and (-rotation.T @ shift)[0] < 0.0:
         warn(
             f"In {rest.path} the right camera stands to the left of the left one. If that is "
