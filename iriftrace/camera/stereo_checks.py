@@ -22,7 +22,7 @@ NEAREST_CROSSING_MM = 40.0
 SAME_BASELINE = 0.01
 """Decimal logarithm of two lengths, 2 %, of which one may be that along one axis alone."""
 
-_BASELINE = re.compile("(?:stereo)?baseline(um|mm|cm|m|inch|in)?")
+_BASELINE = re.compile("baseline(um|mm|cm|m|inch|in)?")
 _ESSENTIAL = ("E", "essential_matrix")
 _SAME_MOTION = 0.999
 """Product of two essential matrices of length 1 from which on they differ by rounding alone."""

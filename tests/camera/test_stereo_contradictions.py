@@ -57,7 +57,7 @@ def test_another_baseline_is_refused(tmp_path: Path, within: bool) -> None:
 
     for right in ({"baseline_mm": length}, {"baseline_m": 1e-3 * length}, {"Baseline": -length}):
         assert found(**right) == pytest.approx(length)
-    assert found(stereo_baseline=1e-3 * 1.01 * length, rms=0.3) == pytest.approx(length)
+    assert found(baseline=1e-3 * 1.01 * length, rms=0.3) == pytest.approx(length)
     for wrong in ({"baseline_mm": 10.0 * length}, {"baseline": 1.05 * length}):
         with pytest.raises(InputError, match=rf"T is {length:.5g} mm long, but its baseline"):
             found(**wrong)
