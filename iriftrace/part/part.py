@@ -232,6 +232,7 @@ def read_part(
     path = Path(path)
     if length_unit is not None:
         length_factor(length_unit)  # refuses an unknown unit before the file is read
+        length_unit = LENGTH_UNITS.get(length_unit.casefold(), length_unit)
     file = load_mesh_file(path)
     growth, factor = stated_growth(
         path, file.growth, expansion, reference_temperature_k, hot_temperature_k
