@@ -34,7 +34,12 @@ from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import array_in, text_in, whole_file
 from iriftrace.core.plain import TwiceError, once
 from iriftrace.core.units import LENGTH_UNITS, length_factor
-from iriftrace.geometry.transform import checked_matrix, nearest_rotations, rigid_motion
+from iriftrace.geometry.transform import (
+    checked_matrix,
+    nearest_rotations,
+    rigid_motion,
+    stated_direction,
+)
 
 SCHEMA = "iriftrace.poses/1"
 
@@ -48,12 +53,6 @@ CONVENTIONS: dict[str, FloatArray] = {
 """Axes of each convention in iriftrace's own camera frame, (3, 3) arrays."""
 
 _FORMATS = (".csv", ".txt", ".json", ".npy")
-_TO_CAMERA = re.compile(
-    r"(?:world|object|part)[\s_-]*(?:to|2|->)[\s_-]*cam(?:era)?|\bw2c\b|T_cam(?:era)?_world",
-    re.IGNORECASE,
-)
-"""Words for the inverses of poses."""
-
 _FRAME = re.compile(r"unit|convention|ax[ei]s|coord|frame|system|direction|scale", re.IGNORECASE)
 """In names of what poses depend on."""
 
@@ -251,9 +250,9 @@ def _columns(path: Path, robot: RobotName | None) -> dict[str, object]:
     if b"\0" in content and not content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         raise InputError(f"{path} is not text; poses are read from {', '.join(_FORMATS)}.")
     text = text_in(path)
-    if said := _TO_CAMERA.search(text):
+    if said := stated_direction(text, to_camera=True):
         raise InputError(
-            f"{path} says {said[0]!r}, but poses lead from the camera to the world; write the "
+            f"{path} says {said!r}, but poses lead from the camera to the world; write the "
             "inverse matrices."
         )
     if kind == ".json":

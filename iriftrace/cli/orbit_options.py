@@ -15,6 +15,7 @@ from iriftrace.cli.options import (
     Lengths,
     Vector,
     Whole,
+    read_motion,
     refuse_given,
 )
 from iriftrace.core.errors import InputError
@@ -113,7 +114,6 @@ class OrbitOptions:
             turntable_poses,
         )
         from iriftrace.cli.pose_remedy import aimed_poses
-        from iriftrace.geometry.transform import parse_transform
 
         self._refuse_contradictions()
         if self.poses is not None and self.turntable is not None:
@@ -123,7 +123,8 @@ class OrbitOptions:
         if self.poses is not None:
             convention, unit = self.convention or "opencv", self.length_unit or "mm"
             frames = {"hand_eye": self.hand_eye, "base_to_part": self.base_to_part}
-            read = {name: parse_transform(str(file)) for name, file in frames.items() if file}
+            motions = {name: read_motion(file) for name, file in frames.items()}
+            read = {name: motion for name, motion in motions.items() if motion is not None}
             poses = aimed_poses(self.poses, scene, convention, unit, self.robot, read)
             return {math.nan: poses}
         if self.turntable is not None:

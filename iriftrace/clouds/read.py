@@ -239,7 +239,7 @@ def _mesh_rows(file: Path, kind: str) -> tuple[FloatArray, Columns, tuple[str, .
     try:
         if kind == ".ply":
             ply = read_ply(file)
-            return ply.vertices, ply.vertex_columns, ply.remarks, ply.length_unit
+            return ply.vertices, ply.vertex_columns, ply.remarks, remarked_unit(file) or ""
         mesh: Any = trimesh.load(file, process=False)
         rows = np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3)
         return rows, {}, (), remarked_unit(file) or ""

@@ -12,6 +12,9 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import counted
 
+MISSING = -9999.0
+"""Number that programs write for a value that is missing."""
+
 _DECIMAL_COMMA = re.compile(r"\d,\d")
 _FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[-+]?\d)")
 _QUOTED = re.compile(r"\"([^\",;]*)\"")
