@@ -62,11 +62,9 @@ def plugin_class(variant: str) -> type:
                         f'"{name}" is {value}, not a refractive index; air has about 1.0003 '
                         "(give n, not n - 1)."
                     )
-            if (
-                not min(self.ext_ior, self.int_ior)
-                <= self.iso_ior
-                <= max(self.ext_ior, self.int_ior)
-            ):
+            # A shell without a step, as in a test of a scene, bends nothing.
+            low, high = sorted((self.ext_ior, self.int_ior))
+            if low < high and not low <= self.iso_ior <= high:
                 raise InputError(
                     f'"iso_ior" is {self.iso_ior}, the index on the shell, but not between ext_ior '
                     f"{self.ext_ior} and int_ior {self.int_ior}."
