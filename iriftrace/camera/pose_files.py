@@ -48,8 +48,10 @@ CONVENTIONS: dict[str, FloatArray] = {
 """Axes of each convention in iriftrace's own camera frame, (3, 3) arrays."""
 
 _FORMATS = (".csv", ".txt", ".json", ".npy")
+_WORLD = "(?:world|object|part|target|board|base|model)"
 _TO_CAMERA = re.compile(
-    r"(?:world|object|part)[\s_-]*(?:to|2|->)[\s_-]*cam(?:era)?|\bw2c\b|T_cam(?:era)?_world",
+    rf"{_WORLD}[\s_-]*(?:to|2|->)[\s_-]*cam(?:era)?|cam(?:era)?_from_{_WORLD}|T_cam(?:era)?_{_WORLD}"
+    r"|(?<![a-z])(?:w2c|T_?c_?w|(?-i:c[TM][wo])|model_?view|view[ _]?matri(?:x|ces))(?![a-z])",
     re.IGNORECASE,
 )
 """Words for the inverses of poses."""

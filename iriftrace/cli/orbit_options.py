@@ -10,6 +10,7 @@ from attrs import frozen
 from cyclopts import Group, Parameter
 
 from iriftrace.camera.robot_poses import RobotName
+from iriftrace.cli.console import say
 from iriftrace.cli.options import (
     Length,
     Lengths,
@@ -112,7 +113,7 @@ class OrbitOptions:
             parse_range,
             turntable_poses,
         )
-        from iriftrace.cli.pose_remedy import aimed_poses
+        from iriftrace.cli.pose_remedy import aimed_poses, distances
         from iriftrace.geometry.transform import parse_transform
 
         self._refuse_contradictions()
@@ -125,6 +126,8 @@ class OrbitOptions:
             frames = {"hand_eye": self.hand_eye, "base_to_part": self.base_to_part}
             read = {name: parse_transform(str(file)) for name, file in frames.items() if file}
             poses = aimed_poses(self.poses, scene, convention, unit, self.robot, read)
+            far = distances(poses, scene)
+            say(f"Poses {far.min():.4g} to {far.max():.4g} mm from the part's middle.")
             return {math.nan: poses}
         if self.turntable is not None:
             centre = scene.part.centre

@@ -52,9 +52,9 @@ _MEASURED = frozenset("meas measured measurement actual act ist gemessen mesuré
 _NOMINAL = re.compile(r"\b(?:nominals?|soll(?:werte?)?)\b", re.IGNORECASE)
 
 _NOT_CARTESIAN = frozenset(
-    "r range radius rho distance theta phi azimuth elevation polar angle lat latitude lon "
-    "longitude northing easting hochwert rechtswert u v row col column line sample "
-    "disparity".split()
+    "range radius rho distance theta phi azimuth elevation polar angle lat latitude lon "
+    "longitude northing easting north east up down nord est ost hochwert rechtswert hoch rechts "
+    "row col column line sample disparity length width height depth".split()
 )
 """Names of columns that are none of x, y and z, although three of them make a table."""
 
@@ -80,7 +80,8 @@ def axis_of(name: str) -> Axis | None:
     in_brackets = _BRACKETS.search(text)
     if in_brackets:
         word, text = in_brackets[1], _BRACKETS.sub("", text)
-        unit = word if word in _UNREAD_UNITS else LENGTH_UNITS.get(word, "")
+        scaled = re.search(r"\d", word) and set(re.split(r"[\W\d]+", word)) & LENGTH_UNITS.keys()
+        unit = word if scaled or word in _UNREAD_UNITS else LENGTH_UNITS.get(word, "")
     elif suffix := _SUFFIX.search(text):
         unit, text = LENGTH_UNITS[suffix[1]], text[: suffix.start()]
     for form in _FORMS:
@@ -190,10 +191,11 @@ def _may_be_names(words: Sequence[str], count: int) -> bool:
         return False
     # Three columns are x, y and z, but for names that say otherwise.
     units = [word for word in words if word.strip(" []()<>").casefold() in LENGTH_UNITS]
-    others = [word for word in words if _BRACKETS.sub("", word).casefold() in _NOT_CARTESIAN]
-    # A single word such as "by" only ends like one.
+    bare = [_BRACKETS.sub("", word).casefold() for word in words]
+    others = [word for word in bare if len(word) == 1 or word in _NOT_CARTESIAN]
+    # A single word such as "by" or "up" only ends or looks like one.
     several = any(not axis.what for axis in axes) or len({axis.number for axis in axes}) > 1
-    return several or bool(others) or (count > 3 and not units)
+    return several or (not units and (len(others) > 1 or count > 3))
 
 
 def words_of(line: str, count: int) -> list[str]:
@@ -228,7 +230,7 @@ def unit_of(names: Sequence[str], lines: Iterable[str], chosen: Sequence[int], c
             f"The columns {', '.join(names[i] for i in chosen)} are in different units "
             f"({', '.join(sorted(units))}); write all three in one."
         )
-    if units & _UNREAD_UNITS:
+    if units - LENGTH_UNITS.keys():
         raise InputError(
             f"The columns {', '.join(names[i] for i in chosen)} are in {units.pop()}, which is not "
             "read; export them in mm."

@@ -123,8 +123,33 @@ def read_cloud(
     # Coordinates of what was not measured would be written again, in another frame.
     rows = np.where((measured | ~rows.any(axis=1))[:, None], rows, np.nan)
     cloud = Cloud(rows, measured, unit, further, remarks)
+    if columns is None:
+        _refuse_homogeneous(cloud, file)
+    _warn_of_pixels(rows[measured], file)
     _warn_of_rounding(cloud.points, file)
     return cloud
+
+
+def _refuse_homogeneous(cloud: Cloud, file: Path) -> None:
+    for name in cloud.columns.keys() & {"w", "W"}:
+        if (cloud.columns[name][cloud.measured] != 1.0).any():
+            raise InputError(
+                f"{file} has a column {name} that is not 1, as homogeneous coordinates have it; "
+                "divide x, y and z by it, or choose them as they are (--columns x,y,z)."
+            )
+
+
+def _warn_of_pixels(rows: FloatArray, file: Path) -> None:
+    whole = [
+        axis
+        for axis, values in zip(AXES, rows.T, strict=True)
+        if not (values % 1.0).any() and 1 < len(np.unique(values)) < len(values)
+    ]
+    if len(whole) == 2:
+        warn(
+            f"{' and '.join(whole)} in {file.name} are whole numbers, as of pixels; if they are "
+            "not lengths, multiply them by that of a pixel."
+        )
 
 
 def _warn_of_rounding(points: FloatArray, file: Path) -> None:

@@ -147,10 +147,12 @@ def _unnamed_columns(table: FloatArray, file: Path) -> list[int]:
             f"{file} has {count} columns without names, as a map of heights has them; export a "
             "point with x, y and z in each row, or choose its columns by number (--columns 1,2,3)."
         )
-    if count > 3 and _counts_rows(table[:, 0]):
+    steps = np.diff(table[~np.isnan(table[:, 0]), 0])
+    if count > 3 and len(steps) > 1 and ((steps > 0).all() or (steps < 0).all()):
         raise InputError(
-            f"The first of the {count} columns in {file} counts the rows, and none has a name; "
-            "choose x, y and z by number from 1 (--columns 2,3,4)."
+            f"The first of the {count} columns in {file} counts the rows or is their time, as its "
+            f"numbers {'rise' if steps[0] > 0 else 'fall'} from row to row, and none has a name; "
+            "choose x, y and z by number from 1 (--columns 2,3,4, or 1,2,3 if it is x)."
         )
     if count > 5 and _are_twice(table):
         raise InputError(
@@ -159,9 +161,12 @@ def _unnamed_columns(table: FloatArray, file: Path) -> list[int]:
         )
     whole = [column + 1 for column in range(count) if _are_whole(table[:, column])]
     if count > 3 and 0 < sum(column <= 3 for column in whole) < 3:
+        others = [str(column) for column in range(1, count + 1) if column not in whole]
+        others = others if len(others) >= 3 else ["A", "B", "C"]
         raise InputError(
             f"{file} has {count} columns without names, and whole numbers, as of pixels, in column "
-            f"{', '.join(map(str, whole))}; choose x, y and z by number from 1 (--columns 3,4,5)."
+            f"{', '.join(map(str, whole))}; choose x, y and z by number from 1 (--columns "
+            f"{','.join(others[:3])})."
         )
     values = np.flatnonzero(~np.isnan(table).all(axis=0)).tolist()
     return values[:3] if len(values) >= 3 else [0, 1, 2]
@@ -282,8 +287,3 @@ def _cells(rows: Sequence[str]) -> tuple[Sequence[str], str | None, bool]:
     if separator is None:
         return bare, None, False
     return bare, separator, closed_by(bare, separator)
-
-
-def _counts_rows(column: FloatArray) -> bool:
-    """Whether numbers are those of the rows, from 0 or 1."""
-    return len(column) > 2 and column[0] in (0.0, 1.0) and bool((np.diff(column) == 1.0).all())

@@ -23,13 +23,14 @@ SCENE = SimpleNamespace(
         sensor_mm=(6.7, 5.6),
         focal_length_mm=10.0,
         focal_px=(3650.0, 3650.0),
+        focus_mm=(50.0, 400.0),
     ),
 )
 
 
-def in_metres(matrices):
+def in_metres(matrices, unit_mm=1000.0):
     scaled = matrices.copy()
-    scaled[:, :3, 3] /= 1000.0
+    scaled[:, :3, 3] /= unit_mm
     return scaled
 
 
@@ -38,6 +39,11 @@ def in_metres(matrices):
     [
         json.dumps({"matrices": MATRICES.tolist(), "type": "world_to_camera"}),
         json.dumps({"w2c": MATRICES.tolist()}),
+        json.dumps({"cam_from_world": MATRICES.tolist()}),
+        *(
+            f"# {said}\n" + "\n".join(" ".join(map(str, m.ravel())) for m in MATRICES)
+            for said in ("T_cw", "cMo", "board2cam", "view matrix", "view_matrices")
+        ),
         "# world -> camera\n" + "\n".join(" ".join(map(str, m.ravel())) for m in MATRICES),
     ],
 )
@@ -88,13 +94,16 @@ def test_the_last_row_may_be_missing(tmp_path, name):
         (np.linalg.inv(MATRICES), r"with the inverse matrices \(from"),
         (to_convention(MATRICES, "opengl"), r"with --convention opengl\."),
         (to_convention(MATRICES, "ros"), r"with --convention ros\."),
-        (in_metres(MATRICES), r"with --length-unit m\."),
+        (in_metres(MATRICES), r"with --length-unit m\..* is 0.2\d\d mm .* and 2\d\d mm then"),
+        (in_metres(MATRICES, 10.0), r"with --length-unit cm\..* is 2\d.\d mm .* and 2\d\d mm then"),
         (in_metres(np.linalg.inv(MATRICES)), "with --length-unit m and the inverse matrices"),
     ],
 )
 def test_poses_that_look_elsewhere_are_refused_with_the_remedy(tmp_path, matrices, remedy):
     np.save(tmp_path / "poses.npy", matrices)
-    with pytest.raises(InputError, match=f"do not look at the part, but all would {remedy}"):
+    with pytest.raises(
+        InputError, match=f"do not look at the part in focus, but all would {remedy}"
+    ):
         aimed_poses(tmp_path / "poses.npy", SCENE, "opencv", "mm", None, {})
 
 

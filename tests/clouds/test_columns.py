@@ -236,6 +236,38 @@ def test_units_that_are_not_read_are_refused(tmp_path: Path) -> None:
     cloud = write(tmp_path / "cloud.csv", "x [ft],y [ft],z [ft]", [0, 1, 2])
     with pytest.raises(InputError, match=r"are in ft, which is not read; export them in mm"):
         read_cloud(cloud)
+    cloud = write(tmp_path / "cloud.csv", "x [1/10 mm],y [1/10 mm],z [1/10 mm]", [0, 1, 2])
+    with pytest.raises(InputError, match=r"are in 1/10 mm, which is not read"):
+        read_cloud(cloud)
+
+
+@pytest.mark.parametrize("first", [np.linspace(1.7e9, 1.8e9, 20), 3.5 - 0.04 * np.arange(20)])
+def test_a_first_column_of_times_is_no_coordinate(tmp_path: Path, first: np.ndarray) -> None:
+    np.savetxt(tmp_path / "cloud.xyz", np.column_stack((first, POINTS[:, :3])), "%.17g")
+    with pytest.raises(InputError, match=r"(rise|fall) from row to row.*--columns 2,3,4, or 1,2,3"):
+        read_cloud(tmp_path / "cloud.xyz")
+    sorted_by_x = POINTS[np.argsort(POINTS[:, 0]), :3]
+    np.savetxt(tmp_path / "cloud.xyz", sorted_by_x, "%.17g")
+    np.testing.assert_array_equal(read_cloud(tmp_path / "cloud.xyz").points, sorted_by_x)
+
+
+def test_homogeneous_coordinates_are_refused(tmp_path: Path) -> None:
+    cloud = write(tmp_path / "cloud.csv", "x,y,z,W", [0, 1, 2, 3])
+    with pytest.raises(InputError, match="has a column W that is not 1, as homogeneous"):
+        read_cloud(cloud)
+    assert_allclose(read_cloud(cloud, columns=("x", "y", "z")).points, POINTS[:, :3])
+    np.savetxt(cloud, np.hstack((POINTS[:, :3], np.ones((20, 1)))), "%.17g", ",", header="x,y,z,w")
+    assert_allclose(read_cloud(cloud).points, POINTS[:, :3])
+
+
+def test_coordinates_that_count_pixels_are_warned_of(tmp_path: Path) -> None:
+    pixels = np.indices((4, 5)).reshape(2, -1).T
+    np.savetxt(tmp_path / "map.xyz", np.column_stack((pixels, POINTS[:, 2])), "%.17g")
+    with pytest.warns(IriftraceWarning, match="x and y in map.xyz are whole numbers, as of pixels"):
+        read_cloud(tmp_path / "map.xyz")
+    np.savetxt(tmp_path / "map.xyz", np.column_stack((pixels, POINTS[:, 2:4])), "%.17g")
+    with pytest.raises(InputError, match=r"in column 1, 2; .* \(--columns A,B,C\)"):
+        read_cloud(tmp_path / "map.xyz")
 
 
 @pytest.mark.parametrize("name", ["index", "intensity", "Deviation[mm]", "R", "Point ID"])
@@ -342,7 +374,10 @@ def test_units_and_scans_of_a_table(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "header",
-    ["range,azimuth,elevation", "r,theta,phi", "u,v,disparity", "Northing,Easting,Height"],
+    [
+        *("range,azimuth,elevation", "r,theta,phi", "u,v,disparity", "Northing,Easting,Height"),
+        *("N,E,H", "i,j,value", "East,North,Up", "Rechts [m],Hoch [m],H [m]"),
+    ],
 )
 def test_three_columns_of_other_quantities_are_no_coordinates(tmp_path: Path, header: str) -> None:
     with pytest.raises(InputError, match="do not say which three are the measured x, y and z"):
