@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +36,14 @@ _ANGLE = re.compile(
     r"(?:(?:[ _]+|(?=[\[(]))[\[(]?\s*(?P<unit>deg|°|rad)\w*\s*[\])]?)?"
 )
 """Names of a robot's angles: "a", "rx", "w [deg]", "rx_rad"."""
+_CONVENTION = re.compile(r"\bconvention\W+(\w+)$", re.IGNORECASE)
+_FRAME = re.compile(
+    r"unit|convention|ax[ei]s|coord|frame|system|direction|scale|offset|origin|handed|y[ -]up"
+    r"|major|transpos|invers|extrinsic|relative|\bin (?:m|cm|met|centimet|inch)",
+    re.IGNORECASE,
+)
+"""In remarks of what poses depend on."""
+_ROLL = re.compile(r"(?:roll|twist|up)(?![a-z])")
 _NAMES = (
     "m00 ... m33, or x, y, z with qx, qy, qz, qw, with target_x, target_y, target_z, or with the "
     "angles of a robot (such as a, b, c, of a KUKA)"
@@ -101,8 +109,16 @@ def columns_of_table(text: str, path: Path, robot: RobotName | None = None) -> d
     comma = "." if delimiter == ";" else ","
     cells = np.array([[cell.strip().replace(",", comma) for cell in row] for row in rows], object)
     lines = [line for line, _ in numbered]
-    unit = next(filter(None, map(stated_length_unit, remarks)), "")
-    stated: dict[str, object] = {"length_unit": unit} if unit else {}
+    unread: list[str] = []
+    stated: dict[str, object] = {}
+    for remark in remarks:
+        if unit := stated_length_unit(remark):
+            stated["length_unit"] = unit
+        elif said := _CONVENTION.search(remark):
+            stated["convention"] = said[1]
+        else:
+            unread.append(remark)
+    stated["unread"] = unread_remarks(unread)
     if any(map(_is_number, cells[0])):
         table = _Table(path, lines, cells)
         names = _header_in(remarks, len(cells[0]))
@@ -114,6 +130,11 @@ def columns_of_table(text: str, path: Path, robot: RobotName | None = None) -> d
         raise InputError(f"{path} has a header but no pose below it; add one.")
     names = [name.lower() for name in cells[0]]
     return stated | _named(_Table(path, lines[1:], cells[1:]), names, robot)
+
+
+def unread_remarks(remarks: Iterable[str]) -> str:
+    """Those remarks about what poses depend on, in one text; "" for none."""
+    return ", ".join(filter(_FRAME.search, remarks))
 
 
 _COLMAP = re.compile(r"^#.*IMAGE_ID,\s*QW,\s*QX", re.MULTILINE)
@@ -208,6 +229,11 @@ def _named(table: _Table, names: list[str], robot: RobotName | None) -> dict[str
     elif complete[1]:
         read["matrices"] = _from_quaternions(columns(_ORIGIN), columns(_QUATERNION), table)
     else:
+        if turned := [name for name in names if _ROLL.match(name)]:
+            raise InputError(
+                f"{table.path} aims cameras at targets, which states no roll, but has the columns "
+                f"{', '.join(turned)}; write matrices or quaternions instead."
+            )
         origins, targets = columns(_ORIGIN), columns(_TARGET)
         try:
             read["matrices"] = aimed(origins, targets)
@@ -218,7 +244,7 @@ def _named(table: _Table, names: list[str], robot: RobotName | None) -> dict[str
         read[name] = known.numbers([names.index(name)])[:, 0]
     for number, name in enumerate(names):
         if name == "convention" or is_length_unit(name):
-            stated = {LENGTH_UNITS.get(cell, cell) for cell in table.cells[:, number].tolist()}
+            stated = set(map(str.casefold, table.cells[:, number]))
             key = "convention" if name == "convention" else "length_unit"
             read[key] = ", ".join(sorted(stated))
     if units := _units(known_names, _ORIGIN + _TARGET):

@@ -10,7 +10,7 @@ from pathlib import Path
 from attrs import frozen
 
 from iriftrace.core.errors import InputError, warn
-from iriftrace.core.units import LENGTH_UNITS, stated_length_unit
+from iriftrace.core.units import LENGTH_UNITS, length_unit_of, stated_length_unit
 
 MARKS = "#/%*!"
 """Signs at the beginning of a comment."""
@@ -50,6 +50,11 @@ _MEASURED = frozenset("meas measured measurement actual act ist gemessen mesuré
 """Words that say of a coordinate that others next to it are not the measured ones."""
 
 _NOMINAL = re.compile(r"\b(?:nominals?|soll(?:werte?)?)\b", re.IGNORECASE)
+
+_SCALED = re.compile(
+    r"\b(?:scal(?:e|ing)|offset|(?:global[ _])?shift|factor|multipl\w+)\b.*\d", re.I
+)
+"""Remarks of what the numbers of a table may have to be multiplied by or added to."""
 
 _NOT_CARTESIAN = frozenset(
     "range radius rho distance theta phi azimuth elevation polar angle lat latitude lon "
@@ -260,14 +265,26 @@ def refuse_corrected(file: Path, names: Iterable[str]) -> None:
         )
 
 
-def warn_of_nominal(file: Path, lines: Iterable[str], names: Sequence[str]) -> None:
-    """Warn of a word above the line of `names` that says of some columns that they are nominal."""
-    above = (line.strip() for line in lines if words_of(line, len(names)) != names)
-    if said := next(filter(_NOMINAL.search, above), ""):
+def warn_of_remarks(
+    file: Path, lines: Iterable[str], names: Sequence[str], unit: str, are_chosen: bool
+) -> None:
+    """Warn of lines above the `names` that say of columns that they are nominal, or scaled.
+
+    The former if none `are_chosen`. Also of lines about units, if none was read.
+    """
+    above = [line.strip() for line in lines if words_of(line, len(names) or 1) != names]
+    if not are_chosen and (said := next(filter(_NOMINAL.search, above), "")):
         warn(
             f"{file.name} has the line {said!r} above its columns; if its x, y and z are the "
             "nominal ones and not the measured ones, choose these (--columns A,B,C)."
         )
+    if said := next(filter(_SCALED.search, above), ""):
+        warn(
+            f"{file.name} has the line {said!r}, which is not applied; if its points are not those "
+            "in the columns, export them so."
+        )
+    if not unit:
+        length_unit_of(above, file.name)
 
 
 def listed(names: Sequence[str]) -> str:

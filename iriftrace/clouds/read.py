@@ -21,6 +21,7 @@ from iriftrace.clouds.missing import marked_rows
 from iriftrace.clouds.text import read_table
 from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray
 from iriftrace.core.errors import InputError, warn
+from iriftrace.core.files import text_in
 from iriftrace.core.units import length_factor
 from iriftrace.geometry.ply import read_ply
 
@@ -265,6 +266,14 @@ def _mesh_rows(file: Path, kind: str) -> tuple[FloatArray, Columns, tuple[str, .
         if kind == ".ply":
             ply = read_ply(file)
             return ply.vertices, ply.vertex_columns, ply.remarks, ply.length_unit
+        if kind == ".obj":
+            # As a mesh it has the corners of faces alone, those of seams twice.
+            lines = text_in(file).replace("\\\n", " ").splitlines()
+            words = [line.split()[1:] for line in lines if line.startswith(("v ", "v\t"))]
+            table = np.array(words or np.empty((0, 3)), dtype=np.float64)
+            names = "xyzw"[: 4 if table.shape[1] == 4 else 3]
+            columns = dict(zip(names, table.T, strict=False))
+            return table[:, :3], columns, (), remarked_unit(file) or ""
         mesh: Any = trimesh.load(file, process=False)
         rows = np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3)
         return rows, {}, (), remarked_unit(file) or ""

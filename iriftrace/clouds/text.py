@@ -16,7 +16,7 @@ from iriftrace.clouds.columns import (
     header_of,
     refuse_corrected,
     unit_of,
-    warn_of_nominal,
+    warn_of_remarks,
 )
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
@@ -51,6 +51,7 @@ _QUOTES = str.maketrans("", "", "\"'[](){}")
 _QUOTED_COMMA = re.compile(r"\"([-+\d]*),(\d+)\"")
 _DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
 _REMARK = re.compile(r"(?<=[\d.])\s+(?:#|//|%).*")
+_BELOW_ZERO = re.compile(r"\(\s*(\d[\d.,]*)\s*\)")  # of accountants
 _DASHES = re.compile(r"\s*-+(?:\s*[,;\t]\s*-+)+\s*")
 _DATE = re.compile(r"\d[:/]\d|\d-\d|\d\.\d+\.\d")
 """Times of a day and dates, which have no letters."""
@@ -73,7 +74,7 @@ def read_table(
                 "ending, or export a point with x, y and z in each row."
             )
     lines = without_statistics(text.splitlines(), file)
-    lines = [_REMARK.sub("", line) for line in lines]
+    lines = [_BELOW_ZERO.sub(r"-\1", _REMARK.sub("", line)) for line in lines]
     lines = [re.sub("-+", _WORD, line) if _DASHES.fullmatch(line) else line for line in lines]
     rows = _rows(lines)
     # A header is before the first row; words after it are in cells.
@@ -113,13 +114,13 @@ def read_table(
                 "decimal signs too; export it with decimal points, or with semicolons."
             )
         places = _unnamed_columns(table, file)
-    if chosen is None:
-        warn_of_nominal(file, before, names)
+    unit = unit_of(names, before, places, count)
+    warn_of_remarks(file, before, names, unit, chosen is not None)
     bare = [name.strip(f"{MARKS} \t\"'") for name in names] if len(names) == count else [""] * count
     further = {bare[i] or f"column_{i + 1}": table[:, i] for i in range(count) if i not in places}
     if worded:
         further = _numbers_alone(further, file)
-    return table[:, places], unit_of(names, before, places, count), further
+    return table[:, places], unit, further
 
 
 def _without_numbered_columns(table: FloatArray, file: Path) -> FloatArray:

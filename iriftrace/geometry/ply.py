@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from iriftrace.core.arrays import AnyArray, AnyIntArray, FloatArray, IntArray
 from iriftrace.core.files import whole_file
 from iriftrace.core.plain import JsonObject
-from iriftrace.core.units import stated_length_unit
+from iriftrace.core.units import length_unit_of
 
 
 @frozen(eq=False)
@@ -68,7 +68,7 @@ def read_ply(path: Path) -> PlyMesh:
         _columns(raw, "vertex"),
         _columns(raw, "face"),
         tuple(line for line in remarks if line.startswith("obj_info ")),
-        next(filter(None, map(stated_length_unit, remarks)), ""),
+        length_unit_of(remarks, path.name),
     )
 
 

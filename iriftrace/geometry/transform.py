@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.number_table import with_exponents
-from iriftrace.core.units import length_factor, stated_length_unit
+from iriftrace.core.units import length_factor, length_unit_of
 
 _AXES = {"x": 0, "y": 1, "z": 2}
 _FORMS = "'rotate x 90', 'scale 0.001', 'translate 1 2 3', 16 numbers, or a file with 16 numbers"
@@ -36,7 +36,7 @@ def parse_transform(text: str) -> FloatArray:
     # Other than the path's own method, this takes any text.
     if numbers is None and os.path.isfile(path):
         written = path.read_text(encoding="utf-8-sig", errors="replace")
-        unit = next(filter(None, map(stated_length_unit, written.splitlines())), "mm")
+        unit = length_unit_of(written.splitlines(), path.name) or "mm"
         numbers = _numbers(_bare(written))
         if numbers is None:
             raise InputError(f"{path} does not hold a transform: expected 16 numbers, row by row.")

@@ -13,7 +13,7 @@ from attrs import frozen
 from iriftrace.core.arrays import AnyArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of, whole_file
-from iriftrace.core.units import stated_length_unit
+from iriftrace.core.units import length_unit_of
 from iriftrace.geometry.ply import HEADER_LIMIT, PlyMesh, check_corners, read_ply, write_ply
 from iriftrace.part.growth import Growth
 from iriftrace.part.regions import Regions
@@ -102,11 +102,11 @@ def remarked_unit(path: Path) -> str | None:
     if path.suffix.lower() == ".stl":
         with path.open("rb") as content:
             header = content.readline(80).decode("ascii", errors="replace")
-        return stated_length_unit(header) or None
+        return length_unit_of([header], path.name) or None
     with path.open(encoding="utf-8", errors="replace") as file:
         lines = list(itertools.islice(file, 50))
     remarks = (line for line in lines if line.startswith("#"))
-    return next(filter(None, map(stated_length_unit, remarks)), None)
+    return length_unit_of(remarks, path.name) or None
 
 
 def _drawing(mesh: PlyMesh) -> FloatArray | None:

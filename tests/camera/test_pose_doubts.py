@@ -68,10 +68,53 @@ def test_units_of_other_names_are_read(tmp_path, name):
         read_poses(path)
 
 
+@pytest.mark.parametrize(
+    ("name", "stated", "options"),
+    [
+        ("convention", "OpenGL", {"convention": "opengl"}),
+        ("length_unit", "Meter", {"length_unit": "m"}),
+        ("unit", " MM", {}),
+    ],
+)
+def test_what_a_file_states_may_be_in_capitals(tmp_path, name, stated, options):
+    path = tmp_path / "poses.json"
+    path.write_text(json.dumps({"matrices": MATRICES.tolist(), name: stated}))
+    assert len(read_poses(path, **options)) == len(MATRICES)
+    path = tmp_path / "poses.csv"
+    path.write_text(f"x,y,z,qx,qy,qz,qw,{name}\n1,2,3,0,0,0,1,{stated}\n")
+    assert len(read_poses(path, **options)) == 1
+
+
+@pytest.mark.parametrize("remark", ["scale 1000", "left-handed", "axes: x right, y up", "in cm"])
+def test_remarks_of_a_table_about_the_frame_are_warned_of(tmp_path, remark):
+    path = tmp_path / "poses.csv"
+    path.write_text(f"# {remark}\nx,y,z,qx,qy,qz,qw\n1,2,3,0,0,0,1\n")
+    with pytest.warns(IriftraceWarning, match=rf"entries that are not read \({remark}\)"):
+        read_poses(path)
+
+
+def test_a_remark_states_the_convention(tmp_path):
+    path = tmp_path / "poses.csv"
+    path.write_text("# convention: OpenGL\nx,y,z,qx,qy,qz,qw\n1,2,3,0,0,0,1\n")
+    with pytest.raises(InputError, match="states convention 'opengl'"):
+        read_poses(path)
+    assert len(read_poses(path, "opengl")) == 1
+
+
+@pytest.mark.parametrize("name", ["roll", "up_x", "roll [deg]"])
+def test_cameras_with_a_target_have_no_roll(tmp_path, name):
+    path = tmp_path / "poses.csv"
+    path.write_text(f"x,y,z,target_x,target_y,target_z,{name}\n100,0,0,0,0,0,10\n")
+    with pytest.raises(InputError, match=r"states no roll, but has the columns (roll|up)"):
+        read_poses(path)
+
+
 def test_unread_entries_about_the_frame_are_warned_of(tmp_path):
     path = tmp_path / "poses.json"
     path.write_text(json.dumps({"matrices": MATRICES.tolist(), "coordinate_system": "opengl"}))
-    with pytest.warns(IriftraceWarning, match=r"entries that are not read \(coordinate_system\)"):
+    with pytest.warns(
+        IriftraceWarning, match=r"entries that are not read \(coordinate_system: opengl\)"
+    ):
         read_poses(path)
 
 

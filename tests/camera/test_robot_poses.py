@@ -272,6 +272,14 @@ def test_positions_in_programs(tmp_path, name):
     assert_allclose(poses.matrices, [expected], atol=1e-7)
 
 
+def test_frames_that_a_program_names_are_said(tmp_path):
+    first = PROGRAMS["fanuc.ls"]
+    second = first[first.index("P[1]") :].replace("UF : 0", "UF : 2")
+    path = written(tmp_path, first.replace("/END\n", second), "fanuc.ls")
+    with pytest.warns(IriftraceWarning, match=r"work object; UF 0, UT 1, UF 2\).* same for all"):
+        assert len(read_poses(path)) == 2
+
+
 def test_programs_without_positions_are_named(tmp_path):
     path = written(tmp_path, "/JOB\n//NAME SCAN\n///POSTYPE PULSE\nC00000=1,2,3\n", "scan.jbi")
     with pytest.raises(InputError, match=r"is a program of a robot without positions.*as a table"):

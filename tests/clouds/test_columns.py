@@ -99,6 +99,8 @@ def test_cells_may_be_quoted_or_empty_and_a_count_may_come_first(tmp_path: Path)
         "1.5 2.5 \N{MINUS SIGN}3.5\n4.5 5.5 6.5\n",
         "***End_of_Header***\t\nTime\tX\tY\tZ\tComment\n0\t1,5\t2,5\t-3,5\t\n1\t4,5\t5,5\t6,5\t\n",
         "x;y;z;\n1,5;2,5;-3,5;\n4,5;5,5;6,5;\n",
+        "x;y;z\n1,5;2,5;(3,5)\n4,5;5,5;6,5\n",
+        '"1.5","2.5","(3.5)"\n"4.5","5.5","6.5"\n',
     ],
 )
 def test_quotes_brackets_remarks_and_dates_are_no_part_of_numbers(
@@ -394,6 +396,42 @@ def test_pixels_before_the_coordinates_are_not_taken_for_these(tmp_path: Path) -
         read_cloud(tmp_path / "a.txt")
     found = read_cloud(tmp_path / "a.txt", columns=["3", "4", "5"])
     assert_allclose(found.points, POINTS[:, :3])
+
+
+@pytest.mark.parametrize("text", ["1.234;12,5;3,5\n4,5;5,5;6,5\n", "1,5;2;3\n1.005;2;3\n"])
+def test_points_and_commas_in_numbers_are_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "cloud.csv").write_text(f"x;y;z\n{text}")
+    with pytest.raises(InputError, match="have points and commas, of which either may be the dec"):
+        read_cloud(tmp_path / "cloud.csv")
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("# Scale factor 0.001", "which is not applied"),
+        ("# Global shift: -500 0 0", "which is not applied"),
+        ("Unit system: MKS", "of which no unit of length is read"),
+        ("units: mm/10", "of which no unit of length is read"),
+        ("# Unité: mètre", "of which no unit of length is read"),
+        ("Nominal", "above its columns"),
+    ],
+)
+def test_remarks_that_are_not_applied_are_warned_of(tmp_path: Path, line: str, words: str) -> None:
+    rows = "\n".join(" ".join(map(repr, row)) for row in POINTS[:, :3].tolist())
+    (tmp_path / "cloud.txt").write_text(f"{line}\n{rows}", encoding="utf-8")
+    with pytest.warns(IriftraceWarning, match=f"{re.escape(line)}', {words}|{words}"):
+        read_cloud(tmp_path / "cloud.txt")
+
+
+def test_vertices_of_an_obj_are_its_points(tmp_path: Path) -> None:
+    """Those of no face too, and those of a texture's seam once."""
+    rows = [" ".join(map(repr, row)) for row in POINTS[:, :3].tolist()]
+    faces = "vt 0 0\nvt 1 1\nf 1/1 2/2 3/1\nf 1/2 3/2 2/1\n"
+    (tmp_path / "cloud.obj").write_text("\n".join([f"v {row} 1.0" for row in rows] + [faces]))
+    np.testing.assert_array_equal(read_cloud(tmp_path / "cloud.obj").points, POINTS[:, :3])
+    (tmp_path / "cloud.obj").write_text("\n".join(f"v {row} 2.0" for row in rows))
+    with pytest.raises(InputError, match="has a column w that is not 1"):
+        read_cloud(tmp_path / "cloud.obj")
 
 
 @pytest.mark.parametrize(
