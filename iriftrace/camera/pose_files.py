@@ -26,13 +26,7 @@ from numpy.typing import ArrayLike
 
 from iriftrace.camera.calibration_file import is_length_unit
 from iriftrace.camera.pose_set import PoseSet, refuse_distorted
-from iriftrace.camera.pose_table import (
-    ANGLES,
-    MATRIX,
-    columns_of_table,
-    unlike_robot,
-    unread_remarks,
-)
+from iriftrace.camera.pose_table import ANGLES, FRAME, MATRIX, columns_of_table, unlike_robot
 from iriftrace.camera.robot_poses import RobotName
 from iriftrace.camera.robot_programs import table_of_program
 from iriftrace.core.arrays import FloatArray
@@ -303,8 +297,8 @@ def _object(text: str, path: Path) -> dict[str, object]:
     units = [key for key in columns if is_length_unit(key)]
     for key in units:
         found["length_unit"] = columns[key]
-    rest = {key: value for key, value in columns.items() if key not in (*known, *units)}
-    found["unread"] = unread_remarks(f"{key}: {value}"[:60] for key, value in rest.items())
+    rest = (f"{key}: {columns[key]}"[:60] for key in columns if key not in (*known, *units))
+    found["unread"] = ", ".join(filter(FRAME.search, rest))
     return found
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -37,12 +37,13 @@ _ANGLE = re.compile(
 )
 """Names of a robot's angles: "a", "rx", "w [deg]", "rx_rad"."""
 _CONVENTION = re.compile(r"\bconvention\W+(\w+)$", re.IGNORECASE)
-_FRAME = re.compile(
+FRAME = re.compile(
     r"unit|convention|ax[ei]s|coord|frame|system|direction|scale|offset|origin|handed|y[ -]up"
     r"|major|transpos|invers|extrinsic|relative|\bin (?:m|cm|met|centimet|inch)",
     re.IGNORECASE,
 )
 """In remarks of what poses depend on."""
+_DECIMAL_SIGNS = re.compile(r"(?:^|[;\t]) *[-+]?\d+([.,])\d+(?:[eE][-+]?\d+)? *(?=[;\t]|$)")
 _ROLL = re.compile(r"(?:roll|twist|up)(?![a-z])")
 _NAMES = (
     "m00 ... m33, or x, y, z with qx, qy, qz, qw, with target_x, target_y, target_z, or with the "
@@ -87,6 +88,11 @@ def columns_of_table(text: str, path: Path, robot: RobotName | None = None) -> d
     numbered = [(k, line.strip()) for k, line in enumerate(bare, 1) if line.strip()]
     if not numbered:
         raise InputError(f"{path} holds no pose; give at least one.")
+    if len({sign for _, line in numbered for sign in _DECIMAL_SIGNS.findall(line)}) > 1:
+        raise InputError(
+            f"{path} has decimal commas and points, of which one may stand between thousands; "
+            "write all numbers with points."
+        )
     remarks = [remark.strip() for _, _, remark in split[: numbered[0][0]]]
     delimiter = next((d for d in ";," if any(d in line for _, line in numbered)), "")
     if delimiter == "," and all(re.search(r"[^,]\t", line) for _, line in numbered):
@@ -109,16 +115,11 @@ def columns_of_table(text: str, path: Path, robot: RobotName | None = None) -> d
     comma = "." if delimiter == ";" else ","
     cells = np.array([[cell.strip().replace(",", comma) for cell in row] for row in rows], object)
     lines = [line for line, _ in numbered]
-    unread: list[str] = []
-    stated: dict[str, object] = {}
-    for remark in remarks:
-        if unit := stated_length_unit(remark):
-            stated["length_unit"] = unit
-        elif said := _CONVENTION.search(remark):
-            stated["convention"] = said[1]
-        else:
-            unread.append(remark)
-    stated["unread"] = unread_remarks(unread)
+    read = [(stated_length_unit(remark), _CONVENTION.findall(remark)) for remark in remarks]
+    unread = (remark for remark, found in zip(remarks, read, strict=True) if not any(found))
+    stated: dict[str, object] = {"unread": ", ".join(filter(FRAME.search, unread))}
+    stated.update(("length_unit", unit) for unit, _ in read if unit)
+    stated.update(("convention", names[0]) for _, names in read if names)
     if any(map(_is_number, cells[0])):
         table = _Table(path, lines, cells)
         names = _header_in(remarks, len(cells[0]))
@@ -130,11 +131,6 @@ def columns_of_table(text: str, path: Path, robot: RobotName | None = None) -> d
         raise InputError(f"{path} has a header but no pose below it; add one.")
     names = [name.lower() for name in cells[0]]
     return stated | _named(_Table(path, lines[1:], cells[1:]), names, robot)
-
-
-def unread_remarks(remarks: Iterable[str]) -> str:
-    """Those remarks about what poses depend on, in one text; "" for none."""
-    return ", ".join(filter(_FRAME.search, remarks))
 
 
 _COLMAP = re.compile(r"^#.*IMAGE_ID,\s*QW,\s*QX", re.MULTILINE)

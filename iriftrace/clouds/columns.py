@@ -10,7 +10,7 @@ from pathlib import Path
 from attrs import frozen
 
 from iriftrace.core.errors import InputError, warn
-from iriftrace.core.units import LENGTH_UNITS, length_unit_of, stated_length_unit
+from iriftrace.core.units import LENGTH_UNITS, length_unit_of
 
 MARKS = "#/%*!"
 """Signs at the beginning of a comment."""
@@ -90,7 +90,7 @@ def axis_of(name: str) -> Axis | None:
     elif suffix := _SUFFIX.search(text):
         unit, text = LENGTH_UNITS[suffix[1]], text[: suffix.start()]
     for form in _FORMS:
-        if match := form.fullmatch(text.strip(" _")):
+        if match := form.fullmatch(text.strip(" _:=")):
             words = re.split(r"[\s_:.-]+", match["what"] or "")
             what = " ".join(word for word in words if word not in _MEANS_POINT)
             return Axis(what, _AXES[match["axis"]], unit)
@@ -223,10 +223,12 @@ def _splits(text: str) -> Iterator[list[str]]:
     yield [word.strip("\"'") for word in re.findall(r"\"[^\"]*\"|'[^']*'|[^\s,;]+", joined)]
 
 
-def unit_of(names: Sequence[str], lines: Iterable[str], chosen: Sequence[int], count: int) -> str:
+def unit_of(
+    names: Sequence[str], lines: Sequence[str], chosen: Sequence[int], count: int, file: Path
+) -> str:
     """Length unit that names, a row of units, a line of one or a remark state; "" for none.
 
-    An InputError where the names state several.
+    An InputError where the names state several; a warning of a remark without one that is read.
     """
     axes = [axis_of(names[i]) if i < len(names) else None for i in chosen]
     units = {axis.unit for axis in axes if axis and axis.unit}
@@ -248,9 +250,7 @@ def unit_of(names: Sequence[str], lines: Iterable[str], chosen: Sequence[int], c
             return LENGTH_UNITS[words[chosen[0]]]
         if len(words) == 1 and words[0] in LENGTH_UNITS:
             return LENGTH_UNITS[words[0]]
-        if stated := stated_length_unit(line):
-            return stated
-    return ""
+    return length_unit_of(lines, file.name)
 
 
 def refuse_corrected(file: Path, names: Iterable[str]) -> None:
@@ -265,14 +265,11 @@ def refuse_corrected(file: Path, names: Iterable[str]) -> None:
         )
 
 
-def warn_of_remarks(
-    file: Path, lines: Iterable[str], names: Sequence[str], unit: str, are_chosen: bool
-) -> None:
-    """Warn of lines above the `names` that say of columns that they are nominal, or scaled.
+def warn_of_remarks(file: Path, above: Sequence[str], are_chosen: bool) -> None:
+    """Warn of lines above a table that say of columns that they are nominal or scaled.
 
-    The former if none `are_chosen`. Also of lines about units, if none was read.
+    The former if none `are_chosen`.
     """
-    above = [line.strip() for line in lines if words_of(line, len(names) or 1) != names]
     if not are_chosen and (said := next(filter(_NOMINAL.search, above), "")):
         warn(
             f"{file.name} has the line {said!r} above its columns; if its x, y and z are the "
@@ -283,8 +280,6 @@ def warn_of_remarks(
             f"{file.name} has the line {said!r}, which is not applied; if its points are not those "
             "in the columns, export them so."
         )
-    if not unit:
-        length_unit_of(above, file.name)
 
 
 def listed(names: Sequence[str]) -> str:

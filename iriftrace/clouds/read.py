@@ -124,31 +124,23 @@ def read_cloud(
     # Coordinates of what was not measured would be written again, in another frame.
     rows = np.where((measured | ~rows.any(axis=1))[:, None], rows, np.nan)
     cloud = Cloud(rows, measured, unit, further, remarks)
-    if columns is None:
-        _refuse_homogeneous(cloud, file)
-    _warn_of_pixels(rows[measured], file)
+    _check_scale(cloud, file, columns is not None)
     _warn_of_rounding(cloud.points, file)
     return cloud
 
 
-def _refuse_homogeneous(cloud: Cloud, file: Path) -> None:
+def _check_scale(cloud: Cloud, file: Path, are_chosen: bool) -> None:
+    """Refuse homogeneous coordinates, if no columns `are_chosen`, and warn of pixels."""
     for name in cloud.columns.keys() & {"w", "W"}:
-        if (cloud.columns[name][cloud.measured] != 1.0).any():
+        if not are_chosen and (cloud.columns[name][cloud.measured] != 1.0).any():
             raise InputError(
                 f"{file} has a column {name} that is not 1, as homogeneous coordinates have it; "
                 "divide x, y and z by it, or choose them as they are (--columns x,y,z)."
             )
-
-
-def _warn_of_pixels(rows: FloatArray, file: Path) -> None:
-    whole = [
-        axis
-        for axis, values in zip(AXES, rows.T, strict=True)
-        if not (values % 1.0).any() and 1 < len(np.unique(values)) < len(values)
-    ]
-    if len(whole) == 2:
+    whole = [np.unique(x) for x in cloud.rows[cloud.measured].T if not (x % 1.0).any()]
+    if len(whole) == 2 and all(1 < len(values) < cloud.measured.sum() for values in whole):
         warn(
-            f"{' and '.join(whole)} in {file.name} are whole numbers, as of pixels; if they are "
+            f"Two of the coordinates in {file.name} are whole numbers, as of pixels; if they are "
             "not lengths, multiply them by that of a pixel."
         )
 
@@ -238,7 +230,7 @@ def _rows(
     numbers = chosen_columns(names, chosen, len(named), file)
     table = np.column_stack([named[names[i]] for i in numbers])
     further = {name: one for i, (name, one) in enumerate(named.items()) if i not in numbers}
-    unit = unit_of(names, (), numbers, len(named)) or unit
+    unit = unit_of(names, (), numbers, len(named), file) or unit
     return table.astype(np.float64), unit, further, remarks
 
 

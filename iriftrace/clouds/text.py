@@ -17,6 +17,7 @@ from iriftrace.clouds.columns import (
     refuse_corrected,
     unit_of,
     warn_of_remarks,
+    words_of,
 )
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
@@ -114,8 +115,9 @@ def read_table(
                 "decimal signs too; export it with decimal points, or with semicolons."
             )
         places = _unnamed_columns(table, file)
-    unit = unit_of(names, before, places, count)
-    warn_of_remarks(file, before, names, unit, chosen is not None)
+    above = [line.strip() for line in before if words_of(line, count) != names]
+    unit = unit_of(names, above, places, count, file)
+    warn_of_remarks(file, above, chosen is not None)
     bare = [name.strip(f"{MARKS} \t\"'") for name in names] if len(names) == count else [""] * count
     further = {bare[i] or f"column_{i + 1}": table[:, i] for i in range(count) if i not in places}
     if worded:
@@ -143,34 +145,29 @@ def _unnamed_columns(table: FloatArray, file: Path) -> list[int]:
             f"{file} has {len(table)} rows of {count} numbers, as if each column were a point; "
             "transpose it, so that each row is one."
         )
-    if count > _MOST_UNNAMED or (count > 3 and _are_alike(table)):
-        raise InputError(
-            f"{file} has {count} columns without names, as a map of heights has them; export a "
-            "point with x, y and z in each row, or choose its columns by number (--columns 1,2,3)."
-        )
     steps = np.diff(table[~np.isnan(table[:, 0]), 0])
-    if count > 3 and len(steps) > 1 and ((steps > 0).all() or (steps < 0).all()):
-        raise InputError(
-            f"The first of the {count} columns in {file} counts the rows or is their time, as its "
-            f"numbers {'rise' if steps[0] > 0 else 'fall'} from row to row, and none has a name; "
-            "choose x, y and z by number from 1 (--columns 2,3,4, or 1,2,3 if it is x)."
+    whole = [column for column in range(1, count + 1) if _are_whole(table[:, column - 1])]
+    rest = [str(column) for column in range(1, count + 1) if column not in whole]
+    if count > _MOST_UNNAMED or (count > 3 and _are_alike(table)):
+        doubt, choice = "as a map of heights has them", "1,2,3"
+    elif count > 3 and len(steps) > 1 and ((steps > 0).all() or (steps < 0).all()):
+        doubt = (
+            "of which the first counts the rows or is their time: its numbers rise or fall from "
         )
-    if count > 5 and _are_twice(table):
-        raise InputError(
-            f"{file} has {count} columns without names, of which 1 to 3 are nearly 4 to 6, as "
-            "nominal and measured points are; choose the measured ones by number (--columns 4,5,6)."
-        )
-    whole = [column + 1 for column in range(count) if _are_whole(table[:, column])]
-    if count > 3 and 0 < sum(column <= 3 for column in whole) < 3:
-        others = [str(column) for column in range(1, count + 1) if column not in whole]
-        others = others if len(others) >= 3 else ["A", "B", "C"]
-        raise InputError(
-            f"{file} has {count} columns without names, and whole numbers, as of pixels, in column "
-            f"{', '.join(map(str, whole))}; choose x, y and z by number from 1 (--columns "
-            f"{','.join(others[:3])})."
-        )
-    values = np.flatnonzero(~np.isnan(table).all(axis=0)).tolist()
-    return values[:3] if len(values) >= 3 else [0, 1, 2]
+        doubt, choice = f"{doubt}row to row", "2,3,4, or 1,2,3 if it is x"
+    elif count > 5 and _are_twice(table):
+        doubt = "of which 1 to 3 are nearly 4 to 6, as nominal and measured points are"
+        choice = "4,5,6"
+    elif count > 3 and 0 < sum(column <= 3 for column in whole) < 3:
+        doubt = f"and whole numbers, as of pixels, in column {', '.join(map(str, whole))}"
+        choice = ",".join(rest[:3]) if len(rest) > 2 else "A,B,C"
+    else:
+        values = np.flatnonzero(~np.isnan(table).all(axis=0)).tolist()
+        return values[:3] if len(values) >= 3 else [0, 1, 2]
+    raise InputError(
+        f"{file} has {count} columns without names, {doubt}; export a point with x, y and z in "
+        f"each row, or choose these columns by number from 1 (--columns {choice})."
+    )
 
 
 def _are_whole(numbers: FloatArray) -> bool:

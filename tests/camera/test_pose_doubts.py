@@ -109,6 +109,17 @@ def test_cameras_with_a_target_have_no_roll(tmp_path, name):
         read_poses(path)
 
 
+@pytest.mark.parametrize("mark", [";", "\t"])
+def test_decimal_commas_next_to_points_are_refused(tmp_path, mark):
+    path = tmp_path / "poses.csv"
+    rows = ["x;y;z;target_x;target_y;target_z", "1.234;12,5;3;0;0;0", "1,5;12,5;3;0;0;0"]
+    path.write_text("\n".join(rows).replace(";", mark))
+    with pytest.raises(InputError, match="has decimal commas and points"):
+        read_poses(path)
+    path.write_text("\n".join((rows[0], rows[2])).replace(";", mark))
+    assert_allclose(read_poses(path).origins, [(1.5, 12.5, 3.0)])
+
+
 def test_unread_entries_about_the_frame_are_warned_of(tmp_path):
     path = tmp_path / "poses.json"
     path.write_text(json.dumps({"matrices": MATRICES.tolist(), "coordinate_system": "opengl"}))

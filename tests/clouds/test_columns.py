@@ -51,6 +51,8 @@ def write(
         ("//X Y Z", [0, 1, 2], " "),
         (",x,y,z", [9, 0, 1, 2], ","),
         ("z,y,x\n", [2, 1, 0], ","),
+        ("Z: Y: X:", [2, 1, 0], " "),
+        ("Z=;Y=;X=", [2, 1, 0], ";"),
         ("Scan 12 January", [0, 1, 2], " "),
         ("# created by ATOS", [0, 1, 2], " "),
         ("measured on Tuesday by the night shift", [0, 1, 2, 3], " "),
@@ -265,7 +267,9 @@ def test_homogeneous_coordinates_are_refused(tmp_path: Path) -> None:
 def test_coordinates_that_count_pixels_are_warned_of(tmp_path: Path) -> None:
     pixels = np.indices((4, 5)).reshape(2, -1).T
     np.savetxt(tmp_path / "map.xyz", np.column_stack((pixels, POINTS[:, 2])), "%.17g")
-    with pytest.warns(IriftraceWarning, match="x and y in map.xyz are whole numbers, as of pixels"):
+    with pytest.warns(
+        IriftraceWarning, match="Two of the coordinates in map.xyz are whole numbers"
+    ):
         read_cloud(tmp_path / "map.xyz")
     np.savetxt(tmp_path / "map.xyz", np.column_stack((pixels, POINTS[:, 2:4])), "%.17g")
     with pytest.raises(InputError, match=r"in column 1, 2; .* \(--columns A,B,C\)"):
