@@ -150,6 +150,7 @@ def test_the_last_row_may_be_missing(tmp_path, name):
         (to_convention(MATRICES, "ros"), r"with --convention ros\."),
         (in_metres(MATRICES), r"with --length-unit m\..* is 0.2\d\d mm .* and 2\d\d mm then"),
         (in_metres(MATRICES, 10.0), r"with --length-unit cm\..* is 2\d.\d mm .* and 2\d\d mm then"),
+        (in_metres(MATRICES, 25.4), r"with --length-unit cm\..* and 1\d\d mm then"),
         (in_metres(np.linalg.inv(MATRICES)), "with --length-unit m and the inverse matrices"),
     ],
 )

@@ -52,6 +52,7 @@ def write(
         (",x,y,z", [9, 0, 1, 2], ","),
         ("z,y,x\n", [2, 1, 0], ","),
         ("Z: Y: X:", [2, 1, 0], " "),
+        ("x,y,z,offset 2", [0, 1, 2, 3], ","),
         ("Z=;Y=;X=", [2, 1, 0], ";"),
         ("Scan 12 January", [0, 1, 2], " "),
         ("# created by ATOS", [0, 1, 2], " "),
@@ -271,6 +272,8 @@ def test_coordinates_that_count_pixels_are_warned_of(tmp_path: Path) -> None:
         IriftraceWarning, match="Two of the coordinates in map.xyz are whole numbers"
     ):
         read_cloud(tmp_path / "map.xyz")
+    np.savetxt(tmp_path / "map.xyz", np.column_stack((pixels * (1, 0), POINTS[:, 2])), "%.17g")
+    assert len(read_cloud(tmp_path / "map.xyz").points) == 20
     np.savetxt(tmp_path / "map.xyz", np.column_stack((pixels, POINTS[:, 2:4])), "%.17g")
     with pytest.raises(InputError, match=r"in column 1, 2; .* \(--columns A,B,C\)"):
         read_cloud(tmp_path / "map.xyz")
