@@ -148,17 +148,21 @@ def test_the_last_row_may_be_missing(tmp_path, name):
         (np.linalg.inv(MATRICES), r"with the inverse matrices \(from"),
         (to_convention(MATRICES, "opengl"), r"with --convention opengl\."),
         (to_convention(MATRICES, "ros"), r"with --convention ros\."),
-        (in_metres(MATRICES), r"with --length-unit m\..* is 0.2\d\d mm .* and 2\d\d mm then"),
-        (in_metres(MATRICES, 10.0), r"with --length-unit cm\..* is 2\d.\d mm .* and 2\d\d mm then"),
+        (
+            in_metres(MATRICES),
+            r"with --length-unit m\..* is 0.2\d\d mm .* and 2\d\d mm then; the focus is 50 to",
+        ),
+        (
+            in_metres(MATRICES, 10.0),
+            r"with --length-unit cm\..* is 2\d.\d mm .* and 2\d\d mm then; the focus is 50 to",
+        ),
         (in_metres(MATRICES, 25.4), r"with --length-unit cm\..* and 1\d\d mm then"),
         (in_metres(np.linalg.inv(MATRICES)), "with --length-unit m and the inverse matrices"),
     ],
 )
 def test_poses_that_look_elsewhere_are_refused_with_the_remedy(tmp_path, matrices, remedy):
     np.save(tmp_path / "poses.npy", matrices)
-    with pytest.raises(
-        InputError, match=f"do not look at the part in focus, but all would {remedy}"
-    ):
+    with pytest.raises(InputError, match=f"do not look at the part, but all would {remedy}"):
         aimed_poses(tmp_path / "poses.npy", SCENE, "opencv", "mm", None, {})
 
 
