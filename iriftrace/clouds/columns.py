@@ -192,6 +192,8 @@ def _may_be_names(words: Sequence[str], count: int) -> bool:
     axes = [axis for axis in map(axis_of, words) if axis]
     if {axis.number for axis in axes if not axis.what} == {0, 1, 2}:
         return True
+    if len(words) == count == 3 and {word[:1].casefold() for word in words} == set("xyz"):
+        return True
     if len(words) != count or any(re.fullmatch(r"[\d.:,/-]+", word) for word in words):
         return False
     # Three columns are x, y and z, but for names that say otherwise.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
+import unicodedata
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -52,6 +53,7 @@ _QUOTES = str.maketrans("", "", "\"'[](){}")
 _QUOTED_COMMA = re.compile(r"\"([-+\d]*),(\d+)\"")
 _DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
 _REMARK = re.compile(r"(?<=[\d.])\s+(?:#|//|%).*")
+_BROKEN_CELL = re.compile(r"\"(?<![^,;\t\n]\")[^\",;\t\n]*(?:\n[^\",;\t\n]*)+\"")
 _BELOW_ZERO = re.compile(r"\(\s*(\d[\d.,]*)\s*\)")  # of accountants
 _DASHES = re.compile(r"\s*-+(?:\s*[,;\t]\s*-+)+\s*")
 _DATE = re.compile(r"\d[:/]\d|\d-\d|\d\.\d+\.\d")
@@ -67,7 +69,9 @@ def read_table(
     and words are NaN; columns of words are left out with a warning. A count of the points in the
     first row is left out; one that is wrong is warned of.
     """
-    text = text_in(file)
+    # Signs as wide as those of Chinese and Japanese text are the same ones.
+    text = unicodedata.normalize("NFKC", text_in(file))
+    text = _BROKEN_CELL.sub(lambda cell: " ".join(cell[0].split()), text)
     for beginning, kind in _FORMATS.items():
         if re.match(beginning, text.lstrip(), re.IGNORECASE):
             raise InputError(
@@ -126,11 +130,11 @@ def read_table(
 
 
 def _without_numbered_columns(table: FloatArray, file: Path) -> FloatArray:
-    """Rows after a first one that numbers the columns from 0, which pandas writes without names."""
+    """Rows after a first one that numbers the columns, which pandas writes without names."""
     numbered = table[0][~np.isnan(table[0])]
-    if len(numbered) < 3 or not np.array_equal(numbered, np.arange(len(numbered))):
+    if len(numbered) < 3 or numbered[0] not in (0.0, 1.0) or (np.diff(numbered) != 1.0).any():
         return table
-    warn(f"The first row of {file.name} numbers the columns from 0, and is left out.")
+    warn(f"The first row of {file.name} numbers the columns from {numbered[0]:g}, and is left out.")
     return table[1:]
 
 
