@@ -205,14 +205,12 @@ def _named(table: _Table, names: list[str], robot: RobotName | None) -> dict[str
     complete = [set(form) <= set(names) for form in forms]
     if robot is None and not any(complete):
         robot = _only_robot(names, table.path)
-    if robot is not None:
-        complete = [False, False, False]
-    elif sum(complete) != 1:
+    if robot is None and sum(complete) != 1:
         fault = "describes poses twice" if any(complete) else "does not describe poses"
         raise InputError(
             f"The header of {table.path} ({header}) {fault}; name the columns {_NAMES}."
         )
-    read: dict[str, object] = {"aimed": complete[2]}
+    read: dict[str, object] = {"aimed": robot is None and complete[2]}
     if robot is not None:
         orientation = ROBOTS[robot].columns
         if not set(_ORIGIN + orientation) <= set(names):
