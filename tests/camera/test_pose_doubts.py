@@ -42,7 +42,7 @@ def in_metres(matrices, unit_mm=1000.0):
         json.dumps({"cam_from_world": MATRICES.tolist()}),
         *(
             f"# {said}\n" + "\n".join(" ".join(map(str, m.ravel())) for m in MATRICES)
-            for said in ("T_cw", "cMo", "board2cam", "view matrix", "view_matrices")
+            for said in ("T_cw", "cMo", "cam_T_object", "board2cam", "view matrix", "view_matrices")
         ),
         "# world -> camera\n" + "\n".join(" ".join(map(str, m.ravel())) for m in MATRICES),
     ],
