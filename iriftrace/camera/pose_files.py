@@ -50,7 +50,7 @@ CONVENTIONS: dict[str, FloatArray] = {
 _FORMATS = (".csv", ".txt", ".json", ".npy")
 _WORLD = "(?:world|object|part|target|board|base|model)"
 _TO_CAMERA = re.compile(
-    rf"{_WORLD}[\s_-]*(?:to|2|->)[\s_-]*cam(?:era)?|cam(?:era)?_(?:from|T)_{_WORLD}|T_cam(?:era)?_{_WORLD}"
+    rf"{_WORLD}[\s_-]*(?:to|2|->)[\s_-]*cam|(?:T_cam(?:era)?|cam(?:era)?_(?:from|T))_{_WORLD}"
     r"|(?<![a-z])(?:w2c|T_?c_?w|(?-i:c[TM][wo])|model_?view|view[ _]?matri(?:x|ces))(?![a-z])",
     re.IGNORECASE,
 )
