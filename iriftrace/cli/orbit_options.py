@@ -10,6 +10,7 @@ from attrs import frozen
 from cyclopts import Group, Parameter
 
 from iriftrace.camera.robot_poses import RobotName
+from iriftrace.cli.console import say
 from iriftrace.cli.options import (
     Length,
     Lengths,
@@ -113,7 +114,7 @@ class OrbitOptions:
             parse_range,
             turntable_poses,
         )
-        from iriftrace.cli.pose_remedy import aimed_poses
+        from iriftrace.cli.pose_remedy import aimed_poses, distances
 
         self._refuse_contradictions()
         if self.poses is not None and self.turntable is not None:
@@ -126,6 +127,8 @@ class OrbitOptions:
             motions = {name: read_motion(file) for name, file in frames.items()}
             read = {name: motion for name, motion in motions.items() if motion is not None}
             poses = aimed_poses(self.poses, scene, convention, unit, self.robot, read)
+            far = distances(poses, scene)
+            say(f"Poses {far.min():.4g} to {far.max():.4g} mm from the part's middle.")
             return {math.nan: poses}
         if self.turntable is not None:
             centre = scene.part.centre

@@ -16,6 +16,7 @@ MISSING = -9999.0
 """Number that programs write for a value that is missing."""
 
 _DECIMAL_COMMA = re.compile(r"\d,\d")
+_DECIMAL_POINT = re.compile(r"\d\.\d")
 _FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[-+]?\d)")
 _QUOTED = re.compile(r"\"([^\",;]*)\"")
 _LETTERS = re.compile(r"[A-DF-Za-df-z_]|(?![A-Za-z])[^\W\d_]")
@@ -121,6 +122,11 @@ def numbers(rows: Sequence[str], separator: str | None, path: Path, what: str) -
     """
     lines = [_QUOTED.sub(r"\1", with_exponents(row)) for row in rows]
     if separator != "," and any(_DECIMAL_COMMA.search(row) for row in lines):
+        if any(_DECIMAL_POINT.search(row) for row in lines):
+            raise InputError(
+                f"The {what} in {path} have points and commas, of which either may be the decimal "
+                "sign; export them with decimal points and no other sign in a number."
+            )
         lines = [row.replace(",", ".") for row in lines]
     try:
         if separator is not None:

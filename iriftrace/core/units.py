@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 from functools import cache
 from typing import TYPE_CHECKING
 
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, warn
 
 if TYPE_CHECKING:
     import pint
@@ -28,7 +29,7 @@ LENGTH_UNITS = {
 
 _STATED_UNIT = re.compile(
     r"(?<![^\W_])(?:length[\s_]*)?(?:units?|einheit(?:en)?)(?:\s+of\s+length)?(?:\s+(?:is|are))?"
-    r"(?:\s*[:=]\s*[\[(]?|\s+(?:in\s+)?|\s*[\[(])(?!in\s+[a-zµμ])([a-zµμ]+)"
+    r"(?:\s*[:=]\s*[\[(]?|\s+(?:in\s+)?|\s*[\[(])(?!in\s+[a-zµμ])([a-zµμ]++)(?!\s*[*/^]\s*\d)"
     r"|(?:\b(?:coord(?:inate)?s|positions|translations?|xyz|koordinaten)"
     r"|^\W*(?:comment\s+)?(?:all\s+)?(?:lengths?|distances|dimensions|values|data|points|vertices"
     r"|exported|längen?|maße))(?:\s+(?:are|is|given))*(?:\s+in\s+|\s*[:=,]\s*|\s*[\[(]\s*)(?!in\b)"
@@ -82,6 +83,22 @@ def stated_length_unit(remark: str) -> str:
 def names_length_unit(remark: str) -> bool:
     """True for a remark with the name of a length unit other than mm, in whatever words."""
     return bool(_NAMED_UNIT.search(remark)) and not _NAMED_MM.search(remark)
+
+
+def length_unit_of(remarks: Iterable[str], name: str) -> str:
+    """Length unit that one of the remarks in a file of some name states; "" for none.
+
+    Warned of is a remark about units without one that is read.
+    """
+    lines = list(remarks)
+    stated = next(filter(None, map(stated_length_unit, lines)), "")
+    doubtful = (line for line in lines if _WORD_FOR_UNIT.search(line.casefold()))
+    if not stated and (said := next(doubtful, "")):
+        warn(
+            f"{name} says {said.strip()!r}, of which no unit of length is read; its lengths are "
+            "taken in mm, or as stated elsewhere (--length-unit)."
+        )
+    return stated
 
 
 def length_factor(unit: str) -> float:

@@ -14,7 +14,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import text_in
 from iriftrace.core.number_table import MISSING, with_exponents
-from iriftrace.core.units import length_factor, stated_length_unit
+from iriftrace.core.units import length_factor, length_unit_of
 
 _AXES = {"x": 0, "y": 1, "z": 2}
 _OTHERS = (
@@ -37,6 +37,11 @@ def leads(start: str, end: str) -> re.Pattern[str]:
 
 
 _LEADS = {True: leads(_OTHERS, _CAMERA), False: leads(_CAMERA, _OTHERS)}
+_VIEW = re.compile(
+    rf"(?<![a-z])(?:(?-i:c[TM][wo])|model_?view|view[ _]?matri(?:x|ces)"
+    rf"|cam(?:era)?_(?:from|T)_{_OTHERS})(?![a-z])",
+    re.IGNORECASE,
+)
 _FORMS = "'rotate x 90', 'scale 0.001', 'translate 1 2 3', 16 numbers, or a file with 16 numbers"
 
 
@@ -57,7 +62,7 @@ def parse_transform(text: str) -> FloatArray:
     # Other than the path's own method, this takes any text.
     if numbers is None and os.path.isfile(path):
         written = text_in(path)
-        unit = next(filter(None, map(stated_length_unit, written.splitlines())), "mm")
+        unit = length_unit_of(written.splitlines(), path.name) or "mm"
         numbers = _numbers(_bare(written))
         if numbers is None:
             raise InputError(f"{path} does not hold a transform: expected 16 numbers, row by row.")
@@ -85,7 +90,7 @@ def stated_direction(text: str, *, to_camera: bool) -> str:
 
     ``T_A_B`` leads from B to A.
     """
-    match = _LEADS[to_camera].search(text)
+    match = _LEADS[to_camera].search(text) or (_VIEW.search(text) if to_camera else None)
     return match[0] if match else ""
 
 

@@ -110,16 +110,16 @@ def load_mesh_file(path: Path) -> MeshFile:
         raise InputError(f"{path} is damaged: {error}; export it again.") from error
     regions = _regions(path, region_columns[0], len(faces)) if region_columns else None
     unit = unit or remarked_unit(path)
-    remark = "" if unit else next(filter(names_length_unit, _remarks(path)), "").strip()
+    remark = "" if unit else next(filter(names_length_unit, remarks_of(path)), "").strip()
     return MeshFile(vertices, faces, regions, unit, sha256_of(path), growth, drawing, remark)
 
 
 def remarked_unit(path: Path) -> str | None:
     """Length unit that the comments of a mesh file state."""
-    return next(filter(None, map(stated_length_unit, _remarks(path))), None)
+    return next(filter(None, map(stated_length_unit, remarks_of(path))), None)
 
 
-def _remarks(path: Path) -> list[str]:
+def remarks_of(path: Path) -> list[str]:
     """Comments at the beginning of a PLY, OBJ or OFF file, or the header of an STL."""
     match path.suffix.lower():
         case ".stl":
