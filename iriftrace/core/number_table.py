@@ -118,6 +118,11 @@ def numbers(rows: Sequence[str], separator: str | None, path: Path, what: str) -
     """
     lines = [_QUOTED.sub(r"\1", with_exponents(row)) for row in rows]
     if separator != "," and any(_DECIMAL_COMMA.search(row) for row in lines):
+        if any("." in row for row in lines):
+            raise InputError(
+                f"The {what} in {path} have commas and points inside of numbers, of which one may "
+                "stand between thousands; export numbers with one decimal sign."
+            )
         lines = [row.replace(",", ".") for row in lines]
     try:
         if separator is not None:

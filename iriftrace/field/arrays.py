@@ -32,11 +32,11 @@ _LOOSE = {
     "index": re.compile(r"n[_.]|.*refractive|.*refractivity|.*index_of_refraction"),
     "density": re.compile(r"rho|.*density"),
 }
-_AVERAGE = r"mean|averaged?|avg"
+_AVERAGE = r"mean|averaged?|(?:trn)?avg"
 _OVER_TIME = {
-    # OpenFOAM's TMean, "mean_temperature", "Mean of Temperature".
+    # OpenFOAM's TMean, CFX's "Temperature.Trnavg", "mean_temperature", "Mean of Temperature".
     quantity: re.compile(
-        rf"(?:{names})[_-]?(?:{_AVERAGE})|(?:{_AVERAGE})[_-](?:of[_-])?(?:{names})"
+        rf"(?:{names})[_.-]?(?:{_AVERAGE})|(?:{_AVERAGE})[_-](?:of[_-])?(?:{names})"
     )
     for quantity, names in (
         ("temperature", "t|temp|(?:static[_-])?temperature"),
@@ -45,10 +45,12 @@ _OVER_TIME = {
 }
 """Names of averages over time."""
 _OTHER = re.compile(
-    r"(?:^|[_./-])(?:rms|std|stddev|sigma|var|variance|fluct\w*|prime\d?|max|min|old|prev\w*|grad\w*"
-    r"|flux|rate|rise|excess|diff\w*|error|uncertainty)(?:$|[_./-])"
+    r"(?:^|[_./-])(?:trn)?(?:rms|std|stddev|sdv|sigma|var|variance|fluct\w*|prime\d?|max|min|old"
+    r"|prev\w*|init\w*|grad\w*|flux|rate|rise|excess|above|rel\w*|minus|diff\w*|error|uncertainty"
+    r"|dew|setpoint)(?:$|[_./-])"
 )
-"""In names of what is not the value itself: ``T_rms``, ``T_max``, ``temperature_gradient``."""
+"""In names of what is not the value itself: ``T_rms``, ``T_max``, ``temperature_gradient``; also as
+CFX writes them, ``Temperature.Trnmax``."""
 
 _COLDEST_K = 150.0  # room temperature in degC, read as kelvin, lies below
 _HOTTEST_K = 6000.0  # above, all molecules of air are dissociated

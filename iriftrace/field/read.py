@@ -153,8 +153,8 @@ def read_field(
 def read_volume(path: str | Path, *, member: int | None = None, flow: bool = False) -> Contents:
     """Read the volume cells of a file or the folder of an OpenFOAM case, and the units it states.
 
-    Blocks (`.vtm`, `.pvd`) and pieces (`.pvtu`) are joined at points that coincide exactly, and so
-    are the two sides of a seam inside a file (`iriftrace.field.volume`). Voxels become hexahedra;
+    Blocks (`.vtm`, `.pvd`) and pieces (`.pvtu`) are joined at points that coincide, and so are
+    the two sides of a seam inside a file (`iriftrace.field.volume`). Voxels become hexahedra;
     polyhedra and prisms with more than three sides are split into tetrahedra (OpenFOAM's around
     their centroids); cells of higher order keep only their corners. Other cells are removed, and
     then points that no cell uses. The data have the file's own length unit and its field data.
@@ -174,10 +174,8 @@ def read_volume(path: str | Path, *, member: int | None = None, flow: bool = Fal
     if has_higher_order(grid):
         warn(f"{path} has cells of higher order; only the values at their corners are used.")
     origins = (one_line(contents.origin), origin_of(contents.data))
-    pieces = linear_volume(grid)
-    volume = without_seams(pieces)
-    if volume is not pieces or isinstance(contents.data, pv.MultiBlock):
-        refuse_repeated_cells(volume, str(path))
+    volume = without_seams(linear_volume(grid))
+    refuse_repeated_cells(volume, str(path))
     return evolve(
         contents,
         data=volume,

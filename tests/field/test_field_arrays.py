@@ -69,6 +69,7 @@ def test_a_unit_in_the_name_is_that_of_the_values(tmp_path, name, unit):
         ("Static_Temperature", "temperature"),
         ("T_mean", "temperature"),
         ("Mean of Temperature", "temperature"),
+        ("Temperature.Trnavg", "temperature"),
         ("n", "index"),
         ("index", "index"),
         ("refractive_index", "index"),
@@ -135,7 +136,13 @@ def test_arrays_that_could_all_be_meant_are_listed(tmp_path, names):
         read_field(saved(grid, tmp_path / "f.vti"))
 
 
-@pytest.mark.parametrize("name", ["T_rms", "Temperature max", "temperature_gradient", "T_old"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("T_rms", "Temperature max", "temperature_gradient", "T_old", "T_initial", "T_rel"),
+        *("Temperature.Trnmax", "Temperature above ambient", "dew point temperature"),
+    ],
+)
 def test_what_is_not_the_value_itself_must_be_given(tmp_path, name):
     grid = box(2)
     grid.point_data[name] = np.array(grid.point_data["T"])

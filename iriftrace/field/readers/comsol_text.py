@@ -110,8 +110,7 @@ class TextFile:
     def length_unit(self) -> str | None:
         """Unit of the coordinates, where the header states it."""
         text = self.entries.get("length unit", "").strip("[]() ")
-        remarks = (line for line in self.sections[0].comments if line.startswith(("%", "#")))
-        text = text or next(filter(None, map(stated_length_unit, remarks)), "")
+        text = text or next(filter(None, map(stated_length_unit, self.sections[0].comments)), "")
         return {"µm": "um", "μm": "um", '"': "inch"}.get(text, text) or None
 
     def origin(self, state: str) -> str:
@@ -175,7 +174,7 @@ def text_file(path: Path) -> TextFile:
     for line in filter(None, map(str.strip, without_statistics(text.splitlines(), path))):
         # The comment mark may stand in the quotation marks of the first word.
         line = with_gaps(re.sub(r'^"\s*([%#]+)\s*', r'\1 "', line))
-        if line[0] in "%#" and not line.strip('%#" ,;\t'):
+        if not line.strip('%#" ,;\t'):
             continue
         if line.startswith(("%", "#")) or (not sections and not is_numbers(line)):
             comments.append(line)
@@ -248,6 +247,13 @@ def spreadsheet_columns(file: TextFile) -> list[Column]:
             "it is not clear which is which; export it again with one delimiter and a point as "
             "decimal sign."
         )
+    for title in (title for section in file.sections[1:] for title in section.titles):
+        others = _names(_text_of(title), count, separator)
+        if len(others) == count and title not in first.titles and not is_numbers(_text_of(title)):
+            raise InputError(
+                f"{file.path} has other columns from {title!r} on; give a file with one table, or "
+                "correct that row."
+            )
     columns = []
     for column in map(column_of, names):
         if match := _COORDINATE.fullmatch(column.name):
