@@ -17,7 +17,12 @@ from iriftrace.core.number_table import (
     separator_of,
     without_statistics,
 )
-from iriftrace.core.units import ZERO_CELSIUS_K, length_factor, parse_quantity
+from iriftrace.core.units import (
+    ZERO_CELSIUS_K,
+    length_factor,
+    parse_quantity,
+    stated_length_unit,
+)
 
 COLUMNS = ("x", "y", "z", "T")
 _KELVIN_STEPS = {"K", "degC", "°C", "C"}
@@ -26,8 +31,9 @@ _OTHER_NAMES = {"X": "x", "Y": "y", "Z": "z", "Temperature": "T", "temperature":
 _UNCERTAINTIES = ("u", "unc", "sigma", "std", "err", "tol")
 """Beginnings of names of uncertainties."""
 
-COLDEST_K = 200.0
-"""No air around a hot part is colder; lower numbers are in other units."""
+COLDEST_K, HOTTEST_K = 200.0, 3000.0
+"""No air around a hot part is colder or hotter; such numbers are in other units or mark an open
+thermocouple."""
 
 
 @frozen(eq=False)
@@ -82,11 +88,13 @@ def read_air_temperatures(path: str | Path) -> AirTemperatures:
     ------
     InputError
         The file is missing or damaged, a column is missing, an uncertainty is not positive or in
-        another unit than T, or the air is colder than 200 K.
+        another unit than T, the air is colder than 200 K or hotter than 3000 K, or a place has
+        several temperatures.
     """
     file = Path(path)
     check_readable(file)
-    header, rows = header_and_rows(text_in(file))
+    text = text_in(file)
+    header, rows = header_and_rows(text)
     rows = without_statistics(rows, file)
     columns = _columns(header)
     missing = [name for name in COLUMNS if name not in columns]
@@ -118,10 +126,11 @@ def read_air_temperatures(path: str | Path) -> AirTemperatures:
         raise InputError(
             f"{file} has temperatures below 0 K or uncertainties U of 0 K or less; correct them."
         )
-    if kelvins.min() < COLDEST_K:
+    strange = kelvins[(kelvins < COLDEST_K) | (kelvins > HOTTEST_K)]
+    if len(strange):
         raise InputError(
-            f"{file} has air of {kelvins.min():.4g} K, as T is read in {unit}; write the unit of T "
-            "into the header, as in T (degC)."
+            f"{file} has air of {strange[0]:.4g} K, as T is read in {unit}; write the unit of T "
+            "into the header, as in T (degC), and leave out thermocouples that are open."
         )
     if not columns["T"]:
         low, high = (kelvins.min() - ZERO_CELSIUS_K, kelvins.max() - ZERO_CELSIUS_K)
@@ -135,5 +144,13 @@ def read_air_temperatures(path: str | Path) -> AirTemperatures:
             f"{file} has the column {others[0]}, which is not read; if it is the uncertainty of T, "
             "call it U and give the expanded one (k = 2)."
         )
-    places = [length_factor(columns[axis] or "mm") * by_name[axis] for axis in "xyz"]
-    return AirTemperatures(np.column_stack(places), kelvins, deviations, str(file), sha256_of(file))
+    remarks = map(stated_length_unit, text.partition(header)[0].splitlines())
+    length = next(filter(None, remarks), "mm")
+    places = np.column_stack(
+        [length_factor(columns[axis] or length) * by_name[axis] for axis in "xyz"]
+    )
+    if len(np.unique(places, axis=0)) < len(places):
+        raise InputError(
+            f"{file} has several temperatures at one place, as of several times; give one for each."
+        )
+    return AirTemperatures(places, kelvins, deviations, str(file), sha256_of(file))

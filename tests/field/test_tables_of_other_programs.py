@@ -180,3 +180,16 @@ def test_commas_and_points_in_one_table_are_refused(tmp_path: Path, hot: str) ->
 def test_a_remark_without_a_sign_may_state_the_unit_of_length(tmp_path: Path) -> None:
     path = table(tmp_path / "f.csv", ["Coordinates are in metres."], KELVIN.tolist())
     assert read_field(path).grid.volume == pytest.approx(1000.0)
+
+
+@pytest.mark.parametrize("number", ["cellnumber", "Cell ID", "nodenumber"])
+def test_values_of_cells_are_warned_of(tmp_path: Path, number: str) -> None:
+    """As Fluent numbers them, and ParaView."""
+    path = tmp_path / "f.csv"
+    rows = np.column_stack([np.arange(len(POINTS)), POINTS, KELVIN])
+    np.savetxt(path, rows, "%.9g", ",", header=f"{number},x,y,z,T (K)", comments="")
+    if number == "nodenumber":
+        read_field(path)
+    else:
+        with pytest.warns(IriftraceWarning, match="centres of cells, not those at the wall"):
+            read_field(path)

@@ -5,6 +5,7 @@ Times and parameter values are part of the columns' names: ``T (K) @ t=1``, ``T 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -28,6 +29,9 @@ from iriftrace.field.readers.comsol_text import (
 )
 from iriftrace.field.readers.scattered import merged, tetrahedra_between
 from iriftrace.field.readers.states import Column, Contents, State, state_number, states_of
+
+
+_CELL_NUMBER = re.compile(r"cell[ _-]?(?:number|id|index)")
 
 
 @frozen(eq=False)
@@ -99,6 +103,11 @@ def _spreadsheet(file: TextFile) -> _Table:
     data = file.numbers([row for section in file.sections for row in section.rows], "rows")
     file.check_count("nodes", len(data))
     names = [column.name.lower() for column in columns]
+    if any(map(_CELL_NUMBER.fullmatch, names)):
+        warn(
+            f"{file.path} has values at the centres of cells, not those at the wall; export the "
+            "values at nodes."
+        )
     axes = [names.index(axis) for axis in AXES]
     others = [k for k in range(len(columns)) if k not in axes]
     points, values, results = data[:, axes], data[:, others], [columns[k] for k in others]
