@@ -30,7 +30,6 @@ from iriftrace.field.readers.comsol_text import (
 from iriftrace.field.readers.scattered import merged, tetrahedra_between
 from iriftrace.field.readers.states import Column, Contents, State, state_number, states_of
 
-
 _CELL_NUMBER = re.compile(r"cell[ _-]?(?:number|id|index)")
 
 
