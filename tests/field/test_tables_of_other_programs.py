@@ -177,8 +177,9 @@ def test_commas_and_points_in_one_table_are_refused(tmp_path: Path, hot: str) ->
         read_field(degrees(tmp_path / "f.csv", edit=edit))
 
 
-def test_a_remark_without_a_sign_may_state_the_unit_of_length(tmp_path: Path) -> None:
-    path = table(tmp_path / "f.csv", ["Coordinates are in metres."], KELVIN.tolist())
+@pytest.mark.parametrize("remark", ["Coordinates are in metres.", "# coordinates in m"])
+def test_a_remark_may_state_the_unit_of_length(tmp_path: Path, remark: str) -> None:
+    path = table(tmp_path / "f.csv", [remark], KELVIN.tolist())
     assert read_field(path).grid.volume == pytest.approx(1000.0)
 
 

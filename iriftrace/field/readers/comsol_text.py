@@ -47,7 +47,7 @@ _ENTRY = re.compile(
     rf"|Description|Length[ _]units?){_SET}\s*(?P<value>.*)",
     re.IGNORECASE,
 )
-_KIND = re.compile(rf"[%#]\s*(?P<word>Coordinates|Elements|Data|Grid)\b(?!{_SET})", re.IGNORECASE)
+_KIND = re.compile(r"[%#]\s*(?P<word>Coordinates|Elements|Data|Grid)\s*(?:\(|$)", re.IGNORECASE)
 _DATA_TITLE = re.compile(r"[%#]\s*Data\s*(?:\((?P<inside>.*)\))?\s*", re.IGNORECASE)
 _PADDED = re.compile(r"\s{2,}|\t")
 # An expression ends at its unit and state; names of coordinates have neither.
@@ -289,7 +289,7 @@ def _names(line: str, count: int, separator: str | None) -> list[str]:
             names[-1] += f", {piece.strip()}"
         else:
             names.append(piece.strip())
-    return names
+    return names[:count] if names[count:] == [""] else names
 
 
 def section_columns(file: TextFile) -> list[Column]:
