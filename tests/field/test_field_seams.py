@@ -121,6 +121,21 @@ def test_cells_twice_are_refused(tmp_path: Path) -> None:
         read_field(blocks)
 
 
+@pytest.mark.filterwarnings("ignore:The coolest air")
+def test_blocks_that_lie_in_each_other_are_refused(tmp_path: Path) -> None:
+    """A coarse block of all the air and a fine one in it; not two next to each other."""
+    path = tmp_path / "air.vtm"
+    coarse, fine = half(), hexahedra(7, 5.0)
+    fine.point_data["T"] = np.full(fine.n_points, 300.0)
+    fine.points += np.array((25.0, 0.0, 0.0), dtype=fine.points.dtype)
+    pv.MultiBlock([coarse, fine]).save(path)
+    assert read_field(path).grid.n_cells == coarse.n_cells + fine.n_cells
+    fine.points -= np.array((15.0, 0.0, 0.0), dtype=fine.points.dtype)
+    pv.MultiBlock([coarse, fine]).save(path)
+    with pytest.raises(InputError, match="blocks that lie in each other"):
+        read_field(path)
+
+
 def test_cells_of_two_processes_without_a_mark_are_refused(tmp_path: Path) -> None:
     """Processes that write their copies of each other's cells, too, without ``vtkGhostType``."""
     for number, piece in enumerate((range(130), range(94, 216))):
