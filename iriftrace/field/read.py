@@ -232,7 +232,7 @@ def _joined(data: Data, path: Path) -> pv.UnstructuredGrid:
 def _refuse_overlap(joined: pv.UnstructuredGrid, ends: IntArray, path: Path) -> None:
     """Refuse blocks that lie in each other, by centres of cells of each; `ends` are the blocks'."""
     tried = np.arange(0, joined.n_cells, 1 + joined.n_cells // _CELLS_TRIED)
-    found = joined.find_containing_cell(joined.cell_centers().points[tried])
+    found = np.asarray(joined.find_containing_cell(joined.cell_centers().points[tried]))
     own, other = (np.searchsorted(ends, cells, side="right") for cells in (tried, found))
     if np.mean((found >= 0) & (own != other)) > _MOST_OVERLAP:
         raise InputError(
