@@ -52,6 +52,7 @@ _OTHER = re.compile(
 """In names of what is not the value itself: ``T_rms``, ``T_max``, ``temperature_gradient``; also as
 CFX writes them, ``Temperature.Trnmax``."""
 
+_LEAST_BESIDE_ZERO = 5.0  # degC or degF: the outer air of a field in freezing air is cooler
 _COLDEST_K = 150.0  # room temperature in degC, read as kelvin, lies below
 _HOTTEST_K = 6000.0  # above, all molecules of air are dissociated
 _LARGEST_REFRACTIVITY = 0.01  # air at 30 bar; n itself is near 1
@@ -284,15 +285,22 @@ def _scale(unit: str, quantity: str) -> tuple[float, float]:
     return zero, (parse_quantity(f"100 {name}", SI[quantity]) - zero) / 100.0
 
 
-def to_kelvin(
+def to_si(
     values: FloatArray,
     choice: Choice,
     units: Mapping[str, str] | None,
     temperature_unit: str | None,
     path: str,
 ) -> FloatArray:
-    """Temperatures, (n,), K, of the values of an array; units and errors as `to_refractivity`."""
+    """Temperatures, (n,), K, or densities of the values of an array; as in `to_refractivity`."""
     zero, slope = _scale(_unit_of(choice, units, temperature_unit, path), choice.quantity)
+    some = values[values != 0.0]
+    if zero and 0 < len(some) < len(values) and some.min() > _LEAST_BESIDE_ZERO:
+        raise InputError(
+            f"The array {choice.name!r} in {path} is exactly 0 at {len(values) - len(some)} of "
+            f"{len(values)} points and {some.min():.4g} or more elsewhere, as programs fill in "
+            "missing values; export these as NaN."
+        )
     return zero + values * slope
 
 
@@ -311,14 +319,12 @@ def to_refractivity(
     `temperature_unit` is the unit of temperatures given by the user.
 
     Raises InputError if user and file contradict each other, if a format that stores units states
-    none for a temperature or one of another quantity, or if values are not possible.
+    none for a temperature or one of another quantity, or if values are not possible or zeros fill
+    gaps.
     """
     if choice.quantity == "index":
         return _from_index(values, choice.name, path)
-    unit = _unit_of(choice, units, temperature_unit, path)
-    zero, slope = _scale(unit, choice.quantity)
-    if (zero, slope) != (0.0, 1.0):
-        values = zero + values * slope
+    values = to_si(values, choice, units, temperature_unit, path)
     lowest, density = values.min(), choice.quantity == "density"
     if lowest <= 0.0:
         raise InputError(

@@ -200,3 +200,18 @@ def test_cell_data_become_means_at_points(tmp_path):
     expected = AMBIENT + np.array([0.0, 100.0 * near / (near + far), 100.0])
     place = np.searchsorted([0.0, 1.0, 4.0], field.grid.points[:, 0])
     assert_allclose(field.temperature_k, expected[place], rtol=1e-12)
+
+
+@pytest.mark.parametrize("unit", ["degC", "degF"])
+def test_zeros_for_missing_values_are_refused_and_freezing_air_is_not(tmp_path, unit):
+    grid = box(4)
+    grid.clear_data()
+    values = np.linspace(68.0, 900.0, grid.n_points)
+    values[7:16] = 0.0
+    grid.point_data[f"T [{unit}]"] = values
+    path = saved(grid, tmp_path / "f.vti")
+    with pytest.raises(InputError, match=r"exactly 0 at 9 of \d+ points and 68 or more elsewhere"):
+        read_field(path)
+    grid.point_data[f"T [{unit}]"] = np.linspace(0.0, 200.0, grid.n_points)
+    with pytest.warns(IriftraceWarning, match="coolest air"):
+        read_field(saved(grid, path))

@@ -14,7 +14,7 @@ from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import check_readable, sha256_of
 from iriftrace.core.units import ZERO_CELSIUS_K, length_factor
-from iriftrace.field.arrays import choose_array, finite_values, stated_unit, to_kelvin
+from iriftrace.field.arrays import choose_array, finite_values, stated_unit, to_si
 from iriftrace.field.readers.comsol import length_unit_of
 from iriftrace.field.readers.comsol_text import AXES, spreadsheet_columns, text_file
 from iriftrace.field.readers.scattered import merged
@@ -127,7 +127,7 @@ def read_measured_wall(
     if not np.isfinite(points).all():
         raise InputError(f"{path} has coordinates that are not finite numbers; export them again.")
     units = stated if stated and choice.name in stated else None
-    kelvins = to_kelvin(values, choice, units, temperature_unit, str(path))
+    kelvins = to_si(values, choice, units, temperature_unit, str(path))
     if not (stated_unit(choice, units) or temperature_unit):
         warn(
             f"{path} does not state the unit of {choice.name!r}, which is read in K: "
