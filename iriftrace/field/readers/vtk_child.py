@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Sequence
-from typing import Protocol, Required, TypedDict
+from typing import Any, Protocol, Required, TypedDict
 from xml.etree import ElementTree
 
 import numpy as np
@@ -103,8 +103,9 @@ def read_file(path: str, suffix: str) -> Answer:
         with open(path, "rb") as file:
             content = file.read()
         if _TEXT.match(content):
+            text: Any = content + _END  # VTK's types say str
             reader.ReadFromInputStringOn()
-            reader.SetBinaryInputString(content + _END, len(content) + len(_END))
+            reader.SetBinaryInputString(text, len(text))
     else:
         reader = getattr(vtkIOXML, _XML[suffix])()
     reader.SetFileName(path)
