@@ -17,7 +17,7 @@ from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import sha256_of
 from iriftrace.core.number_table import numbers, separator_of
-from iriftrace.core.units import length_factor
+from iriftrace.core.units import LENGTH_UNITS, length_factor
 from iriftrace.field.arrays import quantity_of
 from iriftrace.field.gradient import HEXAHEDRON, TETRAHEDRON
 from iriftrace.field.readers.comsol_text import (
@@ -93,7 +93,7 @@ def length_unit_of(file: TextFile) -> str | None:
             f"{file.path} states several units of its coordinates ({', '.join(units)}), so it is "
             "not clear where its points are; correct its header."
         )
-    return units[0] if units else None
+    return LENGTH_UNITS.get(units[0].casefold(), units[0]) if units else None
 
 
 def _spreadsheet(file: TextFile) -> _Table:

@@ -111,7 +111,7 @@ class TextFile:
         """Unit of the coordinates, where the header states it."""
         text = self.entries.get("length unit", "").strip("[]() ")
         text = text or next(filter(None, map(stated_length_unit, self.sections[0].comments)), "")
-        return {"µm": "um", "μm": "um", '"': "inch"}.get(text, text) or None
+        return text or None
 
     def origin(self, state: str) -> str:
         """Program, model and state, as a result states its origin."""
