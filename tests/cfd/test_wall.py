@@ -58,6 +58,13 @@ def test_sharp_edge_without_transition(halves: Part) -> None:
     assert found.tolist() == [COOL, COOL, HOT, HOT]
 
 
+def test_edge_of_two_temperatures_has_one_of_them_however_it_was_rounded(halves: Part) -> None:
+    """A field stores its points as float32; its check must find the temperature that was set."""
+    wall = WallTemperatures(HOT, {"steel": COOL})
+    found = wall_temperature(wall, halves, along(np.linspace(-1e-5, 1e-5, 21)))
+    assert len(set(found.tolist())) == 1
+
+
 @pytest.mark.parametrize(
     ("wall", "message"),
     [

@@ -217,6 +217,20 @@ def test_each_face_of_the_wall_has_the_temperature_of_its_region(
     assert kelvin[x > 39.9].min() == pytest.approx(723.15, abs=10.0)
 
 
+@pytest.mark.usefixtures("simulated")  # which skips without OpenFOAM
+def test_points_between_two_temperatures_have_one_of_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Also the points that the reader adds to the wall's faces of five corners and more."""
+    part = cylinder(tmp_path)
+    times = ["--end-time=0.02s", "--average-time=0.01s", "--region-temperature=head*=900 degC"]
+    assert main([*options(part, tmp_path / "case"), *times]) == 0
+    assert "within 0.00 K of the set temperature" in " ".join(capsys.readouterr().out.split())
+    field = read_field(tmp_path / "case" / "field.vtu")
+    kelvin = field.air.temperature(np.asarray(field.wall.point_data["refractivity"]))
+    assert np.unique(kelvin.round(2)).tolist() == [1173.15, WALL]
+
+
 def test_other_options_for_the_same_folder_are_refused(
     simulated: Run, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -193,7 +193,7 @@ def temperature_finding(wall: WallState, set_k: FloatArray | None) -> Finding:
         f"{middle:.2f} K",
         "good" if within >= 0.99 else "doubtful" if within >= 0.9 else "bad",
         f"{within:.1%} of the wall's points within {WALL_TOLERANCE_K} K of {compared}; worst "
-        f"{off.max():.3g} K (points at sharp edges may belong to two walls)",
+        f"{off.max():.3g} K",
         {
             "median_k": middle,
             "target_k": float(np.median(target)),

@@ -165,7 +165,11 @@ def _whole(
     for name, values in arrays.items():
         piece.point_data[name] = values
     if case.wall.varies(case.part):
-        wall = as_float64(wall_patch(folder).points) * _MM
+        patch = wall_patch(folder)
+        corners = as_float64(patch.points) * _MM
+        # The reader adds the means of the corners of faces with more than four.
+        means = [corners[face].mean(axis=0) for face in patch.irregular_faces if len(face) > 4]
+        wall = np.concatenate((corners, np.reshape(means, (-1, 3))))
         on_wall = cKDTree(np.asarray(piece.points)).query(wall)[1]
         piece.point_data["T"][on_wall] = wall_temperature(case.wall, case.part, wall)
     centres = np.asarray(piece.cell_centers().points)
@@ -190,7 +194,8 @@ def _write(case: Case, grid: pv.UnstructuredGrid, file: Path, how: str, facts: F
         parts.append(f"around {', '.join(body.name for body in case.bodies)}")
     if case.floor is not None:
         parts.append(f"floor at z = {case.floor:g} mm")
-    mirrored = [f"{name} = {value:g} mm" for name, value in case.domain.planes.items()]
+    planes = case.domain.planes.items()
+    mirrored = [f"{name} = {round(value, 4) + 0.0:g} mm" for name, value in planes]  # no "-0"
     symmetry = (
         f"mirrored at {' and '.join(mirrored)}" if mirrored else "none, all sides were solved"
     )

@@ -19,6 +19,8 @@ HOTTEST = 3000.0
 _COOLER_THAN_AIR = 50.0
 """K; a wall that is cooler than the air by more is most likely given in degC instead of K."""
 
+_TOUCHING_MM = 1e-3
+
 # tanh reaches 0.8, which is 90 % of the transition, at this argument.
 _NINETY_PERCENT = float(np.arctanh(0.8))
 
@@ -108,7 +110,10 @@ def wall_temperature(wall: WallTemperatures, part: Part, points: ArrayLike) -> F
         return np.full(len(places), kelvins[0])
     distances = np.stack([group.distance(places) for group in groups])
     if wall.transition == 0.0:
-        return as_float64(kelvins[distances.argmin(axis=0)])
+        # On an edge between two, the first one: also after the points were rounded to float32.
+        return as_float64(
+            kelvins[(distances < distances.min(axis=0) + _TOUCHING_MM).argmax(axis=0)]
+        )
     return _mixed(wall, kelvins, distances)[0]
 
 
