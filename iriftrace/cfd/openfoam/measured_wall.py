@@ -175,4 +175,5 @@ def _without_gaps(data: pv.DataSet, name: str, path: Path) -> pv.DataSet:
         f"{path} has no temperature at {np.count_nonzero(missing)} of {len(missing)} points, which "
         "are left out."
     )
-    return data.extract_points(~missing, include_cells=False)
+    kept: pv.DataSet = data.extract_points(np.flatnonzero(~missing), include_cells=False)
+    return kept
