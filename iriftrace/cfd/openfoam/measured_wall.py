@@ -175,5 +175,6 @@ def _without_gaps(data: pv.DataSet, name: str, path: Path) -> pv.DataSet:
         f"{path} has no temperature at {np.count_nonzero(missing)} of {len(missing)} points, which "
         "are left out."
     )
-    kept: pv.DataSet = data.extract_points(np.flatnonzero(~missing), include_cells=False)
+    kept = pv.PolyData(data.points[~missing])
+    kept.point_data[name] = data.point_data[name][~missing]
     return kept
