@@ -38,7 +38,6 @@ _STATISTICS = frozenset(
 """Words of the rows that spreadsheets and inspection programs write below a table."""
 
 _COMMENT = re.compile(r"\s*[#%/*!]")
-_COLUMN = re.compile(r"\s*(?P<name>[^\[(]*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
 
 
 def is_numbers(line: str) -> bool:
@@ -79,26 +78,6 @@ def _is_statistic(line: str) -> bool:
     text, count = _NUMBER.subn("", line.casefold())
     words = set(_LETTER_RUN.findall(text))
     return count > 0 and bool(words) and words <= _STATISTICS and not _COMMENT.match(line)
-
-
-def header_and_rows(text: str) -> tuple[str, list[str]]:
-    """The last line before the first row of numbers, "" of none, and the lines from there on."""
-    lines = [line for line in text.splitlines() if line.strip()]
-    rows = (k for k, line in enumerate(lines) if line.lstrip()[0] not in "#%" and is_numbers(line))
-    first = next(rows, len(lines))
-    return lines[first - 1] if first else "", lines[first:]
-
-
-def header_columns(line: str) -> dict[str, str]:
-    """Names of the columns of a header, as in ``x [m]; T (degC)``, and their units, "" of none.
-
-    Names without units may stand between blanks.
-    """
-    words = re.split(r"[,;\t]", line.lstrip("#%"))
-    if len(words) == 1:
-        words = line.lstrip("#%").split()
-    found = [_COLUMN.fullmatch(word.strip('" ')) for word in words]
-    return {match["name"]: match["unit"] or "" for match in found if match}
 
 
 def separator_of(row: str) -> str | None:
