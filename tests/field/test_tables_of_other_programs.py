@@ -173,7 +173,9 @@ def test_commas_and_points_in_one_table_are_refused(tmp_path: Path, hot: str) ->
         other = "," if "." in hot else "."
         rows[:] = [f"{row[: row.rindex(';')]}{other}0;{hot}" for row in rows]
 
-    with pytest.raises(InputError, match="points and commas, of which either may be the decimal sign"):
+    with pytest.raises(
+        InputError, match="points and commas, of which either may be the decimal sign"
+    ):
         read_field(degrees(tmp_path / "f.csv", edit=edit))
 
 
