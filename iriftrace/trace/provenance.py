@@ -6,10 +6,13 @@ from collections.abc import Iterable, Mapping
 from importlib.metadata import version
 from pathlib import Path
 
+import numpy as np
+
 from iriftrace.camera.camera import Camera
 from iriftrace.core.engines import ENGINES
 from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import JsonObject, plain
+from iriftrace.field.source import FieldSource
 from iriftrace.scene.loaded import LoadedEnsemble, LoadedScene
 
 _MOST_LISTED = 2
@@ -19,9 +22,8 @@ def provenance(scene: LoadedScene, camera: Camera) -> JsonObject:
     """Version, scene, field, part and assumptions in force, as plain JSON values."""
     part, ensemble, notes = scene.part, scene.ensemble, scene.stated.notes
     source, wavelength, written = scene.source, scene.stated.wavelength_nm, scene.stated.part
-    sources = [source] if ensemble is None else [m.source for m in ensemble.members]
     members = None if ensemble is None else [m.as_dict() for m in ensemble.members]
-    known = [one for one in sources if one]
+    known = _shares(ensemble) if ensemble is not None else [("", source)] if source else []
     rules = {"index_rule": scene.index_rule, "normals": scene.normals}
     return {
         "version": version("iriftrace"),
@@ -53,14 +55,16 @@ def provenance(scene: LoadedScene, camera: Camera) -> JsonObject:
             **rules,
             "bending": scene.bending.text,
             **_for_studies(scene, notes),
-            "field_source": _listed(f"{one.quantity} from {one.path}" for one in known),
-            "field_origin": _listed(one.origin for one in known if one.origin),
+            "field_source": _listed(
+                f"{share}{one.quantity} from {one.path}" for share, one in known
+            ),
+            "field_origin": _listed(f"{share}{one.origin}" for share, one in known if one.origin),
             **({} if ensemble is None else {"ensemble": _meaning(ensemble)}),
             **({"field_member": notes["member"]} if ensemble is None and "member" in notes else {}),
             # As the fields state it, unless the user did.
-            "field_time": notes.get("time") or _listed(one.time for one in known if one.time),
+            "field_time": notes.get("time") or _listed(one.time for _, one in known if one.time),
             "field_symmetry": notes.get("symmetry")
-            or _listed(one.facts.symmetry for one in known if one.facts.symmetry),
+            or _listed(one.facts.symmetry for _, one in known if one.facts.symmetry),
             **({"field_fit": notes["fit"]} if "fit" in notes else {}),
             "open_boundary": "air beyond the data is not modelled",
             "camera": camera.lens,
@@ -82,12 +86,25 @@ def _for_studies(scene: LoadedScene, notes: Mapping[str, str]) -> dict[str, str]
     return stated
 
 
+def _shares(ensemble: LoadedEnsemble) -> list[tuple[str, FieldSource]]:
+    """Fields of an ensemble; of a fitted one those with weight, which is stated, largest first."""
+    weights = ensemble.weights
+    if weights.covariance is None:
+        return [("", member.source) for member in ensemble.members]
+    order = np.argsort(-weights.weights, kind="stable")
+    return [
+        (f"{weights.weights[k]:.0%} ", ensemble.members[k].source)
+        for k in order
+        if weights.weights[k] > 0.0
+    ]
+
+
 def _meaning(ensemble: LoadedEnsemble) -> str:
     weights = ensemble.weights
     equal = abs(weights.effective - len(ensemble)) < 1e-6
     weighted = "" if equal else f" weighted like {weights.effective:.2g} equal ones"
     if weights.covariance is not None:
-        weighted += " by a fit to measured shifts"
+        weighted += " by a fit to a measurement"
     return (
         f"displacements are means over {len(ensemble)} fields{weighted} (bias), scatter is the "
         "standard deviation of a sample"
