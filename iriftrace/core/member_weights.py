@@ -68,6 +68,11 @@ class MemberWeights:
         return float(1.0 / np.sum(self.weights**2))
 
     @property
+    def equal(self) -> bool:
+        """True if all members have the same weight."""
+        return abs(self.effective - len(self.weights)) < 1e-6
+
+    @property
     def degrees_of_freedom(self) -> float:
         """Those of `uncertainty`: effective members - 1 for a sample; infinite for a fit."""
         return np.inf if self.covariance is not None else max(self.effective - 1.0, 0.0)

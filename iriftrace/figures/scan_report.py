@@ -176,18 +176,16 @@ def _devices(values: JsonObject) -> Rows:
     """Where the devices of a simulated measurement stand, and the angle of their lines."""
     if "devices" not in values:
         return ()
-    both = {"Camera": values["devices"]["camera"], "Second device": values["devices"]["second"]}
-    places = [[row[3] for row in device["matrix"][:3]] for device in both.values()]
-    rows = [
-        (name, f"at ({', '.join(f'{x:.1f}' for x in place)}) mm; {camera_text(device)}")
-        for (name, device), place in zip(both.items(), places, strict=True)
+    both = [values["devices"][name] for name in ("camera", "second")]
+    places = [[row[3] for row in device["matrix"][:3]] for device in both]
+    texts = [
+        f"at ({', '.join(f'{x:.1f}' for x in place)}) mm; {camera_text(device)}"
+        for place, device in zip(places, both, strict=True)
     ]
-    angle = f"{values['angle_deg']['median']:.3g}° (median of the points)"
-    return (
-        *rows,
-        ("Distance of both", f"{math.dist(*places):.1f} mm"),
-        ("Angle of both lines of sight", angle),
-    )
+    texts.append(f"{math.dist(*places):.1f} mm")
+    texts.append(f"{values['angle_deg']['median']:.3g}° (median of the points)")
+    names = ("Camera", "Second device", "Distance of both", "Angle of both lines of sight")
+    return tuple(zip(names, texts, strict=True))
 
 
 def _feature_note(expanded: bool) -> str:

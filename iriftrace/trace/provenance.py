@@ -6,8 +6,6 @@ from collections.abc import Iterable, Mapping
 from importlib.metadata import version
 from pathlib import Path
 
-import numpy as np
-
 from iriftrace.camera.camera import Camera
 from iriftrace.core.engines import ENGINES
 from iriftrace.core.files import sha256_of
@@ -23,7 +21,7 @@ def provenance(scene: LoadedScene, camera: Camera) -> JsonObject:
     part, ensemble, notes = scene.part, scene.ensemble, scene.stated.notes
     source, wavelength, written = scene.source, scene.stated.wavelength_nm, scene.stated.part
     members = None if ensemble is None else [m.as_dict() for m in ensemble.members]
-    known = _shares(ensemble) if ensemble is not None else [("", source)] if source else []
+    known = _weighted(ensemble) if ensemble is not None else [("", source)] if source else []
     rules = {"index_rule": scene.index_rule, "normals": scene.normals}
     return {
         "version": version("iriftrace"),
@@ -56,9 +54,9 @@ def provenance(scene: LoadedScene, camera: Camera) -> JsonObject:
             "bending": scene.bending.text,
             **_for_studies(scene, notes),
             "field_source": _listed(
-                f"{share}{one.quantity} from {one.path}" for share, one in known
+                f"{weight}{one.quantity} from {one.path}" for weight, one in known
             ),
-            "field_origin": _listed(f"{share}{one.origin}" for share, one in known if one.origin),
+            "field_origin": _listed(f"{weight}{one.origin}" for weight, one in known if one.origin),
             **({} if ensemble is None else {"ensemble": _meaning(ensemble)}),
             **({"field_member": notes["member"]} if ensemble is None and "member" in notes else {}),
             # As the fields state it, unless the user did.
@@ -86,23 +84,18 @@ def _for_studies(scene: LoadedScene, notes: Mapping[str, str]) -> dict[str, str]
     return stated
 
 
-def _shares(ensemble: LoadedEnsemble) -> list[tuple[str, FieldSource]]:
-    """Fields of an ensemble; of a fitted one those with weight, which is stated, largest first."""
-    weights = ensemble.weights
-    if weights.covariance is None:
+def _weighted(ensemble: LoadedEnsemble) -> list[tuple[str, FieldSource]]:
+    """Fields of an ensemble with their weights as text, the largest first; "" if all are equal."""
+    rows = zip(ensemble.weights.weights.tolist(), ensemble.members, strict=True)
+    if ensemble.weights.equal:
         return [("", member.source) for member in ensemble.members]
-    order = np.argsort(-weights.weights, kind="stable")
-    return [
-        (f"{weights.weights[k]:.0%} ", ensemble.members[k].source)
-        for k in order
-        if weights.weights[k] > 0.0
-    ]
+    by_weight = sorted(rows, key=lambda row: -row[0])
+    return [(f"{weight:.1%} ", member.source) for weight, member in by_weight if weight > 0.0]
 
 
 def _meaning(ensemble: LoadedEnsemble) -> str:
     weights = ensemble.weights
-    equal = abs(weights.effective - len(ensemble)) < 1e-6
-    weighted = "" if equal else f" weighted like {weights.effective:.2g} equal ones"
+    weighted = "" if weights.equal else f" weighted like {weights.effective:.2g} equal ones"
     if weights.covariance is not None:
         weighted += " by a fit to a measurement"
     return (

@@ -124,7 +124,7 @@ def test_weights_on_disk_are_those_of_the_mean(variant: str, tmp_path: Path) -> 
     values = scan.as_dict()
     assert values["worst_member"] == 3
     assert values["members"][0]["weight"] == pytest.approx(0.2)
-    origin = "50% synthetic: slab; 30% synthetic: slab; and 1 more"
+    origin = "50.0% synthetic: slab; 30.0% synthetic: slab; and 1 more"
     assert values["assumptions"]["field_origin"] == origin
     size = scan._with_scatter(Quantity("mm", {"cold": 10.0}, {}, (9.7, 10.0, 10.2)))
     assert size.worst == WorstMember(1, 9.7)
