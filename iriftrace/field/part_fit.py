@@ -235,6 +235,15 @@ def _fit_without_wall(
         "The field has no cavity, so the position of the part in it cannot be checked; "
         "look at part and field together."
     )
+    places, _ = part.surface.even_places(SAMPLE)
+    places = places[np.isnan(field.sample(places))]
+    edge = field.grid.extract_surface(algorithm="geometry").triangulate()
+    outside = Surface(edge.points, edge.regular_faces).distance(places) > LARGEST_GAP_MM
+    if (bare := np.count_nonzero(outside) / SAMPLE) > LARGEST_BARE_SHARE:
+        message += (
+            f" {bare:.0%} of the part's surface lies outside of the data, where no hot air is "
+            "known; give all of a field that was solved on a sector."
+        )
     messages = (message, *_temperature_message(temperature, expected_k))
     return Fit(np.nan, np.nan, temperature, np.nan, messages)
 

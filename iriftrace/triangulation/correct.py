@@ -219,8 +219,8 @@ def _near_part(measured: FloatArray, part: Part) -> tuple[BoolArray, FloatArray]
         middle = np.median(part.surface.distance(sample_of(measured, SAMPLE)))
         raise InputError(
             f"The cloud lies {middle:.3g} mm from the part (median), so it is another part's, in "
-            "another unit (--length-unit) or another frame (--cloud-to-part); give its points in "
-            "mm in the frame of the scene."
+            "another unit (--length-unit) or another frame (--cloud-to-part), or has other columns "
+            "(--columns); give its points in mm in the frame of the scene."
         )
     return near_box, to_part
 
