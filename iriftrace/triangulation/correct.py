@@ -72,6 +72,9 @@ _DOUBTFUL = {
     CorrectionStatus.OUTSIDE_VIEW: "lie behind one of the scene's devices or beyond its lens, "
     "which cannot have measured them; check where the scene has the devices, and the frame of the "
     "cloud (--cloud-to-part).",
+    CorrectionStatus.UNCERTAIN: "have a correction less than its uncertainty and are not "
+    "corrected; features, those as measured too, rest on the other points alone. Add members "
+    "closer to the air, or find their weights with a board (iriftrace fit).",
 }
 
 _NOT_CORRECTED = {

@@ -11,7 +11,8 @@ from attrs import evolve
 from iriftrace.air.refractivity import Air
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.index_field import IndexField
-from iriftrace.field.part_fit import Fit, fit_part_to_field
+from iriftrace.field.part_fit import Fit, fit_part_to_field, in_air
+from iriftrace.field.path_data import cells_of
 from iriftrace.field.read import read_field
 from iriftrace.field.source import FieldSource
 from iriftrace.field.volume import linear_volume
@@ -53,6 +54,15 @@ def test_matching_part_has_no_gap_and_no_warning(hot_box: IndexField) -> None:
     assert fit.gap_p95_mm == pytest.approx(0, abs=1e-4)
     assert fit.wall_temperature_k == pytest.approx(WALL_K, abs=1e-3)
     assert fit.warnings == ()
+
+
+def test_a_board_is_told_from_a_part_in_the_air(hot_box: IndexField) -> None:
+    """A plate of the same data behind the box, with and without the field's inner wall."""
+    board = box_part((0.0, 30.0, 0.0), (30.0, 2.0, 40.0))
+    cells = cells_of(hot_box)
+    for air in (cells, evolve(cells, wall=np.zeros_like(cells.wall))):
+        assert in_air(air, box_part())
+        assert not in_air(air, board)
 
 
 def test_uniformly_smaller_part_has_this_gap(hot_box: IndexField) -> None:
