@@ -25,7 +25,11 @@ from iriftrace.plugins.kernels.bundle import (
 from iriftrace.plugins.kernels.prepared import PreparedScene
 from iriftrace.plugins.kernels.queries import counted
 from iriftrace.plugins.picture import PixelRays, channel_values, sharp_rays, written
+from iriftrace.plugins.scene_state import same_state, scene_state
 from iriftrace.runtime.variant import full_precision
+
+_RENDERED: list[Any] = []
+"""The integrator of the latest `mi.render`, which alone keeps what it has prepared."""
 
 
 @cache
@@ -41,6 +45,7 @@ def integrator_class(variant: str) -> type:
         def __init__(self, props: mi.Properties) -> None:
             super().__init__(props)
             self._prepared: PreparedScene | None = None
+            self._state: dict[str, object] = {}
 
         def aov_names(self) -> list[str]:
             return list(CHANNELS)
@@ -50,15 +55,26 @@ def integrator_class(variant: str) -> type:
             if self._prepared is None or self._prepared.scene is not scene:
                 with full_precision():
                     self._prepared = PreparedScene(scene)
+                self._state = scene_state(scene, sensors=False)
             return self._prepared
+
+        def refresh(self, scene: mi.Scene) -> None:
+            """Forget what was prepared of a scene that `mi.traverse` has changed since."""
+            if self._prepared is not None and self._prepared.scene is scene:
+                if not same_state(self._state, scene_state(scene, sensors=False)):
+                    self.forget_scene()
 
         def prepare_as(self, other: AovIntegrator) -> None:
             """Take over what another integrator has prepared, for the same scene."""
-            self._prepared = other._prepared
+            self._prepared, self._state = other._prepared, other._state
+
+        def forget_scene(self) -> None:
+            """Let go of the scene, which holds this integrator and would never be freed else."""
+            self._prepared, self._state = None, {}
 
         def forget(self) -> None:
-            """Let go of the scene, which holds this integrator and would never be freed else."""
-            self._prepared = None
+            """Let go of the scene, and of what was read for it."""
+            self.forget_scene()
 
         def surroundings(self, scene: mi.Scene, sensor: mi.Sensor) -> str | None:
             """The surroundings of a sensor: ``"part"``, ``"hot air"`` or None for neither."""
@@ -167,6 +183,11 @@ def integrator_class(variant: str) -> type:
             evaluate: bool = True,
         ) -> dt.TensorXf:
             """Picture of all channels, for ``mi.render``; the film keeps the channels' names."""
+            self.refresh(scene)
+            for other in _RENDERED:
+                if other is not self:
+                    other.forget_scene()
+            _RENDERED[:] = [self]
             sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
             film = sensor.film()
             with full_precision():

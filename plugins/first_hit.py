@@ -39,7 +39,7 @@ def plugin_class(variant: str) -> type:
                                     with gradient normals, and if every shell's file
                                     has the index's derivatives), or at the shells
                                     alone, by Snell's law (``shells``)
-        ``max_crossings``  integer  a ray with more crossings gives up (status 6)       1000
+        ``max_crossings``  integer  a ray with that many crossings gives up (status 6)  1000
         ``trace_all``      boolean  refract also the rays whose straight twin misses    false
                                     the part (then status 4 exists)
         ``inside_hit``     string   ``drop`` gives a ray up (status 6) that meets a     refract
@@ -97,9 +97,9 @@ def plugin_class(variant: str) -> type:
                 f"max_crossings={self.max_crossings}]"
             )
 
-        def forget(self) -> None:
+        def forget_scene(self) -> None:
             """Let go of the scene, also of the one with fewer shells."""
-            super().forget()
+            super().forget_scene()
             self._fewer = None
 
         def bends_in_layers(self, tables: SceneTables) -> bool:

@@ -102,8 +102,14 @@ def plugin_class(variant: str) -> type:
             """Trace through these cells, in place of the file's."""
             self._air = TetrahedralAir(cells, recovered=self.gradient == "recovered")
 
-        def forget(self) -> None:
+        def forget_scene(self) -> None:
             """Let go of the scene, which the field's boundary knows too."""
+            super().forget_scene()
+            if self._air is not None:
+                self._air.forget_scene()
+
+        def forget(self) -> None:
+            """Let go of the scene and of the field."""
             super().forget()
             self._air = None
 

@@ -62,6 +62,13 @@ def plugin_class(variant: str) -> type:
                         f'"{name}" is {value}, not a refractive index; air has about 1.0003 '
                         "(give n, not n - 1)."
                     )
+            # A shell without a step, as in a test of a scene, bends nothing.
+            low, high = sorted((self.ext_ior, self.int_ior))
+            if low < high and not low <= self.iso_ior <= high:
+                raise InputError(
+                    f'"iso_ior" is {self.iso_ior}, the index on the shell, but not between ext_ior '
+                    f"{self.ext_ior} and int_ior {self.int_ior}."
+                )
             self.layer = str(props.get("layer", ""))
             flags = mi.BSDFFlags.DeltaTransmission | mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
             self.m_components = [flags]

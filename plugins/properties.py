@@ -71,7 +71,7 @@ def file_beside(props: mi.Properties, name: str, default: str) -> Path:
     """Read a file's name from plugin properties; it is in the folder of the scene's file."""
     # Mitsuba's resolver knows the folder of the scene's file while that is read.
     resolver = mi.file_resolver()  # type: ignore[operator]  # a function that the stubs do not know
-    return Path(str(resolver.resolve(word(props, name, default))))
+    return Path(str(resolver.resolve(word(props, name, default)))).absolute()
 
 
 def choice(props: mi.Properties, name: str, allowed: tuple[str, ...]) -> str:

@@ -24,6 +24,7 @@ from iriftrace.camera.calibration_names import (
     HEIGHT,
     LENS,
     MATRIX,
+    OTHER_CAMERAS,
     PINHOLE,
     PROJECTION,
     ROTATION,
@@ -39,8 +40,9 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import Distortion
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
+from iriftrace.core.files import text_in
 from iriftrace.core.units import length_factor
-from iriftrace.geometry.transform import nearest_rotations
+from iriftrace.geometry.transform import nearest_rotations, stated_direction
 
 LARGEST_PIXEL_MM = 0.5
 """Larger than for any camera; a number of this size is in micrometres."""
@@ -49,12 +51,19 @@ LARGEST_ROUNDING = 1.5e-3
 """Largest relative change of lengths by a rotation matrix that has three decimals."""
 
 _VIEWS = ("extrinsic_parameters",)
-_OF_A_POSE = re.compile("extrinsic|pose|world|position|orientation")
-_RADTAN = ("radtan", "radial-tangential", "radial_tangential", "radialtangential")
-"""Names of k1, k2, p1, p2 in Kalibr and its like."""
+_OF_A_POSE = re.compile(
+    "extrinsic|pose|world|position|orientation|transform|quaternion|euler|c2w|w2c"
+    "|^[rt](wc|cw|vecs)$"
+)
+_RADTAN = {"radtan", "radialtangential"}
+"""Names of k1, k2, p1, p2 in Kalibr and its like, folded."""
 
-_MODELS = ("plumb_bob", "rational_polynomial", "brown", "brown_conrady", "opencv", *_RADTAN)
-_OTHER_LENS = re.compile("fisheye|equidistant|kannala|division|omni|sphere|unified", re.IGNORECASE)
+_MODELS = {"plumbbob", "rationalpolynomial", "brown", "brownconrady", "opencv", *_RADTAN}
+_OTHER_LENS = re.compile(
+    "fisheye|equidistant|kannala|division|omni|sphere|unified|inverse|telecentric|orthographic"
+    "|line.?scan",
+    re.IGNORECASE,
+)
 """In the names of lens models, which entries of any name with "model", "type" ... may have."""
 _OF_A_LENS = re.compile("model|type|lens|projection|distortion")
 _OF_TWO = re.compile("(cameramatrix|intrinsicmatrix|mtx|k|m)(2|r|right)|(camera|cam)1|right")
@@ -153,6 +162,12 @@ def read_calibration(path: str | Path, *, length_mm: float | None = None) -> Cal
     if length_mm is None:
         length_mm = length_factor(values.length_unit or "mm")
     calibration = calibration_of(values, length_mm)
+    said = stated_direction(text_in(Path(path)), to_camera=False)
+    if said and calibration.matrix is not None:
+        raise values.wrong(
+            f"it says {said!r}, but its pose is read as leading from the part's frame to the "
+            "camera's; write R and T of the inverse, or leave out these words"
+        )
     unread = [name for name in map(str, values.content) if _OF_A_POSE.search(folded(name))]
     if unread and calibration.matrix is None and not calibration.views and not is_matlab(values):
         warn(
@@ -247,12 +262,14 @@ def _matrix(values: CalibrationValues) -> FloatArray:
         raise values.wrong(
             f"{matrix.tolist()} is not a camera matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"
         )
-    stated = values.named(("skew", "alpha_c"))
-    skew = stated if isinstance(stated, int | float) and stated else matrix[0, 1]
-    if abs(skew) > 1e-9 * matrix[0, 0] or matrix[1, 0] != 0:
-        raise values.wrong(
-            f"the camera matrix has the skew {skew:g}, which is not modelled; calibrate without it"
-        )
+    there = [name for name in OTHER_CAMERAS if values.named((name,))]
+    stated = {name: values.array((name,), (1,))[0] for name in there}
+    for name, number in {"": matrix[0, 1], **stated}.items():
+        if abs(number) > 1e-9 * matrix[0, 0] or matrix[1, 0] != 0:
+            raise values.wrong(
+                f"the camera matrix has the {'xi' if name == 'xi' else 'skew'} {number:g}, which "
+                "is not modelled; calibrate without it"
+            )
     return matrix
 
 
@@ -273,9 +290,14 @@ def _resolution(values: CalibrationValues) -> tuple[int, int]:
 
 def _distortion(values: CalibrationValues) -> Distortion:
     models = _models(values)
+    given = values.named(DISTORTION)
     if "none" in models:
+        if given is not None and values.array(DISTORTION).any():
+            raise values.wrong(
+                "its lens model is 'none', but it has distortion coefficients; leave out either"
+            )
         return Distortion()
-    if values.named(DISTORTION) is None:
+    if given is None:
         parts = [name for name in values.content if is_part_of_a_distortion(str(name))]
         raise values.wrong(
             f"{DISTORTION[0]} is missing; "
@@ -287,9 +309,9 @@ def _distortion(values: CalibrationValues) -> Distortion:
             )
         )
     numbers = values.array(DISTORTION)
-    if models & set(_RADTAN) and len(numbers) != 4:
+    if models.keys() & _RADTAN and len(numbers) != 4:
         raise values.wrong(
-            f"the lens model {', '.join(models & set(_RADTAN))!r} has four coefficients, k1, k2, "
+            f"the lens model {', '.join(models.keys() & _RADTAN)!r} has four coefficients, k1, k2, "
             f"p1, p2, but the file has {len(numbers)}; name the model of these"
         )
     if numbers[8:].any():
@@ -297,7 +319,7 @@ def _distortion(values: CalibrationValues) -> Distortion:
             f"{len(numbers)} distortion coefficients with thin prism or tilt terms are given, "
             "which are not modelled; calibrate with k1 to k6, p1 and p2 only"
         )
-    named = models & set(_MODELS) or values.named(FISHEYE) is not None
+    named = models.keys() & _MODELS or values.named(FISHEYE) is not None
     if len(numbers) == 4 and numbers.any() and not named:
         warn(
             f"{values.called} has four distortion coefficients and names no lens model; they are "
@@ -311,10 +333,10 @@ def _distortion(values: CalibrationValues) -> Distortion:
         raise values.wrong(str(error).rstrip(".")) from error
 
 
-def _models(values: CalibrationValues) -> set[str]:
-    """Lens models that the file names, in lower case."""
+def _models(values: CalibrationValues) -> dict[str, str]:
+    """Lens models that the file names, folded, and as it writes them in lower case."""
     found = (values.named((name,)) for name in LENS)
-    return {str(model).lower() for model in found if model}
+    return {folded(str(model)): str(model).lower() for model in found if model}
 
 
 def _refuse_other_models(values: CalibrationValues) -> None:
@@ -323,12 +345,12 @@ def _refuse_other_models(values: CalibrationValues) -> None:
             "it is of OpenCV's fisheye model, which is not modelled; calibrate with the one of "
             "Brown and Conrady"
         )
-    known = (*_MODELS, "pinhole")
-    for model in sorted(_models(values) - {*known, "none"}):
-        raise values.wrong(
-            f"the lens model {model!r} is not the one of Brown and Conrady ({', '.join(known)})"
-            "; calibrate with that"
-        )
+    for name, model in _models(values).items():
+        if name not in {*_MODELS, "pinhole", "none"}:
+            raise values.wrong(
+                f"the lens model {model!r} is not the one of Brown and Conrady (plumb_bob, "
+                "rational_polynomial, radtan, opencv); calibrate with that"
+            )
     for name, value in values.content.items():
         of_a_lens = _OF_A_LENS.search(folded(str(name)))
         if of_a_lens and isinstance(value, str) and _OTHER_LENS.search(value):

@@ -22,6 +22,7 @@ from iriftrace.camera.calibration_programs import (
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import text_in
+from iriftrace.core.number_table import MISSING
 from iriftrace.core.plain import TwiceError, once
 from iriftrace.core.units import LENGTH_UNITS, stated_length_unit
 
@@ -32,7 +33,10 @@ LARGEST_VALUES = 4_000_000
 """Numbers in a file, with its aliases written out; each takes one byte at least."""
 
 
-_LENGTH_UNIT = ("length_unit", "units", "unit", "translation_unit", "length_units")
+_LENGTH_UNIT = re.compile(
+    "(?:length|translation|t|tvec|trans|pose|extrinsics?|baseline|world|position|distance)?"
+    "units?(?:t|tvec)?"
+)
 _OF_PIXELS = ("", "px", "pixel", "pixels")
 
 
@@ -103,7 +107,8 @@ def calibration_content(path: Path) -> Mapping[str, object]:
         raise InputError(f"cannot read the calibration {path}: {error.strerror}.") from error
     if "\0" in text:
         raise InputError(
-            f"The calibration {path} is a binary file; give YAML, XML or JSON with OpenCV's names."
+            f"The calibration {path} is a binary file; give YAML, XML or JSON with OpenCV's names "
+            "(unpacked, if it is packed)."
         )
     refuse_other_programs(path, text)
     colmap = colmap_values(path, text)
@@ -195,7 +200,7 @@ def folded(name: str) -> str:
 
 def is_length_unit(name: str) -> bool:
     """True for a name of the unit of lengths."""
-    return folded(name) in map(folded, _LENGTH_UNIT)
+    return bool(_LENGTH_UNIT.fullmatch(folded(name)))
 
 
 def _numbers(value: object) -> FloatArray:
@@ -224,8 +229,10 @@ class CalibrationValues:
     @property
     def length_unit(self) -> str | None:
         """Unit of lengths that the file states, as `length_factor` takes it."""
-        stated = self.named(_LENGTH_UNIT)
-        if not isinstance(stated, str) or stated.casefold() in _OF_PIXELS:
+        units = (value for name, value in self.content.items() if is_length_unit(str(name)))
+        lengths = (str(unit) for unit in units if str(unit or "").casefold() not in _OF_PIXELS)
+        stated = next(lengths, None)
+        if stated is None:
             return None
         if stated.casefold() not in LENGTH_UNITS:
             raise self.wrong(
@@ -274,8 +281,10 @@ class CalibrationValues:
             listed = ", ".join(map(str, value))
             raise self.wrong(f"{name} has the entries {listed} instead of numbers alone")
         numbers = _numbers(value)
-        if not np.isfinite(numbers).all():
-            raise self.wrong(f"{name} has entries that are not finite numbers; write it again")
+        if not np.isfinite(numbers).all() or (numbers == MISSING).any():
+            raise self.wrong(
+                f"{name} has entries that are not finite numbers, or {MISSING:g}; write it again"
+            )
         if counts and len(numbers) not in counts:
             allowed = " or ".join(map(str, counts))
             raise self.wrong(f"{name} has {len(numbers)} numbers instead of {allowed}")

@@ -12,7 +12,8 @@ from collections.abc import Mapping
 import numpy as np
 from attrs import evolve
 
-from iriftrace.camera.calibration_file import CalibrationValues
+from iriftrace.camera.calibration_file import CalibrationValues, folded
+from iriftrace.camera.calibration_names import ROTATION, TRANSLATION
 from iriftrace.core.arrays import FloatArray
 
 _RADIAL, _TANGENTIAL = ("RadialDistortion",), ("TangentialDistortion",)
@@ -22,12 +23,6 @@ _FOCAL, _CENTRE, _SKEW = ("FocalLength",), ("PrincipalPoint",), ("Skew",)
 
 _SIZE = ("ImageSize",)
 _ROTATION, _TRANSLATION = ("RotationOfCamera2",), ("TranslationOfCamera2",)
-_UNITS = {
-    "millimeters": "mm",
-    "centimeters": "cm",
-    "meters": "m",
-    "inches": "in",
-}
 
 
 def is_matlab(values: CalibrationValues) -> bool:
@@ -36,7 +31,10 @@ def is_matlab(values: CalibrationValues) -> bool:
 
 
 def matlab_camera(values: CalibrationValues) -> CalibrationValues:
-    """The values of one camera under OpenCV's names and conventions; others as they are."""
+    """The values of one camera under OpenCV's names and conventions; others as they are.
+
+    A pose under OpenCV's names has been added, and is OpenCV's.
+    """
     if not is_matlab(values):
         return values
     inner = values.named(("Intrinsics",))
@@ -53,9 +51,11 @@ def matlab_camera(values: CalibrationValues) -> CalibrationValues:
         matrix = values.array(_OLD_MATRIX, (9,)).reshape(3, 3).T.copy()
     matrix[:2, 2] -= 1.0
     height, width = values.array(_SIZE, (2,))
+    pose = set(map(folded, (*ROTATION, *TRANSLATION)))
     return evolve(
         values,
         content={
+            **{name: value for name, value in values.content.items() if folded(name) in pose},
             "camera_matrix": matrix,
             "distortion_model": "brown",
             "distortion_coefficients": (*radial[:2], *tangential, *radial[2:]),
@@ -82,9 +82,3 @@ def matlab_motion(values: CalibrationValues, *, rows: bool) -> tuple[FloatArray,
         return None
     rotation = values.array(_ROTATION, (9,)).reshape(3, 3)
     return rotation.T if rows else rotation, values.array(_TRANSLATION, (3,))
-
-
-def matlab_length_unit(values: CalibrationValues) -> str | None:
-    """Unit of the translation, as `iriftrace.core.units.length_factor` takes it."""
-    stated = values.named(("WorldUnits",))
-    return None if stated is None else _UNITS.get(str(stated).lower(), str(stated))

@@ -40,7 +40,10 @@ LENS = ("distortion_model", "camera_model")
 FISHEYE = ("fisheye_model", "fisheye")
 _PINHOLE_SCALARS = ("fx", "fy", "cx", "cy")
 _LENS_SCALARS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
-_PART_OF_A_DISTORTION = re.compile("dist|coef|radial|tangential|^[kp][1-6]$")
+_PART_OF_A_DISTORTION = re.compile("dist|coef|radial|tangential|kappa|^[kp][1-6]$")
+OTHER_CAMERAS = ("skew", "alpha_c", "shear", "xi")
+"""Skew under its names, and the parameter of OpenCV's omnidirectional cameras."""
+
 _UNMODELLED = ("skew", "b1", "b2", "s1", "s2", "s3", "s4", "tau_x", "tau_y", "p3", "p4", "t1", "t2")
 """Numbers of lenses next to these, in OpenCV and Metashape."""
 
@@ -67,6 +70,8 @@ def without_scalars(values: CalibrationValues) -> CalibrationValues:
     source = values
     if isinstance(named, Mapping) and "data" not in named:
         source = evolve(values, content=named)
+        said = {name: value for name, value in named.items() if isinstance(value, str)}
+        content |= {f"distortion {name}": value for name, value in said.items()}
     lens = {name: source.named((name,)) for name in _LENS_SCALARS}
     # k1 to k4 without p1 are those of a fisheye lens.
     brown = isinstance(lens["k1"], int | float) and (lens["k4"] is None or lens["p1"] is not None)
@@ -102,6 +107,7 @@ def is_part_of_a_distortion(name: str) -> bool:
 
 
 def refuse_different(values: CalibrationValues) -> None:
-    """Refuse a matrix, coefficients or a pose that the file has twice, with different numbers."""
-    for names in (MATRIX, DISTORTION, ROTATION, TRANSLATION):
+    """Refuse what the file has twice, with different numbers, in two spellings of a name."""
+    spellings = ((str(name),) for name in values.content)
+    for names in (MATRIX, DISTORTION, ROTATION, TRANSLATION, *spellings):
         values.refuse_different(names)

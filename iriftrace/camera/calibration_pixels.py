@@ -12,8 +12,8 @@ from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import warn
 from iriftrace.core.files import text_in
 
-SHORTEST_FOCAL = 0.15
-"""Fraction of a picture's width: lenses without fisheye see less than 147 degrees."""
+FOCAL = (0.15, 200.0)
+"""In widths of a picture: lenses without fisheye see 0.3 to 147 degrees."""
 
 NEAR_CORNER = 0.05
 """Fraction of a picture's width and height; offsets from the middle are smaller, places larger."""
@@ -49,10 +49,10 @@ def check_order(values: CalibrationValues, coefficients: FloatArray) -> None:
 def check_pixels(values: CalibrationValues, matrix: FloatArray, size: IntArray) -> None:
     """Refuse a camera matrix that is not of pictures of this size (width, height), in px."""
     focal, centre = matrix[0, 0], matrix[:2, 2]
-    if focal < SHORTEST_FOCAL * size[0]:
+    if not FOCAL[0] * size[0] <= focal <= FOCAL[1] * size[0]:
         raise values.wrong(
             f"the focal length is {focal:.4g} px for pictures {size[0]} px wide, which no such "
-            "lens has; give the camera matrix in pixels"
+            "lens has; give the camera matrix and the size of the pictures in pixels"
         )
     off, swapped = (np.abs(centre / one - 0.5).max() for one in (size, size[::-1]))
     if swapped < 0.05 < off - swapped:

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 
 from iriftrace.camera.calibration_file import is_length_unit
 from iriftrace.camera.pose_set import PoseSet, refuse_distorted
-from iriftrace.camera.pose_table import ANGLES, MATRIX, columns_of_table, unlike_robot
+from iriftrace.camera.pose_table import ANGLES, FRAME, MATRIX, columns_of_table, unlike_robot
 from iriftrace.camera.robot_poses import RobotName
 from iriftrace.camera.robot_programs import table_of_program
 from iriftrace.core.arrays import FloatArray
@@ -34,7 +34,12 @@ from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import array_in, text_in, whole_file
 from iriftrace.core.plain import TwiceError, once
 from iriftrace.core.units import LENGTH_UNITS, length_factor
-from iriftrace.geometry.transform import checked_matrix, nearest_rotations, rigid_motion
+from iriftrace.geometry.transform import (
+    checked_matrix,
+    nearest_rotations,
+    rigid_motion,
+    stated_direction,
+)
 
 SCHEMA = "iriftrace.poses/1"
 
@@ -48,12 +53,6 @@ CONVENTIONS: dict[str, FloatArray] = {
 """Axes of each convention in iriftrace's own camera frame, (3, 3) arrays."""
 
 _FORMATS = (".csv", ".txt", ".json", ".npy")
-_TO_CAMERA = re.compile(
-    r"(?:world|object|part)[\s_-]*(?:to|2|->)[\s_-]*cam(?:era)?|\bw2c\b|T_cam(?:era)?_world",
-    re.IGNORECASE,
-)
-"""Words for the inverses of poses."""
-
 _FRAME = re.compile(r"unit|convention|ax[ei]s|coord|frame|system|direction|scale", re.IGNORECASE)
 """In names of what poses depend on."""
 
@@ -133,12 +132,17 @@ def read_poses(
     factor = length_factor(length_unit)
     columns = _columns(path, robot)
     for name, given in (("convention", convention), ("length_unit", length_unit)):
-        stated = columns.get(name, given)
-        if stated != given:
+        stated, read = map(_folded, (columns.get(name, given), given))
+        if stated != read:
             raise InputError(
                 f"{path} states {name} {stated!r}, but is read with {given!r}, which would "
                 f"misplace every camera; read it with its own (--{name.replace('_', '-')})."
             )
+    if unread := columns.get("unread"):
+        warn(
+            f"{path} has entries that are not read ({unread}); a unit belongs into length_unit, "
+            "axes into convention, and matrices are from the camera to the world."
+        )
     matrices = _stack(columns["matrices"], path)
     refuse_distorted(matrices, _LARGEST_ROUNDING, f" of {path}")
     matrices[:, :3, :3] = nearest_rotations(matrices[:, :3, :3])
@@ -205,6 +209,13 @@ def write_poses(path: str | Path, poses: PoseSet, convention: str = "opencv") ->
         temporary.write_bytes(content)
 
 
+def _folded(word: object) -> object:
+    """A unit by its usual name, any other word in small letters."""
+    if not isinstance(word, str):
+        return word
+    return LENGTH_UNITS.get(word.strip().casefold(), word.strip().casefold())
+
+
 def _axes(name: str) -> FloatArray:
     try:
         return CONVENTIONS[name]
@@ -251,9 +262,9 @@ def _columns(path: Path, robot: RobotName | None) -> dict[str, object]:
     if b"\0" in content and not content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         raise InputError(f"{path} is not text; poses are read from {', '.join(_FORMATS)}.")
     text = text_in(path)
-    if said := _TO_CAMERA.search(text):
+    if said := stated_direction(text, to_camera=True):
         raise InputError(
-            f"{path} says {said[0]!r}, but poses lead from the camera to the world; write the "
+            f"{path} says {said!r}, but poses lead from the camera to the world; write the "
             "inverse matrices."
         )
     if kind == ".json":
@@ -285,12 +296,9 @@ def _object(text: str, path: Path) -> dict[str, object]:
     found = {key: columns[key] for key in known if key in columns}
     units = [key for key in columns if is_length_unit(key)]
     for key in units:
-        found["length_unit"] = LENGTH_UNITS.get(str(columns[key]), columns[key])
-    if unread := [key for key in columns if key not in (*known, *units) and _FRAME.search(key)]:
-        warn(
-            f"{path} has entries that are not read ({', '.join(unread)}); a unit belongs into "
-            "length_unit, axes into convention, and matrices are from the camera to the world."
-        )
+        found["length_unit"] = columns[key]
+    rest = (f"{key}: {columns[key]}"[:60] for key in columns if key not in (*known, *units))
+    found["unread"] = ", ".join(filter(FRAME.search, rest))
     return found
 
 

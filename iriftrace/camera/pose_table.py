@@ -36,6 +36,15 @@ _ANGLE = re.compile(
     r"(?:(?:[ _]+|(?=[\[(]))[\[(]?\s*(?P<unit>deg|°|rad)\w*\s*[\])]?)?"
 )
 """Names of a robot's angles: "a", "rx", "w [deg]", "rx_rad"."""
+_CONVENTION = re.compile(r"\bconvention\W+(\w+)$", re.IGNORECASE)
+FRAME = re.compile(
+    r"unit|convention|ax[ei]s|coord|frame|system|direction|scale|offset|origin|handed|y[ -]up"
+    r"|major|transpos|invers|extrinsic|relative|\bin (?:m|cm|met|centimet|inch)",
+    re.IGNORECASE,
+)
+"""In remarks of what poses depend on."""
+_DECIMAL_SIGNS = re.compile(r"(?:^|[;\t]) *[-+]?\d+([.,])\d+(?:[eE][-+]?\d+)? *(?=[;\t]|$)")
+_ROLL = re.compile(r"(?:roll|twist|up)(?![a-z])")
 _NAMES = (
     "m00 ... m33, or x, y, z with qx, qy, qz, qw, with target_x, target_y, target_z, or with the "
     "angles of a robot (such as a, b, c, of a KUKA)"
@@ -79,6 +88,11 @@ def columns_of_table(text: str, path: Path, robot: RobotName | None = None) -> d
     numbered = [(k, line.strip()) for k, line in enumerate(bare, 1) if line.strip()]
     if not numbered:
         raise InputError(f"{path} holds no pose; give at least one.")
+    if len({sign for _, line in numbered for sign in _DECIMAL_SIGNS.findall(line)}) > 1:
+        raise InputError(
+            f"{path} has decimal commas and points, of which one may stand between thousands; "
+            "write all numbers with points."
+        )
     remarks = [remark.strip() for _, _, remark in split[: numbered[0][0]]]
     delimiter = next((d for d in ";," if any(d in line for _, line in numbered)), "")
     if delimiter == "," and all(re.search(r"[^,]\t", line) for _, line in numbered):
@@ -101,8 +115,11 @@ def columns_of_table(text: str, path: Path, robot: RobotName | None = None) -> d
     comma = "." if delimiter == ";" else ","
     cells = np.array([[cell.strip().replace(",", comma) for cell in row] for row in rows], object)
     lines = [line for line, _ in numbered]
-    unit = next(filter(None, map(stated_length_unit, remarks)), "")
-    stated: dict[str, object] = {"length_unit": unit} if unit else {}
+    read = [(stated_length_unit(remark), _CONVENTION.findall(remark)) for remark in remarks]
+    unread = (remark for remark, found in zip(remarks, read, strict=True) if not any(found))
+    stated: dict[str, object] = {"unread": ", ".join(filter(FRAME.search, unread))}
+    stated.update(("length_unit", unit) for unit, _ in read if unit)
+    stated.update(("convention", names[0]) for _, names in read if names)
     if any(map(_is_number, cells[0])):
         table = _Table(path, lines, cells)
         names = _header_in(remarks, len(cells[0]))
@@ -188,14 +205,12 @@ def _named(table: _Table, names: list[str], robot: RobotName | None) -> dict[str
     complete = [set(form) <= set(names) for form in forms]
     if robot is None and not any(complete):
         robot = _only_robot(names, table.path)
-    if robot is not None:
-        complete = [False, False, False]
-    elif sum(complete) != 1:
+    if robot is None and sum(complete) != 1:
         fault = "describes poses twice" if any(complete) else "does not describe poses"
         raise InputError(
             f"The header of {table.path} ({header}) {fault}; name the columns {_NAMES}."
         )
-    read: dict[str, object] = {"aimed": complete[2]}
+    read: dict[str, object] = {"aimed": robot is None and complete[2]}
     if robot is not None:
         orientation = ROBOTS[robot].columns
         if not set(_ORIGIN + orientation) <= set(names):
@@ -208,6 +223,11 @@ def _named(table: _Table, names: list[str], robot: RobotName | None) -> dict[str
     elif complete[1]:
         read["matrices"] = _from_quaternions(columns(_ORIGIN), columns(_QUATERNION), table)
     else:
+        if turned := [name for name in names if _ROLL.match(name)]:
+            raise InputError(
+                f"{table.path} aims cameras at targets, which states no roll, but has the columns "
+                f"{', '.join(turned)}; write matrices or quaternions instead."
+            )
         origins, targets = columns(_ORIGIN), columns(_TARGET)
         try:
             read["matrices"] = aimed(origins, targets)
@@ -218,7 +238,7 @@ def _named(table: _Table, names: list[str], robot: RobotName | None) -> dict[str
         read[name] = known.numbers([names.index(name)])[:, 0]
     for number, name in enumerate(names):
         if name == "convention" or is_length_unit(name):
-            stated = {LENGTH_UNITS.get(cell, cell) for cell in table.cells[:, number].tolist()}
+            stated = set(map(str.casefold, table.cells[:, number]))
             key = "convention" if name == "convention" else "length_unit"
             read[key] = ", ".join(sorted(stated))
     if units := _units(known_names, _ORIGIN + _TARGET):

@@ -35,6 +35,7 @@ _POSITIONS: dict[RobotName, re.Pattern[str]] = {
     # Tools (set_tcp) and planes are poses, too; waypoints of PolyScope end in _p.
     "universal": re.compile(rf"(?:\bmove[jlp]\s*\(|\w_p\s*=)\s*p\[{_THREE},{_THREE}\]"),
 }
+_FRAMES = re.compile(r"\b(?:U[FT] *:|(?:TOOL|BASE)_NO) *\d+|\\WObj *:= *\w+", re.IGNORECASE)
 _PROGRAM = re.compile(
     r"^\s*(?:&ACCESS|DEFDAT\s|DEF\s+\w+\s*\(|/PROG\b|/JOB\b|(?:SYS)?MODULE\s+\w|def\s+\w+\s*\(.*:)",
     re.MULTILINE,
@@ -53,10 +54,12 @@ def table_of_program(text: str, path: Path) -> tuple[RobotName, str] | None:
         count = 3 + len(ROBOTS[robot].columns)
         rows = [",".join(match.groups()[:count]) for match in form.finditer(text)]
         if rows:
+            frames = dict.fromkeys(re.sub(r"\W+", " ", each) for each in _FRAMES.findall(text))
             warn(
                 f"The positions in {path.name} ({len(rows)}) are those of the program's tool in "
-                "its base (user frame, work object): give the camera in that tool (--hand-eye) and "
-                "the motion from that base to the part (--base-to-part)."
+                f"its base (user frame, work object; {', '.join(frames) or 'not named'}): give the "
+                "camera in that tool (--hand-eye) and the motion from that base to the part "
+                "(--base-to-part), which have to be the same for all."
             )
             unit = " [m]" if robot == "universal" else ""
             names = [f"{axis}{unit}" for axis in "xyz"] + list(ROBOTS[robot].columns)

@@ -21,13 +21,14 @@ from iriftrace.camera.calibration import (
     to_world,
 )
 from iriftrace.camera.calibration_file import CalibrationValues, calibration_content, folded
-from iriftrace.camera.calibration_matlab import is_matlab, matlab_length_unit, matlab_motion
+from iriftrace.camera.calibration_matlab import is_matlab, matlab_motion
 from iriftrace.camera.calibration_names import (
     DISTORTION,
     FISHEYE,
     HEIGHT,
     LENS,
     MATRIX,
+    OTHER_CAMERAS,
     PINHOLE,
     PROJECTION,
     ROTATION,
@@ -38,22 +39,35 @@ from iriftrace.camera.calibration_names import (
     refuse_different,
     without_scalars,
 )
-from iriftrace.camera.stereo_checks import check_axes, refuse_contradiction
+from iriftrace.camera.stereo_checks import (
+    check_axes,
+    refuse_contradiction,
+    refuse_other_baseline,
+)
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
+from iriftrace.core.files import text_in
 from iriftrace.core.units import length_factor
+from iriftrace.geometry.transform import leads
 
 BASELINES_MM = (3.0, 20_000.0)
 """Distances of two cameras outside of which the unit of T is wrong: metres read as mm or back."""
 
 _SIDES = (("1", "2"), ("left", "right"), ("l", "r"), ("0", "1"), ("cam", "proj"))
+_BACK = leads(
+    r"(?:cam(?:era)?[\s_-]*[12]|right(?:[\s_-]+cam(?:era)?)?)",
+    r"(?:cam(?:era)?[\s_-]*[01]|left)",
+)
 _OF_A_CAMERA = ("", "cam", "camera", "cameraparameters", "cameraparams", "sensor", "intrinsics")
 _RECTIFICATION = ("R", "rectification_matrix", "rectification")
 _KALIBR = ("T_cn_cnm1",)
 _MATLABS_ROTATION = ("rotationOfCamera2",)
 _SHARED = (*WIDTH, *HEIGHT, *SIZE, *LENS, *FISHEYE)
 _NAMES = tuple(
-    map(folded, (*MATRIX, *PINHOLE, *DISTORTION, *_RECTIFICATION, *PROJECTION, *_SHARED))
+    map(
+        folded,
+        (*MATRIX, *PINHOLE, *DISTORTION, *OTHER_CAMERAS, *_RECTIFICATION, *PROJECTION, *_SHARED),
+    )
 )
 
 
@@ -146,6 +160,11 @@ def read_stereo_calibration(
         )
     first, second, rest, sides = _cameras_in(paths)
     rotation, translation, usual = _motion(first, second, rest)
+    if said := next(filter(None, map(_BACK.search, map(text_in, map(Path, paths)))), None):
+        raise rest.wrong(
+            f"it says {said[0]!r}, but R and T are read as leading from camera 1 to camera 2; "
+            "invert them"
+        )
     unit = length_unit or rest.length_unit or usual
     shift = translation * length_factor(unit)
     baseline, (low, high) = float(np.linalg.norm(shift)), BASELINES_MM
@@ -154,6 +173,7 @@ def read_stereo_calibration(
             f"its two cameras are {baseline:.4g} mm apart where T is in {unit}; give the unit of T "
             "(--calibration-length-unit)"
         )
+    refuse_other_baseline(rest, baseline)
     if sides[0] in ("left", "l") and (-rotation.T @ shift)[0] < 0.0:
         warn(
             f"In {rest.path} the right camera stands to the left of the left one. If that is "
@@ -175,7 +195,7 @@ def _cameras_in(
 ) -> tuple[CalibrationValues, CalibrationValues, CalibrationValues, tuple[str, str]]:
     """Values of each camera, those of neither, and what the one or two files call the two."""
     files = [CalibrationValues(Path(path), calibration_content(Path(path))) for path in paths]
-    if len(files) == 2 and all(_is_camera(file.content) for file in files):
+    if len(files) == 2 and all(map(_is_camera, files)):
         named = [str(file.content.get("camera_name", "")) for file in files]
         sides = ("left", "right") if "left" in named[0] and "right" in named[1] else ("1", "2")
         return files[0], files[1], evolve(files[0], content={}), sides
@@ -187,9 +207,9 @@ def _cameras_in(
     return first, second, values, sides
 
 
-def _is_camera(content: Mapping[str, object]) -> bool:
+def _is_camera(values: CalibrationValues) -> bool:
     """True if the values are those of a single camera."""
-    values = without_scalars(CalibrationValues(Path(), content))
+    values = without_scalars(values)
     return is_matlab(values) or isinstance(values.named((*MATRIX, *PINHOLE)), (list, Mapping))
 
 
@@ -210,20 +230,19 @@ def _two_cameras(
     values: CalibrationValues,
 ) -> tuple[CalibrationValues, CalibrationValues, tuple[str, str]]:
     """The values of each camera, and what the file calls the two."""
-    by_name = {folded(str(name)): (str(name), value) for name, value in values.content.items()}
     shared = {name: value for name, value in values.content.items() if _is_shared(str(name))}
     if values.named(_MATLABS_ROTATION) is not None and values.named(SIZE) is not None:
         # What stereoParametersToOpenCV returns is OpenCV's, but for rows before columns.
-        shared[SIZE[0]] = values.array(SIZE, (2,))[::-1]
+        shared[str(values.spelling(SIZE))] = values.array(SIZE, (2,))[::-1]
     for sides in _SIDES:
-        found = [_camera_of(by_name, side) for side in sides]
-        if all(_is_camera(content) for content in found):
+        found = [_camera_of(values, side) for side in sides]
+        if all(map(_is_camera, found)):
             first, second = (
-                evolve(values, content={**shared, **content}, camera=f"camera {number}")
-                for number, content in enumerate(found, start=1)
+                evolve(values, content={**shared, **camera.content}, camera=f"camera {number}")
+                for number, camera in enumerate(found, start=1)
             )
             others = {"1": ("0", "3"), "0": ("2",)}.get(sides[0], ())
-            if any(_is_camera(_camera_of(by_name, other)) for other in others):
+            if any(_is_camera(_camera_of(values, other)) for other in others):
                 raise values.wrong(
                     "it has more than two cameras; write a file with the two that measured"
                 )
@@ -239,19 +258,20 @@ def _listed(values: CalibrationValues) -> str:
     return ", ".join(map(str, list(values.content)[:12])) or "none"
 
 
-def _camera_of(by_name: Mapping[str, tuple[str, object]], side: str) -> dict[str, object]:
+def _camera_of(values: CalibrationValues, side: str) -> CalibrationValues:
     """Values of one side: its mapping, or the values whose names start or end with it."""
+    by_name = {folded(str(name)): value for name, value in values.content.items()}
     for word in _OF_A_CAMERA:
         for name in (word + side, side + word):
-            _, value = by_name.get(name, ("", None))
+            value = by_name.get(name)
             if isinstance(value, Mapping) and "data" not in value:  # no matrix
-                return dict(value)
+                return evolve(values, content=value)
     found = {}
     for base in _NAMES:
         for name in (base + side, side + base, f"cam{side}{base}", f"camera{side}{base}"):
             if name in by_name:
-                found[base] = by_name[name][1]
-    return found
+                found[base] = by_name[name]
+    return evolve(values, content=found)
 
 
 def _motion(
@@ -261,7 +281,7 @@ def _motion(
     if is_matlab(first) or rest.named(_MATLABS_ROTATION) is not None:
         motion = matlab_motion(rest, rows=is_matlab(first))
         if motion is not None:
-            unit = matlab_length_unit(first) or "mm"
+            unit = first.length_unit or "mm"
             return exact_rotation(rest, motion[0]), motion[1], unit
     if second.named(_KALIBR) is not None:
         matrix = second.array(_KALIBR, (16,)).reshape(4, 4)
@@ -287,13 +307,14 @@ def _motion(
                 both = both and bool(second.array(PROJECTION, (12,))[3::4].any())
                 other = _motion_of_rectified(first, second) if both else None
                 refuse_contradiction(values, (rotation, shift), other)
-            return rotation, shift, "mm"
+            return rotation, shift, values.length_unit or "mm"
     if _is_rectified(first) and _is_rectified(second):
         rotation, shift = _motion_of_rectified(first, second)
         return rotation, shift, "m" if first.named(LENS) is not None else "mm"
     raise rest.wrong(
         "R and T from camera 1 to camera 2 are missing, as stereoCalibrate gives them (its names "
-        f"are {_listed(rest if rest.content else second)}); add both"
+        f"are {_listed(rest if rest.content else second)}); add both, x2 = R x1 + T, since what is "
+        "called R_12 or R_lr may lead back"
     )
 
 

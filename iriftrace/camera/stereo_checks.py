@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
+import re
+from collections.abc import Mapping
+
 import numpy as np
 
-from iriftrace.camera.calibration_file import CalibrationValues
+from iriftrace.camera.calibration_file import CalibrationValues, folded
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import warn
+from iriftrace.core.units import length_factor
 
 LARGEST_ANGLE_DEG, LEAST_ANGLE_DEG = 120.0, 3.0
 """Angles of two axes above which cameras face each other, and below which they are parallel."""
@@ -14,6 +19,10 @@ LARGEST_ANGLE_DEG, LEAST_ANGLE_DEG = 120.0, 3.0
 NEAREST_CROSSING_MM = 40.0
 """Distance in front of camera 1 below which axes that meet have a T of another unit."""
 
+SAME_BASELINE = 0.01
+"""Decimal logarithm of two lengths, 2 %, of which one may be that along one axis alone."""
+
+_BASELINE = re.compile("baseline(um|mm|cm|m|inch|in)?")
 _ESSENTIAL = ("E", "essential_matrix")
 _SAME_MOTION = 0.999
 """Product of two essential matrices of length 1 from which on they differ by rounding alone."""
@@ -55,6 +64,25 @@ def _essential(rotation: FloatArray, shift: FloatArray) -> FloatArray:
 def _of_length_1(matrix: FloatArray) -> FloatArray:
     length = float(np.linalg.norm(matrix))
     return matrix / length if length else matrix
+
+
+def refuse_other_baseline(values: CalibrationValues, baseline_mm: float) -> None:
+    """Refuse a baseline that the file states, and that is not the length of T.
+
+    One without a unit may be in any.
+    """
+    for content in (values.content, *values.content.values()):
+        for name, number in content.items() if isinstance(content, Mapping) else ():
+            match = _BASELINE.fullmatch(folded(str(name)))
+            if not match or not isinstance(number, int | float) or not 0.0 < abs(number) < np.inf:
+                continue
+            factor = length_factor(match[1]) if match[1] else 1.0
+            decades = math.log10(baseline_mm / abs(number * factor))
+            if abs(decades - (0 if match[1] else round(decades))) > SAME_BASELINE:
+                raise values.wrong(
+                    f"its T is {baseline_mm:.5g} mm long, but its {name} is {number:g}; if T is in "
+                    "another unit, state it (--calibration-length-unit), else leave out either"
+                )
 
 
 def check_axes(values: CalibrationValues, rotation: FloatArray, shift_mm: FloatArray) -> None:

@@ -221,7 +221,7 @@ def _say_uncertainty(found: Correction, values: JsonObject) -> None:
         )
     if found.weights is not None and found.weights.covariance is not None:
         say(
-            f"The weights of {len(found.weights.weights)} fields were fitted to measured shifts; U "
+            f"The weights of {len(found.weights.weights)} fields were fitted to a measurement; U "
             "includes their covariance and the residual of the fit."
         )
     elif found.weights is not None:

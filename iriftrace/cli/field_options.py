@@ -132,7 +132,11 @@ class PartOptions:
             region_angle_deg=self.region_angle,
         )
         sides = " x ".join(f"{side:.4g}" for side in part.bounds[1] - part.bounds[0])
-        say(f"Part {path}: {sides} mm, read in {part.length_unit}.")
+        upright = matrix is not None or path.suffix.lower() not in (".glb", ".gltf")
+        up = "" if upright else "; up is y in glTF, but z here (--part-transform 'rotate x 90')"
+        hot_k = None if part.growth is None else part.growth.hot_k
+        size = "" if hot_k is None else f" at {celsius(hot_k)}"
+        say(f"Part {path}: {sides} mm{size}, read in {part.length_unit}{up}.")
         if self.expansion is None or not hot.uneven:
             return part
         return grown_unevenly(

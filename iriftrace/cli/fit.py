@@ -13,6 +13,7 @@ from iriftrace.core.errors import warn
 from iriftrace.core.units import counted
 
 if TYPE_CHECKING:
+    from iriftrace.scene.loaded import LoadedScene
     from iriftrace.trace.member_fit import MemberFit
 
 
@@ -54,7 +55,8 @@ def fit(
         own line of sight.
     scene
         Scene of the hot part with the same fields and the measuring devices, to be weighted; by
-        default that of the board, in which the hot part replaces the board.
+        default that of the first argument. If its part is a board, outside the hot air, the hot
+        part replaces it.
     noise
         Standard deviation of a component of shifts, px; by default estimated from the differences
         between the residuals of neighbouring dots.
@@ -62,14 +64,16 @@ def fit(
         Also fit a rigid motion of the camera between the two pictures.
     """
     from iriftrace.core.files import write_json
+    from iriftrace.field.part_fit import in_air
     from iriftrace.scene.fitted import check_fitted_scene, write_fitted_scene
+    from iriftrace.scene.outline import blocker_surfaces
 
     views = [(board, measured), *(view or [])]
     checks.inputs(*(shifts for _, shifts in views))
     checks.scenes(*(xml for xml, _ in views), scene)
     checks.output(output, "scene.xml", make=True)
     check_fitted_scene(scene or board, output)
-    found = _fitted(views, noise, camera_motion, trace)
+    found, loaded = _fitted(views, noise, camera_motion, trace)
     _print_fit(found)
     found.require_contained()
     if not found.contained:
@@ -77,8 +81,12 @@ def fit(
             f"{found.verdict} The uncertainty of corrections includes the residual; closer members "
             "(other speeds and directions of the draught, finer meshes) make it smaller."
         )
+    blocked = scene is None and bool(blocker_surfaces(board))
+    of_board = blocked and not in_air(loaded.cells, loaded.part)
     with working("Writing the scene"):
-        listed = write_fitted_scene(scene or board, found.serving, output, of_board=scene is None)
+        listed = write_fitted_scene(scene or board, found.serving, output, of_board=of_board)
+    if of_board:
+        say("The board's first blocker, the hot part, is the part of the fitted scene.")
     numbers = output.with_name("fit.json")
     write_json(numbers, found.as_dict())
     say(f"Files: {output} with {len(listed)} members, {numbers}")
@@ -87,8 +95,8 @@ def fit(
 
 def _fitted(
     views: list[tuple[Path, Path]], noise: float | None, camera_motion: bool, trace: TraceOptions
-) -> MemberFit:
-    """Weights from temperatures in the air, or from shifts of dots."""
+) -> tuple[MemberFit, LoadedScene]:
+    """Weights from temperatures in the air, or from shifts of dots, and the first scene."""
     from iriftrace.field.air_temperatures import is_air_temperatures, read_air_temperatures
     from iriftrace.image.measured_shift import read_measured_shift
     from iriftrace.trace.shift_fit import fit_members
@@ -105,10 +113,11 @@ def _fitted(
         temperatures = read_air_temperatures(measured)
         loaded = trace.load(board)
         with working("Fitting the members"):
-            return fit_temperatures(loaded, temperatures)
-    seen = [(trace.load(one), read_measured_shift(shifts)) for one, shifts in views]
+            return fit_temperatures(loaded, temperatures), loaded
+    first, *others = [(trace.load(one), read_measured_shift(shifts)) for one, shifts in views]
     with working("Fitting the members"):
-        return fit_members(*seen[0], others=seen[1:], noise_px=noise, camera_motion=camera_motion)
+        found = fit_members(*first, others=others, noise_px=noise, camera_motion=camera_motion)
+    return found, first[0]
 
 
 def _print_fit(found: MemberFit) -> None:
@@ -116,7 +125,7 @@ def _print_fit(found: MemberFit) -> None:
     serving = {member.number for member in found.serving}
     members = zip(found.members, found.covariance.diagonal() ** 0.5, found.single, strict=True)
     print_table(
-        "Members that reproduce what was measured",
+        "Members of the mixture closest to what was measured",
         ("member", "field", "weight", "u", "alone"),
         [
             (one.number, one.label, f"{one.weight:.3f}", f"{u:.3f}", f"{alone:.3g} {found.unit}")
@@ -129,10 +138,12 @@ def _print_fit(found: MemberFit) -> None:
     left_out = [f"{found.dots[key]:,} {text}" for key, text in counts.items() if key in found.dots]
     left_out.append(counted(found.dots["outliers"], "outlier"))
     what = "dots" if found.unit == "px" else "temperatures"
+    more = found.residual > 1.001 * found.single.min()
+    few = " (by its degrees of freedom, so it can exceed that of a member alone)" if more else ""
     say(
         f"{found.dots['used']:,} of {found.dots['measured']:,} {what} were used "
         f"({', '.join(left_out)}). Measured rms {found.measured:.3g} {found.unit}, residual "
-        f"{found.residual:.3g} {found.unit}, noise {found.noise:.3g} {found.unit}. Effective "
+        f"{found.residual:.3g} {found.unit}{few}, noise {found.noise:.3g} {found.unit}. Effective "
         f"number of members: {found.weights.effective:.3g}."
     )
     for one in found.views:

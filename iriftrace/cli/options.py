@@ -191,11 +191,17 @@ def refuse_given(options: Mapping[str, object], reason: str) -> None:
 
 def read_motion(file: Path | None) -> FloatArray | None:
     """The rigid motion in a file, (4, 4) array, mm; None without a file."""
-    from iriftrace.geometry.transform import parse_transform, rigid_motion
+    from iriftrace.core.files import text_in
+    from iriftrace.geometry.transform import parse_transform, rigid_motion, stated_direction
 
     if file is None:
         return None
     checks.inputs(file)
+    if file.is_file() and (said := stated_direction(text_in(file), to_camera=True)):
+        raise InputError(
+            f"{file} says {said!r}, but it has to take points the other way, from the camera's "
+            "frame; write the inverse matrix, or leave out these words if it is meant."
+        )
     return rigid_motion(parse_transform(str(file)), str(file))
 
 

@@ -10,11 +10,13 @@ from attrs import frozen
 from cyclopts import Group, Parameter
 
 from iriftrace.camera.robot_poses import RobotName
+from iriftrace.cli.console import say
 from iriftrace.cli.options import (
     Length,
     Lengths,
     Vector,
     Whole,
+    read_motion,
     refuse_given,
 )
 from iriftrace.core.errors import InputError
@@ -112,8 +114,7 @@ class OrbitOptions:
             parse_range,
             turntable_poses,
         )
-        from iriftrace.cli.pose_remedy import aimed_poses
-        from iriftrace.geometry.transform import parse_transform
+        from iriftrace.cli.pose_remedy import aimed_poses, distances
 
         self._refuse_contradictions()
         if self.poses is not None and self.turntable is not None:
@@ -123,8 +124,11 @@ class OrbitOptions:
         if self.poses is not None:
             convention, unit = self.convention or "opencv", self.length_unit or "mm"
             frames = {"hand_eye": self.hand_eye, "base_to_part": self.base_to_part}
-            read = {name: parse_transform(str(file)) for name, file in frames.items() if file}
+            motions = {name: read_motion(file) for name, file in frames.items()}
+            read = {name: motion for name, motion in motions.items() if motion is not None}
             poses = aimed_poses(self.poses, scene, convention, unit, self.robot, read)
+            far = distances(poses, scene)
+            say(f"Poses {far.min():.4g} to {far.max():.4g} mm from the part's middle.")
             return {math.nan: poses}
         if self.turntable is not None:
             centre = scene.part.centre

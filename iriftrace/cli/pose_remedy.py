@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
@@ -13,7 +14,7 @@ from iriftrace.camera.pose_files import CONVENTIONS, from_convention, read_poses
 from iriftrace.camera.pose_set import PoseSet
 from iriftrace.camera.robot_poses import ROBOTS, RobotName
 from iriftrace.cli.camera_options import FEWEST_PIXELS
-from iriftrace.core.arrays import BoolArray
+from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError, warn, without_warnings
 
 if TYPE_CHECKING:
@@ -35,38 +36,56 @@ def aimed_poses(
     robot: RobotName | None,
     frames: Frames,
 ) -> PoseSet:
-    """Poses of a file (`read_poses`), with the `frames` of a robot, that look at the part.
+    """Poses of a file (`read_poses`), with the `frames` of a robot, that look at the part in focus.
 
     Raises InputError where none does, but all would with other options; warns of fewer than half.
+    Where none of the options has the part in focus, poses that look at it are enough.
     """
     poses = read_poses(file, convention, length_unit=length_unit, robot=robot, **frames)
-    seeing = int(_look_at_part(poses, scene).sum())
-    if 2 * seeing >= len(poses):
+    for focus in (scene.camera.focus_mm, (0.0, math.inf)):
+        seeing = int(_look_at_part(poses, scene, focus).sum())
+        if 2 * seeing >= len(poses):
+            return poses
+        with without_warnings():
+            others = _read_otherwise(file, convention, length_unit, robot, frames)
+            found = (each for each in others if _look_at_part(each[1], scene, focus).all())
+            remedy, read = next(found, ("", poses))
+        if remedy:
+            break
+    else:
         return poses
-    with without_warnings():
-        others = _read_otherwise(file, convention, length_unit, robot, frames)
-        remedy = next((how for how, read in others if _look_at_part(read, scene).all()), "")
-    text = f"look at the part, but all would with {remedy}."
-    if remedy and not seeing:
+    now, then = (np.median(distances(each, scene)) for each in (poses, read))
+    text = (
+        f"look at the part, but all would with {remedy}. Their distance from its middle (median) "
+        f"is {now:.3g} mm as they are read and {then:.3g} mm then; the focus is "
+        f"{' to '.join(f'{end:g}' for end in scene.camera.focus_mm)} mm."
+    )
+    if not seeing:
         raise InputError(f"The poses in {file} do not {text}")
-    if remedy:
-        warn(f"Only {seeing} of the {len(poses)} poses in {file} {text}")
+    warn(f"Only {seeing} of the {len(poses)} poses in {file} {text}")
     return poses
 
 
-def _look_at_part(poses: PoseSet, scene: LoadedScene) -> BoolArray:
-    """(n,) mask of poses outside the part's box, in whose picture a sphere around it appears."""
+def distances(poses: PoseSet, scene: LoadedScene) -> FloatArray:
+    """(n,) distances of the cameras from the middle of the part, mm."""
+    return np.asarray(np.linalg.norm(scene.part.centre - poses.origins, axis=1))
+
+
+def _look_at_part(poses: PoseSet, scene: LoadedScene, focus_mm: tuple[float, float]) -> BoolArray:
+    """(n,) mask of poses outside the part's box, that see a sphere around it, partly in focus."""
     camera, (low, high) = scene.camera, scene.part.bounds
     if camera.projection == "orthographic":
         return np.ones(len(poses), dtype=bool)
     offset, radius = scene.part.centre - poses.origins, 0.5 * np.linalg.norm(high - low)
     outside = ((poses.origins < low) | (poses.origins > high)).any(axis=1)
-    distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-9)
+    distance = np.maximum(distances(poses, scene), 1e-9)
     axial = np.sum(poses.forward * offset, axis=1) / distance
     half = np.arctan(0.5 * np.hypot(*camera.sensor_mm) / camera.focal_length_mm)
     beside = np.arccos(np.clip(axial, -1.0, 1.0)) - half
     large = 2.0 * radius * camera.focal_px[0] > FEWEST_PIXELS * distance
-    return np.asarray(outside & large & (beside < np.arcsin(np.minimum(radius / distance, 1.0))))
+    in_focus = (distance > focus_mm[0]) & (distance - radius < focus_mm[1])
+    seen = beside < np.arcsin(np.minimum(radius / distance, 1.0))
+    return np.asarray(outside & large & in_focus & seen)
 
 
 def _read_otherwise(

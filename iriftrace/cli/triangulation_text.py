@@ -35,13 +35,14 @@ def say_features(
     for feature in features:
         where = f" ({feature.region})" if feature.region else ""
         hot, cold = (um(feature.form_mm[name]) for name in ("measured", true))
-        form = f"form deviation {hot}, {true} {cold}"
+        form, count = f"form deviation {hot}, {true} {cold}; ", feature.points + feature.left_out
         if feature.left_out:
-            count = feature.points + feature.left_out
             form += (
-                f"; {feature.left_out:,} of {count:,} points left out, farther from it than "
+                f"{feature.left_out:,} of {count:,} points left out, farther from it than "
                 f"{gate:g} robust standard deviations or as near to another region"
             )
+        else:
+            form += f"{count:,} points"
         size = feature.size
         effect = _effect(size, true, synthetic)
         at = f" at {feature.place} of its axis" if feature.place else ""

@@ -10,7 +10,7 @@ from pathlib import Path
 from attrs import frozen
 
 from iriftrace.core.errors import InputError, warn
-from iriftrace.core.units import LENGTH_UNITS, stated_length_unit
+from iriftrace.core.units import LENGTH_UNITS, length_unit_of
 
 MARKS = "#/%*!"
 """Signs at the beginning of a comment."""
@@ -51,10 +51,15 @@ _MEASURED = frozenset("meas measured measurement actual act ist gemessen mesuré
 
 _NOMINAL = re.compile(r"\b(?:nominals?|soll(?:werte?)?)\b", re.IGNORECASE)
 
+_SCALED = re.compile(
+    r"\b(?:scal(?:e|ing)|offset|(?:global[ _])?shift|factor|multipl\w+)\b.*\d", re.I
+)
+"""Remarks of what the numbers of a table may have to be multiplied by or added to."""
+
 _NOT_CARTESIAN = frozenset(
-    "r range radius rho distance theta phi azimuth elevation polar angle lat latitude lon "
-    "longitude northing easting hochwert rechtswert u v row col column line sample "
-    "disparity".split()
+    "range radius rho distance theta phi azimuth elevation polar angle lat latitude lon "
+    "longitude northing easting north east up down nord est ost hochwert rechtswert hoch rechts "
+    "row col column line sample disparity length width height depth".split()
 )
 """Names of columns that are none of x, y and z, although three of them make a table."""
 
@@ -80,11 +85,12 @@ def axis_of(name: str) -> Axis | None:
     in_brackets = _BRACKETS.search(text)
     if in_brackets:
         word, text = in_brackets[1], _BRACKETS.sub("", text)
-        unit = word if word in _UNREAD_UNITS else LENGTH_UNITS.get(word, "")
+        scaled = re.search(r"\d", word) and set(re.split(r"[\W\d]+", word)) & LENGTH_UNITS.keys()
+        unit = word if scaled or word in _UNREAD_UNITS else LENGTH_UNITS.get(word, "")
     elif suffix := _SUFFIX.search(text):
         unit, text = LENGTH_UNITS[suffix[1]], text[: suffix.start()]
     for form in _FORMS:
-        if match := form.fullmatch(text.strip(" _")):
+        if match := form.fullmatch(text.strip(" _:=")):
             words = re.split(r"[\s_:.-]+", match["what"] or "")
             what = " ".join(word for word in words if word not in _MEANS_POINT)
             return Axis(what, _AXES[match["axis"]], unit)
@@ -186,14 +192,17 @@ def _may_be_names(words: Sequence[str], count: int) -> bool:
     axes = [axis for axis in map(axis_of, words) if axis]
     if {axis.number for axis in axes if not axis.what} == {0, 1, 2}:
         return True
+    if len(words) == count == 3 and {word[:1].casefold() for word in words} == set("xyz"):
+        return True
     if len(words) != count or any(re.fullmatch(r"[\d.:,/-]+", word) for word in words):
         return False
     # Three columns are x, y and z, but for names that say otherwise.
     units = [word for word in words if word.strip(" []()<>").casefold() in LENGTH_UNITS]
-    others = [word for word in words if _BRACKETS.sub("", word).casefold() in _NOT_CARTESIAN]
-    # A single word such as "by" only ends like one.
+    bare = [_BRACKETS.sub("", word).casefold() for word in words]
+    others = [word for word in bare if len(word) == 1 or word in _NOT_CARTESIAN]
+    # A single word such as "by" or "up" only ends or looks like one.
     several = any(not axis.what for axis in axes) or len({axis.number for axis in axes}) > 1
-    return several or bool(others) or (count > 3 and not units)
+    return several or (not units and (len(others) > 1 or count > 3))
 
 
 def words_of(line: str, count: int) -> list[str]:
@@ -216,10 +225,12 @@ def _splits(text: str) -> Iterator[list[str]]:
     yield [word.strip("\"'") for word in re.findall(r"\"[^\"]*\"|'[^']*'|[^\s,;]+", joined)]
 
 
-def unit_of(names: Sequence[str], lines: Iterable[str], chosen: Sequence[int], count: int) -> str:
+def unit_of(
+    names: Sequence[str], lines: Sequence[str], chosen: Sequence[int], count: int, file: Path
+) -> str:
     """Length unit that names, a row of units, a line of one or a remark state; "" for none.
 
-    An InputError where the names state several.
+    An InputError where the names state several; a warning of a remark without one that is read.
     """
     axes = [axis_of(names[i]) if i < len(names) else None for i in chosen]
     units = {axis.unit for axis in axes if axis and axis.unit}
@@ -228,7 +239,7 @@ def unit_of(names: Sequence[str], lines: Iterable[str], chosen: Sequence[int], c
             f"The columns {', '.join(names[i] for i in chosen)} are in different units "
             f"({', '.join(sorted(units))}); write all three in one."
         )
-    if units & _UNREAD_UNITS:
+    if units - LENGTH_UNITS.keys():
         raise InputError(
             f"The columns {', '.join(names[i] for i in chosen)} are in {units.pop()}, which is not "
             "read; export them in mm."
@@ -241,9 +252,7 @@ def unit_of(names: Sequence[str], lines: Iterable[str], chosen: Sequence[int], c
             return LENGTH_UNITS[words[chosen[0]]]
         if len(words) == 1 and words[0] in LENGTH_UNITS:
             return LENGTH_UNITS[words[0]]
-        if stated := stated_length_unit(line):
-            return stated
-    return ""
+    return length_unit_of(lines, file.name)
 
 
 def refuse_corrected(file: Path, names: Iterable[str]) -> None:
@@ -258,13 +267,20 @@ def refuse_corrected(file: Path, names: Iterable[str]) -> None:
         )
 
 
-def warn_of_nominal(file: Path, lines: Iterable[str], names: Sequence[str]) -> None:
-    """Warn of a word above the line of `names` that says of some columns that they are nominal."""
-    above = (line.strip() for line in lines if words_of(line, len(names)) != names)
-    if said := next(filter(_NOMINAL.search, above), ""):
+def warn_of_remarks(file: Path, above: Sequence[str], are_chosen: bool) -> None:
+    """Warn of lines above a table that say of columns that they are nominal or scaled.
+
+    The former if none `are_chosen`.
+    """
+    if not are_chosen and (said := next(filter(_NOMINAL.search, above), "")):
         warn(
             f"{file.name} has the line {said!r} above its columns; if its x, y and z are the "
             "nominal ones and not the measured ones, choose these (--columns A,B,C)."
+        )
+    if said := next(filter(_SCALED.search, above), ""):
+        warn(
+            f"{file.name} has the line {said!r}, which is not applied; if its points are not those "
+            "in the columns, export them so."
         )
 
 

@@ -14,7 +14,7 @@ from attrs import frozen
 
 from iriftrace.core.arrays import AnyArray, FloatArray
 from iriftrace.core.errors import InputError, warn
-from iriftrace.core.units import stated_length_unit
+from iriftrace.core.units import length_unit_of
 
 _IDENTITY = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 _KINDS = {"F": (4, 8), "I": (1, 2, 4, 8), "U": (1, 2, 4, 8)}
@@ -77,7 +77,7 @@ def _read(path: Path) -> PcdCloud:
     return PcdCloud(
         np.column_stack([columns[axis] for axis in "xyz"]).astype(np.float64),
         columns,
-        next(filter(None, map(stated_length_unit, lines)), ""),
+        length_unit_of(lines, path.name),
         (f"obj_info num_cols {width}", f"obj_info num_rows {height}") if height > 1 else (),
     )
 

@@ -21,7 +21,8 @@ from iriftrace.clouds.missing import marked_rows
 from iriftrace.clouds.text import read_table
 from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray
 from iriftrace.core.errors import InputError, warn
-from iriftrace.core.units import length_factor
+from iriftrace.core.files import text_in
+from iriftrace.core.units import length_factor, length_unit_of
 from iriftrace.geometry.ply import read_ply
 
 TEXT = (".xyz", ".asc", ".txt", ".csv", ".pts")
@@ -123,8 +124,25 @@ def read_cloud(
     # Coordinates of what was not measured would be written again, in another frame.
     rows = np.where((measured | ~rows.any(axis=1))[:, None], rows, np.nan)
     cloud = Cloud(rows, measured, unit, further, remarks)
+    _check_scale(cloud, file, columns is not None)
     _warn_of_rounding(cloud.points, file)
     return cloud
+
+
+def _check_scale(cloud: Cloud, file: Path, are_chosen: bool) -> None:
+    """Refuse homogeneous coordinates, if no columns `are_chosen`, and warn of pixels."""
+    for name in cloud.columns.keys() & {"w", "W"}:
+        if not are_chosen and (cloud.columns[name][cloud.measured] != 1.0).any():
+            raise InputError(
+                f"{file} has a column {name} that is not 1, as homogeneous coordinates have it; "
+                "divide x, y and z by it, or choose them as they are (--columns x,y,z)."
+            )
+    whole = [np.unique(x) for x in cloud.rows[cloud.measured].T if not (x % 1.0).any()]
+    if len(whole) == 2 and all(1 < len(values) < cloud.measured.sum() for values in whole):
+        warn(
+            f"Two of the coordinates in {file.name} are whole numbers, as of pixels; if they are "
+            "not lengths, multiply them by that of a pixel."
+        )
 
 
 def _warn_of_rounding(points: FloatArray, file: Path) -> None:
@@ -212,7 +230,7 @@ def _rows(
     numbers = chosen_columns(names, chosen, len(named), file)
     table = np.column_stack([named[names[i]] for i in numbers])
     further = {name: one for i, (name, one) in enumerate(named.items()) if i not in numbers}
-    unit = unit_of(names, (), numbers, len(named)) or unit
+    unit = unit_of(names, (), numbers, len(named), file) or unit
     return table.astype(np.float64), unit, further, remarks
 
 
@@ -234,15 +252,24 @@ def _mesh_rows(file: Path, kind: str) -> tuple[FloatArray, Columns, tuple[str, .
     """Vertices (m, 3) of a mesh, of a .ply its columns and remarks, and the unit it states."""
     import trimesh
 
-    from iriftrace.part.files import remarked_unit
+    from iriftrace.part.files import remarks_of
 
+    unit = length_unit_of(remarks_of(file), file.name)
     try:
         if kind == ".ply":
             ply = read_ply(file)
-            return ply.vertices, ply.vertex_columns, ply.remarks, ply.length_unit
+            return ply.vertices, ply.vertex_columns, ply.remarks, unit
+        if kind == ".obj":
+            # As a mesh it has the corners of faces alone, those of seams twice.
+            lines = text_in(file).replace("\\\n", " ").splitlines()
+            words = [line.split()[1:] for line in lines if line.startswith(("v ", "v\t"))]
+            table = np.array(words or np.empty((0, 3)), dtype=np.float64)
+            names = "xyzw"[: 4 if table.shape[1] == 4 else 3]
+            columns = dict(zip(names, table.T, strict=False))
+            return table[:, :3], columns, (), unit
         mesh: Any = trimesh.load(file, process=False)
         rows = np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3)
-        return rows, {}, (), remarked_unit(file) or ""
+        return rows, {}, (), unit
     # A damaged file meets trimesh in many ways, which it does not list.
     except Exception as error:
         raise InputError(f"{file} cannot be read ({error}); export the cloud again.") from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
+import unicodedata
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,7 +17,8 @@ from iriftrace.clouds.columns import (
     header_of,
     refuse_corrected,
     unit_of,
-    warn_of_nominal,
+    warn_of_remarks,
+    words_of,
 )
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
@@ -51,6 +53,8 @@ _QUOTES = str.maketrans("", "", "\"'[](){}")
 _QUOTED_COMMA = re.compile(r"\"([-+\d]*),(\d+)\"")
 _DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
 _REMARK = re.compile(r"(?<=[\d.])\s+(?:#|//|%).*")
+_BROKEN_CELL = re.compile(r"\"(?<![^,;\t\n]\")[^\",;\t\n]*(?:\n[^\",;\t\n]*)+\"")
+_BELOW_ZERO = re.compile(r"\(\s*(\d[\d.,]*)\s*\)")  # of accountants
 _DASHES = re.compile(r"\s*-+(?:\s*[,;\t]\s*-+)+\s*")
 _DATE = re.compile(r"\d[:/]\d|\d-\d|\d\.\d+\.\d")
 """Times of a day and dates, which have no letters."""
@@ -65,7 +69,9 @@ def read_table(
     and words are NaN; columns of words are left out with a warning. A count of the points in the
     first row is left out; one that is wrong is warned of.
     """
-    text = text_in(file)
+    # Signs as wide as those of Chinese and Japanese text are the same ones.
+    text = unicodedata.normalize("NFKC", text_in(file))
+    text = _BROKEN_CELL.sub(lambda cell: " ".join(cell[0].split()), text)
     for beginning, kind in _FORMATS.items():
         if re.match(beginning, text.lstrip(), re.IGNORECASE):
             raise InputError(
@@ -73,7 +79,7 @@ def read_table(
                 "ending, or export a point with x, y and z in each row."
             )
     lines = without_statistics(text.splitlines(), file)
-    lines = [_REMARK.sub("", line) for line in lines]
+    lines = [_BELOW_ZERO.sub(r"-\1", _REMARK.sub("", line)) for line in lines]
     lines = [re.sub("-+", _WORD, line) if _DASHES.fullmatch(line) else line for line in lines]
     rows = _rows(lines)
     # A header is before the first row; words after it are in cells.
@@ -113,21 +119,22 @@ def read_table(
                 "decimal signs too; export it with decimal points, or with semicolons."
             )
         places = _unnamed_columns(table, file)
-    if chosen is None:
-        warn_of_nominal(file, before, names)
+    above = [line.strip() for line in before if words_of(line, count) != names]
+    unit = unit_of(names, above, places, count, file)
+    warn_of_remarks(file, above, chosen is not None)
     bare = [name.strip(f"{MARKS} \t\"'") for name in names] if len(names) == count else [""] * count
     further = {bare[i] or f"column_{i + 1}": table[:, i] for i in range(count) if i not in places}
     if worded:
         further = _numbers_alone(further, file)
-    return table[:, places], unit_of(names, before, places, count), further
+    return table[:, places], unit, further
 
 
 def _without_numbered_columns(table: FloatArray, file: Path) -> FloatArray:
-    """Rows after a first one that numbers the columns from 0, which pandas writes without names."""
+    """Rows after a first one that numbers the columns, which pandas writes without names."""
     numbered = table[0][~np.isnan(table[0])]
-    if len(numbered) < 3 or not np.array_equal(numbered, np.arange(len(numbered))):
+    if len(numbered) < 3 or numbered[0] not in (0.0, 1.0) or (np.diff(numbered) != 1.0).any():
         return table
-    warn(f"The first row of {file.name} numbers the columns from 0, and is left out.")
+    warn(f"The first row of {file.name} numbers the columns from {numbered[0]:g}, and is left out.")
     return table[1:]
 
 
@@ -142,29 +149,29 @@ def _unnamed_columns(table: FloatArray, file: Path) -> list[int]:
             f"{file} has {len(table)} rows of {count} numbers, as if each column were a point; "
             "transpose it, so that each row is one."
         )
+    steps = np.diff(table[~np.isnan(table[:, 0]), 0])
+    whole = [column for column in range(1, count + 1) if _are_whole(table[:, column - 1])]
+    rest = [str(column) for column in range(1, count + 1) if column not in whole]
     if count > _MOST_UNNAMED or (count > 3 and _are_alike(table)):
-        raise InputError(
-            f"{file} has {count} columns without names, as a map of heights has them; export a "
-            "point with x, y and z in each row, or choose its columns by number (--columns 1,2,3)."
+        doubt, choice = "as a map of heights has them", "1,2,3"
+    elif count > 3 and len(steps) > 1 and ((steps > 0).all() or (steps < 0).all()):
+        doubt = (
+            "of which the first counts the rows or is their time: its numbers rise or fall from "
         )
-    if count > 3 and _counts_rows(table[:, 0]):
-        raise InputError(
-            f"The first of the {count} columns in {file} counts the rows, and none has a name; "
-            "choose x, y and z by number from 1 (--columns 2,3,4)."
-        )
-    if count > 5 and _are_twice(table):
-        raise InputError(
-            f"{file} has {count} columns without names, of which 1 to 3 are nearly 4 to 6, as "
-            "nominal and measured points are; choose the measured ones by number (--columns 4,5,6)."
-        )
-    whole = [column + 1 for column in range(count) if _are_whole(table[:, column])]
-    if count > 3 and 0 < sum(column <= 3 for column in whole) < 3:
-        raise InputError(
-            f"{file} has {count} columns without names, and whole numbers, as of pixels, in column "
-            f"{', '.join(map(str, whole))}; choose x, y and z by number from 1 (--columns 3,4,5)."
-        )
-    values = np.flatnonzero(~np.isnan(table).all(axis=0)).tolist()
-    return values[:3] if len(values) >= 3 else [0, 1, 2]
+        doubt, choice = f"{doubt}row to row", "2,3,4, or 1,2,3 if it is x"
+    elif count > 5 and _are_twice(table):
+        doubt = "of which 1 to 3 are nearly 4 to 6, as nominal and measured points are"
+        choice = "4,5,6"
+    elif count > 3 and 0 < sum(column <= 3 for column in whole) < 3:
+        doubt = f"and whole numbers, as of pixels, in column {', '.join(map(str, whole))}"
+        choice = ",".join(rest[:3]) if len(rest) > 2 else "A,B,C"
+    else:
+        values = np.flatnonzero(~np.isnan(table).all(axis=0)).tolist()
+        return values[:3] if len(values) >= 3 else [0, 1, 2]
+    raise InputError(
+        f"{file} has {count} columns without names, {doubt}; export a point with x, y and z in "
+        f"each row, or choose these columns by number from 1 (--columns {choice})."
+    )
 
 
 def _are_whole(numbers: FloatArray) -> bool:
@@ -282,8 +289,3 @@ def _cells(rows: Sequence[str]) -> tuple[Sequence[str], str | None, bool]:
     if separator is None:
         return bare, None, False
     return bare, separator, closed_by(bare, separator)
-
-
-def _counts_rows(column: FloatArray) -> bool:
-    """Whether numbers are those of the rows, from 0 or 1."""
-    return len(column) > 2 and column[0] in (0.0, 1.0) and bool((np.diff(column) == 1.0).all())

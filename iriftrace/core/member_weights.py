@@ -68,6 +68,11 @@ class MemberWeights:
         return float(1.0 / np.sum(self.weights**2))
 
     @property
+    def equal(self) -> bool:
+        """True if all members have the same weight."""
+        return abs(self.effective - len(self.weights)) < 1e-6
+
+    @property
     def degrees_of_freedom(self) -> float:
         """Those of `uncertainty`: effective members - 1 for a sample; infinite for a fit."""
         return np.inf if self.covariance is not None else max(self.effective - 1.0, 0.0)
@@ -88,12 +93,14 @@ class MemberWeights:
             return np.zeros(numbers.shape[1:])
         return np.asarray(np.sqrt(self.mean((numbers - self.mean(numbers)) ** 2) / freedom))
 
-    def uncertainty(self, values: ArrayLike) -> FloatArray:
+    def uncertainty(self, effects: ArrayLike) -> FloatArray:
         """Standard uncertainty (...) of the weighted mean as a statement about the real air.
 
         With the covariance C of fitted weights, the root of ``x C x``; without it the `scatter`.
+        `effects` x (k, ...) are 0 without hot air: C scales the air as a whole, too, so a size must
+        be given as its difference from the measured one.
         """
-        numbers = np.asarray(values, dtype=np.float64)
+        numbers = np.asarray(effects, dtype=np.float64)
         if self.covariance is None:
             return self.scatter(numbers)
         flat = numbers.reshape(len(numbers), -1)

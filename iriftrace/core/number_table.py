@@ -12,7 +12,11 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import counted
 
+MISSING = -9999.0
+"""Number that programs write for a value that is missing."""
+
 _DECIMAL_COMMA = re.compile(r"\d,\d")
+_DECIMAL_POINT = re.compile(r"\d\.\d")
 _FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[-+]?\d)")
 _QUOTED = re.compile(r"\"([^\",;]*)\"")
 _LETTERS = re.compile(r"[A-DF-Za-df-z_]|(?![A-Za-z])[^\W\d_]")
@@ -34,7 +38,6 @@ _STATISTICS = frozenset(
 """Words of the rows that spreadsheets and inspection programs write below a table."""
 
 _COMMENT = re.compile(r"\s*[#%/*!]")
-_COLUMN = re.compile(r"\s*(?P<name>[^\[(]*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
 
 
 def is_numbers(line: str) -> bool:
@@ -77,26 +80,6 @@ def _is_statistic(line: str) -> bool:
     return count > 0 and bool(words) and words <= _STATISTICS and not _COMMENT.match(line)
 
 
-def header_and_rows(text: str) -> tuple[str, list[str]]:
-    """The last line before the first row of numbers, "" of none, and the lines from there on."""
-    lines = [line for line in text.splitlines() if line.strip()]
-    rows = (k for k, line in enumerate(lines) if line.lstrip()[0] not in "#%" and is_numbers(line))
-    first = next(rows, len(lines))
-    return lines[first - 1] if first else "", lines[first:]
-
-
-def header_columns(line: str) -> dict[str, str]:
-    """Names of the columns of a header, as in ``x [m]; T (degC)``, and their units, "" of none.
-
-    Names without units may stand between blanks.
-    """
-    words = re.split(r"[,;\t]", line.lstrip("#%"))
-    if len(words) == 1:
-        words = line.lstrip("#%").split()
-    found = [_COLUMN.fullmatch(word.strip('" ')) for word in words]
-    return {match["name"]: match["unit"] or "" for match in found if match}
-
-
 def separator_of(row: str) -> str | None:
     """Separator of the numbers of a row: ``";"``, ``","`` or None for blanks and tabs."""
     if ";" in row:
@@ -118,6 +101,11 @@ def numbers(rows: Sequence[str], separator: str | None, path: Path, what: str) -
     """
     lines = [_QUOTED.sub(r"\1", with_exponents(row)) for row in rows]
     if separator != "," and any(_DECIMAL_COMMA.search(row) for row in lines):
+        if any(_DECIMAL_POINT.search(row) for row in lines):
+            raise InputError(
+                f"The {what} in {path} have points and commas, of which either may be the decimal "
+                "sign; export them with decimal points and no other sign in a number."
+            )
         lines = [row.replace(",", ".") for row in lines]
     try:
         if separator is not None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 from functools import cache
 from typing import TYPE_CHECKING
 
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, warn
 
 if TYPE_CHECKING:
     import pint
@@ -28,13 +29,19 @@ LENGTH_UNITS = {
 
 _STATED_UNIT = re.compile(
     r"(?<![^\W_])(?:length[\s_]*)?(?:units?|einheit(?:en)?)(?:\s+of\s+length)?(?:\s+(?:is|are))?"
-    r"(?:\s*[:=]\s*[\[(]?|\s+(?:in\s+)?|\s*[\[(])(?!in\s+[a-zµμ])([a-zµμ]+)"
+    r"(?:\s*[:=]\s*[\[(]?|\s+(?:in\s+)?|\s*[\[(])(?!in\s+[a-zµμ])([a-zµμ]++)(?!\s*[*/^]\s*\d)"
     r"|(?:\b(?:coord(?:inate)?s|positions|translations?|xyz|koordinaten)"
-    r"|^\W*(?:comment\s+)?(?:all\s+)?(?:lengths|distances|dimensions|values|data|points|vertices"
-    r"|exported|längen|maße))(?:\s+(?:are|is|given))*(?:\s+in\s+|\s*[:=,]\s*|\s*[\[(]\s*)(?!in\b)"
+    r"|^\W*(?:comment\s+)?(?:all\s+)?(?:lengths?|distances|dimensions|values|data|points|vertices"
+    r"|exported|längen?|maße))(?:\s+(?:are|is|given))*(?:\s+in\s+|\s*[:=,]\s*|\s*[\[(]\s*)(?!in\b)"
     r"([a-zµμ]+)(?![\w/^*·]|\s+\w+\^?-\d)",
     re.IGNORECASE,
 )
+_NAMED_UNIT = re.compile(
+    r"(?<![^\W_])(?i:inch(?:es)?|zoll|feet|(?:centi|micro)?m[eè]t(?:er|re)s?|microns?)(?![^\W_])"
+    r"|(?:\bin |[=:(\[]\s*|\d\s*)\"?(?:m|cm|um|µm|μm|ft|mils?|in(?=\s*[\])\"]))"
+    r"(?![^\W_])"
+)
+_NAMED_MM = re.compile(r"(?i)(?<![a-z])mm(?![a-z])|millimet")
 _WORD_FOR_UNIT = re.compile(r"\bunit|\bunid|einheit|eenheid|enhe[td]|единиц|単位|单位|單位|단위")
 """In the word for a unit in several languages."""
 
@@ -73,6 +80,27 @@ def stated_length_unit(remark: str) -> str:
     )
 
 
+def names_length_unit(remark: str) -> bool:
+    """True for a remark with the name of a length unit other than mm, in whatever words."""
+    return bool(_NAMED_UNIT.search(remark)) and not _NAMED_MM.search(remark)
+
+
+def length_unit_of(remarks: Iterable[str], name: str) -> str:
+    """Length unit that one of the remarks in a file of some name states; "" for none.
+
+    Warned of is a remark about units without one that is read.
+    """
+    lines = list(remarks)
+    stated = next(filter(None, map(stated_length_unit, lines)), "")
+    doubtful = (line for line in lines if _WORD_FOR_UNIT.search(line.casefold()))
+    if not stated and (said := next(doubtful, "")):
+        warn(
+            f"{name} says {said.strip()!r}, of which no unit of length is read; its lengths are "
+            "taken in mm, or as stated elsewhere (--length-unit)."
+        )
+    return stated
+
+
 def length_factor(unit: str) -> float:
     """Millimetres in one length unit (um, mm, cm, m, inch, in); InputError for another name."""
     name = unit.strip()
@@ -97,11 +125,12 @@ def _convert(text: str, unit: str) -> float:
 
     match = _QUANTITY.fullmatch(text.strip())
     if match is None:
-        raise InputError(f"{text!r} is not a number with a unit; write it like '20 {unit}'.")
+        sign = unit.removeprefix("1")  # "20 1/kelvin" would be two numbers
+        raise InputError(f"{text!r} is not a number with a unit; write it like '20 {sign}'.")
     number, name = float(match["number"]), match["unit"]
-    if unit in ("kelvin", "K"):
+    if unit in ("kelvin", "K", "1/kelvin"):
         # pint reads C as coulomb and F as farad, which nobody means here.
-        name = {"C": "degC", "F": "degF"}.get(name, name)
+        name = re.sub(r"(?<![\w°])[CF]$", r"deg\g<0>", name)
     registry = _registry()
     try:
         quantity = registry.Quantity(number, f"1{name}" if name.startswith("/") else name)

@@ -5,29 +5,25 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.errors import InputError, warn
-from iriftrace.core.files import check_readable, sha256_of, text_in
-from iriftrace.core.number_table import (
-    header_and_rows,
-    header_columns,
-    numbers,
-    separator_of,
-    without_statistics,
-)
+from iriftrace.core.errors import InputError, warn, without_warnings
+from iriftrace.core.files import check_readable, sha256_of
 from iriftrace.core.units import ZERO_CELSIUS_K, length_factor, parse_quantity
+from iriftrace.field.readers.comsol import length_unit_of
+from iriftrace.field.readers.comsol_text import TextFile, spreadsheet_columns, text_file
+from iriftrace.field.readers.states import Column
 
-COLUMNS = ("x", "y", "z", "T")
 _KELVIN_STEPS = {"K", "degC", "°C", "C"}
-_OTHER_NAMES = {"X": "x", "Y": "y", "Z": "z", "Temperature": "T", "temperature": "T"}
+_OTHER_NAMES = {"Temperature": "T", "temperature": "T"}
 
 _UNCERTAINTIES = ("u", "unc", "sigma", "std", "err", "tol")
 """Beginnings of names of uncertainties."""
 
-COLDEST_K = 200.0
-"""No air around a hot part is colder; lower numbers are in other units."""
+COLDEST_K, HOTTEST_K = 200.0, 3000.0
+"""No air around a hot part is colder or hotter; such numbers are in other units or mark an open
+thermocouple."""
 
 
 @frozen(eq=False)
@@ -53,13 +49,17 @@ class AirTemperatures:
 
 def is_air_temperatures(path: Path) -> bool:
     """True if the header of a file names the columns of `read_air_temperatures`."""
-    return set(COLUMNS) <= set(_columns(header_and_rows(text_in(path))[0]))
+    try:
+        with without_warnings():
+            return any(column.name == "T" for column in _columns(text_file(path)))
+    except InputError:
+        return False
 
 
-def _columns(header: str) -> dict[str, str]:
-    """Names of the columns and their units, "" of none."""
-    found = header_columns(header.strip())
-    return {_OTHER_NAMES.get(name, name): unit for name, unit in found.items()}
+def _columns(file: TextFile) -> list[Column]:
+    """Columns of a table of places, with the temperature as T."""
+    found = spreadsheet_columns(file)
+    return [evolve(column, name=_OTHER_NAMES.get(column.name, column.name)) for column in found]
 
 
 def read_air_temperatures(path: str | Path) -> AirTemperatures:
@@ -82,26 +82,23 @@ def read_air_temperatures(path: str | Path) -> AirTemperatures:
     ------
     InputError
         The file is missing or damaged, a column is missing, an uncertainty is not positive or in
-        another unit than T, or the air is colder than 200 K.
+        another unit than T, the air is colder than 200 K or hotter than 3000 K, or a place has
+        several temperatures.
     """
     file = Path(path)
     check_readable(file)
-    header, rows = header_and_rows(text_in(file))
-    rows = without_statistics(rows, file)
-    columns = _columns(header)
-    missing = [name for name in COLUMNS if name not in columns]
-    if missing or not rows:
+    table = text_file(file)
+    found = _columns(table)
+    names, columns = [column.name for column in found], {c.name: c.unit or "" for c in found}
+    if names.count("T") != 1:
         raise InputError(
-            f"{file} has {'no rows' if not missing else 'no column ' + ', '.join(missing)}; give "
-            "places and temperatures of the air under a header x, y, z, T, and U if it is known."
+            f"{file} has {'several columns' if 'T' in names else 'no column'} T; give places and "
+            "temperatures of the air under a header x, y, z, T, and U if it is known."
         )
-    table = numbers(rows, separator_of(rows[0]), file, "temperatures")
-    if table.shape[1] != len(columns) or not np.isfinite(table).all():
-        raise InputError(
-            f"{file} has {len(columns)} columns in its header and {table.shape[1]} in its rows, or "
-            "values that are not finite; give a finite number for each column."
-        )
-    by_name = dict(zip(columns, table.T, strict=True))
+    values = table.numbers([row for section in table.sections for row in section.rows], "rows")
+    if not np.isfinite(values).all():
+        raise InputError(f"{file} has values that are not finite; give a number for each column.")
+    by_name = dict(zip(names, values.T, strict=True))
     unit = columns["T"] or "K"
     zero, ten = (parse_quantity(f"{value} {unit}", "K") for value in (0, 10))
     step = 0.1 * (ten - zero)
@@ -118,10 +115,11 @@ def read_air_temperatures(path: str | Path) -> AirTemperatures:
         raise InputError(
             f"{file} has temperatures below 0 K or uncertainties U of 0 K or less; correct them."
         )
-    if kelvins.min() < COLDEST_K:
+    strange = kelvins[(kelvins < COLDEST_K) | (kelvins > HOTTEST_K)]
+    if len(strange):
         raise InputError(
-            f"{file} has air of {kelvins.min():.4g} K, as T is read in {unit}; write the unit of T "
-            "into the header, as in T (degC)."
+            f"{file} has air of {strange[0]:.4g} K, as T is read in {unit}; write the unit of T "
+            "into the header, as in T (degC), and leave out thermocouples that are open."
         )
     if not columns["T"]:
         low, high = (kelvins.min() - ZERO_CELSIUS_K, kelvins.max() - ZERO_CELSIUS_K)
@@ -135,5 +133,11 @@ def read_air_temperatures(path: str | Path) -> AirTemperatures:
             f"{file} has the column {others[0]}, which is not read; if it is the uncertainty of T, "
             "call it U and give the expanded one (k = 2)."
         )
-    places = [length_factor(columns[axis] or "mm") * by_name[axis] for axis in "xyz"]
-    return AirTemperatures(np.column_stack(places), kelvins, deviations, str(file), sha256_of(file))
+    places = (
+        length_factor(length_unit_of(table) or "mm") * values[:, [names.index(a) for a in "xyz"]]
+    )
+    if len(np.unique(places, axis=0)) < len(places):
+        raise InputError(
+            f"{file} has several temperatures at one place, as of several times; give one for each."
+        )
+    return AirTemperatures(places, kelvins, deviations, str(file), sha256_of(file))

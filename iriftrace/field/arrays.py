@@ -32,11 +32,11 @@ _LOOSE = {
     "index": re.compile(r"n[_.]|.*refractive|.*refractivity|.*index_of_refraction"),
     "density": re.compile(r"rho|.*density"),
 }
-_AVERAGE = r"mean|averaged?|avg"
+_AVERAGE = r"mean|averaged?|(?:trn)?avg"
 _OVER_TIME = {
-    # OpenFOAM's TMean, "mean_temperature", "Mean of Temperature".
+    # OpenFOAM's TMean, CFX's "Temperature.Trnavg", "mean_temperature", "Mean of Temperature".
     quantity: re.compile(
-        rf"(?:{names})[_-]?(?:{_AVERAGE})|(?:{_AVERAGE})[_-](?:of[_-])?(?:{names})"
+        rf"(?:{names})[_.-]?(?:{_AVERAGE})|(?:{_AVERAGE})[_-](?:of[_-])?(?:{names})"
     )
     for quantity, names in (
         ("temperature", "t|temp|(?:static[_-])?temperature"),
@@ -45,11 +45,14 @@ _OVER_TIME = {
 }
 """Names of averages over time."""
 _OTHER = re.compile(
-    r"(?:^|[_./-])(?:rms|std|stddev|sigma|var|variance|fluct\w*|prime\d?|max|min|old|prev\w*|grad\w*"
-    r"|flux|rate|rise|excess|diff\w*|error|uncertainty)(?:$|[_./-])"
+    r"(?:^|[_./-])(?:trn)?(?:rms|std|stddev|sdv|sigma|var|variance|fluct\w*|prime\d?|max|min|old"
+    r"|prev\w*|init\w*|grad\w*|flux|rate|rise|excess|above|rel\w*|minus|diff\w*|error|uncertainty"
+    r"|dew|setpoint)(?:$|[_./-])"
 )
-"""In names of what is not the value itself: ``T_rms``, ``T_max``, ``temperature_gradient``."""
+"""In names of what is not the value itself: ``T_rms``, ``T_max``, ``temperature_gradient``; also as
+CFX writes them, ``Temperature.Trnmax``."""
 
+_LEAST_BESIDE_ZERO = 5.0  # degC or degF: the outer air of a field in freezing air is cooler
 _COLDEST_K = 150.0  # room temperature in degC, read as kelvin, lies below
 _HOTTEST_K = 6000.0  # above, all molecules of air are dissociated
 _LARGEST_REFRACTIVITY = 0.01  # air at 30 bar; n itself is near 1
@@ -282,15 +285,22 @@ def _scale(unit: str, quantity: str) -> tuple[float, float]:
     return zero, (parse_quantity(f"100 {name}", SI[quantity]) - zero) / 100.0
 
 
-def to_kelvin(
+def to_si(
     values: FloatArray,
     choice: Choice,
     units: Mapping[str, str] | None,
     temperature_unit: str | None,
     path: str,
 ) -> FloatArray:
-    """Temperatures, (n,), K, of the values of an array; units and errors as `to_refractivity`."""
+    """Temperatures, (n,), K, or densities of the values of an array; as in `to_refractivity`."""
     zero, slope = _scale(_unit_of(choice, units, temperature_unit, path), choice.quantity)
+    some = values[values != 0.0]
+    if zero and 0 < len(some) < len(values) and some.min() > _LEAST_BESIDE_ZERO:
+        raise InputError(
+            f"The array {choice.name!r} in {path} is exactly 0 at {len(values) - len(some)} of "
+            f"{len(values)} points and {some.min():.4g} or more elsewhere, as programs fill in "
+            "missing values; export these as NaN."
+        )
     return zero + values * slope
 
 
@@ -309,14 +319,12 @@ def to_refractivity(
     `temperature_unit` is the unit of temperatures given by the user.
 
     Raises InputError if user and file contradict each other, if a format that stores units states
-    none for a temperature or one of another quantity, or if values are not possible.
+    none for a temperature or one of another quantity, or if values are not possible or zeros fill
+    gaps.
     """
     if choice.quantity == "index":
         return _from_index(values, choice.name, path)
-    unit = _unit_of(choice, units, temperature_unit, path)
-    zero, slope = _scale(unit, choice.quantity)
-    if (zero, slope) != (0.0, 1.0):
-        values = zero + values * slope
+    values = to_si(values, choice, units, temperature_unit, path)
     lowest, density = values.min(), choice.quantity == "density"
     if lowest <= 0.0:
         raise InputError(

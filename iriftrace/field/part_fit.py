@@ -17,6 +17,7 @@ from iriftrace.core.arrays import BoolArray, FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.field.index_field import IndexField
+from iriftrace.field.path_data import FieldCells, cells_of
 from iriftrace.field.source import synthetic_mark
 from iriftrace.geometry.query import Surface
 from iriftrace.geometry.transform import apply, parse_transform
@@ -109,23 +110,21 @@ class Fit:
 
 
 def body_in_air(field: IndexField, part: Part, blockers: Sequence[Part]) -> Part:
-    """The body that heats the air: the part, or a blocker if the part stands apart.
-
-    A board that is seen past a hot part stands apart. A body is in the air if the field's inner
-    wall lies near it or, for a field without inner wall, its hot air does.
-    """
+    """The body that heats the air: the part, or a blocker if the part stands apart as a board."""
     if not blockers:
         return part
-    middle = 0.5 * (field.ambient_refractivity + field.hottest_refractivity)
-    for body in (part, *blockers):
-        if field.wall.n_points:
-            near = bool(np.mean(body.surface.distance(field.wall.points) < NEAR_MM) > _LEAST_BARE)
-        else:
-            hot = _box(np.asarray(field.grid.points)[field.refractivity < middle])
-            near = not _apart(body.bounds, hot)
-        if near:
-            return body
-    return part
+    cells = cells_of(field)
+    return next((body for body in (part, *blockers) if in_air(cells, body)), part)
+
+
+def in_air(cells: FieldCells, body: Part) -> bool:
+    """True if a field's inner wall lies near a body or, without such a wall, its hot air does."""
+    points = cells.points.astype(np.float64)
+    if cells.wall.any():
+        near = body.surface.distance(points[cells.wall]) < NEAR_MM
+        return bool(np.mean(near) > _LEAST_BARE)
+    hot = cells.refractivity < 0.5 * (cells.ambient + cells.refractivity.min())
+    return not _apart(body.bounds, _box(points[hot]))
 
 
 def refuse_expanded_board(field: IndexField, part: Part, blockers: Sequence[Part]) -> None:
@@ -263,6 +262,15 @@ def _fit_without_wall(
         "The field has no cavity, so the position of the part in it cannot be checked; "
         "look at part and field together."
     )
+    places, _ = part.surface.even_places(SAMPLE)
+    places = places[np.isnan(field.sample(places))]
+    edge = field.grid.extract_surface(algorithm="geometry").triangulate()
+    outside = Surface(edge.points, edge.regular_faces).distance(places) > LARGEST_GAP_MM
+    if (bare := np.count_nonzero(outside) / SAMPLE) > LARGEST_BARE_SHARE:
+        message += (
+            f" {bare:.0%} of the part's surface lies outside of the data, where no hot air is "
+            "known; give all of a field that was solved on a sector."
+        )
     messages = (message, *_temperature_message(temperature, expected_k))
     return Fit(np.nan, np.nan, temperature, np.nan, messages)
 

@@ -11,6 +11,7 @@ from attrs import evolve
 from numpy.typing import ArrayLike
 
 from iriftrace.air.refractivity import TEMPERATURE_RANGE, Air
+from iriftrace.core.arrays import IntArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import length_factor
 from iriftrace.field import arrays
@@ -38,6 +39,10 @@ if TYPE_CHECKING:
 
 AMBIENT_TOLERANCE_K = 2.0
 """A larger difference between the coolest air and the ambient temperature gives a warning."""
+
+_CELLS_TRIED = 2000
+# Fraction of the tried cells: curved sides of blocks whose meshes differ overlap a little.
+_MOST_OVERLAP = 0.05
 
 INDEX_TOLERANCE = 0.02
 """A larger relative difference of n - 1 between temperature and index of a file gives a warning."""
@@ -153,8 +158,8 @@ def read_field(
 def read_volume(path: str | Path, *, member: int | None = None, flow: bool = False) -> Contents:
     """Read the volume cells of a file or the folder of an OpenFOAM case, and the units it states.
 
-    Blocks (`.vtm`, `.pvd`) and pieces (`.pvtu`) are joined at points that coincide exactly, and so
-    are the two sides of a seam inside a file (`iriftrace.field.volume`). Voxels become hexahedra;
+    Blocks (`.vtm`, `.pvd`) and pieces (`.pvtu`) are joined at points that coincide, and so are
+    the two sides of a seam inside a file (`iriftrace.field.volume`). Voxels become hexahedra;
     polyhedra and prisms with more than three sides are split into tetrahedra (OpenFOAM's around
     their centroids); cells of higher order keep only their corners. Other cells are removed, and
     then points that no cell uses. The data have the file's own length unit and its field data.
@@ -174,10 +179,8 @@ def read_volume(path: str | Path, *, member: int | None = None, flow: bool = Fal
     if has_higher_order(grid):
         warn(f"{path} has cells of higher order; only the values at their corners are used.")
     origins = (one_line(contents.origin), origin_of(contents.data))
-    pieces = linear_volume(grid)
-    volume = without_seams(pieces)
-    if volume is not pieces or isinstance(contents.data, pv.MultiBlock):
-        refuse_repeated_cells(volume, str(path))
+    volume = without_seams(linear_volume(grid))
+    refuse_repeated_cells(volume, str(path))
     return evolve(
         contents,
         data=volume,
@@ -220,9 +223,22 @@ def _joined(data: Data, path: Path) -> pv.UnstructuredGrid:
         )
     if len(blocks) > 1:
         joined = pv.MultiBlock(blocks).combine(merge_points=True, tolerance=0.0)
+        _refuse_overlap(joined, np.cumsum([block.n_cells for block in blocks]), path)
     elif path.suffix.lower() == ".pvtu":
         joined = joined.clean(tolerance=0.0)
     return joined
+
+
+def _refuse_overlap(joined: pv.UnstructuredGrid, ends: IntArray, path: Path) -> None:
+    """Refuse blocks that lie in each other, by centres of cells of each; `ends` are the blocks'."""
+    tried = np.arange(0, joined.n_cells, 1 + joined.n_cells // _CELLS_TRIED)
+    found = np.asarray(joined.find_containing_cell(joined.cell_centers().points[tried]))
+    own, other = (np.searchsorted(ends, cells, side="right") for cells in (tried, found))
+    if np.mean((found >= 0) & (own != other)) > _MOST_OVERLAP:
+        raise InputError(
+            f"{path} has blocks that lie in each other, so the air there is ambiguous; export the "
+            "blocks of the air alone, each part of it once."
+        )
 
 
 def _facts(contents: Contents, array: str) -> FieldFacts:

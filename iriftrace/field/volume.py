@@ -39,6 +39,9 @@ _HIGHER_ORDER = {
 }
 # Point data that must agree for points to be joined.
 _SCALARS = "iriftrace_scalars"
+# Distance of points that coincide, as a fraction of the data's extent: files store single precision
+# or, where a grid closes on itself, sin(2 pi) for 0.
+_ROUNDING = 1e-7
 
 
 def linear_volume(grid: pv.UnstructuredGrid) -> pv.UnstructuredGrid:
@@ -118,7 +121,7 @@ def _linear(grid: pv.UnstructuredGrid, types: IntArray) -> pv.UnstructuredGrid:
 
 
 def without_seams(grid: pv.UnstructuredGrid) -> pv.UnstructuredGrid:
-    """The same cells, joined where points coincide exactly and have the same values.
+    """The same cells, joined where points coincide and have the same values, up to rounding.
 
     ParaView's Reflect leaves the two halves unconnected, and so do some exports with several
     domains: each half ends at the seam, where a ray would leave the data and a gradient would use
@@ -129,28 +132,33 @@ def without_seams(grid: pv.UnstructuredGrid) -> pv.UnstructuredGrid:
     """
     compared = pv.UnstructuredGrid()
     compared.shallow_copy(grid)
+    points = np.asarray(grid.points, dtype=np.float64)
+    step = _ROUNDING * max(float(np.ptp(points, axis=0).max()), np.finfo(float).tiny)
+    compared.SetPoints(pv.vtk_points(np.round(points / step)))
     scalars = [
         values
         for values in map(np.asarray, grid.point_data.values())
         if values.ndim == 1 and np.issubdtype(values.dtype, np.floating)
     ]
     if scalars:
-        compared.point_data[_SCALARS] = np.column_stack(scalars)
+        compared.point_data[_SCALARS] = np.column_stack(scalars).astype(np.float32)
     joined: pv.UnstructuredGrid = compared.clean(
         tolerance=0.0,
         remove_unused_points=False,
-        produce_merge_map=False,
+        produce_merge_map=True,
         average_point_data=False,
         merging_array_name=_SCALARS if scalars else None,
     )
     if joined.n_points == grid.n_points:
         return grid
     joined.point_data.pop(_SCALARS, None)
+    number = np.asarray(joined.field_data.pop("PointMergeMap"))
+    joined.points = np.asarray(grid.points)[np.unique(number, return_index=True)[1]]
     return joined
 
 
 def refuse_repeated_cells(grid: pv.UnstructuredGrid, path: str) -> None:
-    """Refuse a joined grid in which cells coincide."""
+    """Refuse a grid in which cells coincide."""
     points = np.asarray(grid.points, dtype=np.float64)
     repeated_cells = 0
     for _, corners in cell_corners(grid).values():

@@ -12,6 +12,8 @@ from iriftrace.geometry.triangles import area_vectors, polydata
 # Boundary patches smaller than this fraction of the largest one are gaps between cells of different
 # refinement, not walls.
 _SMALLEST_SHARE = 1e-3
+# Volume of a patch over its area to the power 3/2, below which it is flat up to rounding.
+_FLAT = 1e-5
 
 
 def inner_wall(grid: pv.UnstructuredGrid) -> pv.PolyData:
@@ -56,7 +58,7 @@ def _wall_faces(points: FloatArray, faces: IntArray, areas: FloatArray) -> BoolA
     arm = points[faces].mean(axis=1) - 0.5 * (low + high)[patch]
     volume = np.bincount(patch, np.einsum("ij,ij->i", areas, arm))
     area = np.bincount(patch, np.linalg.norm(areas, axis=1))
-    is_wall = (volume < 0.0) & (area > _SMALLEST_SHARE * area.max())
+    is_wall = (volume < -_FLAT * area**1.5) & (area > _SMALLEST_SHARE * area.max())
     mask: BoolArray = is_wall[patch]
     return mask
 

@@ -45,6 +45,22 @@ def file_text(named: JsonObject) -> str:
     return name_of(named) + (f" (SHA-256 {sha256[:12]}\N{HORIZONTAL ELLIPSIS})" if sha256 else "")
 
 
+def camera_text(camera: JsonObject, *, varied: bool = False) -> str:
+    """Lens, sensor and focus of a device, without a focal length that is `varied`."""
+    if not camera:
+        return "not stated"
+    focal = camera.get("focal_length_mm")
+    lens = "" if focal is None or varied else f"focal length {focal:g} mm, "
+    near, far = camera["focus_mm"]
+    depth = f"{near:g} mm to {'infinity' if far is None else f'{far:g} mm'}"
+    distorted = ", lens distortion" if camera.get("distortion") else ""
+    (width, height), (columns, rows) = camera["sensor_mm"], camera["resolution"]
+    return (
+        f"{camera['projection']}, {lens}sensor {width:g} \N{MULTIPLICATION SIGN} {height:g} mm, "
+        f"{columns} \N{MULTIPLICATION SIGN} {rows} pixels, in focus from {depth}{distorted}"
+    )
+
+
 def origin_text(mark: str | None, origin: str) -> str:
     """Origin of a field or several; the mark of synthetic ones replaces that word in them."""
     return f"{mark}: {origin.replace('synthetic: ', '')}" if mark else f"Field: {origin}"

@@ -241,7 +241,7 @@ def _setting_rows(dataset: xr.Dataset, summary: SweepSummary) -> page.Rows:
         ("Field", _field(dataset)),
         ("Scene", page.file_text({"path": scene, "sha256": sha256}) if scene else "not stated"),
         ("Scene parameters", ", ".join(f"{k} = {v}" for k, v in variables.items()) or "as written"),
-        ("Camera", _camera(attribute(dataset, "camera"), varied=len(focal) > 1)),
+        ("Camera", page.camera_text(attribute(dataset, "camera"), varied=len(focal) > 1)),
         ("Poses", _orbit(summary)),
         *((f"Varied: {one.name}", ", ".join(_distinct(one.values))) for one in summary.varied),
         ("Region ranked", "whole part" if criteria.region == "part" else criteria.region),
@@ -284,21 +284,6 @@ def _field(dataset: xr.Dataset) -> str:
 
 def _distinct(values: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(values))
-
-
-def _camera(camera: JsonObject, *, varied: bool) -> str:
-    if not camera:
-        return "not stated"
-    focal = camera.get("focal_length_mm")
-    lens = "" if focal is None or varied else f"focal length {focal:g} mm, "
-    near, far = camera["focus_mm"]
-    depth = f"{near:g} mm to {'infinity' if far is None else f'{far:g} mm'}"
-    distorted = ", lens distortion" if camera.get("distortion") else ""
-    (width, height), (columns, rows) = camera["sensor_mm"], camera["resolution"]
-    return (
-        f"{camera['projection']}, {lens}sensor {width:g} \N{MULTIPLICATION SIGN} {height:g} mm, "
-        f"{columns} \N{MULTIPLICATION SIGN} {rows} pixels, in focus from {depth}{distorted}"
-    )
 
 
 def _orbit(summary: SweepSummary) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 from iriftrace.core.errors import InputError
@@ -11,7 +12,16 @@ from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.features.fitted import cone_place
 from iriftrace.features.quantity import Quantity, SizeAtReference
 from iriftrace.field.source import stated_source, synthetic_mark
-from iriftrace.figures.page import file_text, in_page, name_of, origin_text, value_text, write_page
+from iriftrace.figures.page import (
+    Rows,
+    camera_text,
+    file_text,
+    in_page,
+    name_of,
+    origin_text,
+    value_text,
+    write_page,
+)
 from iriftrace.triangulation.statistics import RegionValues
 
 SCHEMAS = {"iriftrace.scan/1": "cold", "iriftrace.correction/1": "corrected"}
@@ -70,9 +80,10 @@ def scan_report(values: JsonObject) -> dict[str, object]:
         points=tuple((key.replace("_", " "), f"{count:,}") for key, count in counts.items()),
         setting=(
             ("Part", file_text(values["part"])),
-            ("Field", file_text(values["field"] or {})),
+            *_fields(values),
             ("Scene", file_text(values["scene"])),
             ("Sensor", values["system"]),
+            *_devices(values),
             ("Mitsuba variant", str(values["variant"])),
         ),
         assumptions=tuple(
@@ -150,6 +161,31 @@ def _doubtful(values: JsonObject, simulated: bool) -> list[str]:
             "No uncertainty of the correction is stated, as that of the field is not known."
         )
     return said
+
+
+def _fields(values: JsonObject) -> Rows:
+    """The field, or the members of an ensemble with their weights, the largest first."""
+    if "ensemble" not in values:
+        return (("Field", file_text(values["field"] or {})),)
+    members = sorted(values["ensemble"]["members"], key=lambda member: -member["weight"])
+    listed = "; ".join(f"{member['weight']:.3f} {member['label']}" for member in members)
+    return (("Fields by weight", listed),)
+
+
+def _devices(values: JsonObject) -> Rows:
+    """Where the devices of a simulated measurement stand, and the angle of their lines."""
+    if "devices" not in values:
+        return ()
+    both = [values["devices"][name] for name in ("camera", "second")]
+    places = [[row[3] for row in device["matrix"][:3]] for device in both]
+    texts = [
+        f"at ({', '.join(f'{x:.1f}' for x in place)}) mm; {camera_text(device)}"
+        for place, device in zip(places, both, strict=True)
+    ]
+    texts.append(f"{math.dist(*places):.1f} mm")
+    texts.append(f"{values['angle_deg']['median']:.3g}° (median of the points)")
+    names = ("Camera", "Second device", "Distance of both", "Angle of both lines of sight")
+    return tuple(zip(names, texts, strict=True))
 
 
 def _feature_note(expanded: bool) -> str:

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 from iriftrace.core.arrays import AnyArray, AnyIntArray, FloatArray, IntArray
 from iriftrace.core.files import whole_file
 from iriftrace.core.plain import JsonObject
-from iriftrace.core.units import stated_length_unit
 
 
 @frozen(eq=False)
@@ -30,7 +29,6 @@ class PlyMesh:
     vertex_columns: dict[str, AnyArray]
     face_columns: dict[str, AnyArray]
     remarks: tuple[str, ...] = ()
-    length_unit: str = ""  # that a comment states
 
 
 def read_ply(path: Path) -> PlyMesh:
@@ -40,7 +38,6 @@ def read_ply(path: Path) -> PlyMesh:
     """
     head, rows = _checked_header(path)
     header = head.decode("utf-8", "replace").splitlines()
-    remarks = [line for line in header if line.startswith(("comment ", "obj_info "))]
     # Imported when needed, because writing a mesh needs no reader.
     import trimesh
 
@@ -67,8 +64,7 @@ def read_ply(path: Path) -> PlyMesh:
         faces,
         _columns(raw, "vertex"),
         _columns(raw, "face"),
-        tuple(line for line in remarks if line.startswith("obj_info ")),
-        next(filter(None, map(stated_length_unit, remarks)), ""),
+        tuple(line for line in header if line.startswith("obj_info ")),
     )
 
 

@@ -11,11 +11,37 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.errors import InputError
-from iriftrace.core.number_table import with_exponents
-from iriftrace.core.units import length_factor, stated_length_unit
+from iriftrace.core.errors import InputError, warn
+from iriftrace.core.files import text_in
+from iriftrace.core.number_table import MISSING, with_exponents
+from iriftrace.core.units import length_factor, length_unit_of
 
 _AXES = {"x": 0, "y": 1, "z": 2}
+_OTHERS = (
+    "(?:w|world|object|part|cad|reference|nominal|board|target|workpiece|base|robot|gripper|flange"
+    "|tool|tcp)"
+)
+_CAMERA = "(?:c|cam|camera|sensor|scanner|cloud|scan|measured|actual)"
+
+
+def leads(start: str, end: str) -> re.Pattern[str]:
+    """Words by which a text states that a motion leads from one frame to another."""
+    return re.compile(
+        rf"(?<![^\W_])(?:(?<!distance )(?<!distance from ){start}(?:'s)?(?:[\s_-]*\d"
+        rf"|[\s_-]+(?:frame|coord\w*|system))*(?:[\s_-]*(?:to|->|→)[\s_-]*|2)(?:the )?{end}"
+        rf"|{start}(?:'s)? (?:pose|position) in (?:the )?{end}"
+        rf"|(?<=pose of the ){start} in (?:the )?{end}"
+        rf"|[RT]_?{end}_?{start})(?![^\W_])",
+        re.IGNORECASE,
+    )
+
+
+_LEADS = {True: leads(_OTHERS, _CAMERA), False: leads(_CAMERA, _OTHERS)}
+_VIEW = re.compile(
+    rf"(?<![a-z])(?:(?-i:c[TM][wo])|model_?view|view[ _]?matri(?:x|ces)"
+    rf"|cam(?:era)?_(?:from|T)_{_OTHERS})(?![a-z])",
+    re.IGNORECASE,
+)
 _FORMS = "'rotate x 90', 'scale 0.001', 'translate 1 2 3', 16 numbers, or a file with 16 numbers"
 
 
@@ -35,8 +61,8 @@ def parse_transform(text: str) -> FloatArray:
     numbers, unit = _numbers(text), "mm"
     # Other than the path's own method, this takes any text.
     if numbers is None and os.path.isfile(path):
-        written = path.read_text(encoding="utf-8-sig", errors="replace")
-        unit = next(filter(None, map(stated_length_unit, written.splitlines())), "mm")
+        written = text_in(path)
+        unit = length_unit_of(written.splitlines(), path.name) or "mm"
         numbers = _numbers(_bare(written))
         if numbers is None:
             raise InputError(f"{path} does not hold a transform: expected 16 numbers, row by row.")
@@ -59,6 +85,15 @@ def parse_transform(text: str) -> FloatArray:
     return checked_matrix(matrix, repr(text))
 
 
+def stated_direction(text: str, *, to_camera: bool) -> str:
+    """Words by which a text states that a motion leads to a camera, or from one; "" for none.
+
+    ``T_A_B`` leads from B to A.
+    """
+    match = _LEADS[to_camera].search(text) or (_VIEW.search(text) if to_camera else None)
+    return match[0] if match else ""
+
+
 def _refuse_distorting(matrix: FloatArray, name: str) -> None:
     """Refuse a matrix that is not a rotation times one scale; most likely it was mistyped."""
     lengths = np.linalg.svd(matrix[:3, :3], compute_uv=False)
@@ -67,6 +102,12 @@ def _refuse_distorting(matrix: FloatArray, name: str) -> None:
             f"The matrix {name!r} is not a rotation: it mirrors, shears or scales (lengths by "
             f"factors from {lengths.min():.6g} to {lengths.max():.6g}); correct it, or write steps "
             "if that is meant ('scale 1 1 -1')."
+        )
+    decades = math.log10(lengths.mean())
+    if abs(decades - round(decades)) > ROUNDING:
+        warn(
+            f"The matrix {name!r} scales lengths by {lengths.mean():.6g}, which is not a change of "
+            "mm to cm or m; if it is that of an alignment, align without scale."
         )
 
 
@@ -115,8 +156,8 @@ def checked_matrix(matrix: ArrayLike, name: str = "") -> FloatArray:
     called = f"The transform {name}".rstrip()
     if affine.shape != (4, 4):
         raise InputError(f"{called} has the shape {affine.shape}; give a 4 x 4 matrix.")
-    if not np.isfinite(affine).all():
-        raise InputError(f"{called} holds a number that is not finite; correct it.")
+    if not np.isfinite(affine).all() or (affine == MISSING).any():
+        raise InputError(f"{called} holds a number that is not finite or {MISSING:g}; correct it.")
     if not np.array_equal(affine[3], (0.0, 0.0, 0.0, 1.0)):
         raise InputError(f"{called} does not end with the row 0 0 0 1; is the matrix transposed?")
     scale = float(np.abs(affine[:3, :3]).max())

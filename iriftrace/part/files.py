@@ -13,7 +13,7 @@ from attrs import frozen
 from iriftrace.core.arrays import AnyArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of, whole_file
-from iriftrace.core.units import stated_length_unit
+from iriftrace.core.units import names_length_unit, stated_length_unit
 from iriftrace.geometry.ply import HEADER_LIMIT, PlyMesh, check_corners, read_ply, write_ply
 from iriftrace.part.growth import Growth
 from iriftrace.part.regions import Regions
@@ -24,6 +24,10 @@ _WRITTEN_PROPERTY = "region_0"
 _READ_PROPERTIES = ("region", _WRITTEN_PROPERTY)
 _DRAWING = ("drawing_1", "drawing_2", "drawing_3")
 _DECIMAL_COMMA = re.compile(rb"^\s*(?:vertex|v)\s+[-+]?\d+,\d", re.MULTILINE)
+_REQUIRED = re.compile(rb'"extensionsRequired"\s*:\s*\[([^\]]*)\]')
+_OF_SHAPES = re.compile(rb'"(?!KHR_(?:materials|texture)|EXT_texture)(\w+)"')
+"""Extensions of glTF besides those of colours."""
+
 _REGION_COMMENT = re.compile(r"comment\s+region\s+(-?\d+)\s+(.*\S)\s*")
 
 LARGEST_REGION = 2**31
@@ -43,6 +47,7 @@ class MeshFile:
     sha256: str
     growth: Growth | None = None
     drawing: FloatArray | None = None  # (n, 3), vertices of the cold part in the file's unit
+    remark: str = ""  # that names a unit of length in words that are not understood
 
 
 def load_mesh_file(path: Path) -> MeshFile:
@@ -50,18 +55,29 @@ def load_mesh_file(path: Path) -> MeshFile:
     if not path.is_file():
         raise InputError(f"there is no part file {path}; give an existing mesh.")
     suffix = path.suffix.removeprefix(".").lower()
+    with path.open("rb") as file:
+        packed = file.read(4).startswith((b"\x1f\x8b", b"BZh", b"PK\x03\x04"))
+    if packed and suffix != "3mf":
+        raise InputError(
+            f"{path} is packed (gzip, bzip2 or zip); unpack it, and give the mesh in it."
+        )
     if suffix not in trimesh.available_formats():
         install = "install lxml and networkx (pip install lxml networkx), or "
         raise InputError(
             f"{path} is of a format {suffix!r} that cannot be read; "
             f"{install if suffix == '3mf' else ''}convert it to PLY, STL, OBJ or GLB."
         )
+    required = _REQUIRED.search(path.read_bytes()) if suffix in ("glb", "gltf") else None
+    if required and (unread := _OF_SHAPES.search(required[1])):
+        raise InputError(
+            f"{path} requires the extension {unread[1].decode()} of glTF, which is not read; "
+            "export it without compression and instances."
+        )
     unit, region_columns, growth, drawing = None, [], None, None
     mesh: PlyMesh | trimesh.parent.Geometry
     try:
         if suffix == "ply":
             mesh = read_ply(path)
-            unit = mesh.length_unit or None
             growth = Growth.of_header(_header(path))
             drawing = _drawing(mesh)
             region_columns = [
@@ -70,10 +86,7 @@ def load_mesh_file(path: Path) -> MeshFile:
         else:
             # Without processing, the order of the faces is that of the file.
             mesh = trimesh.load(path, process=False)
-            if suffix in ("obj", "stl"):
-                unit = remarked_unit(path)
-            else:
-                unit = getattr(mesh, "units", None)
+            unit = getattr(mesh, "units", None)
             mesh = mesh.to_mesh() if isinstance(mesh, trimesh.Scene) else mesh
     except Exception as error:  # its readers raise any error for a damaged file
         if _DECIMAL_COMMA.search(path.read_bytes()[:4096]):
@@ -81,7 +94,9 @@ def load_mesh_file(path: Path) -> MeshFile:
                 f"{path} has decimal commas, which no mesh format knows; export it with decimal "
                 "points, or as a binary file."
             ) from error
-        raise InputError(f"{path} is damaged or no mesh ({error}); export it again.") from error
+        raise InputError(
+            f"{path} is damaged or no mesh ({error}); export it again, as triangles."
+        ) from error
     faces = np.asarray(getattr(mesh, "faces", ()), dtype=np.int64)
     if faces.size == 0:
         raise InputError(
@@ -94,19 +109,28 @@ def load_mesh_file(path: Path) -> MeshFile:
     except ValueError as error:
         raise InputError(f"{path} is damaged: {error}; export it again.") from error
     regions = _regions(path, region_columns[0], len(faces)) if region_columns else None
-    return MeshFile(vertices, faces, regions, unit, sha256_of(path), growth, drawing)
+    unit = unit or remarked_unit(path)
+    remark = "" if unit else next(filter(names_length_unit, remarks_of(path)), "").strip()
+    return MeshFile(vertices, faces, regions, unit, sha256_of(path), growth, drawing, remark)
 
 
 def remarked_unit(path: Path) -> str | None:
-    """Length unit that comments at the beginning of an OBJ file or the header of an STL state."""
-    if path.suffix.lower() == ".stl":
-        with path.open("rb") as content:
-            header = content.readline(80).decode("ascii", errors="replace")
-        return stated_length_unit(header) or None
-    with path.open(encoding="utf-8", errors="replace") as file:
-        lines = list(itertools.islice(file, 50))
-    remarks = (line for line in lines if line.startswith("#"))
-    return next(filter(None, map(stated_length_unit, remarks)), None)
+    """Length unit that the comments of a mesh file state."""
+    return next(filter(None, map(stated_length_unit, remarks_of(path))), None)
+
+
+def remarks_of(path: Path) -> list[str]:
+    """Comments at the beginning of a PLY, OBJ or OFF file, or the header of an STL."""
+    match path.suffix.lower():
+        case ".stl":
+            with path.open("rb") as content:
+                return [content.readline(80).decode("ascii", errors="replace")]
+        case ".ply":
+            return [line for line in _header(path) if line.startswith(("comment ", "obj_info "))]
+        case ".obj" | ".off":
+            with path.open(encoding="utf-8", errors="replace") as file:
+                return [line for line in itertools.islice(file, 50) if line.startswith("#")]
+    return []
 
 
 def _drawing(mesh: PlyMesh) -> FloatArray | None:

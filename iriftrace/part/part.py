@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError, warn
-from iriftrace.core.units import length_factor
+from iriftrace.core.number_table import MISSING
+from iriftrace.core.units import LENGTH_UNITS, length_factor
 from iriftrace.geometry.face_blocks import FaceBlocks, nest_faces
 from iriftrace.geometry.query import Surface
 from iriftrace.geometry.topology import weld
@@ -22,13 +23,14 @@ from iriftrace.part.growth import Growth
 from iriftrace.part.regions import Regions, find_smooth_groups, name_regions
 from iriftrace.part.soundness import (
     PLAUSIBLE_SIZE_MM,
-    SHORT_UNITS,
     check_unit,
     distinct_faces,
     is_unlikely_size,
     oriented_outward,
     signed_volume,
     stated_growth,
+    warn_of_folds,
+    warn_of_rounding,
 )
 
 FARTHEST_MM = 1e9
@@ -225,20 +227,26 @@ def read_part(
     -----
     IriftraceWarning
         The surface is not closed, was turned over, has triangles that lie on others, which are
-        removed, or its unit is doubtful.
+        removed, or on their neighbours, is far from the origin, or its unit is doubtful.
     """
     path = Path(path)
     if length_unit is not None:
         length_factor(length_unit)  # refuses an unknown unit before the file is read
+        length_unit = LENGTH_UNITS.get(length_unit.casefold(), length_unit)
     file = load_mesh_file(path)
     growth, factor = stated_growth(
         path, file.growth, expansion, reference_temperature_k, hot_temperature_k
     )
-    stated = file.unit and SHORT_UNITS.get(file.unit.removesuffix("s"), file.unit)
+    stated = file.unit and LENGTH_UNITS.get(file.unit, file.unit)
+    if file.remark and length_unit is None:
+        warn(
+            f"{path} is read in mm, but its comment {file.remark!r} names another unit of length; "
+            "if its coordinates are in that, give it with length_unit (--length-unit)."
+        )
     length_unit = length_unit or stated or "mm"
     scale = length_factor(length_unit) * factor
     vertices = file.vertices * scale
-    check_unit(path, vertices, stated or length_unit, length_unit)
+    check_unit(path, vertices[file.faces.ravel()], stated or length_unit, length_unit)
     part = part_of_mesh(
         vertices,
         file.faces,
@@ -307,6 +315,7 @@ def part_of_mesh(
     surface = Surface(points, triangles)
     if surface.areas.sum() <= 0:
         raise InputError(f"{name} has triangles but no area; export the part's surface again.")
+    warn_of_folds(name, neighbours, surface.normals, surface.areas)
     groups = find_smooth_groups(neighbours, surface.normals, region_angle_deg)
     named = regions or _named_regions(groups, surface, transform)
     part = Part(
@@ -320,7 +329,9 @@ def part_of_mesh(
         length_unit=length_unit,
         closed=not neighbours.open_edges,
     )
-    return part if transform is None else part.transformed(transform)
+    part = part if transform is None else part.transformed(transform)
+    warn_of_rounding(name, float(np.abs(part.bounds).max()))
+    return part
 
 
 def _named_regions(groups: IntArray, surface: Surface, transform: ArrayLike | None) -> Regions:
@@ -340,8 +351,10 @@ def _refuse_unusable(name: str, points: FloatArray, triangles: IntArray) -> None
             f"{name} has {len(triangles)} triangles, but at most {MOST_FACES} can be numbered "
             "in the EXR; simplify the mesh."
         )
-    if not np.isfinite(points).all():
-        raise InputError(f"{name} has vertices that are NaN or infinite; export the part again.")
+    if not np.isfinite(points).all() or (points[triangles] == MISSING).any():
+        raise InputError(
+            f"{name} has vertices that are NaN, infinite or {MISSING:g}; export the part again."
+        )
     if np.abs(points).max(initial=0.0) > FARTHEST_MM:
         raise InputError(
             f"{name} has a vertex {np.abs(points).max():.3g} mm from the origin, farther than any "

@@ -9,19 +9,28 @@ import numpy as np
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import ZERO_CELSIUS_K
-from iriftrace.geometry.topology import Neighbours, find_neighbours, open_edges, wound_alike
-from iriftrace.geometry.triangles import area_vectors
+from iriftrace.geometry.query import Surface
+from iriftrace.geometry.topology import (
+    Neighbours,
+    connected,
+    find_neighbours,
+    open_edges,
+    wound_alike,
+)
+from iriftrace.geometry.triangles import area_vectors, row_lengths
 from iriftrace.part.growth import Growth
 
 PLAUSIBLE_SIZE_MM = (1.0, 10_000.0)
 """Parts outside these sizes are rarely real; a metre read as a millimetre is common."""
 
+COARSEST_STEP_MM = 1e-3
+"""Rounding of coordinates at 16 m from the origin."""
 
-# Names in files, without the s of the plural.
-SHORT_UNITS = {
-    **{"meter": "m", "millimeter": "mm", "centimeter": "cm"},
-    **{"inche": "inch", "micron": "um"},
-}
+LEAST_BODY = 1e-6
+"""Fraction of a part's volume from which on a piece of its surface is no sliver or double sheet."""
+
+LEAST_FOLDED = 1e-4
+"""Fraction of a part's area from which on folds are more than slivers."""
 
 
 def stated_growth(
@@ -118,10 +127,69 @@ def oriented_outward(
             "unknown; rays through a hole count what they find behind it."
         )
         return faces, neighbours
-    if signed_volume(vertices - vertices.mean(axis=0), faces) < 0.0:
-        faces = faces[:, ::-1]
-        warn(f"{path} has inward-facing normals (negative volume); all triangles were turned over.")
+    inward = _faces_inward(vertices, faces, neighbours)
+    if inward.any():
+        faces = np.where(inward[:, None], faces[:, ::-1], faces)
+        has, count = ("", "all") if inward.all() else ("bodies with ", f"their {inward.sum()}")
+        warn(
+            f"{path} has {has}inward-facing normals (negative volume); {count} triangles were "
+            "turned over."
+        )
     return faces, neighbours
+
+
+def _faces_inward(vertices: FloatArray, faces: IntArray, neighbours: Neighbours) -> BoolArray:
+    """Mask (m,) of the triangles of a closed surface whose normals point into the part.
+
+    Bodies have positive volumes, their cavities negative ones. Bodies within others may be either,
+    and stay as they are if all that are in none are right.
+    """
+    normals, piece = area_vectors(vertices, faces), connected(neighbours.pairs, len(faces))
+    areas = row_lengths(normals)
+    heights = np.einsum("ij,ij->i", vertices[faces[:, 0]] - vertices.mean(axis=0), normals)
+    volumes = np.bincount(piece, heights)
+    by_area = np.argsort(areas)
+    largest = np.empty(len(volumes), dtype=np.int64)
+    largest[piece[by_area]] = by_area
+    bodies = np.abs(volumes) > LEAST_BODY * np.abs(volumes).sum()
+    if bodies.sum() == 1 or (volumes <= 0.0)[bodies].all():
+        return np.full(len(faces), heights.sum() < 0.0)
+    face, sign = largest[bodies], np.sign(volumes[bodies])
+    outward = (sign / np.sqrt(areas[face]))[:, None] * normals[face]
+    nested = Surface(vertices, faces).inside(vertices[faces[face]].mean(axis=1) + 1e-6 * outward)
+    wrong = sign == np.where(nested, 1.0, -1.0)
+    turned = np.zeros(len(volumes), dtype=bool)
+    turned[bodies] = wrong & (wrong & ~nested).any()
+    return turned[piece]
+
+
+def warn_of_folds(
+    path: str, neighbours: Neighbours, normals: FloatArray, areas: FloatArray
+) -> None:
+    """Warn of triangles that lie on their neighbours, with normals (m, 3) opposite to theirs.
+
+    So do fans of concave polygons, which then cover what is not the part's. Of areas (m,), mm^2, a
+    small fraction can be slivers.
+    """
+    first, second = neighbours.pairs.T
+    folded = np.einsum("ij,ij->i", normals[first], normals[second]) < -1.0 + 1e-6
+    covered = np.minimum(areas[first], areas[second])[folded].sum() / areas.sum()
+    if covered > LEAST_FOLDED:
+        warn(
+            f"{path} has triangles that are folded back onto their neighbours ({100 * covered:.2g} "
+            "% of its area), as concave polygons become; export it as triangles."
+        )
+
+
+def warn_of_rounding(path: str, farthest_mm: float) -> None:
+    """Warn of a part whose farthest coordinate is too large for the precision of scenes."""
+    step = float(np.spacing(np.float32(farthest_mm)))
+    if step > COARSEST_STEP_MM:
+        warn(
+            f"{path} lies {farthest_mm:.4g} mm from the origin, where single precision, in which "
+            f"scenes store it, has steps of {step:.2g} mm; export part and field nearer to it, or "
+            "move both (--part-transform and --field-transform, 'translate X Y Z')."
+        )
 
 
 def signed_volume(vertices: FloatArray, faces: IntArray) -> float:

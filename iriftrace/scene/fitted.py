@@ -28,7 +28,7 @@ from iriftrace.shells.files import TABLE as SHELLS_TABLE
 
 
 def write_fitted_scene(
-    scene: Path, members: Sequence[FieldMember], output: Path, *, of_board: bool = True
+    scene: Path, members: Sequence[FieldMember], output: Path, *, of_board: bool
 ) -> tuple[FieldMember, ...]:
     """Write the scene of fitted members, without those that have no effect.
 
@@ -96,7 +96,7 @@ def _copy_bodies(scene: Path, building: Path, of_board: bool) -> tuple[str, int]
     root = ET.parse(scene, parser=parser).getroot()
     shapes = {str(shape.get("id")): shape for shape in root.findall("shape")}
     blockers = [name for name in shapes if name.startswith("blocker_")]
-    kept = blockers if of_board and blockers else ["part", *blockers]
+    kept = blockers if of_board else ["part", *blockers]
     if kept[0] != "part":
         root.remove(shapes["part"])
     for number, name in enumerate(kept):
@@ -123,6 +123,7 @@ def _copy_member(scene: Path, number: int, building: Path, member: FieldMember) 
             **(table.get("notes") or {}),
             "member": f"{member.number}: {member.label}",
         }
-        if table.get("part"):
-            table["part"] |= {"sha256": sha256_of(building / PART_FILE), "source": PART_FILE}
+        sha256 = sha256_of(building / PART_FILE)
+        if table.get("part") and table["part"]["sha256"] != sha256:
+            table["part"] |= {"sha256": sha256, "source": PART_FILE}
         write_json(file, table)

@@ -127,7 +127,8 @@ def _load_one(path: Path, values: dict[str, str], variant: str | None, engine: s
     others = () if integrator.engine == "cells" else other_shells(file, stated)
     found = traced_air(integrator, stated, str(path), prepared.tables, others)
     return LoadedScene(
-        path=path,
+        # As it is now, wherever the working folder will be.
+        path=path.absolute(),
         part=part,
         part_to_world=file.part_to_world,
         variables=values,
@@ -156,7 +157,8 @@ def from_mitsuba(scene: mi.Scene) -> LoadedScene:
     -------
     LoadedScene
         Its part has the mesh's triangles, and regions by their form. Of its air only what bends
-        the rays is known: no wavelength, no source, and with shells no cells.
+        the rays is known: no wavelength, no source, and with shells no cells. It is the scene as
+        it is now: after a change by `mitsuba.traverse` it is refused, and made anew.
 
     Raises
     ------
@@ -167,6 +169,8 @@ def from_mitsuba(scene: mi.Scene) -> LoadedScene:
     chosen = runtime.ensure()
     import mitsuba as mi
 
+    from iriftrace.plugins.scene_state import scene_state
+
     if not isinstance(scene, mi.Scene):
         raise InputError(
             f"from_mitsuba takes a mitsuba.Scene of the variant {mi.variant()}, not a "
@@ -176,6 +180,7 @@ def from_mitsuba(scene: mi.Scene) -> LoadedScene:
     integrator = integrator_for(scene.integrator(), AUTO, name, Path(FIELD_FILE))
     sensors = _sensors(scene, name)
     started = time.perf_counter()
+    integrator.refresh(scene)
     tables = integrator.prepare(scene).tables
     found = traced_air(integrator, AirStatement(), name, tables)
     if tables.stock_shells:
@@ -191,6 +196,7 @@ def from_mitsuba(scene: mi.Scene) -> LoadedScene:
         variant=chosen,
         mitsuba_scene=scene,
         integrator=integrator,
+        state=scene_state(scene),
         **_devices(sensors),
         **found,
     )

@@ -54,7 +54,7 @@ class LoadedScene:
     Attributes
     ----------
     path : Path or None
-        The XML file; None for a scene of objects (`iriftrace.Scene`).
+        The XML file, absolute; None for a scene of objects (`iriftrace.Scene`).
     part : Part
         The measured part, mm, world.
     part_to_world : (4, 4) array
@@ -105,11 +105,12 @@ class LoadedScene:
     load_s: float
     build_s: float
     variant: str
-    mitsuba_scene: mi.Scene = field(repr=False)
+    _mitsuba_scene: mi.Scene = field(repr=False)
     integrator: Integrator = field(repr=False)
     second: Camera | None = None
     second_id: str = ""
     ensemble: LoadedEnsemble | None = field(default=None, repr=False)
+    _state: dict[str, object] | None = field(default=None, repr=False)
     _cells: Callable[[], FieldCells] | None = field(default=None, repr=False)
     _sensor: Camera = field(
         repr=False, default=Factory(lambda scene: scene.camera, takes_self=True)
@@ -127,9 +128,24 @@ class LoadedScene:
         )
 
     @property
+    def mitsuba_scene(self) -> mi.Scene:
+        """The scene in Mitsuba; InputError if `mi.traverse` has changed it since `from_mitsuba`."""
+        if self._state is not None:
+            from iriftrace.plugins.scene_state import same_state, scene_state
+
+            if not same_state(self._state, scene_state(self._mitsuba_scene)):
+                raise InputError(
+                    "The mi.Scene was changed since from_mitsuba; call from_mitsuba again."
+                )
+        return self._mitsuba_scene
+
+    @property
     def name(self) -> str:
         """Name of the scene in messages."""
-        return "the scene" if self.path is None else str(self.path)
+        if self.path is None:
+            return "the scene"
+        here = Path.cwd()
+        return str(self.path.relative_to(here) if self.path.is_relative_to(here) else self.path)
 
     @property
     def other_camera(self) -> Camera | None:

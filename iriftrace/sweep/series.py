@@ -123,7 +123,7 @@ def check_comparable(series: Sequence[Series], *, resumable: bool) -> None:
         )
     first.camera.check_movable()
     for one in series[1:]:
-        names = f"{first.scene.path} and {one.scene.path}"
+        names = f"{first.scene.name} and {one.scene.name}"
         same_place = np.array_equal(one.scene.part_to_world, first.scene.part_to_world)
         if one.scene.part.sha256 != first.scene.part.sha256 or not same_place:
             raise InputError(

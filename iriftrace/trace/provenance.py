@@ -10,6 +10,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.engines import ENGINES
 from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import JsonObject, plain
+from iriftrace.field.source import FieldSource
 from iriftrace.scene.loaded import LoadedEnsemble, LoadedScene
 
 _MOST_LISTED = 2
@@ -19,9 +20,8 @@ def provenance(scene: LoadedScene, camera: Camera) -> JsonObject:
     """Version, scene, field, part and assumptions in force, as plain JSON values."""
     part, ensemble, notes = scene.part, scene.ensemble, scene.stated.notes
     source, wavelength, written = scene.source, scene.stated.wavelength_nm, scene.stated.part
-    sources = [source] if ensemble is None else [m.source for m in ensemble.members]
     members = None if ensemble is None else [m.as_dict() for m in ensemble.members]
-    known = [one for one in sources if one]
+    known = _weighted(ensemble) if ensemble is not None else [("", source)] if source else []
     rules = {"index_rule": scene.index_rule, "normals": scene.normals}
     return {
         "version": version("iriftrace"),
@@ -53,14 +53,16 @@ def provenance(scene: LoadedScene, camera: Camera) -> JsonObject:
             **rules,
             "bending": scene.bending.text,
             **_for_studies(scene, notes),
-            "field_source": _listed(f"{one.quantity} from {one.path}" for one in known),
-            "field_origin": _listed(one.origin for one in known if one.origin),
+            "field_source": _listed(
+                f"{weight}{one.quantity} from {one.path}" for weight, one in known
+            ),
+            "field_origin": _listed(f"{weight}{one.origin}" for weight, one in known if one.origin),
             **({} if ensemble is None else {"ensemble": _meaning(ensemble)}),
             **({"field_member": notes["member"]} if ensemble is None and "member" in notes else {}),
             # As the fields state it, unless the user did.
-            "field_time": notes.get("time") or _listed(one.time for one in known if one.time),
+            "field_time": notes.get("time") or _listed(one.time for _, one in known if one.time),
             "field_symmetry": notes.get("symmetry")
-            or _listed(one.facts.symmetry for one in known if one.facts.symmetry),
+            or _listed(one.facts.symmetry for _, one in known if one.facts.symmetry),
             **({"field_fit": notes["fit"]} if "fit" in notes else {}),
             "open_boundary": "air beyond the data is not modelled",
             "camera": camera.lens,
@@ -82,12 +84,20 @@ def _for_studies(scene: LoadedScene, notes: Mapping[str, str]) -> dict[str, str]
     return stated
 
 
+def _weighted(ensemble: LoadedEnsemble) -> list[tuple[str, FieldSource]]:
+    """Fields of an ensemble with their weights as text, the largest first; "" if all are equal."""
+    rows = zip(ensemble.weights.weights.tolist(), ensemble.members, strict=True)
+    if ensemble.weights.equal:
+        return [("", member.source) for member in ensemble.members]
+    by_weight = sorted(rows, key=lambda row: -row[0])
+    return [(f"{weight:.1%} ", member.source) for weight, member in by_weight if weight > 0.0]
+
+
 def _meaning(ensemble: LoadedEnsemble) -> str:
     weights = ensemble.weights
-    equal = abs(weights.effective - len(ensemble)) < 1e-6
-    weighted = "" if equal else f" weighted like {weights.effective:.2g} equal ones"
+    weighted = "" if weights.equal else f" weighted like {weights.effective:.2g} equal ones"
     if weights.covariance is not None:
-        weighted += " by a fit to measured shifts"
+        weighted += " by a fit to a measurement"
     return (
         f"displacements are means over {len(ensemble)} fields{weighted} (bias), scatter is the "
         "standard deviation of a sample"

@@ -72,6 +72,9 @@ _DOUBTFUL = {
     CorrectionStatus.OUTSIDE_VIEW: "lie behind one of the scene's devices or beyond its lens, "
     "which cannot have measured them; check where the scene has the devices, and the frame of the "
     "cloud (--cloud-to-part).",
+    CorrectionStatus.UNCERTAIN: "have a correction less than its uncertainty and are not "
+    "corrected; features, those as measured too, rest on the other points alone. Add members "
+    "closer to the air, or find their weights with a board (iriftrace fit).",
 }
 
 _NOT_CORRECTED = {
@@ -216,8 +219,8 @@ def _near_part(measured: FloatArray, part: Part) -> tuple[BoolArray, FloatArray]
         middle = np.median(part.surface.distance(sample_of(measured, SAMPLE)))
         raise InputError(
             f"The cloud lies {middle:.3g} mm from the part (median), so it is another part's, in "
-            "another unit (--length-unit) or another frame (--cloud-to-part); give its points in "
-            "mm in the frame of the scene."
+            "another unit (--length-unit) or another frame (--cloud-to-part), or has other columns "
+            "(--columns); give its points in mm in the frame of the scene."
         )
     return near_box, to_part
 

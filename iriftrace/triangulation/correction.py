@@ -219,11 +219,11 @@ class Correction:
         return cold.of_relations(known, features, "corrected")
 
     def _with_uncertainty(self, value: Quantity) -> Quantity:
-        corrected, u = value.by_cloud["corrected"], value.u["corrected"]
-        scatter, worst = 0.0, None
-        if self.weights is not None and corrected is not None:
+        measured, corrected = value.by_cloud["measured"], value.by_cloud["corrected"]
+        scatter, worst, u = 0.0, None, value.u["corrected"]
+        if self.weights is not None and measured is not None and corrected is not None:
             members = np.array(value.by_member, dtype=np.float64)
-            scatter = float(self.weights.uncertainty(members))
+            scatter = float(self.weights.uncertainty(members - measured))
             worst = worst_member(members, corrected, self.provenance)
         air, factor = self._air_uncertainty(value.difference("measured", "corrected"), scatter)
         fit = None if u is None else COVERAGE_FACTOR * u

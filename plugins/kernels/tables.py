@@ -16,6 +16,7 @@ import numpy as np
 
 from iriftrace.core.arrays import Float32Array, FloatArray, IntArray, NumberArray
 from iriftrace.core.errors import InputError
+from iriftrace.geometry.topology import open_edges, weld
 from iriftrace.part.part import MOST_FACES
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.edges import NONE, edge_neighbours
@@ -31,6 +32,9 @@ from iriftrace.plugins.kernels.vertex_table import (
 )
 
 PART_ID = "part"
+
+LARGE_OPENING = 0.5
+"""Length of a surface's open edges over its diagonal from which it is not closed in any case."""
 
 
 def shell_indices(bsdf: dt.BSDF | None) -> tuple[float, float] | None:
@@ -52,11 +56,14 @@ def surface_index(bsdf: dt.BSDF) -> float:
 
 
 def is_closed(vertices: Float32Array, faces: NumberArray) -> bool:
-    """True if a surface has no boundary, by integrals that need no edges.
+    """True if a surface has no boundary, or a tiny one such as that of a missing triangle.
 
     On a closed surface the vector area vanishes and x, y and z give the same enclosed volume
-    (Gauss); an opening breaks one of the two unless it is tiny.
+    (Gauss); an opening breaks one of the two unless it is tiny, or has equal ones around it. The
+    edges of these are as long as the surface is large.
     """
+    if _edges_cancel(vertices, faces):
+        return True
     # Axis by axis, which takes half the time of rows of three.
     axes = np.ascontiguousarray(vertices.T, dtype=np.float64)
     corners = [axes[:, number] for number in np.ascontiguousarray(faces.T)]
@@ -68,9 +75,26 @@ def is_closed(vertices: Float32Array, faces: NumberArray) -> bool:
     total = np.sqrt((area * area).sum(axis=0)).sum()
     size = np.linalg.norm(high - low)
     volumes = (centre * area).sum(axis=1)
-    return bool(
-        np.linalg.norm(area.sum(axis=1)) < 1e-5 * total and np.ptp(volumes) < 1e-5 * total * size
-    )
+    if np.linalg.norm(area.sum(axis=1)) > 1e-5 * total or np.ptp(volumes) > 1e-5 * total * size:
+        return False
+    start, end = vertices[open_edges(weld(vertices)[faces])].swapaxes(0, 1)
+    return bool(np.linalg.norm(end - start, axis=1).sum() < LARGE_OPENING * size)
+
+
+def _edges_cancel(vertices: Float32Array, faces: NumberArray) -> bool:
+    """True if each edge is passed as often forwards as backwards.
+
+    Then a sum over the sides of all triangles vanishes whose terms change their sign with the
+    direction. These are products of random numbers that belong to places, modulo 2**64.
+    """
+    # Adding zero makes -0 and 0 the same bits.
+    bits = (np.ascontiguousarray(vertices, dtype=np.float32) + np.float32(0)).view(np.uint32)
+    factors = np.random.default_rng(1).integers(2**63, size=(3, 2), dtype=np.uint64) * 2 + 1
+    mixed = bits.astype(np.uint64) @ factors
+    mixed = (mixed ^ (mixed >> np.uint64(31))) * factors[0, 0]
+    one, other = (mixed ^ (mixed >> np.uint64(29))).T
+    ends = np.roll(faces, -1, axis=1)
+    return not (one[faces] * other[ends] - one[ends] * other[faces]).sum(dtype=np.uint64)
 
 
 def _runs_against_its_normals(shape: mi.Mesh) -> bool:
@@ -126,6 +150,11 @@ def _described(shape: dt.Shape, is_part: bool) -> Described:
             f"Shell '{shape.id()}' has flip_normals, which would swap inside and outside only in "
             "part; swap ext_ior and int_ior instead."
         )
+    count = shape.face_count()
+    if sides is not None and count == 0:
+        raise InputError(
+            f"Shell '{shape.id()}' has no triangles; leave it out, with the shells inside of it."
+        )
     smooth = shape.has_vertex_normals() and not shape.has_face_normals()
     if sides is not None and smooth and _runs_against_its_normals(shape):
         raise InputError(
@@ -133,7 +162,6 @@ def _described(shape: dt.Shape, is_part: bool) -> Described:
             "mirroring to_world, so outside and inside would be swapped; mirror the mesh itself "
             "instead."
         )
-    count = shape.face_count()
     if sides is None:
         return Described(shape, PART, (1.0, 1.0), 1.0, smooth, False, count)
     derived = smooth and has_derivatives(shape)

@@ -278,6 +278,10 @@ class TetrahedralAir:
             self._boundary = scene, scene_beside(scene, [self._boundary_mesh])
         return self._boundary[1]
 
+    def forget_scene(self) -> None:
+        """Let go of the scene of `boundary_beside`."""
+        self._boundary = None
+
     def is_hot(self, point: FloatArray, scene: mi.Scene) -> bool:
         """True if a point (3,), mm, world, lies in the data where the air is not ambient."""
         nearest = self._tree.query(point)[1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import drjit as dr
@@ -9,11 +10,20 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from iriftrace.core.arrays import AnyArray, FloatArray, as_float64
+from iriftrace.core.arrays import AnyArray, FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.snell import Triangle
 from iriftrace.shells.hessian import HESSIAN_AXES, PLY_COLUMNS
+
+EDGES = 1000
+"""Edges of each shell on which its derivatives are checked."""
+
+FLAT = 1e-5
+"""Relative change of the gradient along an edge below which both may be rounding."""
+
+OTHER_UNIT = 5.0
+"""Factor between what gradient and second derivatives say that only another unit makes."""
 
 
 def has_derivatives(shape: mi.Mesh) -> bool:
@@ -67,6 +77,36 @@ def shell_derivatives(
     return found, step * np.hstack((length, hessian))
 
 
+def check_lengths(shells: Sequence[tuple[FloatArray, IntArray, FloatArray]]) -> None:
+    """Refuse derivatives of the index whose mm are not those of the shells, with an InputError.
+
+    Each shell has vertices (n, 3), mm, triangles (m, 3) and derivatives as `shell_derivatives`
+    gives them, of unit normals. Along an edge the gradient changes by the Hessian times the edge;
+    on flow meshes the median over all shells is off by half at most.
+    """
+    ratios = []
+    for vertices, faces, rows in shells:
+        start, end = faces[:: 1 + len(faces) // EDGES, :2].T
+        gradient = rows[:, :3] * rows[:, 3:4]
+        hessian = _full(rows[:, 4:])
+        means = (hessian[start] + hessian[end]) / 2.0
+        said = np.linalg.norm(
+            np.einsum("nij,nj->ni", means, vertices[end] - vertices[start]), axis=1
+        )
+        came = np.linalg.norm(gradient[end] - gradient[start], axis=1)
+        curved = (came > 0.0) & (said > FLAT * rows[start, 3])
+        ratios.append(came[curved] / said[curved])
+    every = np.concatenate(ratios) if ratios else np.zeros(0)
+    ratio = float(np.median(every)) if len(every) else 1.0
+    if not 1.0 / OTHER_UNIT < ratio < OTHER_UNIT:
+        raise InputError(
+            f"Along the edges of the shells the gradient of the index changes {ratio:.3g} times as "
+            "much as its second derivatives say, as after a to_world or a unit that makes all "
+            f"lengths {1.0 / ratio:.3g} times as large: divide vertex_gradient (1/mm) by this "
+            "factor and vertex_hessian_xx ... (1/mm^2) by its square."
+        )
+
+
 def _rotation(before: FloatArray, after: NDArray[np.floating]) -> FloatArray:
     """Rotation (3, 3) that takes vectors into unit vectors, in least squares (Kabsch 1976).
 
@@ -79,11 +119,16 @@ def _rotation(before: FloatArray, after: NDArray[np.floating]) -> FloatArray:
 
 def _rotated(hessian: FloatArray, rotation: FloatArray) -> FloatArray:
     """Hessians, (n, 6) in the file's order, after a rotation."""
+    full = rotation @ _full(hessian) @ rotation.T
+    return np.stack([full[:, i, j] for i, j in HESSIAN_AXES.values()], axis=1)
+
+
+def _full(hessian: FloatArray) -> FloatArray:
+    """Hessians (n, 3, 3) of their six components (n, 6), in the file's order."""
     full = np.empty((len(hessian), 3, 3))
     for column, (i, j) in enumerate(HESSIAN_AXES.values()):
         full[:, i, j] = full[:, j, i] = hessian[:, column]
-    full = rotation @ full @ rotation.T
-    return np.stack([full[:, i, j] for i, j in HESSIAN_AXES.values()], axis=1)
+    return full
 
 
 BYTES = 128
@@ -134,7 +179,7 @@ class VertexTable:
         rows = aligned_zeros(4 * per_vertex * vertices, np.float32)
         corners = aligned_zeros(4 * self.face_count, np.uint32)
         rest, faces_left = rows.reshape(-1, 4 * per_vertex), corners.reshape(-1, 4)
-        first_vertex = 0
+        first_vertex, derived = 0, []
         for mesh in meshes:
             shape, count = mesh.shape, mesh.shape.vertex_count()
             own, rest = rest[:count], rest[count:]
@@ -147,10 +192,13 @@ class VertexTable:
                     outside, inside = mesh.sides
                     own[:, 4:7], own[:, 7:14] = shell_derivatives(shape, normals, outside - inside)
             faces = np.array(shape.faces_buffer()).reshape(-1, 3)
+            if derivatives and mesh.kind == SHELL:
+                derived.append((own[:, :3], faces, own[:, 4:14]))
             # The first of a corner's rows.
             faces_left[: mesh.face_count, :3] = per_vertex * (faces + first_vertex)
             faces_left = faces_left[mesh.face_count :]
             first_vertex += count
+        check_lengths(derived)
         self._rows = mi.Float(rows)
         self._corners = mi.UInt32(corners)
 

@@ -97,6 +97,7 @@ def plain(**changes: Any) -> str:
         ({"K": np.transpose(MATRIX).tolist()}, r"column by column \(transposed\)"),
         ({"K": [[16, 0, 2.2], [0, 16, 1.8], [0, 0, 1]]}, "16 px for pictures 1280 px wide"),
         ({"K": [[2.8, 0, 0.5], [0, 3.5, 0.5], [0, 0, 1]]}, "2.8 px for pictures 1280 px wide"),
+        ({"width": 9, "height": 6}, "3653 px for pictures 9 px wide"),  # corners of a board
         ({"K": [[3653, 0, 9.5], [0, 3657, -7], [0, 0, 1]]}, "counted from their middle"),
         ({"width": 1024, "height": 1280}, "is the middle of pictures 1280 px wide"),
     ],

@@ -23,13 +23,14 @@ SCENE = SimpleNamespace(
         sensor_mm=(6.7, 5.6),
         focal_length_mm=10.0,
         focal_px=(3650.0, 3650.0),
+        focus_mm=(50.0, 400.0),
     ),
 )
 
 
-def in_metres(matrices):
+def in_metres(matrices, unit_mm=1000.0):
     scaled = matrices.copy()
-    scaled[:, :3, 3] /= 1000.0
+    scaled[:, :3, 3] /= unit_mm
     return scaled
 
 
@@ -38,6 +39,11 @@ def in_metres(matrices):
     [
         json.dumps({"matrices": MATRICES.tolist(), "type": "world_to_camera"}),
         json.dumps({"w2c": MATRICES.tolist()}),
+        json.dumps({"cam_from_world": MATRICES.tolist()}),
+        *(
+            f"# {said}\n" + "\n".join(" ".join(map(str, m.ravel())) for m in MATRICES)
+            for said in ("T_cw", "cMo", "cam_T_object", "board2cam", "view matrix", "view_matrices")
+        ),
         "# world -> camera\n" + "\n".join(" ".join(map(str, m.ravel())) for m in MATRICES),
     ],
 )
@@ -62,10 +68,64 @@ def test_units_of_other_names_are_read(tmp_path, name):
         read_poses(path)
 
 
+@pytest.mark.parametrize(
+    ("name", "stated", "options"),
+    [
+        ("convention", "OpenGL", {"convention": "opengl"}),
+        ("length_unit", "Meter", {"length_unit": "m"}),
+        ("unit", " MM", {}),
+    ],
+)
+def test_what_a_file_states_may_be_in_capitals(tmp_path, name, stated, options):
+    path = tmp_path / "poses.json"
+    path.write_text(json.dumps({"matrices": MATRICES.tolist(), name: stated}))
+    assert len(read_poses(path, **options)) == len(MATRICES)
+    path = tmp_path / "poses.csv"
+    path.write_text(f"x,y,z,qx,qy,qz,qw,{name}\n1,2,3,0,0,0,1,{stated}\n")
+    assert len(read_poses(path, **options)) == 1
+
+
+@pytest.mark.parametrize("remark", ["scale 1000", "left-handed", "axes: x right, y up", "in cm"])
+def test_remarks_of_a_table_about_the_frame_are_warned_of(tmp_path, remark):
+    path = tmp_path / "poses.csv"
+    path.write_text(f"# {remark}\nx,y,z,qx,qy,qz,qw\n1,2,3,0,0,0,1\n")
+    with pytest.warns(IriftraceWarning, match=rf"entries that are not read \({remark}\)"):
+        read_poses(path)
+
+
+def test_a_remark_states_the_convention(tmp_path):
+    path = tmp_path / "poses.csv"
+    path.write_text("# convention: OpenGL\nx,y,z,qx,qy,qz,qw\n1,2,3,0,0,0,1\n")
+    with pytest.raises(InputError, match="states convention 'opengl'"):
+        read_poses(path)
+    assert len(read_poses(path, "opengl")) == 1
+
+
+@pytest.mark.parametrize("name", ["roll", "up_x", "roll [deg]"])
+def test_cameras_with_a_target_have_no_roll(tmp_path, name):
+    path = tmp_path / "poses.csv"
+    path.write_text(f"x,y,z,target_x,target_y,target_z,{name}\n100,0,0,0,0,0,10\n")
+    with pytest.raises(InputError, match=r"states no roll, but has the columns (roll|up)"):
+        read_poses(path)
+
+
+@pytest.mark.parametrize("mark", [";", "\t"])
+def test_decimal_commas_next_to_points_are_refused(tmp_path, mark):
+    path = tmp_path / "poses.csv"
+    rows = ["x;y;z;target_x;target_y;target_z", "1.234;12,5;3;0;0;0", "1,5;12,5;3;0;0;0"]
+    path.write_text("\n".join(rows).replace(";", mark))
+    with pytest.raises(InputError, match="has decimal commas and points"):
+        read_poses(path)
+    path.write_text("\n".join((rows[0], rows[2])).replace(";", mark))
+    assert_allclose(read_poses(path).origins, [(1.5, 12.5, 3.0)])
+
+
 def test_unread_entries_about_the_frame_are_warned_of(tmp_path):
     path = tmp_path / "poses.json"
     path.write_text(json.dumps({"matrices": MATRICES.tolist(), "coordinate_system": "opengl"}))
-    with pytest.warns(IriftraceWarning, match=r"entries that are not read \(coordinate_system\)"):
+    with pytest.warns(
+        IriftraceWarning, match=r"entries that are not read \(coordinate_system: opengl\)"
+    ):
         read_poses(path)
 
 
@@ -88,7 +148,15 @@ def test_the_last_row_may_be_missing(tmp_path, name):
         (np.linalg.inv(MATRICES), r"with the inverse matrices \(from"),
         (to_convention(MATRICES, "opengl"), r"with --convention opengl\."),
         (to_convention(MATRICES, "ros"), r"with --convention ros\."),
-        (in_metres(MATRICES), r"with --length-unit m\."),
+        (
+            in_metres(MATRICES),
+            r"with --length-unit m\..* is 0.2\d\d mm .* and 2\d\d mm then; the focus is 50 to",
+        ),
+        (
+            in_metres(MATRICES, 10.0),
+            r"with --length-unit cm\..* is 2\d.\d mm .* and 2\d\d mm then; the focus is 50 to",
+        ),
+        (in_metres(MATRICES, 25.4), r"with --length-unit cm\..* and 1\d\d mm then"),
         (in_metres(np.linalg.inv(MATRICES)), "with --length-unit m and the inverse matrices"),
     ],
 )

@@ -199,7 +199,7 @@ def test_matrices_of_frames_that_are_wrong(tmp_path):
         read_poses(path, hand_eye=HAND_EYE)
 
 
-def test_options_of_a_sweep(tmp_path):
+def test_options_of_a_sweep(tmp_path, capsys):
     path = written(tmp_path, "X,Y,Z,A,B,C\n0.6,0,0.5,0,0,180\n")
     motion = written(tmp_path, "# unit: m\n0 -1 0 0.08\n1 0 0 0\n0 0 1 0.025\n0 0 0 1\n", "he.txt")
     base = written(tmp_path, "1 0 0 -680\n0 1 0 0\n0 0 1 0\n0 0 0 1\n", "base.txt")
@@ -208,10 +208,15 @@ def test_options_of_a_sweep(tmp_path):
     )
     part = SimpleNamespace(bounds=np.array(((-9.0,) * 3, (9.0,) * 3)), centre=np.zeros(3))
     camera = SimpleNamespace(
-        projection="perspective", sensor_mm=(6.0, 5.0), focal_length_mm=10.0, focal_px=(1e3, 1e3)
+        projection="perspective",
+        sensor_mm=(6.0, 5.0),
+        focal_length_mm=10.0,
+        focal_px=(1e3, 1e3),
+        focus_mm=(50.0, 600.0),
     )
     (poses,) = options.pose_sets(SimpleNamespace(camera=camera, part=part)).values()
     assert_allclose(poses.origins, [(0, 0, 475)], atol=1e-12)
+    assert "Poses 475 to 475 mm from the part's middle." in capsys.readouterr().out
     for name, value in (("robot", "kuka"), ("hand_eye", motion), ("base_to_part", base)):
         with pytest.raises(InputError, match=f"--{name.replace('_', '-')} .* list of poses"):
             OrbitOptions(**{name: value}).pose_sets(None)
@@ -265,6 +270,14 @@ def test_positions_in_programs(tmp_path, name):
         poses = read_poses(path, length_unit="m" if name == "ur.script" else "mm")
     expected = ((0, 1, 0, 1250.5), (1, 0, 0, -310.25), (0, 0, -1, 1480), (0, 0, 0, 1))
     assert_allclose(poses.matrices, [expected], atol=1e-7)
+
+
+def test_frames_that_a_program_names_are_said(tmp_path):
+    first = PROGRAMS["fanuc.ls"]
+    second = first[first.index("P[1]") :].replace("UF : 0", "UF : 2")
+    path = written(tmp_path, first.replace("/END\n", second), "fanuc.ls")
+    with pytest.warns(IriftraceWarning, match=r"work object; UF 0, UT 1, UF 2\).* same for all"):
+        assert len(read_poses(path)) == 2
 
 
 def test_programs_without_positions_are_named(tmp_path):

@@ -5,6 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import yaml
 from numpy.testing import assert_allclose
 
 from iriftrace.camera.stereo import read_stereo_calibration
@@ -41,6 +42,25 @@ def test_another_motion_is_refused(tmp_path: Path, changes: dict[str, np.ndarray
     path = rig.opencv(tmp_path / "a.yaml", **RECTIFIED, **changes)
     with pytest.raises(InputError, match="contradict its R1, R2, P1 and P2; export"):
         read_stereo_calibration(path)
+
+
+@pytest.mark.parametrize("within", [False, True])
+def test_another_baseline_is_refused(tmp_path: Path, within: bool) -> None:
+    """T in centimetres is 10 times shorter than the baseline; one of no unit may be in metres."""
+    length = float(np.linalg.norm(rig.TRANSLATION))
+
+    def found(**entries: float) -> float:
+        path = rig.opencv(tmp_path / "a.yaml")
+        text = yaml.safe_dump({"extrinsics": entries} if within else entries)
+        path.write_text(f"{path.read_text()}\n{text}")
+        return read_stereo_calibration(path).baseline_mm
+
+    for right in ({"baseline_mm": length}, {"baseline_m": 1e-3 * length}, {"Baseline": -length}):
+        assert found(**right) == pytest.approx(length)
+    assert found(baseline=1e-3 * 1.01 * length, rms=0.3) == pytest.approx(length)
+    for wrong in ({"baseline_mm": 10.0 * length}, {"baseline": 1.05 * length}):
+        with pytest.raises(InputError, match=rf"T is {length:.5g} mm long, but its baseline"):
+            found(**wrong)
 
 
 def test_projections_without_a_baseline_contradict_nothing(tmp_path: Path) -> None:

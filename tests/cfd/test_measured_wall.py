@@ -145,6 +145,8 @@ def test_faces_far_from_any_point_are_named(cylinder: Part) -> None:
         ("x [m],y [mm],z [m],T [K]\n0,0,0,900\n", (None, None), "several units"),
         ("x,y,z,T [K]\n0,0,0,900\n", (None, "degC"), "states that 'T' is in K"),
         ("x,y,z,T [bar]\n0,0,0,900\n", (None, None), "not a unit of temperature"),
+        ("x,y,z,T (K) @ t=0,T (K) @ t=1\n0,0,0,900,950\n", (None, None), "several columns T, as"),
+        ("x,y,z,T [K]\n0,0,0,900\n1,0,0,990\n0,0,0,950\n", (None, None), "different values at"),
     ],
 )
 def test_tables_that_cannot_be_read(

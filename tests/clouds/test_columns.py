@@ -51,6 +51,11 @@ def write(
         ("//X Y Z", [0, 1, 2], " "),
         (",x,y,z", [9, 0, 1, 2], ","),
         ("z,y,x\n", [2, 1, 0], ","),
+        ("Z: Y: X:", [2, 1, 0], " "),
+        ('"Z\n[mm]";"Y\n[mm]";"X\n[mm]"', [2, 1, 0], ";"),
+        ("\uff3a\uff08mm\uff09,\uff39\uff08\u339c\uff09,\uff38\uff08mm\uff09", [2, 1, 0], ","),
+        ("x,y,z,offset 2", [0, 1, 2, 3], ","),
+        ("Z=;Y=;X=", [2, 1, 0], ";"),
         ("Scan 12 January", [0, 1, 2], " "),
         ("# created by ATOS", [0, 1, 2], " "),
         ("measured on Tuesday by the night shift", [0, 1, 2, 3], " "),
@@ -99,6 +104,8 @@ def test_cells_may_be_quoted_or_empty_and_a_count_may_come_first(tmp_path: Path)
         "1.5 2.5 \N{MINUS SIGN}3.5\n4.5 5.5 6.5\n",
         "***End_of_Header***\t\nTime\tX\tY\tZ\tComment\n0\t1,5\t2,5\t-3,5\t\n1\t4,5\t5,5\t6,5\t\n",
         "x;y;z;\n1,5;2,5;-3,5;\n4,5;5,5;6,5;\n",
+        "x;y;z\n1,5;2,5;(3,5)\n4,5;5,5;6,5\n",
+        '"1.5","2.5","(3.5)"\n"4.5","5.5","6.5"\n',
     ],
 )
 def test_quotes_brackets_remarks_and_dates_are_no_part_of_numbers(
@@ -150,6 +157,7 @@ def test_marks_of_the_byte_order_are_no_part_of_a_name(encoding: str, tmp_path: 
         ("x,y,z,x_meas,y_meas,z_meas", 6, "x_meas, y_meas"),
         ("x,y,z,Points:0,Points:1,Points:2", 6, "Points:0"),
         ("u,v,depth,grey", 4, "u, v, depth, grey"),
+        ("Z=mm,Y=mm,X=mm", 3, "Z=mm, Y=mm"),
         ("Point ID X Y Z", 4, "Point, ID, X, Y, Z over 4 columns"),
         ("x y z", 4, "x, y, z over 4 columns"),
         ("Nominal X Nominal Y Nominal Z Actual X Actual Y Actual Z", 6, "over 6 columns"),
@@ -236,6 +244,42 @@ def test_units_that_are_not_read_are_refused(tmp_path: Path) -> None:
     cloud = write(tmp_path / "cloud.csv", "x [ft],y [ft],z [ft]", [0, 1, 2])
     with pytest.raises(InputError, match=r"are in ft, which is not read; export them in mm"):
         read_cloud(cloud)
+    cloud = write(tmp_path / "cloud.csv", "x [1/10 mm],y [1/10 mm],z [1/10 mm]", [0, 1, 2])
+    with pytest.raises(InputError, match=r"are in 1/10 mm, which is not read"):
+        read_cloud(cloud)
+
+
+@pytest.mark.parametrize("first", [np.linspace(1.7e9, 1.8e9, 20), 3.5 - 0.04 * np.arange(20)])
+def test_a_first_column_of_times_is_no_coordinate(tmp_path: Path, first: np.ndarray) -> None:
+    np.savetxt(tmp_path / "cloud.xyz", np.column_stack((first, POINTS[:, :3])), "%.17g")
+    with pytest.raises(InputError, match=r"(rise|fall) from row to row.*--columns 2,3,4, or 1,2,3"):
+        read_cloud(tmp_path / "cloud.xyz")
+    sorted_by_x = POINTS[np.argsort(POINTS[:, 0]), :3]
+    np.savetxt(tmp_path / "cloud.xyz", sorted_by_x, "%.17g")
+    np.testing.assert_array_equal(read_cloud(tmp_path / "cloud.xyz").points, sorted_by_x)
+
+
+def test_homogeneous_coordinates_are_refused(tmp_path: Path) -> None:
+    cloud = write(tmp_path / "cloud.csv", "x,y,z,W", [0, 1, 2, 3])
+    with pytest.raises(InputError, match="has a column W that is not 1, as homogeneous"):
+        read_cloud(cloud)
+    assert_allclose(read_cloud(cloud, columns=("x", "y", "z")).points, POINTS[:, :3])
+    np.savetxt(cloud, np.hstack((POINTS[:, :3], np.ones((20, 1)))), "%.17g", ",", header="x,y,z,w")
+    assert_allclose(read_cloud(cloud).points, POINTS[:, :3])
+
+
+def test_coordinates_that_count_pixels_are_warned_of(tmp_path: Path) -> None:
+    pixels = np.indices((4, 5)).reshape(2, -1).T
+    np.savetxt(tmp_path / "map.xyz", np.column_stack((pixels, POINTS[:, 2])), "%.17g")
+    with pytest.warns(
+        IriftraceWarning, match="Two of the coordinates in map.xyz are whole numbers"
+    ):
+        read_cloud(tmp_path / "map.xyz")
+    np.savetxt(tmp_path / "map.xyz", np.column_stack((pixels * (1, 0), POINTS[:, 2])), "%.17g")
+    assert len(read_cloud(tmp_path / "map.xyz").points) == 20
+    np.savetxt(tmp_path / "map.xyz", np.column_stack((pixels, POINTS[:, 2:4])), "%.17g")
+    with pytest.raises(InputError, match=r"in column 1, 2; .* \(--columns A,B,C\)"):
+        read_cloud(tmp_path / "map.xyz")
 
 
 @pytest.mark.parametrize("name", ["index", "intensity", "Deviation[mm]", "R", "Point ID"])
@@ -342,7 +386,10 @@ def test_units_and_scans_of_a_table(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "header",
-    ["range,azimuth,elevation", "r,theta,phi", "u,v,disparity", "Northing,Easting,Height"],
+    [
+        *("range,azimuth,elevation", "r,theta,phi", "u,v,disparity", "Northing,Easting,Height"),
+        *("N,E,H", "i,j,value", "East,North,Up", "Rechts [m],Hoch [m],H [m]"),
+    ],
 )
 def test_three_columns_of_other_quantities_are_no_coordinates(tmp_path: Path, header: str) -> None:
     with pytest.raises(InputError, match="do not say which three are the measured x, y and z"):
@@ -361,11 +408,48 @@ def test_pixels_before_the_coordinates_are_not_taken_for_these(tmp_path: Path) -
     assert_allclose(found.points, POINTS[:, :3])
 
 
+@pytest.mark.parametrize("text", ["1.234;12,5;3,5\n4,5;5,5;6,5\n", "1,5;2;3\n1.005;2;3\n"])
+def test_points_and_commas_in_numbers_are_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "cloud.csv").write_text(f"x;y;z\n{text}")
+    with pytest.raises(InputError, match="have points and commas, of which either may be the dec"):
+        read_cloud(tmp_path / "cloud.csv")
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("# Scale factor 0.001", "which is not applied"),
+        ("# Global shift: -500 0 0", "which is not applied"),
+        ("Unit system: MKS", "of which no unit of length is read"),
+        ("units: mm/10", "of which no unit of length is read"),
+        ("# Unité: mètre", "of which no unit of length is read"),
+        ("Nominal", "above its columns"),
+    ],
+)
+def test_remarks_that_are_not_applied_are_warned_of(tmp_path: Path, line: str, words: str) -> None:
+    rows = "\n".join(" ".join(map(repr, row)) for row in POINTS[:, :3].tolist())
+    (tmp_path / "cloud.txt").write_text(f"{line}\n{rows}", encoding="utf-8")
+    with pytest.warns(IriftraceWarning, match=f"{re.escape(line)}', {words}|{words}"):
+        read_cloud(tmp_path / "cloud.txt")
+
+
+def test_vertices_of_an_obj_are_its_points(tmp_path: Path) -> None:
+    """Those of no face too, and those of a texture's seam once."""
+    rows = [" ".join(map(repr, row)) for row in POINTS[:, :3].tolist()]
+    faces = "vt 0 0\nvt 1 1\nf 1/1 2/2 3/1\nf 1/2 3/2 2/1\n"
+    (tmp_path / "cloud.obj").write_text("\n".join([f"v {row} 1.0" for row in rows] + [faces]))
+    np.testing.assert_array_equal(read_cloud(tmp_path / "cloud.obj").points, POINTS[:, :3])
+    (tmp_path / "cloud.obj").write_text("\n".join(f"v {row} 2.0" for row in rows))
+    with pytest.raises(InputError, match="has a column w that is not 1"):
+        read_cloud(tmp_path / "cloud.obj")
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
         (",0,1,2\n0,{}\n1,{}\n2,{}\n", "counts the rows"),
         ("0,1,2\n{}\n{}\n{}\n", "numbers the columns from 0, and is left out"),
+        ("1,2,3\n{}\n{}\n{}\n", "numbers the columns from 1, and is left out"),
         ("P1,{}\nP2,{}\nP3,{}\n", "columns of words or dates, which are left out: column_1"),
         ("x,y,z\n{}\n-,-,-\n{}\n{}\n", "1 of 4 points .* are not finite"),
         ("x,y,z\n{}\n3.402823e38,0,0\n{}\n{}\n", "1 of 4 points .* are not finite"),

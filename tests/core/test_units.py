@@ -31,6 +31,8 @@ from iriftrace.core.units import counted, length_factor, parse_quantity, stated_
         ("14e-6/K", "1/kelvin", 14e-6),
         ("14e-6 K**-1", "1/kelvin", 14e-6),
         ("14 um/m/K", "1/kelvin", 14e-6),
+        ("14 um/m/C", "1/kelvin", 14e-6),
+        ("7.8e-6 in/in/F", "1/kelvin", 7.8e-6 * 1.8),
         ("1.2 kg/m^3", "g/cm^3", 1.2e-3),
     ],
 )
@@ -132,3 +134,9 @@ def test_spellings_of_units_are_known():
 
 def test_counts_agree_with_their_nouns():
     assert [counted(n, "pose") for n in (0, 1, 1224)] == ["0 poses", "1 pose", "1,224 poses"]
+
+
+def test_the_remedy_of_a_refusal_is_read():
+    with pytest.raises(InputError, match="write it like '20 /kelvin'"):
+        parse_quantity("14e-6 per K", "1/kelvin")
+    assert parse_quantity("20 /kelvin", "1/kelvin") == 20.0

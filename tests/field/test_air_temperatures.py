@@ -17,6 +17,8 @@ from iriftrace.field.air_temperatures import is_air_temperatures, read_air_tempe
         "x (m);y (m);z (m);T (K);U\n0,0015;0,002;0,003;373,15;4\n",
         "# x y z T(K) U\n1.5 2 3 373.15 4\n",
         "# thermocouples, hall 3\n# 2025-03-04\n\nx,y,z,T (degC),U\n1.5,2,3,100,4\n",
+        "# coordinates in m\nx,y,z,T (degC),U\n0.0015,0.002,0.003,100,4\n",
+        "x;y;z;T;U;\nmm;mm;mm;degC;K;\n1.5;2;3;100;4;\n# checked by hand\n;;;;;\n",
     ],
 )
 @pytest.mark.parametrize("encoding", ["utf-8", "cp1252", "utf-16"])
@@ -35,6 +37,10 @@ def test_names_and_units(tmp_path: Path, text: str, encoding: str) -> None:
     [
         ("x,y,z,T\n1,2,3,100\n", r"air of 100 K, as T is read in K.*T \(degC\)"),
         ("x,y,z,T (K),U (mK)\n1,2,3,400,4\n", "U in mK and T in K"),
+        ("x,y,z,T (degC)\n1,2,3,90\n1,2,4,9999\n", r"air of 1\.027e\+04 K.* that are open"),
+        ("x,y,z,T (degC),T (K)\n1,2,3,90,363\n", "several columns T"),
+        ("x,y,z,T (degC)\n1,2,3,90\n1,2,4,#N/A\n", "not finite"),
+        ("t,x,y,z,T (degC)\n0,1,2,3,90\n1,1,2,3,95\n", "several temperatures at one place"),
     ],
 )
 def test_other_units_are_refused(tmp_path: Path, text: str, words: str) -> None:

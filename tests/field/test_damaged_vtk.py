@@ -63,6 +63,22 @@ def test_a_reader_that_dies_is_one_sentence(
     assert read_file(tmp_path / "air.vtu").n_cells == air(30).n_cells
 
 
+@pytest.mark.parametrize("binary", [True, False], ids=["binary", "text"])
+@pytest.mark.parametrize("fraction", [0.5, 0.7, 0.9])
+def test_a_file_of_the_old_format_that_was_cut_short(
+    tmp_path: Path, binary: bool, fraction: float
+) -> None:
+    """The whole file is read before, so that its numbers are still in the memory."""
+    image, path = pv.ImageData(dimensions=(9, 9, 9)), tmp_path / "air.vtk"
+    image["T"] = np.linspace(293.0, 900.0, image.n_points)
+    image.save(path, binary=binary)
+    content = path.read_bytes()
+    assert_array_equal(read_file(path)["T"], pv.read(path)["T"])
+    path.write_bytes(content[: int(fraction * len(content))])
+    with pytest.raises(InputError, match=r"Error reading (binary|ascii) data.*complete file"):
+        read_file(path)
+
+
 @pytest.mark.parametrize("wrong", [-1, 10**6])
 def test_corners_that_do_not_exist(tmp_path: Path, wrong: int) -> None:
     """Before, they ended in an IndexError or in a crash of VTK."""

@@ -69,6 +69,7 @@ def test_a_unit_in_the_name_is_that_of_the_values(tmp_path, name, unit):
         ("Static_Temperature", "temperature"),
         ("T_mean", "temperature"),
         ("Mean of Temperature", "temperature"),
+        ("Temperature.Trnavg", "temperature"),
         ("n", "index"),
         ("index", "index"),
         ("refractive_index", "index"),
@@ -135,7 +136,13 @@ def test_arrays_that_could_all_be_meant_are_listed(tmp_path, names):
         read_field(saved(grid, tmp_path / "f.vti"))
 
 
-@pytest.mark.parametrize("name", ["T_rms", "Temperature max", "temperature_gradient", "T_old"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("T_rms", "Temperature max", "temperature_gradient", "T_old", "T_initial", "T_rel"),
+        *("Temperature.Trnmax", "Temperature above ambient", "dew point temperature"),
+    ],
+)
 def test_what_is_not_the_value_itself_must_be_given(tmp_path, name):
     grid = box(2)
     grid.point_data[name] = np.array(grid.point_data["T"])
@@ -193,3 +200,18 @@ def test_cell_data_become_means_at_points(tmp_path):
     expected = AMBIENT + np.array([0.0, 100.0 * near / (near + far), 100.0])
     place = np.searchsorted([0.0, 1.0, 4.0], field.grid.points[:, 0])
     assert_allclose(field.temperature_k, expected[place], rtol=1e-12)
+
+
+@pytest.mark.parametrize("unit", ["degC", "degF"])
+def test_zeros_for_missing_values_are_refused_and_freezing_air_is_not(tmp_path, unit):
+    grid = box(4)
+    grid.clear_data()
+    values = np.linspace(68.0, 900.0, grid.n_points)
+    values[7:16] = 0.0
+    grid.point_data[f"T [{unit}]"] = values
+    path = saved(grid, tmp_path / "f.vti")
+    with pytest.raises(InputError, match=r"exactly 0 at 9 of \d+ points and 68 or more elsewhere"):
+        read_field(path)
+    grid.point_data[f"T [{unit}]"] = np.linspace(0.0, 200.0, grid.n_points)
+    with pytest.warns(IriftraceWarning, match="coolest air"):
+        read_field(saved(grid, path))

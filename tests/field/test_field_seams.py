@@ -80,6 +80,19 @@ def test_a_grid_without_seams_is_left_as_it_is() -> None:
     assert without_seams(twins) is twins
 
 
+def test_a_ring_closes_where_the_sine_of_a_full_turn_is_not_zero() -> None:
+    angle, radius, height = np.linspace(0.0, 2.0 * np.pi, 13), [10.0, 20.0, 30.0], [0.0, 5.0]
+    angle, radius, height = np.meshgrid(angle, radius, height, indexing="ij")
+    x, y = radius * np.cos(angle), radius * np.sin(angle)
+    ring = pv.StructuredGrid(x, y, height).cast_to_unstructured_grid()
+    assert (np.ptp(y[[0, -1]], axis=0) > 0.0).all()
+    ring.point_data["T"] = 300.0 + np.asarray(ring.points)[:, 0] + 1e-13 * np.arange(ring.n_points)
+    joined = without_seams(ring)
+    assert joined.n_points == ring.n_points - 6
+    found = set(map(tuple, np.asarray(joined.points)))
+    assert found < set(map(tuple, np.asarray(ring.points))), "places as they are in the file"
+
+
 @pytest.mark.filterwarnings("ignore:The coolest air")
 def test_a_reflected_field_has_no_boundary_inside(tmp_path: Path) -> None:
     path = tmp_path / "both.vtu"
@@ -106,6 +119,36 @@ def test_cells_twice_are_refused(tmp_path: Path) -> None:
     pv.MultiBlock([whole, whole.extract_cells(range(7))]).save(blocks)
     with pytest.raises(InputError, match=r"7 cells of .*blocks.vtm lie where others"):
         read_field(blocks)
+
+
+@pytest.mark.filterwarnings("ignore:The coolest air")
+def test_blocks_that_lie_in_each_other_are_refused(tmp_path: Path) -> None:
+    """A coarse block of all the air and a fine one in it; not two next to each other."""
+    path = tmp_path / "air.vtm"
+    coarse, fine = half(), hexahedra(7, 5.0)
+    fine.point_data["T"] = np.full(fine.n_points, 300.0)
+    fine.points += np.array((25.0, 0.0, 0.0), dtype=fine.points.dtype)
+    pv.MultiBlock([coarse, fine]).save(path)
+    assert read_field(path).grid.n_cells == coarse.n_cells + fine.n_cells
+    fine.points -= np.array((15.0, 0.0, 0.0), dtype=fine.points.dtype)
+    pv.MultiBlock([coarse, fine]).save(path)
+    with pytest.raises(InputError, match="blocks that lie in each other"):
+        read_field(path)
+
+
+def test_cells_of_two_processes_without_a_mark_are_refused(tmp_path: Path) -> None:
+    """Processes that write their copies of each other's cells, too, without ``vtkGhostType``."""
+    for number, piece in enumerate((range(130), range(94, 216))):
+        half().extract_cells(piece).save(tmp_path / f"{number}.vtu")
+    path = tmp_path / "air.pvtu"
+    path.write_text(
+        '<VTKFile type="PUnstructuredGrid"><PUnstructuredGrid><PPointData>'
+        '<PDataArray type="Float64" Name="T"/></PPointData><PPoints><PDataArray type="Float64" '
+        'NumberOfComponents="3"/></PPoints><Piece Source="0.vtu"/><Piece Source="1.vtu"/>'
+        "</PUnstructuredGrid></VTKFile>"
+    )
+    with pytest.raises(InputError, match=r"36 cells of .*air.pvtu lie where others"):
+        read_field(path)
 
 
 def test_flat_twins_of_polyhedra_are_no_cells_twice(tmp_path: Path) -> None:

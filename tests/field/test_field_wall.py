@@ -70,3 +70,13 @@ def test_the_wall_of_the_bundled_field_is_the_cylinder():
     assert wall.area == pytest.approx(area, rel=0.01)
     hot = field.air.temperature(np.asarray(wall.point_data["refractivity"]))
     assert np.median(hot) == pytest.approx(1373.15, abs=1.0)
+
+
+@pytest.mark.parametrize("degrees", [5.0, 30.0, 61.0])
+def test_the_sides_of_a_sector_are_no_walls(degrees):
+    """Planes that are not sides of the bounding box enclose nothing, whatever rounding says."""
+    angle = np.radians(np.linspace(-0.5, 0.5, 2) * degrees)
+    radius, height = 10.0 + 30.0 * np.linspace(0.0, 1.0, 16) ** 2, np.linspace(-20.0, 20.0, 9)
+    angle, radius, z = np.meshgrid(angle, radius, height, indexing="ij")
+    sector = pv.StructuredGrid(radius * np.cos(angle), radius * np.sin(angle), z)
+    assert inner_wall(sector.cast_to_unstructured_grid()).n_points == 0

@@ -11,7 +11,8 @@ from attrs import evolve
 from iriftrace.air.refractivity import Air
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.index_field import IndexField
-from iriftrace.field.part_fit import Fit, fit_part_to_field
+from iriftrace.field.part_fit import Fit, fit_part_to_field, in_air
+from iriftrace.field.path_data import cells_of
 from iriftrace.field.read import read_field
 from iriftrace.field.source import FieldSource
 from iriftrace.field.volume import linear_volume
@@ -53,6 +54,15 @@ def test_matching_part_has_no_gap_and_no_warning(hot_box: IndexField) -> None:
     assert fit.gap_p95_mm == pytest.approx(0, abs=1e-4)
     assert fit.wall_temperature_k == pytest.approx(WALL_K, abs=1e-3)
     assert fit.warnings == ()
+
+
+def test_a_board_is_told_from_a_part_in_the_air(hot_box: IndexField) -> None:
+    """A plate of the same data behind the box, with and without the field's inner wall."""
+    board = box_part((0.0, 30.0, 0.0), (30.0, 2.0, 40.0))
+    cells = cells_of(hot_box)
+    for air in (cells, evolve(cells, wall=np.zeros_like(cells.wall))):
+        assert in_air(air, box_part())
+        assert not in_air(air, board)
 
 
 def test_uniformly_smaller_part_has_this_gap(hot_box: IndexField) -> None:
@@ -172,6 +182,7 @@ def test_field_without_cavity_is_usable_but_unchecked() -> None:
     assert fit.wall_temperature_k == pytest.approx(800.0, abs=1e-3)
     (message,) = fit.warnings
     assert "no cavity" in message
+    assert "outside" not in message
     with pytest.raises(InputError, match="one of them was read in the wrong unit"):
         fit_part_to_field(field, box_part(half=HALF * 1e-3))
     with pytest.raises(InputError, match="does not reach"):
@@ -189,6 +200,20 @@ def test_field_of_half_a_part_is_noticed() -> None:
     (message,) = fit_part_to_field(halved, part).warnings
     assert "mirror a field" in message
     assert 0.4 < float(message.split("%")[0]) / 100 < 0.6
+
+
+def test_field_of_a_sector_is_noticed() -> None:
+    """A twelfth of the air around a bar encloses no cavity."""
+    angle, radius = np.radians([0.0, 15.0, 30.0]), [5.0, 8.0, 12.0, 20.0, 40.0]
+    angle, radius, z = np.meshgrid(angle, radius, [-30.0, 0.0, 30.0], indexing="ij")
+    grid = linear_volume(pv.StructuredGrid(radius * np.cos(angle), radius * np.sin(angle), z))
+    values = np.full(grid.n_points, float(Air().refractivity(WALL_K)))
+    source = FieldSource("sector.vts", "0" * 64, "T", "temperature", "mm")
+    bar = trimesh.creation.cylinder(radius=5.0, height=40.0)
+    field = IndexField(grid, values, Air(), source)
+    (message,) = fit_part_to_field(field, make_part(bar.vertices, bar.faces)).warnings
+    assert "no cavity" in message
+    assert "9" in message.split("% of the part's surface lies outside of the data")[0][-2:]
 
 
 def test_a_lost_vertex_does_not_keep_the_search_busy(tmp_path: Path) -> None:

@@ -56,6 +56,21 @@ def test_files_of_a_series_without_times_are_no_single_state(tmp_path: Path) -> 
         members(tmp_path / "run.pvd")
 
 
+def test_a_time_with_fewer_files_than_others_is_refused(tmp_path: Path) -> None:
+    """Processes write a file each; a run that was stopped leaves the last time incomplete."""
+    solid().save(tmp_path / "a.vtu")
+    box = solid()
+    box.points += np.array((10.0, 0.0, 0.0), dtype=box.points.dtype)
+    box.save(tmp_path / "b.vtu")
+    files = (("0", "a"), ("0", "b"), ("1", "a"))
+    sets = "".join(f'<DataSet timestep="{time}" file="{name}.vtu"/>' for time, name in files)
+    path = tmp_path / "run.pvd"
+    path.write_text(f"<VTKFile><Collection>{sets}</Collection></VTKFile>")
+    assert read_field(path, member=0).grid.volume == pytest.approx(2000.0)
+    with pytest.raises(InputError, match=r"names 1 of 2 files at t = 1, .*--time"):
+        read_field(path, member=1)
+
+
 @pytest.mark.parametrize(
     ("when", "index"),
     [("latest", 2), ("first", 0), ("0.25", 1), ("2.5e-1", 1), (" t=10 ", 2), ("10", 2)],

@@ -60,11 +60,13 @@ def properties(case: Path, fluids: str) -> None:
     )
 
 
-@pytest.mark.parametrize("stated", [True, False])
-def test_the_air_is_read_with_the_temperature_of_the_coupled_wall(case: Path, stated: bool) -> None:
+@pytest.mark.parametrize("stated", ["fluid (air)", 'fluid 1("air")', ""])
+def test_the_air_is_read_with_the_temperature_of_the_coupled_wall(case: Path, stated: str) -> None:
     """By regionProperties, or without it by the velocity, which a solid does not have."""
     if stated:
         properties(case, "air")
+        file = case / "constant/regionProperties"
+        file.write_text(file.read_text().replace("fluid (air)", stated))
         for file in case.rglob("U"):
             file.unlink()
     assert [member.label for member in members(case)] == ["t = 1", "t = 2"]

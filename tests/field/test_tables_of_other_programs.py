@@ -1,5 +1,6 @@
 """Tables of COMSOL in other languages, with missing values, and with times in another order."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -128,3 +129,70 @@ def test_sections_with_titles_of_another_language_are_named(tmp_path: Path) -> N
     path.write_text(text.replace("% Elements (", "% Elemente ("))
     with pytest.raises(InputError, match=r"titles \(% Koordinaten, .* with COMSOL in English"):
         read_field(path)
+
+
+HEADER = "x [mm];y [mm];z [mm];T [degC]"
+
+
+def degrees(path: Path, more: str = "", edit: Callable[[list[str]], object] = list) -> Path:
+    """The box in degC between semicolons, with its rows edited and text below it."""
+    rows = np.column_stack([POINTS, KELVIN - 273.15]).tolist()
+    lines = [";".join(f"{value:.9g}" for value in row) for row in rows]
+    edit(lines)
+    path.write_text("\n".join([HEADER, *lines]) + "\n" + more, encoding="utf-8")
+    return path
+
+
+def test_rows_of_empty_cells_are_none(tmp_path: Path) -> None:
+    field = read_field(degrees(tmp_path / "f.csv", ";;;\n"))
+    assert field.grid.volume == pytest.approx(1000.0)
+    assert field.temperature_k.max() == pytest.approx(KELVIN.max())
+
+
+@pytest.mark.parametrize(
+    "title", ["# x [m];y [m];z [m];T [degC]", "# y [mm];x [mm];z [mm];T [degC]", "#NV;0;0;20"]
+)
+def test_a_second_table_with_other_columns_is_refused(tmp_path: Path, title: str) -> None:
+    rows = "20;0;0;20\n30;0;0;20\n"
+    path = degrees(tmp_path / "f.csv", f"{title}\n{rows}")
+    with pytest.raises(InputError, match=f"other columns from '{title[:3]}.* one table"):
+        read_field(path)
+
+
+@pytest.mark.parametrize("title", ["# block 2 of 2", f"# {HEADER}", "# 5;0;0;1e9"])
+def test_a_remark_between_rows_is_passed_over(tmp_path: Path, title: str) -> None:
+    path = degrees(tmp_path / "f.csv", edit=lambda rows: rows.insert(9, title))
+    text = path.read_text()
+    path.write_text(text.replace(HEADER, f"# {HEADER}", 1))
+    assert read_field(path).temperature_k.max() == pytest.approx(KELVIN.max())
+
+
+@pytest.mark.parametrize("hot", ["1,050", "1.050"])
+def test_commas_and_points_in_one_table_are_refused(tmp_path: Path, hot: str) -> None:
+    def edit(rows: list[str]) -> None:
+        other = "," if "." in hot else "."
+        rows[:] = [f"{row[: row.rindex(';')]}{other}0;{hot}" for row in rows]
+
+    with pytest.raises(
+        InputError, match="points and commas, of which either may be the decimal sign"
+    ):
+        read_field(degrees(tmp_path / "f.csv", edit=edit))
+
+
+@pytest.mark.parametrize("remark", ["Coordinates are in metres.", "# coordinates in m"])
+def test_a_remark_may_state_the_unit_of_length(tmp_path: Path, remark: str) -> None:
+    path = table(tmp_path / "f.csv", [remark], KELVIN.tolist())
+    assert read_field(path).grid.volume == pytest.approx(1000.0)
+
+
+@pytest.mark.parametrize("number", ["cellnumber", "Cell ID", "nodenumber"])
+def test_values_of_cells_are_warned_of(tmp_path: Path, number: str) -> None:
+    """As Fluent numbers them, and ParaView."""
+    path = tmp_path / "f.csv"
+    rows = np.column_stack([np.arange(len(POINTS)), POINTS, KELVIN])
+    np.savetxt(path, rows, "%.9g", ",", header=f"{number},x,y,z,T (K)", comments="")
+    if number == "nodenumber":
+        read_field(path)
+    else:
+        with pytest.warns(IriftraceWarning, match="centres of cells, not those at the wall"):
+            read_field(path)

@@ -93,6 +93,16 @@ def test_cgns_has_values_at_cells_and_units(tmp_path: Path) -> None:
             read_field(other)
 
 
+@pytest.mark.parametrize("node", ["CoordinateTheta", "DataConversion_t"])
+def test_cgns_in_other_coordinates_or_scaled_is_refused(tmp_path: Path, node: str) -> None:
+    axes = ("R", "Theta", "Z") if node == "CoordinateTheta" else ("X", "Y", "Z")
+    path = cgns.write(tmp_path / "air.cgns", hot_block.air(6), axes=axes)
+    if node == "DataConversion_t":
+        cgns.scale(path, "Temperature", 2.0)
+    with pytest.raises(InputError, match="cylindrical coordinates or numbers to be scaled"):
+        read_field(path)
+
+
 @pytest.mark.filterwarnings("ignore:.*2 states")
 def test_functions_of_fenics_are_on_one_mesh(tmp_path: Path) -> None:
     """Its files have a grid for the mesh and one for each function, with the mesh in each."""

@@ -9,11 +9,14 @@ from attrs import evolve
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.figures.scan import correction_figure
-from iriftrace.figures.scan_report import write_scan_report
+from iriftrace.figures.scan_report import scan_report, write_scan_report
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import part_of_mesh
 from iriftrace.part.shapes.cylinder import cylinder
+from iriftrace.scene.load import load_scene
+from iriftrace.scenes import folder_of
 from iriftrace.triangulation.correction import Correction
+from iriftrace.triangulation.measure import measure
 from validation.oracles.html_page import read_page
 
 CAMERA = Camera(
@@ -73,3 +76,23 @@ def test_a_report_has_distances_at_the_drawings_temperature(tmp_path: Path) -> N
     assert [row[headings.index("at (°C)")] for row in rows] == ["1020"] * 3
     column = headings.index("at 20 °C (mm)")
     assert [row[column] for row in rows] == ["20.0000", "30.0000", "40.0000"]
+
+
+def test_a_report_says_where_the_devices_stand_and_how_fields_count(variant: str) -> None:
+    """By NumPy from the scene's sensors; members are listed with the largest weight first."""
+    scene = load_scene(folder_of("fringe_cylinder") / "scene.xml", {"scale": 0.05}, variant=variant)
+    scan = measure(scene)
+    values = scan.as_dict() | {"features": []}
+    setting = dict(scan_report(values)["setting"])
+    assert scene.second is not None
+    for name, device in (("Camera", scene.camera), ("Second device", scene.second)):
+        place = ", ".join(f"{x:.1f}" for x in device.origin)
+        assert setting[name].startswith(f"at ({place}) mm; pinhole, focal length")
+    base = np.linalg.norm(scene.camera.origin - scene.second.origin)
+    assert setting["Distance of both"] == f"{base:.1f} mm"
+    angle = np.degrees(np.median(scan.angle))
+    assert setting["Angle of both lines of sight"].startswith(f"{angle:.3g}°")
+    assert setting["Field"].startswith("field.vtu")
+    members = [{"weight": weight, "label": f"{weight}.vtu"} for weight in (0.06, 0.94)]
+    setting = dict(scan_report(values | {"ensemble": {"members": members}})["setting"])
+    assert setting["Fields by weight"] == "0.940 0.94.vtu; 0.060 0.06.vtu"

@@ -32,3 +32,10 @@ def test_it_is_read_back_from_the_file(tmp_path: Path) -> None:
     text = (tmp_path / "hot.ply").read_bytes()
     (tmp_path / "odd.ply").write_bytes(text.replace(b"1.4e-05 /K", b"unknown /K"))
     assert read_part(tmp_path / "odd.ply").growth is None
+
+
+def test_temperatures_without_their_unit_are_noticed() -> None:
+    """A drawing of 20 K instead of 20 degC is 0.4 % too small."""
+    for reference_k, hot_k in ((20.0, 1323.15), (293.15, 150.0)):
+        with pytest.raises(InputError, match='temperatures with their unit, "20 degC"'):
+            Growth(14e-6, reference_k, hot_k)

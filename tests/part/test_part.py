@@ -277,7 +277,7 @@ def test_gltf_is_in_metres_by_its_standard(tmp_path: Path, suffix: str) -> None:
     else:
         for name, data in trimesh.exchange.gltf.export_gltf(scene).items():
             (tmp_path / name.replace("model", "box")).write_bytes(data)
-    for unit in (None, "m"):
+    for unit in (None, "m", "Meters"):
         part = read_part(path, length_unit=unit)
         np.testing.assert_allclose(np.ptp(part.bounds, axis=0), (10, 20, 30), rtol=1e-6)
         assert part.length_unit == "m"

@@ -130,6 +130,26 @@ def test_xml_names_the_integrator_and_a_field_beside_it(xml: Path, tmp_path: Pat
     assert load_scene(copy, engine="shells").engine == "shells"
 
 
+@pytest.mark.filterwarnings("ignore::iriftrace.IriftraceWarning")
+def test_another_working_folder_later_on_changes_nothing(
+    xml: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The field of a project that happened to lie there was read, or a name without folder."""
+    monkeypatch.chdir(xml.parent)
+    loaded = load_scene(xml.name)
+    assert loaded.name == xml.name
+    integrator = mi.load_dict({"type": "gradient_path"})
+    monkeypatch.chdir(tmp_path)
+    assert integrator.air.cells is not None
+    through_cells = loaded.through_cells
+    assert through_cells is not None
+    own, asked = (
+        render_scene(scene).image for scene in (through_cells, load_scene(xml, engine="cells"))
+    )
+    np.testing.assert_array_equal(own.status, asked.status)
+    assert own.header["scene"] == asked.header["scene"]
+
+
 @pytest.mark.parametrize(
     ("normals", "gradient"), [("gradient", "recovered"), ("facet", "constant")]
 )

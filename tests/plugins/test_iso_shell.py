@@ -40,6 +40,10 @@ def test_index_on_the_surface_is_the_mean_unless_given() -> None:
 @pytest.mark.parametrize(
     ("values", "message"),
     [
+        (
+            {"ext_ior": EXT, "int_ior": INT, "iso_ior": 1.0003},
+            '"iso_ior" is 1.0003, the index on the shell, but not between',
+        ),
         ({"ext_ior": "1.0", "int_ior": 1.0}, "\"ext_ior\" is '1.0', not a number"),
         ({"ext_ior": 1.0, "int_ior": True}, '"int_ior" is True, not a number'),
         ({"ext_ior": 1.0}, '"int_ior" is missing'),

@@ -8,7 +8,9 @@ import pytest
 
 import iriftrace
 from iriftrace.cli import main
+from iriftrace.cli.fit import _print_fit
 from iriftrace.core.errors import InputError
+from iriftrace.geometry.transform import parse_transform
 from iriftrace.scene.load import load_scene
 from iriftrace.trace.rays import trace_rays
 from validation.inputs.hot_block import AMBIENT, HALF
@@ -79,7 +81,7 @@ def test_table_of_temperatures(tmp_path: Path) -> None:
     for text, words in (
         ("x,y,z\n1,2,3\n", "no column T"),
         ("x,y,z,T\n", "no rows"),
-        ("x,y,z,T (K)\n1,2,3\n", "4 columns in its header and 3"),
+        ("x,y,z,T (K)\n1,2,3\n", "names 4 columns, but its rows have 3"),
         ("x,y,z,T (K),U\n1,2,3,400,0\n", "uncertainties U of 0 K"),
     ):
         file.write_text(text)
@@ -104,16 +106,29 @@ def test_thermocouples_that_cannot_be_fitted(scene: iriftrace.Scene, tmp_path: P
 def test_command(
     scene: iriftrace.Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The scene of the part gets the same weights from its files as in memory."""
-    xml = scene.save(tmp_path / "part" / "scene.xml", scale=0.1).path
+    """The scene of the part gets the same weights from its files as in memory.
+
+    The part stays what it is, though a support blocks the view.
+    """
+    support = hot_block_part().transformed(parse_transform("translate 0 0 -60"))
+    supported = attrs.evolve(scene, blockers=(support,))
+    xml = supported.save(tmp_path / "part" / "scene.xml", scale=0.1).path
     file = write(tmp_path / "t.csv", PLACES, plume(PLACES, LEAN))
     words = ["fit", str(xml), str(file), "-o", str(tmp_path / "fitted" / "scene.xml")]
     assert main(words) == 0
-    assert "28 of 28 temperatures were used" in " ".join(capsys.readouterr().out.split())
-    fitted = load_scene(tmp_path / "fitted" / "scene.xml").ensemble
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "28 of 28 temperatures were used" in printed
+    assert "degrees of freedom" not in printed
+    assert "first blocker" not in printed
+    written = load_scene(tmp_path / "fitted" / "scene.xml")
+    np.testing.assert_allclose(written.part.bounds, scene.part.bounds, atol=1e-5)
+    assert written.stated.part.source == "block"
+    fitted = written.ensemble
     in_memory = iriftrace.fit_temperatures(scene, iriftrace.read_air_temperatures(file))
     assert fitted is not None
     assert fitted.weights.weights == pytest.approx(in_memory.weights.weights, abs=1e-6)
+    _print_fit(attrs.evolve(in_memory, residual=1.01 * in_memory.single.min()))
+    assert "by its degrees of freedom, so it can exceed" in capsys.readouterr().out
     assert main([*words, "--noise", "0.1"]) == 2
     assert "--noise is about shifts" in " ".join(capsys.readouterr().err.split())
 

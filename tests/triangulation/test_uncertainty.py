@@ -13,7 +13,7 @@ from attrs import evolve
 
 from iriftrace.air.refractivity import Air
 from iriftrace.cli import main
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.features.quantity import Quantity, WorstMember
 from iriftrace.field.source import FieldFacts, FieldKind
@@ -24,7 +24,7 @@ from iriftrace.scene.write import write_ensemble_scene
 from iriftrace.scene.xml import SceneSettings
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import slab
-from iriftrace.triangulation.correct import correct
+from iriftrace.triangulation.correct import _warn_of_doubtful, correct
 from iriftrace.triangulation.correction import CorrectionStatus, FieldState
 from iriftrace.triangulation.measure import measure
 from iriftrace.triangulation.scan import Scan, ScanStatus
@@ -101,7 +101,7 @@ def test_a_correction_is_the_mean_of_the_members(three: LoadedScene) -> None:
 
 
 def test_weights_on_disk_are_those_of_the_mean(variant: str, tmp_path: Path) -> None:
-    """Fitted weights in the scene's table: mean by NumPy, u along the normal by x C x."""
+    """Fitted weights in the scene's table: mean by NumPy, u of what air does by x C x."""
     part, stack = slab(5)
     given, folder = np.array((0.2, 0.3, 0.5)), tmp_path / "weighted"
     airs = [
@@ -112,7 +112,8 @@ def test_weights_on_disk_are_those_of_the_mean(variant: str, tmp_path: Path) -> 
     table = folder / "members" / "members.json"
     listed = json.loads(table.read_text())
     assert [row["weight"] for row in listed["members"]] == pytest.approx(given.tolist())
-    factor = np.array(((0.1, 0.0), (-0.2, 0.1), (0.1, -0.1)))
+    # Its last column scales the air as a whole.
+    factor = np.column_stack(((0.1, -0.2, 0.1), (0.0, 0.1, -0.1), 0.2 * given))
     for row, values in zip(listed["members"], (factor @ factor.T).tolist(), strict=True):
         row["covariance"] = values
     table.write_text(json.dumps(listed))
@@ -123,6 +124,8 @@ def test_weights_on_disk_are_those_of_the_mean(variant: str, tmp_path: Path) -> 
     values = scan.as_dict()
     assert values["worst_member"] == 3
     assert values["members"][0]["weight"] == pytest.approx(0.2)
+    origin = "50.0% synthetic: slab; 30.0% synthetic: slab; and 1 more"
+    assert values["assumptions"]["field_origin"] == origin
     size = scan._with_scatter(Quantity("mm", {"cold": 10.0}, {}, (9.7, 10.0, 10.2)))
     assert size.worst == WorstMember(1, 9.7)
     spread = np.sqrt(np.cov((9.7, 10.0, 10.2), aweights=given))
@@ -135,6 +138,11 @@ def test_weights_on_disk_are_those_of_the_mean(variant: str, tmp_path: Path) -> 
     expected = np.linalg.norm(along.T @ factor, axis=1)
     np.testing.assert_allclose(found.u_normal[good], expected[good], rtol=1e-9)
     assert found._coverage_factor(0.0, 1e-3) == 2
+    clouds = {"measured": 10.1, "corrected": 10.0}
+    sizes = Quantity("mm", clouds, {"corrected": 1e-3}, (9.7, 10.0, 10.2))
+    stated = evolve(found, state=FieldState())._with_uncertainty(sizes).uncertainty
+    assert stated is not None
+    assert stated.air == pytest.approx(2.0 * np.linalg.norm((-0.4, -0.1, 0.1) @ factor))
     listed["members"][1]["weight"] = -1.0
     table.write_text(json.dumps(listed))
     with pytest.raises(InputError, match="weights"):
@@ -162,6 +170,12 @@ def test_what_scatters_by_more_than_itself_is_not_taken_out(
     points = measure(three).points
     with pytest.raises(InputError, match=f"{len(points)} have a correction less.* too different"):
         correct(points, load_scene(xml, variant=variant))
+
+
+def test_many_points_that_scatter_too_much_are_warned_of() -> None:
+    status = np.repeat((CorrectionStatus.CORRECTED, CorrectionStatus.UNCERTAIN), (3, 97))
+    with pytest.warns(IriftraceWarning, match="97% of the points have a correction less than its"):
+        _warn_of_doubtful(status, None, slab(5)[0])
 
 
 def test_nothing_is_known_of_one_field_alone(three: LoadedScene) -> None:
@@ -228,7 +242,10 @@ def test_a_correction_smaller_than_the_fits_uncertainty_is_said_to_be_so(
     said = " ".join(capsys.readouterr().out.split())
     assert "points left out, farther from it than 2 robust standard deviations" in said
     assert main([*words, "--gate=none"]) == 0
-    assert "left out" not in capsys.readouterr().out
+    said = " ".join(capsys.readouterr().out.split())
+    assert "left out" not in said
+    (row,) = json.loads((tmp_path / "c.json").read_text())["features"]
+    assert f"; {row['points']} points." in said
     assert main([*words, "--gate=0.1"]) == 2
     assert "at least 1, or none for all points" in " ".join(capsys.readouterr().err.split())
 

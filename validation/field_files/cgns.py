@@ -21,12 +21,13 @@ def write(
     later: Sequence[tuple[float, np.ndarray]] = (),
     location: str = "Vertex",
     units: tuple[str, str] | None = None,
+    axes: Sequence[str] = "XYZ",
 ) -> Path:
     """Write one zone with the array T of a grid of one kind of cells, and its values later.
 
     `later` has times and values; the grid's own T is that of time 0. `location` is Vertex or
     CellCenter; values are those of points or cells. `units` are of lengths and temperatures, as
-    ("Meter", "Kelvin").
+    ("Meter", "Kelvin"). `axes` are the ends of the names of the coordinates.
     """
     states = [(0.0, np.asarray(grid["T"])), *later]
     cells = np.asarray(grid.cell_connectivity).reshape(grid.n_cells, -1) + 1
@@ -46,7 +47,7 @@ def write(
         zone = _node(base, "Zone", "Zone_t", sizes)
         _node(zone, "ZoneType", "ZoneType_t", _text("Unstructured"))
         places = _node(zone, "GridCoordinates", "GridCoordinates_t")
-        for axis, values in zip("XYZ", np.asarray(grid.points, dtype="f8").T, strict=True):
+        for axis, values in zip(axes, np.asarray(grid.points, dtype="f8").T, strict=True):
             _node(places, f"Coordinate{axis}", "DataArray_t", values)
         section = _node(zone, "Air", "Elements_t", np.array([kind, 0], "i4"))
         _node(section, "ElementRange", "IndexRange_t", np.array([1, len(cells)], "i4"))
@@ -59,6 +60,14 @@ def write(
         if later:
             _times(base, zone, [time for time, _ in states], names)
     return path
+
+
+def scale(path: Path, name: str, factor: float) -> None:
+    """Store an array of the first solution divided by a factor, by which readers multiply."""
+    with h5py.File(path, "a") as file:
+        array = file[f"Base/Zone/Solution0/{name}"]
+        array[" data"][...] /= factor
+        _node(array, "DataConversion", "DataConversion_t", np.array([factor, 0.0], "f8"))
 
 
 def _times(base: Any, zone: Any, times: list[float], names: list[str]) -> None:

@@ -14,9 +14,10 @@ from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import check_readable, sha256_of
 from iriftrace.core.units import ZERO_CELSIUS_K, length_factor
-from iriftrace.field.arrays import choose_array, finite_values, stated_unit, to_kelvin
+from iriftrace.field.arrays import choose_array, finite_values, stated_unit, to_si
 from iriftrace.field.readers.comsol import length_unit_of
 from iriftrace.field.readers.comsol_text import AXES, spreadsheet_columns, text_file
+from iriftrace.field.readers.scattered import merged
 from iriftrace.field.readers.states import Column
 from iriftrace.field.readers.vtk_process import read_file
 from iriftrace.geometry.query import Surface
@@ -126,13 +127,16 @@ def read_measured_wall(
     if not np.isfinite(points).all():
         raise InputError(f"{path} has coordinates that are not finite numbers; export them again.")
     units = stated if stated and choice.name in stated else None
-    kelvins = to_kelvin(values, choice, units, temperature_unit, str(path))
+    kelvins = to_si(values, choice, units, temperature_unit, str(path))
     if not (stated_unit(choice, units) or temperature_unit):
         warn(
             f"{path} does not state the unit of {choice.name!r}, which is read in K: "
             f"{kelvins.min() - ZERO_CELSIUS_K:.0f} to {kelvins.max() - ZERO_CELSIUS_K:.0f} degC; "
             "state it (--wall-temperature-unit K or degC)."
         )
+    if suffix in _TABLES:
+        points, means = merged(points, kelvins[:, None], path)
+        kelvins = means[:, 0]
     return MeasuredWall(str(path), sha256_of(path), points, kelvins, faces)
 
 
@@ -150,6 +154,10 @@ def _table(path: Path) -> tuple[pv.PolyData, str | None, dict[str, str]]:
             "that names them."
         )
     names = [column.name for column in columns]
+    if twice := {name for name in names if names.count(name) > 1}:
+        raise InputError(
+            f"{path} has several columns {min(twice)}, as of several times; leave the one to use."
+        )
     data = pv.PolyData(values[:, [names.index(axis) for axis in AXES]])
     for number, name in enumerate(names):
         if name not in AXES:

@@ -33,7 +33,13 @@ def read(path: Path, member: int | None) -> Contents:
     number = state_number(found, member, path)
     moment = found[number][1]
     data, _ = read_times(path, "read_cgns", "" if moment is None else repr(moment))
-    stated = {match.groups() for match in _UNITS.finditer(path.read_bytes())}
+    content = path.read_bytes()
+    if b"CoordinateTheta" in content or b"DataConversion_t" in content:
+        raise InputError(
+            f"{path} has cylindrical coordinates or numbers to be scaled (DataConversion_t), which "
+            "VTK does not read; export x, y and z in metres and temperatures in K."
+        )
+    stated = {match.groups() for match in _UNITS.finditer(content)}
     lengths = {length for length, _ in stated} - {b"Null", b"UserDefined"}
     if len(lengths) > 1 or not lengths <= set(_LENGTHS):
         raise InputError(

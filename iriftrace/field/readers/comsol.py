@@ -5,6 +5,7 @@ Times and parameter values are part of the columns' names: ``T (K) @ t=1``, ``T 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import sha256_of
 from iriftrace.core.number_table import numbers, separator_of
-from iriftrace.core.units import length_factor
+from iriftrace.core.units import LENGTH_UNITS, length_factor
 from iriftrace.field.arrays import quantity_of
 from iriftrace.field.gradient import HEXAHEDRON, TETRAHEDRON
 from iriftrace.field.readers.comsol_text import (
@@ -28,6 +29,8 @@ from iriftrace.field.readers.comsol_text import (
 )
 from iriftrace.field.readers.scattered import merged, tetrahedra_between
 from iriftrace.field.readers.states import Column, Contents, State, state_number, states_of
+
+_CELL_NUMBER = re.compile(r"cell[ _-]?(?:number|id|index)")
 
 
 @frozen(eq=False)
@@ -90,7 +93,7 @@ def length_unit_of(file: TextFile) -> str | None:
             f"{file.path} states several units of its coordinates ({', '.join(units)}), so it is "
             "not clear where its points are; correct its header."
         )
-    return units[0] if units else None
+    return LENGTH_UNITS.get(units[0].casefold(), units[0]) if units else None
 
 
 def _spreadsheet(file: TextFile) -> _Table:
@@ -99,6 +102,11 @@ def _spreadsheet(file: TextFile) -> _Table:
     data = file.numbers([row for section in file.sections for row in section.rows], "rows")
     file.check_count("nodes", len(data))
     names = [column.name.lower() for column in columns]
+    if any(map(_CELL_NUMBER.fullmatch, names)):
+        warn(
+            f"{file.path} has values at the centres of cells, not those at the wall; export the "
+            "values at nodes."
+        )
     axes = [names.index(axis) for axis in AXES]
     others = [k for k in range(len(columns)) if k not in axes]
     points, values, results = data[:, axes], data[:, others], [columns[k] for k in others]

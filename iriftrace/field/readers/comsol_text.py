@@ -47,7 +47,7 @@ _ENTRY = re.compile(
     rf"|Description|Length[ _]units?){_SET}\s*(?P<value>.*)",
     re.IGNORECASE,
 )
-_KIND = re.compile(rf"[%#]\s*(?P<word>Coordinates|Elements|Data|Grid)\b(?!{_SET})", re.IGNORECASE)
+_KIND = re.compile(r"[%#]\s*(?P<word>Coordinates|Elements|Data|Grid)\s*(?:\(|$)", re.IGNORECASE)
 _DATA_TITLE = re.compile(r"[%#]\s*Data\s*(?:\((?P<inside>.*)\))?\s*", re.IGNORECASE)
 _PADDED = re.compile(r"\s{2,}|\t")
 # An expression ends at its unit and state; names of coordinates have neither.
@@ -110,9 +110,8 @@ class TextFile:
     def length_unit(self) -> str | None:
         """Unit of the coordinates, where the header states it."""
         text = self.entries.get("length unit", "").strip("[]() ")
-        remarks = (line for line in self.sections[0].comments if line.startswith(("%", "#")))
-        text = text or next(filter(None, map(stated_length_unit, remarks)), "")
-        return {"µm": "um", "μm": "um", '"': "inch"}.get(text, text) or None
+        text = text or next(filter(None, map(stated_length_unit, self.sections[0].comments)), "")
+        return text or None
 
     def origin(self, state: str) -> str:
         """Program, model and state, as a result states its origin."""
@@ -175,7 +174,7 @@ def text_file(path: Path) -> TextFile:
     for line in filter(None, map(str.strip, without_statistics(text.splitlines(), path))):
         # The comment mark may stand in the quotation marks of the first word.
         line = with_gaps(re.sub(r'^"\s*([%#]+)\s*', r'\1 "', line))
-        if line[0] in "%#" and not line.strip('%#" ,;\t'):
+        if not line.strip('%#" ,;\t'):
             continue
         if line.startswith(("%", "#")) or (not sections and not is_numbers(line)):
             comments.append(line)
@@ -248,6 +247,13 @@ def spreadsheet_columns(file: TextFile) -> list[Column]:
             "it is not clear which is which; export it again with one delimiter and a point as "
             "decimal sign."
         )
+    for title in (title for section in file.sections[1:] for title in section.titles):
+        others = _names(_text_of(title), count, separator)
+        if len(others) == count and title not in first.titles and not is_numbers(_text_of(title)):
+            raise InputError(
+                f"{file.path} has other columns from {title!r} on; give a file with one table, or "
+                "correct that row."
+            )
     columns = []
     for column in map(column_of, names):
         if match := _COORDINATE.fullmatch(column.name):
@@ -283,7 +289,7 @@ def _names(line: str, count: int, separator: str | None) -> list[str]:
             names[-1] += f", {piece.strip()}"
         else:
             names.append(piece.strip())
-    return names
+    return names[:count] if names[count:] == [""] else names
 
 
 def section_columns(file: TextFile) -> list[Column]:

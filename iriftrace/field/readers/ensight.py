@@ -27,9 +27,9 @@ def states(path: Path) -> list[State]:
 
 def read(path: Path, member: int | None) -> Contents:
     """The parts of one state; raises InputError if the case or a file that it names is damaged."""
-    found = states(path)
-    number = state_number(found, member, path)
     times = _times(path)
+    found = states_at(times)
+    number = state_number(found, member, path)
     data = read_ensight(path, times[number] if times else "")
     return Contents(data, sha256_of(path), found, origin=found[number][0])
 

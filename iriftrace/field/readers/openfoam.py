@@ -31,7 +31,7 @@ _NO_VALUES = re.compile(r"processor.*|symmetry.*|wedge|empty|.*cyclic.*", re.IGN
 _BINARY = re.compile(rb"\bformat\s+binary")
 _DIRECTIVE = re.compile(rb"\$\w|(?:^|\s)#\s*[a-z]+")
 _DIMENSIONS = re.compile(rb"^\s*dimensions\s*\[([^\]]*)\]", re.MULTILINE)
-_FLUIDS = re.compile(r"\bfluid\s*\(([^()]*)\)")
+_FLUIDS = re.compile(r"\bfluid\s*\d*\s*\(([^()]*)\)")
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 _NEIGHBOUR = re.compile(r"\bneighbProcNo\s+(\d+)\s*;")
 _PATCH = re.compile(r"(?P<name>[^\s{}();]+)\s*\{[^{}]*?\btype\s+(?P<kind>\w+)\s*;")
@@ -135,7 +135,7 @@ def _fluid_region(case: Path) -> str:
     properties = case / "constant/regionProperties"
     if properties.is_file():
         stated = _FLUIDS.search(_COMMENT.sub("", text_in(properties)))
-        fluids = stated[1].split() if stated else []
+        fluids = stated[1].replace('"', " ").split() if stated else []
     else:
         places = [(r, p / time / r) for r in regions for p in pieces for time in _times(p, r)]
         fluids = sorted({r for r, place in places if any(place.glob(f"{VELOCITY}*"))})

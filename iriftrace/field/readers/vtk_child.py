@@ -8,8 +8,9 @@ parent as plain values and arrays.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Sequence
-from typing import Protocol, Required, TypedDict
+from typing import Any, Protocol, Required, TypedDict
 from xml.etree import ElementTree
 
 import numpy as np
@@ -35,6 +36,11 @@ _XML = {
     ".vts": "vtkXMLStructuredGridReader",
     ".vtm": "vtkXMLMultiBlockDataReader",
 }
+
+_TEXT = re.compile(rb"[^\n]*\n[^\n]*\n\s*ascii\b", re.IGNORECASE)
+_END = b"\n\nFIELD end 0\n"
+"""Empty entry behind text in VTK's old format: numbers that end before it are an error. Where the
+file ends instead, VTK leaves in the array whatever the memory held."""
 
 _LEGACY = ("Scalars", "ColorScalars", "Normals", "TCoords", "Vectors", "Fields", "Tensors")
 
@@ -94,6 +100,12 @@ def read_file(path: str, suffix: str) -> Answer:
         reader = vtkDataSetReader()
         for kind in _LEGACY:
             getattr(reader, f"ReadAll{kind}On")()
+        with open(path, "rb") as file:
+            content = file.read()
+        if _TEXT.match(content):
+            text: Any = content + _END  # VTK's types say str
+            reader.ReadFromInputStringOn()
+            reader.SetBinaryInputString(text, len(text))
     else:
         reader = getattr(vtkIOXML, _XML[suffix])()
     reader.SetFileName(path)
@@ -185,7 +197,9 @@ def _output(reader: _Reader, time: str = "") -> Described | None:
     window = vtkStringOutputWindow()
     vtkOutputWindow.SetInstance(window)
     reader.UpdateTimeStep(float(time)) if time else reader.Update()
-    _, error, text = window.GetOutput().partition("ERROR: ")
+    # Missing numbers in VTK's old format are a warning.
+    output = window.GetOutput().replace("Generic Warning: In vtkDataReader", "ERROR: ")
+    _, error, text = output.partition("ERROR: ")
     if error:
         # Without the location in VTK's source and the reader's address.
         lines = [line.partition("): ")[2] or line for line in text.splitlines()[1:]]

@@ -32,10 +32,16 @@ def read(path: Path, member: int | None) -> Contents:
     if path.suffix.lower() in SERIES:
         found = states(path)
         number = state_number(found, member, path)
-        files = list(_series(path).values())[number]
-        series = pv.MultiBlock([read_file(file) for file in files])
+        series = list(_series(path).values())
+        files = series[number]
+        if len(files) < (most := max(map(len, series))):
+            raise InputError(
+                f"{path} names {len(files)} of {most} files at {found[number][0]}, as a stopped "
+                "run leaves it; choose another time (--time)."
+            )
+        blocks = pv.MultiBlock([read_file(file) for file in files])
         origin = found[number][0] if len(found) > 1 else ""
-        return Contents(series, sha256_of(path), found, origin=origin)
+        return Contents(blocks, sha256_of(path), found, origin=origin)
     data = read_file(path)
     found = _states_in(data)
     number = state_number(found, member, path)
