@@ -11,7 +11,7 @@ import mitsuba as mi
 import numpy as np
 
 from iriftrace.camera.camera import Camera
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.image.aov_image import CHANNELS
 from iriftrace.plugins.film import camera_of
 from iriftrace.plugins.kernels import types as dt
@@ -23,7 +23,7 @@ from iriftrace.plugins.kernels.bundle import (
     trace_bundle,
 )
 from iriftrace.plugins.kernels.prepared import PreparedScene
-from iriftrace.plugins.kernels.queries import counted
+from iriftrace.plugins.kernels.queries import HIT_BLOCKER, counted, ray_query
 from iriftrace.plugins.picture import PixelRays, channel_values, sharp_rays, written
 from iriftrace.plugins.scene_state import same_state, scene_state
 from iriftrace.runtime.variant import full_precision
@@ -112,6 +112,19 @@ def integrator_class(variant: str) -> type:
             """Straight hits of a sensor's picture, for `image` and `sharp_rays`."""
             rays = PixelRays(sensor, len(self.aov_names()))
             return paired_straight_rays(self.prepare(scene), rays, len(rays), coherent=True)
+
+        def bystanders(
+            self, scene: mi.Scene, sensor: mi.Sensor, straight: StraightHits
+        ) -> IntArray:
+            """Row-major numbers of the pixels where an object without the part behind it is met."""
+            rays = PixelRays(sensor, len(self.aov_names()))
+            met = dr.compress(straight.outcome == HIT_BLOCKER)
+            if dr.width(met) == 0:
+                return np.empty(0, dtype=np.int64)
+            part = self.prepare(scene).part_alone
+            hidden = ray_query(part, *rays(met), True, mi.Bool(True)).is_valid()
+            pixels = np.array(dr.gather(mi.UInt32, rays.numbers, met), dtype=np.int64)
+            return pixels[~np.array(hidden)]
 
         def sharp_rays(
             self, sensor: mi.Sensor, straight: StraightHits, most: int

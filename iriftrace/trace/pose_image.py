@@ -90,6 +90,8 @@ def _one_field(
         tensor, report = scene.integrator.image(scene.mitsuba_scene, sensor, straight)
         # A view of Dr.Jit's memory where that is the processor's own.
         planes = tensor.numpy()
+        # Objects are in the way only where the part is behind them.
+        bystanders = scene.integrator.bystanders(scene.mitsuba_scene, sensor, report["straight"])
     seen_by, times = report["camera"], report["time_s"]
     same_film = camera is None or camera.resolution == scene.camera.resolution
     header = {
@@ -111,24 +113,11 @@ def _one_field(
         "full_resolution": list(scene.full_resolution) if same_film else None,
     }
     channels = dict(zip(scene.integrator.aov_names(), planes, strict=True))
-    image = AovImage(channels, header)
-    _let_bystanders_be(scene, image)
-    return image, report["straight"]
-
-
-def _let_bystanders_be(scene: LoadedScene, image: AovImage) -> None:
-    """Count blocked pixels as missed if the part is not behind the object in the way."""
-    channels, status = image.channels, image.channels["status.code"]
-    neither = (channels["part.face"] == 0) & (channels["path.length"] == 0)
-    rows, columns = np.nonzero((status == Status.BLOCKED) & neither)
-    if not len(rows):
-        return
-    rays = image.camera.rays(np.stack((columns, rows), axis=1))
-    with runtime.using(scene.variant):
-        hidden = scene.integrator.prepare(scene.mitsuba_scene).meets_part(*rays)
-    status = status.copy()
-    status[rows[~hidden], columns[~hidden]] = Status.MISSED
-    channels["status.code"] = status
+    if len(bystanders):
+        status = channels["status.code"] = channels["status.code"].copy()
+        bent_hits = channels["path.length"].ravel()[bystanders] > 0.0
+        status.ravel()[bystanders] = np.where(bent_hits, Status.ONLY_REFRACTED, Status.MISSED)
+    return AovImage(channels, header), report["straight"]
 
 
 class EnsembleStatistics:

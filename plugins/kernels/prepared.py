@@ -15,7 +15,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
+from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.sampling import r2_sequence
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.queries import advanced, query_step, ray_query, same_crossing, zeros
@@ -96,17 +96,9 @@ class PreparedScene:
             return "part"
         return "hot air" if np.mean(seen >> 1) > 0.5 else None
 
-    def meets_part(self, origins: FloatArray, directions: FloatArray) -> BoolArray:
-        """Mask (n,) of straight rays that would meet the part if nothing else were in their way.
-
-        Origins (n, 3), mm, and unit directions (n, 3), world, of neighbouring rays.
-        """
-        origin, direction = (mi.Point3d(*aligned_rows(rows)) for rows in (origins, directions))
-        hit = ray_query(self._part_alone, origin, mi.Vector3d(direction), True, mi.Bool(True))
-        return np.array(hit.is_valid())
-
     @cached_property
-    def _part_alone(self) -> dt.Scene:
+    def part_alone(self) -> dt.Scene:
+        """The scene without shells and without what only blocks the view."""
         part = [shape for shape in self.scene.shapes() if shape.id() == PART_ID]
         return scene_beside(self.scene, part)
 

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 import trimesh
 
+from iriftrace import from_mitsuba
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.image.aov_image import CHANNELS, Status
 from iriftrace.part.part import part_of_mesh
 from iriftrace.scenes.analytic import concentric_cylinders, slab
+from iriftrace.trace.pose_image import pose_image
 from iriftrace.trace.rays import trace_rays
 from validation.inputs.cameras import camera_at
 from validation.inputs.scene_rays import loaded
@@ -163,6 +165,21 @@ def test_only_refracted(tmp_path: Path, trace_all: bool) -> None:
         assert (np.hypot(pixels["shift.px.X"], pixels["shift.px.Y"])[ring] > 0.5).all()
     else:
         np.testing.assert_array_equal(pixels["path.crossings"][ring], 0)
+
+
+@pytest.mark.parametrize("trace_all", [False, True])
+def test_a_wall_behind_the_part_is_in_no_rays_way(tmp_path: Path, trace_all: bool) -> None:
+    """Rays that end there miss the part, or only the refracted one hits it, as without the wall."""
+    glass = nested_spheres(tmp_path, (20.0,), (1.0, 1.2), subdivisions=4)
+    wall = ply(tmp_path / "wall.ply", box((300, 1, 300), (0, 60, 0)), bsdf={"type": "diffuse"})
+    content = {"part": part(tmp_path, sphere(10.0)), **glass, "wall": wall}
+    codes = pose_image(from_mitsuba(scene(content, trace_all=trace_all))).status
+    near = impact_parameter()
+    ring = (near > 10.05) & (near < 11.9)
+    expected = Status.ONLY_REFRACTED if trace_all else Status.MISSED
+    np.testing.assert_array_equal(codes[ring], expected)
+    np.testing.assert_array_equal(codes[near > 12.1], Status.MISSED)
+    np.testing.assert_array_equal(codes[near < 9.9], Status.GOOD)
 
 
 def test_refracted_missed(tmp_path: Path) -> None:
