@@ -118,13 +118,14 @@ def integrator_class(variant: str) -> type:
         ) -> IntArray:
             """Row-major numbers of the pixels where an object without the part behind it is met."""
             rays = PixelRays(sensor, len(self.aov_names()))
-            met = dr.compress(straight.outcome == HIT_BLOCKER)
+            met: dt.UInt32 = dr.compress(straight.outcome == HIT_BLOCKER)
             if dr.width(met) == 0:
                 return np.empty(0, dtype=np.int64)
             part = self.prepare(scene).part_alone
             hidden = ray_query(part, *rays(met), True, mi.Bool(True)).is_valid()
             pixels = np.array(dr.gather(mi.UInt32, rays.numbers, met), dtype=np.int64)
-            return pixels[~np.array(hidden)]
+            found: IntArray = pixels[~np.array(hidden, dtype=bool)]
+            return found
 
         def sharp_rays(
             self, sensor: mi.Sensor, straight: StraightHits, most: int
