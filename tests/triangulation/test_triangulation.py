@@ -163,7 +163,13 @@ def test_half_the_contrast_is_half_the_error(variant: str, tmp_path: Path) -> No
     part, shells = slab(13, air=RoundAir(), size_mm=400.0)
     ambient = shells.shells[0].ext
     half = [
-        evolve(s, ext=(s.ext + ambient) / 2, int_=(s.int_ + ambient) / 2) for s in shells.shells
+        evolve(
+            s,
+            refractivity=(s.refractivity + ambient) / 2,
+            ext=(s.ext + ambient) / 2,
+            int_=(s.int_ + ambient) / 2,
+        )
+        for s in shells.shells
     ]
     found = [
         measure(loaded(tmp_path / name, part, stack, bending="shells"), above(-30), above(30))
