@@ -274,7 +274,7 @@ class Correction:
         """Corrections along the normal by region of the part."""
         good = self.status == CorrectionStatus.CORRECTED
         along = np.einsum("ij,ij->i", self.error, self.normal)
-        return region_values(part, self.face[good], along[good])
+        return region_values(part, self.face[good], along[good], self.system)
 
     def save(
         self,

@@ -227,7 +227,7 @@ class Scan:
 
     def regions(self, part: Part) -> tuple[RegionValues, ...]:
         """Errors along the normal by region of the part."""
-        return region_values(part, self.face, self.error_normal)
+        return region_values(part, self.face, self.error_normal, self.system)
 
     def save(
         self,
