@@ -35,7 +35,7 @@ def scan_figure(scan: Scan, part: Part) -> Figure:
     limit = float(np.percentile(np.abs(error), 99))
     scale = _scale(error, limit)
     _draw_part(left, part, scan.camera, scan.pixel)
-    if scan.system == "laser":
+    if scan.one_line:
         # Rows and columns of the status are those of the sheet, not of the camera.
         _draw_points(left, body, scan.pixel, scale)
     else:

@@ -60,7 +60,9 @@ def scan_report(values: JsonObject) -> dict[str, object]:
     at = "" if cold is None else f"at {cold.temperature_k - ZERO_CELSIUS_K:g} °C (mm)"
     features = [_feature(row, true, at) for row in values["features"]]
     relations = [_relation(row, true, at) for row in values.get("relations", ())]
-    line = "; those of one line of a laser lie in a plane" if values["system"] == "laser" else ""
+    measured = structured(values.get("regions", ()), tuple[RegionValues, ...])
+    one_line = any(region.measured is None for region in measured)
+    line = "; those of one line of a laser lie in a plane" if one_line else ""
     return dict(
         title=f"{what}: {name_of(values['part'])}",
         answer=tuple(_answer(values, simulated)),
@@ -72,14 +74,10 @@ def scan_report(values: JsonObject) -> dict[str, object]:
         no_feature="No region of the part has enough points that determine a plane, cylinder, cone "
         f"or sphere{line}.",
         relations=relations,
-        regions=tuple(
-            _region(region)
-            for region in structured(values.get("regions", ()), tuple[RegionValues, ...])
-            if region.points
-        ),
+        regions=tuple(_region(region) for region in measured if region.points),
         region_note="Along the part's outward normal: "
         + ("the error of the points." if simulated else "the correction of the points.")
-        + ("" if line else " Area measured: that of the triangles with a point."),
+        + ("" if one_line else " Area measured: that of the triangles with a point."),
         points=tuple((key.replace("_", " "), f"{count:,}") for key, count in counts.items()),
         setting=(
             ("Part", file_text(values["part"])),

@@ -153,9 +153,11 @@ def correct(
     larger = _larger(measured - error, loaded.part)
     _warn_of_doubtful(status, larger, loaded.part)
     provenance = provenance_of_two(traced, sensor.camera)
-    if sensor.system == "laser":
+    one_line = sensor.system == "laser"
+    if one_line:
         provenance["assumptions"]["sheet"] = "through each point, turned about the laser"
-        _warn_of_other_sheets(sensor.off_sheet(measured[status == CorrectionStatus.CORRECTED]))
+        good = status == CorrectionStatus.CORRECTED
+        one_line = not _warn_of_other_sheets(sensor.off_sheet(measured[good]))
     return Correction(
         measured=measured,
         error=error,
@@ -171,6 +173,7 @@ def correct(
         larger=larger,
         growth=loaded.part.growth,
         state=FieldState.of(loaded),
+        one_line=one_line,
     )
 
 
@@ -255,16 +258,18 @@ def _warn_of_doubtful(status: IntArray, larger: Larger | None, part: Part) -> No
     warn_of_lost_points(lost, len(status), "are not corrected")
 
 
-def _warn_of_other_sheets(off: FloatArray) -> None:
-    """Warn of distances (n,), mm, from a laser's sheet, of points of more than one line."""
+def _warn_of_other_sheets(off: FloatArray) -> bool:
+    """Warn of distances (n,), mm, from a laser's sheet, and say whether it has several lines."""
     fraction = np.mean(off > REACH_MM)
-    if fraction > MANY:
+    several = bool(fraction > MANY)
+    if several:
         warn(
             f"{fraction:.0%} of the points lie off the laser's sheet, by up to {off.max():.3g} mm; "
             "it is assumed that the sheet was turned and the laser and the camera stood still. If "
             "the sensor or the part was moved, correct each line by itself with devices where they "
             "stood then."
         )
+    return several
 
 
 def _common_status(

@@ -119,6 +119,18 @@ def test_a_laser_line_is_taken_out(lines: list[Scan], scene: LoadedScene) -> Non
     assert "turned" in found.provenance["assumptions"]["sheet"]
 
 
+def test_one_line_determines_no_surface(lines: list[Scan], scene: LoadedScene) -> None:
+    """With noise its points are not in a plane, and a cylinder of 800 m fits them."""
+    line = lines[0]
+    noise = np.random.default_rng(3).normal(0.0, 0.005, line.points.shape)
+    found = correct(line.points + noise, scene, line.camera, line.second, system="laser")
+    for cloud in (line, found):
+        with pytest.warns(IriftraceWarning, match="cylinder:lateral is left out: one line"):
+            assert cloud.features(scene.part, ["cylinder:lateral"]) == ()
+        (circle,) = cloud.features(scene.part, ["circle:lateral"])
+        assert circle.points > 50
+
+
 def test_lines_of_a_turned_sheet_are_taken_out_together(
     lines: list[Scan], scene: LoadedScene
 ) -> None:
@@ -133,6 +145,11 @@ def test_lines_of_a_turned_sheet_are_taken_out_together(
         found = correct(points, scene, lines[0].camera, lines[0].second, system="laser")
     assert (found.status == CorrectionStatus.CORRECTED).all()
     assert np.abs(found.points - true).max() < 1e-5
+    assert None not in [region.measured for region in found.regions(scene.part)]
+    (feature,) = found.features(scene.part)
+    cold = fit_feature(true, "cylinder").size_mm
+    assert abs(feature.size.by_cloud["corrected"] - cold) < 1e-4
+    assert abs(feature.size.by_cloud["measured"] - cold) > 2e-3
 
 
 def test_down_a_plume_it_goes_on_until_points_stay(variant: str) -> None:
