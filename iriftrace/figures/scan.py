@@ -115,9 +115,8 @@ def _draw_points(axes: Axes, body: SubFigure, place: FloatArray, scale: ColourSc
     """Draw means of the scale's values at places (n, 2), px, in hexagons, with a colour bar."""
     left, right, bottom, top = axes.axis()
     count = 120, max(1, round(120 / math.sqrt(3.0) * (bottom - top) / (right - left)))
-    shown = axes.hexbin(
-        *place.T, scale.values, gridsize=count, extent=(left, right, top, bottom), **scale.look
-    )
+    extent, (u, v) = (left, right, top, bottom), place.T
+    shown = axes.hexbin(u, v, scale.values, gridsize=count, extent=extent, **scale.look)
     axes.axis((left, right, bottom, top))
     bins = evolve(scale, values=np.asarray(shown.get_array()))
     bins.add_bar(body, shown, ax=axes, location="bottom")
