@@ -129,7 +129,7 @@ def write_scan(
     if figures:
         from iriftrace.figures.scan import scan_figure
 
-        files.append(drawn(lambda: scan_figure(scan), output.with_suffix(".png")))
+        files.append(drawn(lambda: scan_figure(scan, loaded.part), output.with_suffix(".png")))
     _say_errors(scan)
     say_field(scan.provenance)
     say("Files: " + ", ".join(map(str, files)))

@@ -147,12 +147,16 @@ def print_regions(rows: Sequence[RegionValues], title: str) -> None:
         assert values is not None
         assert largest is not None
         um = (f"{1e3 * value:.3g}" for value in (values["median"], values["rms"], largest))
-        cells.append((row.region, f"{row.points:,}", f"{row.measured:.0%}", *um))
-    headings = ("region", "points", "measured", "median (um)", "rms (um)", "95 % below (um)")
+        area = () if row.measured is None else (f"{row.measured:.0%}",)
+        cells.append((row.region, f"{row.points:,}", *area, *um))
+    notes = ["Measured: area of the triangles with a point, as a fraction of the region's"]
+    headings = ["region", "points", "measured", "median (um)", "rms (um)", "95 % below (um)"]
+    if len(cells[0]) < len(headings):
+        del headings[2], notes[0]
     print_table(title, headings, cells, texts=["region"])
-    note = "Measured: area of the triangles with a point, as a fraction of the region's"
     if len(seen) > MOST_LINES:
-        note += f"; {counted(len(seen) - MOST_LINES, 'more region')} in the JSON file"
+        notes.append(f"{counted(len(seen) - MOST_LINES, 'more region')} in the JSON file")
     if len(rows) > len(seen):
-        note += f"; {counted(len(rows) - len(seen), 'region')} without a measured point"
-    say(f"{note}.")
+        notes.append(f"{counted(len(rows) - len(seen), 'region')} without a measured point")
+    if notes:
+        say(f"{'; '.join(notes)}.")

@@ -14,6 +14,7 @@ from iriftrace.core.errors import InputError, warn
 from iriftrace.core.plain import JsonObject
 from iriftrace.features.choice import (
     FEWEST_MEASURED,
+    FOUND_KINDS,
     FeatureChoice,
     checked_choices,
     found_features,
@@ -134,12 +135,15 @@ def fit_features(
     choices: Sequence[str | FeatureChoice] = (),
     by_member: Iterable[FloatArray] = (),
     gate: float | None = GATE,
+    *,
+    one_line: bool = False,
 ) -> tuple[FittedFeature, ...]:
     """Fit features to the same (n, 3) points, mm, in several clouds, by name.
 
     `face` (n,) is the part's face on which each point lies, `by_member` the same points by each
     member of an ensemble. The default choice is `found_features`. Warns of points that do not fit
-    the feature or leave its diameter uncertain, and omits what they do not determine.
+    the feature or leave its diameter uncertain, and omits what they do not determine, as those of
+    `one_line` of a laser do not determine a surface.
 
     Outliers of the cloud ``"corrected"`` (else of the first), which hot air does not move, and
     points as near to other regions, by `inliers`, are removed from all. The diameters of a cone are
@@ -158,6 +162,11 @@ def fit_features(
         count = len(chosen)
         try:
             _refuse_unmeasured(choice, count, part, found)
+            if one_line and kind in FOUND_KINDS:
+                raise InputError(
+                    f"one line of a laser lies in a plane and determines no {kind}; correct the "
+                    "lines of a whole scan."
+                )
             chosen = chosen[inliers(gated[chosen], kind, gate, _beside(part, region))]
             _refuse_strip(gated[chosen], kind)
             fits = {name: fit_feature(cloud[chosen], kind) for name, cloud in clouds.items()}

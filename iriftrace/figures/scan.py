@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
 from attrs import evolve
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
@@ -20,28 +23,30 @@ from iriftrace.triangulation.correction import Correction, CorrectionStatus
 from iriftrace.triangulation.scan import Scan, ScanStatus
 
 
-def scan_figure(scan: Scan) -> Figure:
+def scan_figure(scan: Scan, part: Part) -> Figure:
     """Draw the error along the part's normal, in the camera's picture and as a histogram.
 
     Colours are symmetric about 0 up to the 99th percentile of the errors' sizes; pixels on the part
-    that were not measured are grey.
+    that were not measured are dark grey.
     """
     error = 1e3 * scan.error_normal
     title = f"What hot air adds to a {scan.system} measurement"
-    figure, body, (left, right) = _panels(
-        title, scan.provenance, f"{_spread(error)}; grey: on the part, not measured"
-    )
+    figure, body, (left, right) = _panels(title, scan.provenance, _spread(error), "measured")
     limit = float(np.percentile(np.abs(error), 99))
     scale = _scale(error, limit)
-    picture = np.full(scan.status.shape, np.nan)
-    picture[scan.status == ScanStatus.MEASURED] = error
-    lost = np.isin(scan.status, (ScanStatus.MEASURED, ScanStatus.NOT_SEEN), invert=True)
-    left.imshow(np.where(lost, 1.0, np.nan), cmap="Greys", vmin=0.0, vmax=3.0)
-    shown = left.imshow(picture, interpolation="none", **scale.look)
-    rows, columns = np.nonzero(np.isfinite(picture) | lost)
-    left.set_xlim(columns.min() - 2, columns.max() + 2)
-    left.set_ylim(rows.max() + 2, rows.min() - 2)
-    scale.add_bar(body, shown, ax=left, location="bottom")
+    _draw_part(left, part, scan.camera, scan.pixel)
+    if scan.one_line:
+        # Rows and columns of the status are those of the sheet, not of the camera.
+        _draw_points(left, body, scan.pixel, scale)
+    else:
+        picture = np.full(scan.status.shape, np.nan)
+        picture[scan.status == ScanStatus.MEASURED] = error
+        lost = np.isin(scan.status, (ScanStatus.MEASURED, ScanStatus.NOT_SEEN), invert=True)
+        limits = left.axis()
+        left.imshow(np.where(lost, 1.0, np.nan), cmap="Greys", vmin=0.0, vmax=2.0)
+        shown = left.imshow(picture, interpolation="none", **scale.look)
+        left.axis(limits)
+        scale.add_bar(body, shown, ax=left, location="bottom")
     _, _, left_over = scan.best_fit()
     errors = {"as measured": error, "after best fit": 1e3 * left_over}
     _draw_histogram(right, errors, (-1.5 * limit, 1.5 * limit), "error along the normal (µm)")
@@ -53,20 +58,18 @@ def correction_figure(found: Correction, part: Part, camera: Camera) -> Figure:
     """Draw the removed errors along the part's normal, and the deviation from the part.
 
     The errors that the corrections remove are drawn in the camera's picture, the deviations of the
-    points as measured and corrected as histograms.
+    points as measured and corrected as histograms. Points without a correction are dark grey.
     """
     good = found.status == CorrectionStatus.CORRECTED
     normal, face = found.normal[good], found.face[good]
     along = 1e3 * np.einsum("ij,ij->i", found.error[good], normal)
     title = "What hot air added to the measured points"
-    figure, body, (left, right) = _panels(title, found.provenance, _spread(along))
+    figure, body, (left, right) = _panels(title, found.provenance, _spread(along), "corrected")
     scale = _scale(along, max(float(np.percentile(np.abs(along), 99)), 1e-6))
-    u, v = camera.project(found.measured[good]).T
-    shown = left.hexbin(u, v, along, gridsize=120, **scale.look)
-    left.set_aspect("equal")
-    left.invert_yaxis()
-    bins = evolve(scale, values=np.asarray(shown.get_array()))
-    bins.add_bar(body, shown, ax=left, location="bottom")
+    place = camera.project(found.measured)
+    _draw_part(left, part, camera, place[good])
+    left.plot(*place[~good].T, "o", markersize=0.6, color="0.5", scalex=False, scaley=False)
+    _draw_points(left, body, place[good], scale)
     deviations = {
         name: 1e3 * (np.einsum("ij,ij->i", points[good], normal) - part.face_offsets[face])
         for name, points in (("as measured", found.measured), ("corrected", found.points))
@@ -77,14 +80,46 @@ def correction_figure(found: Correction, part: Part, camera: Camera) -> Figure:
 
 
 def _panels(
-    title: str, provenance: JsonObject, subtitle: str
+    title: str, provenance: JsonObject, subtitle: str, outcome: str
 ) -> tuple[Figure, SubFigure, tuple[Axes, Axes]]:
     """A figure with room for a picture and a histogram; marked if the field is synthetic."""
+    subtitle += f"; light grey: part, dark: not {outcome}"
     mark = synthetic_mark(stated_source(provenance["field"]))
     figure, body = new_figure(8.0, 4.4, title + (f" ({mark})" if mark else ""), subtitle)
     left, right = body.subplots(1, 2, width_ratios=(3, 2))
-    left.set_axis_off()
+    left.set_xlabel("camera's picture (px)")
     return figure, body, (left, right)
+
+
+def _draw_part(axes: Axes, part: Part, camera: Camera, place: FloatArray) -> None:
+    """Fill what a camera sees of a part, which with the places (n, 2), px, limits the axes."""
+    corners = camera.project(part.vertices)[part.faces]
+    corners = corners[np.isfinite(corners).all(axis=(1, 2))]
+    # The union of triangles that are all the same way round has no seams.
+    turned = np.linalg.det(corners[:, 1:] - corners[:, :1]) < 0
+    corners[turned] = corners[turned, ::-1]
+    path = Path(
+        corners[:, (0, 1, 2, 0)].reshape(-1, 2),
+        np.tile((Path.MOVETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY), len(corners)),
+    )
+    axes.add_artist(PathPatch(path, facecolor="0.85", linewidth=0.0, zorder=-1.0))
+    seen = np.clip(corners.reshape(-1, 2), 0.0, np.array(camera.resolution) - 1.0)
+    (left, top), (right, bottom) = (
+        extreme(np.vstack((seen, place)), axis=0) for extreme in (np.min, np.max)
+    )
+    room = 0.02 * max(right - left, bottom - top)
+    axes.set(xlim=(left - room, right + room), ylim=(bottom + room, top - room), aspect="equal")
+
+
+def _draw_points(axes: Axes, body: SubFigure, place: FloatArray, scale: ColourScale) -> None:
+    """Draw means of the scale's values at places (n, 2), px, in hexagons, with a colour bar."""
+    left, right, bottom, top = axes.axis()
+    count = 120, max(1, round(120 / math.sqrt(3.0) * (bottom - top) / (right - left)))
+    extent, (u, v) = (left, right, top, bottom), place.T
+    shown = axes.hexbin(u, v, scale.values, gridsize=count, extent=extent, **scale.look)
+    axes.axis((left, right, bottom, top))
+    bins = evolve(scale, values=np.asarray(shown.get_array()))
+    bins.add_bar(body, shown, ax=axes, location="bottom")
 
 
 def _scale(um: FloatArray, limit: float) -> ColourScale:

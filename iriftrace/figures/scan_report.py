@@ -60,6 +60,9 @@ def scan_report(values: JsonObject) -> dict[str, object]:
     at = "" if cold is None else f"at {cold.temperature_k - ZERO_CELSIUS_K:g} °C (mm)"
     features = [_feature(row, true, at) for row in values["features"]]
     relations = [_relation(row, true, at) for row in values.get("relations", ())]
+    measured = structured(values.get("regions", ()), tuple[RegionValues, ...])
+    one_line = any(region.measured is None for region in measured)
+    line = "; those of one line of a laser lie in a plane" if one_line else ""
     return dict(
         title=f"{what}: {name_of(values['part'])}",
         answer=tuple(_answer(values, simulated)),
@@ -68,15 +71,13 @@ def scan_report(values: JsonObject) -> dict[str, object]:
         + ("error along the normal." if simulated else "refraction error that was removed."),
         features=features,
         feature_note=_feature_note(bool(at)),
+        no_feature="No region of the part has enough points that determine a plane, cylinder, cone "
+        f"or sphere{line}.",
         relations=relations,
-        regions=tuple(
-            _region(region)
-            for region in structured(values.get("regions", ()), tuple[RegionValues, ...])
-            if region.points
-        ),
+        regions=tuple(_region(region) for region in measured if region.points),
         region_note="Along the part's outward normal: "
         + ("the error of the points." if simulated else "the correction of the points.")
-        + " Area measured: that of the triangles with a point.",
+        + ("" if one_line else " Area measured: that of the triangles with a point."),
         points=tuple((key.replace("_", " "), f"{count:,}") for key, count in counts.items()),
         setting=(
             ("Part", file_text(values["part"])),
@@ -274,8 +275,16 @@ def _difference(value: float | None, angle: bool) -> str:
     return f"{60 * value:.2g}\N{PRIME}" if angle else f"{_um(value)} µm"
 
 
-def _region(region: RegionValues) -> tuple[str, ...]:
+def _region(region: RegionValues) -> dict[str, str]:
+    """Cells by heading."""
     values = region.along_normal_mm
     assert values is not None
-    numbers = map(_um, (values["median"], values["rms"], region.size_p95_mm))
-    return region.region, f"{region.points:,}", f"{region.measured:.0%}", *numbers
+    area = {} if region.measured is None else {"area measured": f"{region.measured:.0%}"}
+    return {
+        "region": region.region,
+        "points": f"{region.points:,}",
+        **area,
+        "median (µm)": _um(values["median"]),
+        "rms (µm)": _um(values["rms"]),
+        "95 % below (µm)": _um(region.size_p95_mm),
+    }

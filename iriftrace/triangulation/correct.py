@@ -110,7 +110,8 @@ def correct(
         From one scan by these devices, before it was merged with others or aligned.
     scene : Scene, LoadedScene or path
     camera, second, system, phase
-        As for `iriftrace.measure`. A laser's sheet is assumed to pass through each point.
+        As for `iriftrace.measure`. A laser's sheet is assumed to pass through each point, turned
+        about the laser.
     field_uncertainty : float
         Relative standard uncertainty of the air's contrast, n - n of the ambient air, to which
         the correction is proportional: 0.05 for 5 %.
@@ -124,7 +125,8 @@ def correct(
     Warns
     -----
     IriftraceWarning
-        As :func:`iriftrace.trace.engine.choose`.
+        As :func:`iriftrace.trace.engine.choose`; points do not belong to this part, or lie off
+        the laser's sheet.
     """
     measured = _checked(points, field_uncertainty)
     loaded, sensor = sensor_of(scene, camera, second, system, phase)
@@ -150,6 +152,12 @@ def correct(
     error = errors[0] if weights is None else weights.mean(errors)
     larger = _larger(measured - error, loaded.part)
     _warn_of_doubtful(status, larger, loaded.part)
+    provenance = provenance_of_two(traced, sensor.camera)
+    one_line = sensor.system == "laser"
+    if one_line:
+        provenance["assumptions"]["sheet"] = "through each point, turned about the laser"
+        good = status == CorrectionStatus.CORRECTED
+        one_line = not _warn_of_other_sheets(sensor.off_sheet(measured[good]))
     return Correction(
         measured=measured,
         error=error,
@@ -157,7 +165,7 @@ def correct(
         face=face,
         normal=loaded.part.surface.normals[face],
         system=sensor.system,
-        provenance=provenance_of_two(traced, sensor.camera),
+        provenance=provenance,
         field_uncertainty=field_uncertainty,
         errors=None if weights is None else errors,
         weights=weights,
@@ -165,6 +173,7 @@ def correct(
         larger=larger,
         growth=loaded.part.growth,
         state=FieldState.of(loaded),
+        one_line=one_line,
     )
 
 
@@ -247,6 +256,20 @@ def _warn_of_doubtful(status: IntArray, larger: Larger | None, part: Part) -> No
             warn(f"{fraction:.0%} of the points {sentence}")
     lost = int((status == CorrectionStatus.LOST).sum())
     warn_of_lost_points(lost, len(status), "are not corrected")
+
+
+def _warn_of_other_sheets(off: FloatArray) -> bool:
+    """Warn of distances (n,), mm, from a laser's sheet, and say whether it has several lines."""
+    fraction = np.mean(off > REACH_MM)
+    several = bool(fraction > MANY)
+    if several:
+        warn(
+            f"{fraction:.0%} of the points lie off the laser's sheet, by up to {off.max():.3g} mm; "
+            "it is assumed that the sheet was turned and the laser and the camera stood still. If "
+            "the sensor or the part was moved, correct each line by itself with devices where they "
+            "stood then."
+        )
+    return several
 
 
 def _common_status(

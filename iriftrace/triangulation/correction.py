@@ -134,6 +134,8 @@ class Correction:
         is not known.
     state : FieldState
         Whether the air is synthetic, and how unsteady it is.
+    one_line : bool
+        The points are those of one line of a laser.
     """
 
     measured: FloatArray
@@ -150,6 +152,7 @@ class Correction:
     larger: Larger | None = None
     growth: Growth | None = None
     state: FieldState = field(factory=FieldState)
+    one_line: bool = False
 
     @property
     def u_contrast(self) -> float:
@@ -199,7 +202,8 @@ class Correction:
         measured, face = self.measured[good], self.face[good]
         clouds = {"measured": measured, "corrected": self.points[good]}
         by_member = () if self.errors is None else measured - self.errors[:, good]
-        fitted = fit_features(clouds, face, part, choices, by_member, gate)
+        line = self.one_line
+        fitted = fit_features(clouds, face, part, choices, by_member, gate, one_line=line)
         known = [evolve(each, size=self._with_uncertainty(each.size)) for each in fitted]
         return ColdSizes(part, u_expansion, u_temperature_k).of_features(known, "corrected")
 
@@ -274,7 +278,7 @@ class Correction:
         """Corrections along the normal by region of the part."""
         good = self.status == CorrectionStatus.CORRECTED
         along = np.einsum("ij,ij->i", self.error, self.normal)
-        return region_values(part, self.face[good], along[good])
+        return region_values(part, self.face[good], along[good], one_line=self.one_line)
 
     def save(
         self,

@@ -11,7 +11,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
-from iriftrace.geometry.triangles import cross_rows, unit_vectors
+from iriftrace.geometry.triangles import cross_rows, row_lengths, unit_vectors
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.scene import AnyScene, loaded_scene
 from iriftrace.scene.viewpoint import refuse_one_place
@@ -58,15 +58,15 @@ class Sensor:
         camera, second = self.devices
         if self.phase == "both":
             return nearest_point(camera.origin, a, second.origin, b)
-        if self.system == "laser":
-            # The plane of the laser's middle column.
-            middle, height = (second.resolution[0] - 1) / 2, second.resolution[1]
-            _, (top, bottom) = second.rays(((middle, -0.5), (middle, height - 0.5)))
-            across = np.cross(top, bottom)
-            normal = np.broadcast_to(across / np.linalg.norm(across), a.shape)
-        else:
-            normal = phase_planes(second, b, self.phase)
+        normal = phase_planes(second, b, self.phase)
         return on_plane(camera.origin, a, second.origin, normal), np.zeros(len(a))
+
+    def off_sheet(self, points: FloatArray) -> FloatArray:
+        """Distances (n,), mm, of points from a laser's sheet, along the rows of its picture."""
+        place = self.second.project(points)
+        place[:, 0] = (self.second.resolution[0] - 1) / 2
+        start, line = self.second.rays(place)
+        return row_lengths(cross_rows(line, points - start))
 
 
 def sensor_of(
@@ -115,6 +115,7 @@ def provenance_of_two(scene: LoadedScene, camera: Camera) -> JsonObject:
 def phase_planes(projector: Camera, direction: FloatArray, phase: str) -> FloatArray:
     """Normals of the planes of a projector's columns or rows at its lines of sight.
 
+    A laser's sheet is a column. Lines of sight beside it turn the sheet about the laser.
     With a distorting lens a column is not a plane; the plane through its tangent is used instead.
     """
     place = projector.project(projector.origin + direction)

@@ -107,6 +107,11 @@ class Scan:
         return f"Scan({len(self.points):,} points, {self.system}, error {middle:.3g} um (median))"
 
     @property
+    def one_line(self) -> bool:
+        """The points are those of one line of a laser."""
+        return self.system == "laser"
+
+    @property
     def error(self) -> FloatArray:
         """(n, 3) array, mm: X' - X."""
         return self.points - self.true
@@ -208,7 +213,8 @@ class Scan:
         """
         clouds = {"cold": self.true, "measured": self.points}
         by_member = () if self.errors is None else self.true + self.errors
-        fitted = fit_features(clouds, self.face, part, choices, by_member, gate)
+        line = self.one_line
+        fitted = fit_features(clouds, self.face, part, choices, by_member, gate, one_line=line)
         scattered = [evolve(each, size=self._with_scatter(each.size)) for each in fitted]
         return ColdSizes(part).of_features(scattered, "cold")
 
@@ -227,7 +233,7 @@ class Scan:
 
     def regions(self, part: Part) -> tuple[RegionValues, ...]:
         """Errors along the normal by region of the part."""
-        return region_values(part, self.face, self.error_normal)
+        return region_values(part, self.face, self.error_normal, one_line=self.one_line)
 
     def save(
         self,

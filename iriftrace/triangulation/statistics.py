@@ -48,12 +48,15 @@ class RegionValues:
 
     region: str
     points: int
-    measured: float  # area of the faces with a point as a fraction of the region's
+    # Area of the faces with a point as a fraction of the region's; None for one line of a laser.
+    measured: float | None
     along_normal_mm: dict[str, float] | None  # `spread` of the values
     size_p95_mm: float | None  # 95th percentile of their sizes
 
 
-def region_values(part: Part, face: IntArray, along_normal: FloatArray) -> tuple[RegionValues, ...]:
+def region_values(
+    part: Part, face: IntArray, along_normal: FloatArray, *, one_line: bool = False
+) -> tuple[RegionValues, ...]:
     """Values (n,), mm, of points on the faces (n,) of a part by its regions, in their order."""
     hit = np.zeros(len(part.faces))
     hit[face] = part.face_areas[face]
@@ -62,7 +65,7 @@ def region_values(part: Part, face: IntArray, along_normal: FloatArray) -> tuple
     found = []
     for number, name in enumerate(part.region_names):
         values = along_normal[region == number]
-        measured = float(areas[number] / part.region_areas[number])
+        measured = None if one_line else float(areas[number] / part.region_areas[number])
         statistics = spread(values) if len(values) else None
         p95 = float(np.percentile(np.abs(values), 95)) if len(values) else None
         found.append(RegionValues(name, len(values), measured, statistics, p95))

@@ -1,21 +1,23 @@
-"""The figure of a correction, what its colours and bins mean, and its report."""
+"""The figures of a scan and a correction, what colours and bins mean, and their reports."""
 
 from pathlib import Path
 
 import numpy as np
 import trimesh
 from attrs import evolve
+from scipy.spatial import cKDTree
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
-from iriftrace.figures.scan import correction_figure
+from iriftrace.figures.scan import correction_figure, scan_figure
 from iriftrace.figures.scan_report import scan_report, write_scan_report
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import part_of_mesh
 from iriftrace.part.shapes.cylinder import cylinder
 from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
-from iriftrace.triangulation.correction import Correction
+from iriftrace.triangulation.correct import correct
+from iriftrace.triangulation.correction import Correction, CorrectionStatus
 from iriftrace.triangulation.measure import measure
 from validation.oracles.html_page import read_page
 
@@ -52,6 +54,51 @@ def test_colours_are_the_removed_error_and_say_that_they_end() -> None:
     assert bar.get_xlabel() == "error along the normal (µm)"
     assert left.collections[0].colorbar.extend == "min"
     assert "beyond" in right.get_xlabel()
+
+
+def test_a_laser_line_is_drawn_on_the_part_as_measured_and_corrected(
+    variant: str, tmp_path: Path
+) -> None:
+    """In the same axes; the report says why there are no sizes, and no area of so few points."""
+    file = folder_of("fringe_cylinder") / "scene.xml"
+    scene = load_scene(file, {"scale": "0.25"}, variant=variant)
+    scan = measure(scene, system="laser")
+    found = correct(scan.points, scene, system="laser")
+    hidden = np.arange(len(scan.points)) < 9
+    found = evolve(found, status=np.where(hidden, CorrectionStatus.HIDDEN, found.status))
+    before, after = (
+        figure.subfigs[0].axes[0]
+        for figure in (
+            scan_figure(scan, scene.part),
+            correction_figure(found, scene.part, scene.camera),
+        )
+    )
+    np.testing.assert_allclose(before.axis(), after.axis())
+    grey = after.lines[0].get_xydata()
+    np.testing.assert_allclose(grey, scan.pixel[hidden], atol=1e-3)
+    corners = scene.camera.project(scene.part.vertices)
+    for axes, count in ((before, len(hidden)), (after, (~hidden).sum())):
+        (patch,) = axes.patches
+        shape = patch.get_path()
+        np.testing.assert_allclose(
+            shape.get_extents().get_points(), [corners.min(0), corners.max(0)]
+        )
+        sides = np.diff(shape.vertices.reshape(-1, 4, 2), axis=1)
+        assert (np.linalg.det(sides[:, :2]) >= 0).all()
+        (cells,) = axes.collections
+        width = cells.get_paths()[0].get_extents().width
+        np.testing.assert_allclose(width, np.ptp(axes.get_xlim()) / 120, rtol=1e-6)
+        # Within half a cell of the line's points, which are some pixels apart.
+        off, _ = cKDTree(scan.pixel).query(cells.get_offsets())
+        assert off.max() < 0.01 * np.ptp(axes.get_xlim())
+        assert count / 4 < len(cells.get_offsets()) <= count
+    cloud, _ = scan.save(tmp_path / "line.xyz", regions=scan.regions(scene.part))
+    write_scan_report(tmp_path / "r.html", cloud)
+    page = read_page(tmp_path / "r.html")
+    assert "those of one line of a laser lie in a plane" in (tmp_path / "r.html").read_text()
+    (regions,) = (table for table in page.tables if table[0][0] == "region")
+    assert regions[0][1:3] == ["points", "median (µm)"]
+    assert regions[1][:2] == ["lateral", str(len(scan.points))]
 
 
 def test_a_report_has_distances_at_the_drawings_temperature(tmp_path: Path) -> None:

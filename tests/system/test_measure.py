@@ -84,7 +84,7 @@ def test_rounded_coordinates_are_warned_of(
     [
         ("no numbers at all\n", "holds no points"),
         ("1,2\n3,4\n", "has 2 columns"),
-        ("1,2,3\n4,x,6\n", "far|cannot be read|mm from the part"),
+        ("1.5,2,3\n4,x,6\n", "far|cannot be read|mm from the part"),
         ("0.001,0.002,0.0135\n" * 9, "mm from the part"),
     ],
 )

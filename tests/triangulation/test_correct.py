@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 import pyvista as pv
 from attrs import evolve
+from scipy.spatial.transform import Rotation
 
+from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import Distortion
 from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError, IriftraceWarning
@@ -34,10 +36,15 @@ from iriftrace.triangulation.scan import Scan, ScanStatus
 from validation.inputs import hot_block
 from validation.inputs.cameras import camera_at
 
-DEVICES = [
-    camera_at((x, -190.0, -110.0), sensor_mm=(6.7, 5.6), resolution=(122, 102))
-    for x in (-35.0, 35.0)
-]
+
+def _devices(width: int, height: int) -> list[Camera]:
+    return [
+        camera_at((x, -190.0, -110.0), sensor_mm=(6.7, 5.6), resolution=(width, height))
+        for x in (-35.0, 35.0)
+    ]
+
+
+DEVICES = _devices(122, 102)
 
 
 @pytest.fixture(scope="module", params=["shells", "cells"])
@@ -78,6 +85,71 @@ def test_what_was_simulated_is_taken_out(scan: Scan, scene: LoadedScene) -> None
     assert np.median(before) > 1e-3
     assert np.quantile(left, 0.99) < 1e-5
     np.testing.assert_array_equal(found.points[~good], scan.points[~good])
+
+
+def _turned(laser: Camera, degrees: float) -> Camera:
+    """The laser with its sheet turned about the axis through it that lies in the sheet."""
+    turn = np.eye(4)
+    turn[:3, :3] = Rotation.from_rotvec((0.0, degrees, 0.0), degrees=True).as_matrix()
+    return laser.at(laser.matrix @ turn)
+
+
+@pytest.fixture(scope="module")
+def lines(scene: LoadedScene) -> list[Scan]:
+    """Lines across the part of a laser whose sheet is turned from line to line."""
+    camera, laser = _devices(488, 408)
+    laser = laser.at(look_at(laser.origin, (0.0, 0.0, 0.0), (1.0, 0.0, 1.0)))
+    return [
+        measure(scene, camera, _turned(laser, angle), system="laser") for angle in (0.0, -3.0, 5.0)
+    ]
+
+
+def test_a_laser_line_is_taken_out(lines: list[Scan], scene: LoadedScene) -> None:
+    """Within 10 nm; the sheet of light is bent too, so the points are not on the flat one."""
+    line = lines[0]
+    assert len(line.points) > 50
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", IriftraceWarning)
+        found = correct(line.points, scene, line.camera, line.second, system="laser")
+    assert (found.status == CorrectionStatus.CORRECTED).all()
+    flat = line.second.matrix[:3, 0]
+    assert np.abs((line.points - line.second.origin) @ flat).max() < 1e-9
+    assert np.abs((line.true - line.second.origin) @ flat).max() > 1e-3
+    assert np.abs(found.points - line.true).max() < 1e-5
+    assert "turned" in found.provenance["assumptions"]["sheet"]
+
+
+def test_one_line_determines_no_surface(lines: list[Scan], scene: LoadedScene) -> None:
+    """With noise its points are not in a plane, and a cylinder of 800 m fits them."""
+    line = lines[0]
+    noise = np.random.default_rng(3).normal(0.0, 0.005, line.points.shape)
+    found = correct(line.points + noise, scene, line.camera, line.second, system="laser")
+    for cloud in (line, found):
+        with pytest.warns(IriftraceWarning, match="cylinder:lateral is left out: one line"):
+            assert cloud.features(scene.part, ["cylinder:lateral"]) == ()
+        (circle,) = cloud.features(scene.part, ["circle:lateral"])
+        assert circle.points > 50
+
+
+def test_lines_of_a_turned_sheet_are_taken_out_together(
+    lines: list[Scan], scene: LoadedScene
+) -> None:
+    """A whole scan is a cloud of all lines; that the laser stood still is an assumption."""
+    points, true = (
+        np.vstack([getattr(line, name) for line in lines]) for name in ("points", "true")
+    )
+    off = np.abs((points - lines[0].second.origin) @ lines[0].second.matrix[:3, 0]).max()
+    with pytest.warns(
+        IriftraceWarning, match=f"off the laser's sheet, by up to {off:.2g}.* turned"
+    ):
+        found = correct(points, scene, lines[0].camera, lines[0].second, system="laser")
+    assert (found.status == CorrectionStatus.CORRECTED).all()
+    assert np.abs(found.points - true).max() < 1e-5
+    assert None not in [region.measured for region in found.regions(scene.part)]
+    (feature,) = found.features(scene.part)
+    cold = fit_feature(true, "cylinder").size_mm
+    assert abs(feature.size.by_cloud["corrected"] - cold) < 1e-4
+    assert abs(feature.size.by_cloud["measured"] - cold) > 2e-3
 
 
 def test_down_a_plume_it_goes_on_until_points_stay(variant: str) -> None:

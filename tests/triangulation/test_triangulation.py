@@ -12,6 +12,7 @@ import pytest
 import pyvista as pv
 from attrs import evolve
 
+from iriftrace.camera.distortion import Distortion
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.geometry.triangles import cross_rows, row_lengths
 from iriftrace.scene.hot_air import AirState
@@ -163,7 +164,13 @@ def test_half_the_contrast_is_half_the_error(variant: str, tmp_path: Path) -> No
     part, shells = slab(13, air=RoundAir(), size_mm=400.0)
     ambient = shells.shells[0].ext
     half = [
-        evolve(s, ext=(s.ext + ambient) / 2, int_=(s.int_ + ambient) / 2) for s in shells.shells
+        evolve(
+            s,
+            refractivity=(s.refractivity + ambient) / 2,
+            ext=(s.ext + ambient) / 2,
+            int_=(s.int_ + ambient) / 2,
+        )
+        for s in shells.shells
     ]
     found = [
         measure(loaded(tmp_path / name, part, stack, bending="shells"), above(-30), above(30))
@@ -195,6 +202,9 @@ def test_air_of_one_index_leaves_no_error(
     scene = loaded(tmp_path_factory.mktemp("even"), part, stack, bending="shells")
     scan = measure(scene, above(-30), above(30), system="stereo")
     assert np.abs(scan.error).max() < 1e-6
+    # The sheet of a laser whose lens distorts is not flat.
+    laser = evolve(above(30), distortion=Distortion(p2=0.004))
+    assert np.abs(measure(scene, above(-30), laser, system="laser").error).max() < 1e-6
 
 
 @pytest.mark.filterwarnings("ignore:.*is not closed")

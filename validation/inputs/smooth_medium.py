@@ -41,6 +41,9 @@ class SmoothMedium:
     def boundary_beside(self, scene: Any) -> Any:
         return scene
 
+    def forget_scene(self) -> None:
+        """There is no boundary that knows one."""
+
     def entrance(self, preliminary: Any, active: Any) -> Entrance:
         """Everything is inside."""
         import mitsuba as mi
