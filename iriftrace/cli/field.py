@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from cyclopts import App
@@ -15,10 +14,6 @@ from iriftrace.cli.field_options import FieldOptions, PartOptions
 from iriftrace.cli.options import Length, Output, Temperature, Vector, celsius, region_temperatures
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import ZERO_CELSIUS_K
-
-if TYPE_CHECKING:
-    pass
-
 
 _COLOURS = {"good": "green", "doubtful": "yellow", "bad": "red", "-": "dim"}
 

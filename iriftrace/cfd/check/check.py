@@ -126,20 +126,14 @@ def _gap(fit: Fit) -> Finding:
 
 def _covered(fit: Fit) -> Finding:
     bare = fit.bare_share
-    touching = (f"{share:.1%} touches {name}" for name, share in fit.contact_share.items())
-    remark = "; ".join(
-        (
-            "fraction of the part's surface on the field's wall",
-            *touching,
-            "at the rest no hot air is known, as where a half was solved and not mirrored",
-            *([f"missing at {fit.bare_regions}"] if fit.bare_of_region else []),
-        )
-    )
+    touching = (f"; {share:.1%} touches {name}" for name, share in fit.contact_share.items())
+    missing = f"; missing at {fit.bare_regions}" if fit.bare_of_region else ""
     return Finding(
         "part in the field",
         f"{1.0 - bare:.1%}",
         "good" if bare <= LARGEST_BARE_SHARE else "bad",
-        remark,
+        f"fraction of the part's surface on the field's wall{''.join(touching)}; at the rest no hot "
+        f"air is known, as where a half was solved and not mirrored{missing}",
         {
             "covered": 1.0 - bare,
             "missing_of_region": fit.bare_of_region,
