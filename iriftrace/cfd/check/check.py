@@ -132,8 +132,8 @@ def _covered(fit: Fit) -> Finding:
         "part in the field",
         f"{1.0 - bare:.1%}",
         "good" if bare <= LARGEST_BARE_SHARE else "bad",
-        f"fraction of the part's surface on the field's wall{''.join(touching)}; at the rest no hot "
-        f"air is known, as where a half was solved and not mirrored{missing}",
+        f"fraction of the part's surface on the field's wall{''.join(touching)}; at the rest no "
+        f"hot air is known, as where a half was solved and not mirrored{missing}",
         {
             "covered": 1.0 - bare,
             "missing_of_region": fit.bare_of_region,
