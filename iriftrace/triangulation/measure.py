@@ -249,8 +249,10 @@ def _nothing_in_common(forward: IntArray, solved: IntArray) -> str:
             "of focus; move them, or change focus_near and focus_far (iriftrace scene --focus "
             "NEAR:FAR)."
         )
-    past = ", past what blocks the view" if (forward == Status.BLOCKED).any() else ""
-    return f"The two devices see no point of the part in common; point both at the same side{past}."
+    return (
+        "The two devices see no point of the part in common; point both at the same side, where no "
+        "other object hides it."
+    )
 
 
 def _pixels(device: Camera, sheet: bool) -> tuple[FloatArray, NDArray[np.uint32], tuple[int, int]]:
