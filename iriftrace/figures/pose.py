@@ -146,7 +146,7 @@ def _draw(image: AovImage, include: Collection[int], what: Shown, view: str = ""
     aspect = (rows[1] - rows[0]) / (columns[1] - columns[0])
     height = float(np.clip(1.7 + 6.1 * aspect, _FLATTEST_IN, _TALLEST_IN))
     # Compressed: axes of equal scales leave no gap between themselves and their colour bar.
-    layout = ConstrainedLayoutEngine(h_pad=0.08, w_pad=0.08, compress=True)
+    layout = ConstrainedLayoutEngine(h_pad=0.1, w_pad=0.08, compress=True)
     figure = Figure(figsize=(_WIDTH_IN, height), dpi=DPI, layout=layout)
     axes = figure.add_subplot()
     extent = (0, image.resolution[0], image.resolution[1], 0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -93,16 +94,32 @@ def new_figure(
     """A titled figure whose parts make room for each other, and the room below the titles."""
     layout = ConstrainedLayoutEngine(h_pad=0.06, w_pad=0.08, hspace=0.04, wspace=0.04)
     figure = Figure(figsize=(width_in, height_in), dpi=DPI, layout=layout)
-    figure.suptitle(title, fontsize=12)
+    figure.suptitle(wrapped(title, width_in, 12), fontsize=12)
     body = figure.add_subfigure(GridSpec(1, 1, figure=figure)[0])
     body.suptitle(subtitle, fontsize=9, color=TEXT_COLOUR)
     return figure, body
 
 
+_WIDTH_OF_LETTER = 0.55
+"""Mean width of a letter as a fraction of the size of its font."""
+
+
+def wrapped(text: str, width_in: float, size: float = 10.0, indent: str = "") -> str:
+    """A text in lines that are at most so wide in a font of so many points."""
+    return fill(text, int(72 * width_in / (_WIDTH_OF_LETTER * size)), subsequent_indent=indent)
+
+
 def legend_below(
     figure: Figure | SubFigure, entries: Sequence[Artist], columns: int = 1, **more: Any
 ) -> Legend:
-    """A legend without a frame below everything that is drawn."""
+    """A legend without a frame below everything that is drawn, in as many columns as have room."""
+    letters = [len(str(entry.get_label())) for entry in entries]
+    room = figure.bbox.width / figure.dpi * 72 / 9  # in font sizes
+    # A column has a mark and gaps, together as wide as five letters are high.
+    while columns > 1 and room < sum(
+        5 + _WIDTH_OF_LETTER * max(part, default=0) for part in np.array_split(letters, columns)
+    ):
+        columns -= 1
     place = {"loc": "outside lower center", "ncols": columns, "fontsize": 9, "frameon": False}
     return figure.legend(handles=list(entries), **{**place, **more})
 
@@ -200,15 +217,23 @@ def number(value: float) -> str:
     return f"{value + 0.0:g}".replace("-", "\N{MINUS SIGN}")
 
 
+_MOST_BEYOND = 0.1
+"""Largest fraction of the poses that may have the colour of the scale's end."""
+
+
 def scale_of(quantity: Quantity) -> ColourScale:
     """The colours of a metric over the poses of a sweep: the same in every figure."""
     low, high = quantity.limits if np.isfinite(quantity.limits[0]) else (0.0, 1.0)
+    logarithmic = quantity.logarithmic
+    known = quantity.values[quantity.known]
+    # Limits are those of means; with the scatter added, most poses may lie beyond them.
+    if np.count_nonzero(known > high) > _MOST_BEYOND * len(known):
+        low, high, logarithmic = float(known.min()), float(known.max()), True
     if high - low <= 1e-6 * max(abs(low), abs(high)):
         # Poses that do not differ: limits far enough apart for a scale.
         room = 0.05 * abs(high) or 0.5
         low, high = low - room, high + room
-    logarithmic = quantity.logarithmic and low > 0.0
-    return ColourScale(quantity.values, (low, high), quantity.label, logarithmic)
+    return ColourScale(quantity.values, (low, high), quantity.label, logarithmic and low > 0.0)
 
 
 def marks(summary: SweepSummary, unknown: BoolArray, mark: Look = BEST) -> list[Line2D]:

@@ -36,6 +36,7 @@ from iriftrace.figures.style import (
     new_figure,
     number,
     scale_of,
+    wrapped,
 )
 from iriftrace.image.aov_image import Status
 from iriftrace.planning.quantities import Quantity
@@ -68,7 +69,7 @@ def histogram_figure(summary: SweepSummary) -> Figure:
             _logarithmic(axes)
         for limit, style in zip(quantity.limits, ("--", "-"), strict=True):
             axes.axvline(limit, color=BEST_COLOUR, linestyle=style, linewidth=1.2)
-        _finish_histogram(axes, quantity.label)
+        _finish_histogram(axes, wrapped(quantity.label, 3.6))
     low, high = (
         Line2D([], [], color=BEST_COLOUR, linestyle=style, linewidth=1.2) for style in ("--", "-")
     )
@@ -92,8 +93,9 @@ def normalised_figure(summary: SweepSummary) -> Figure:
         if score:
             axes.axvline(values.min(), color=BEST_COLOUR, linewidth=1.2)
         title = "Combined score (dimensionless)"
-        # Two lines: names of errors are wider than a panel.
-        _finish_histogram(axes, title if score else f"{quantity.title}\n(normalised, 0 to 1)")
+        # Several lines: names of errors are wider than a panel.
+        name = f"{wrapped(quantity.title, 3.0)}\n(normalised, 0 to 1)"
+        _finish_histogram(axes, title if score else name)
         axes.tick_params(labelleft=True, labelbottom=True)
     spare.set_axis_off()
     terms = [
@@ -105,7 +107,7 @@ def normalised_figure(summary: SweepSummary) -> Figure:
         0.02,
         0.95,
         "Combined score =\n   "
-        + "\n + ".join(terms)
+        + "\n + ".join(wrapped(term, 2.8, indent="      ") for term in terms)
         + "\n\nAll terms normalised:\n0 at the smallest value,\n1 at the "
         f"{summary.plan.criteria.percentile:g}th percentile\nand above.",
         transform=spare.transAxes,

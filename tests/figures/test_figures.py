@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 import pytest
 import pyvista as pv
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.image import imread
 
@@ -94,6 +95,17 @@ def test_plotted_array_is_the_displacement_in_micrometres() -> None:
     assert isinstance(plotted, np.ma.MaskedArray)
     np.testing.assert_array_equal(~np.ma.getmaskarray(plotted), image.status == 0)
     np.testing.assert_allclose(plotted.compressed(), good_um(image), rtol=1e-12)
+
+
+def test_the_lines_below_the_title_keep_their_distance() -> None:
+    figure = displacement_figure(synthetic_image(), view="Pose 10, azimuth 90, elevation 37")
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    title, lines = (
+        text.get_window_extent(canvas.get_renderer())
+        for text in (figure._suptitle, figure.axes[0].title)
+    )
+    assert (title.y0 - lines.y1) * 72 / figure.dpi > 9, "points, as much as the letters are high"
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import pyvista as pv
 import xarray as xr
 from attrs import evolve
 from matplotlib import colormaps
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 
@@ -34,6 +36,7 @@ from iriftrace.figures.sweep_space import (
     sweep_face_figure,
     sweep_scene_figure,
 )
+from iriftrace.image.aov_image import Status
 from iriftrace.part.part import Part
 from iriftrace.planning.criteria import Criteria
 from iriftrace.planning.summary import SweepSummary, summarise
@@ -144,6 +147,46 @@ def test_histograms_count_every_pose_and_mark_the_limits(summary: SweepSummary) 
         assert marked == pytest.approx(quantity.limits)
         assert axes.get_xlabel() == quantity.label
     assert "Without a number: 2 poses, not shown" in legend_of(figure)
+
+
+LONG = "95th-percentile error along the normal + 2 standard deviations"
+
+
+def test_long_names_are_not_cut_off_and_do_not_overlap(summary: SweepSummary) -> None:
+    """An ensemble and two devices, with rays of all kinds."""
+    named = evolve(summary.displacement, title=LONG, name=LONG)
+    rays = {status: np.full(len(GRID), 10_000) for status in Status if status != Status.MISSED}
+    table = evolve(summary, displacement=named, rays=rays, warned=np.ones((len(GRID), 1), bool))
+    for figure in (
+        map_figure(table, named),
+        histogram_figure(table),
+        normalised_figure(table),
+        rays_figure(table),
+    ):
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        renderer = canvas.get_renderer()
+        titles = [figure._suptitle, *(body.legends[0] for body in figure.subfigs)]
+        labels = [each for axes in all_axes(figure) for each in (axes.xaxis.label, *axes.texts)]
+        boxes = [each.get_window_extent(renderer) for each in (*titles, *labels)]
+        assert min(box.x0 for box in boxes) >= 0
+        assert max(box.x1 for box in boxes) <= figure.bbox.width
+        shown = [box for box in boxes if box.width > 1]
+        assert not any(a.overlaps(b) for a, b in combinations(shown, 2))
+
+
+def test_colours_tell_poses_apart_whose_scatter_is_beyond_the_limits(summary: SweepSummary) -> None:
+    """The limits are those of means: most poses had the colour of the scale's end."""
+    quantity = summary.displacement
+    assert scale_of(quantity).limits == quantity.limits
+    values = np.geomspace(7.0, 134.0, len(GRID))
+    scale = scale_of(evolve(quantity, values=values, limits=(3.0, 50.0), logarithmic=False))
+    assert scale.limits == (values[0], values[-1])
+    assert scale.logarithmic
+    one = scale_of(
+        evolve(quantity, values=np.append(values[values < 50.0], 51.0), limits=(3.0, 50))
+    )
+    assert one.limits == (3.0, 50.0)
 
 
 def test_rays_are_stacked_to_all_that_hit(summary: SweepSummary) -> None:
