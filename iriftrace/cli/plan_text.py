@@ -146,14 +146,25 @@ def print_pairs(dataset: xr.Dataset, found: PairPlan, top: int) -> None:
     )
     if exact:
         what = "the diameter" if found.feature else error
-        through = "the field data" if found.exact_engine == "cells" else "the shells"
-        say(f"Measured is {what} by the exact solver, through {through}.")
+        say(f"Measured is {what} by the exact solver, {_THROUGH[found.exact_engine]}.")
+    if "scatter_p95" in dataset:
+        say(
+            "All errors are means over the ensemble's members, without their scatter, which "
+            "iriftrace measure states for a pair."
+        )
     names = [f"{what}, pose {pose}" for what, pose in zip(_DEVICES, found.pairs[0], strict=True)]
     chosen = dataset.isel(pose=found.pairs[0])
     _print_pair(names, chosen["matrix"].values, chosen["distance"].values, system)
 
 
 _DEVICES = ("Camera", "Second device")
+
+_THROUGH = {
+    "shells": "through the shells",
+    "cells": "through the field data",
+    "cells and shells": "through the shells, of pairs for which these are too coarse through the "
+    "field data",
+}
 
 
 def _print_pair(

@@ -85,7 +85,8 @@ class Criteria:
         along the normal) is weighed against coverage and resolution.
     robust
         For an ensemble of fields: how many standard deviations over its members are added to the
-        mean of the ranked error; 2 by default, so that a pose is good in the air of any member.
+        mean of the ranked error; 2 by default, so that a pose is good in the air of any member. Not
+        for pairs, of which a sweep has no scatter.
     outside
         Treatment of poses beyond the percentile: clipped to it, or not ranked.
     min_hits

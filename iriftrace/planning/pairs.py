@@ -58,7 +58,8 @@ class PairPlan:
         Error of the best k pairs by :func:`iriftrace.measure`: as `error_mm` of all measured
         points, for a feature the error of its diameter.
     exact_engine : str
-        Engine that bent the rays for it; empty if nothing was measured.
+        Engine that bent the rays for it, ``"cells and shells"`` if not the same for all k; empty if
+        nothing was measured.
     system : str
     feature : str
         Feature whose diameter counts; empty if there is none.
@@ -121,8 +122,9 @@ def plan_pairs(
     Raises
     ------
     InputError
-        The angles are not a range, the part does not have the feature, the sweep has no faces, its
-        part or scene has changed, or no pair can be ranked.
+        The angles are not a range, the criteria add a scatter, which a sweep does not have for
+        pairs, the part does not have the feature, the sweep has no faces, its part or scene has
+        changed, or no pair can be ranked.
     SetupError
         Pairs are to be measured and there is no usable LLVM or CUDA.
     """
@@ -131,6 +133,12 @@ def plan_pairs(
         raise InputError(
             f"The angles {low:g}:{high:g} are not a range of triangulation; give the smaller one "
             "first, such as 15:45."
+        )
+    if criteria.robust:
+        raise InputError(
+            "A sweep has no scatter of pairs over an ensemble's members, so none can be added "
+            "(--robust); leave it out, and measure the best pairs (iriftrace measure), which "
+            "states it."
         )
     ranked_region(dataset, criteria.region)
     try:
@@ -189,15 +197,15 @@ def plan_pairs(
 def _measured(
     dataset: xr.Dataset, views: Sequence[PoseView], pairs: IntArray, request: PairRequest
 ) -> tuple[list[float], str]:
-    """Errors of pairs (k, 2) by the exact solver, mm, and the engine that bent the rays."""
-    exact, engine = [], ""
+    """Errors of pairs (k, 2) by the exact solver, mm, and the engines that bent the rays."""
+    exact, engines = [], set()
     scenes: dict[str, LoadedScene] = {}
     for i, j in pairs:
         scene = scenes.get(views[i].scene) or scene_of_pairs(dataset, i)
         scenes[views[i].scene] = scene
         try:
             scan = measure(scene, views[i].camera, views[j].camera, system=request.system)
-            engine = scan.provenance["engine"]
+            engines.add(scan.provenance["engine"])
             exact.append(
                 size_error(scan, request)
                 if request.feature
@@ -207,7 +215,7 @@ def _measured(
             raise InputError(
                 f"Poses {i} and {j} cannot be measured: {reason} Or {LEAVE_OUT}"
             ) from reason
-    return exact, engine
+    return exact, " and ".join(sorted(engines))
 
 
 def _quantities(values: FloatArray, request: PairRequest) -> dict[str, FloatArray]:

@@ -2,12 +2,15 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
+from attrs import evolve
 
 from iriftrace.cli import main
+from iriftrace.cli.plan_text import print_pairs
 from iriftrace.core.errors import InputError
 from iriftrace.features.choice import FeatureChoice
 from iriftrace.planning.criteria import Criteria
@@ -18,6 +21,7 @@ from iriftrace.scenes import folder_of
 from iriftrace.sweep.reload import swept_camera
 from iriftrace.sweep.store import read_sweep
 from iriftrace.triangulation.measure import measure
+from iriftrace.triangulation.scan import Scan
 
 BY_ERROR = Criteria(
     displacement=1.0, coverage=0.0, axial=0.0, lateral=0.0, statistic="median", min_coverage=0.15
@@ -115,6 +119,7 @@ def test_poses_of_several_scenes_are_paired_scene_by_scene(dataset: xr.Dataset) 
         ({"angles_deg": (45.0, 15.0)}, "not a range of triangulation"),
         ({"angles_deg": (0.1, 0.2)}, "No two poses of the sweep"),
         ({"criteria": Criteria(region="nowhere")}, "no region 'nowhere'"),
+        ({"criteria": Criteria(robust=2.0)}, "has no scatter of pairs"),
     ],
 )
 def test_wrong_requests(dataset: xr.Dataset, chosen: dict[str, object], said: str) -> None:
@@ -179,3 +184,37 @@ def test_the_best_pair_is_printed(swept: Path, capsys: pytest.CaptureFixture[str
     assert "both see" in said
     assert "Second device, pose" in said
     assert 'inside the second sensor (id="projector")' in said
+
+
+@pytest.mark.usefixtures("variant")
+def test_pairs_say_what_bent_their_rays_and_that_scatter_is_left_out(
+    dataset: xr.Dataset, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Shells may be too coarse for some of the pairs alone; only measurements have scatter."""
+    found = plan_pairs(dataset, BY_ERROR, confirm=False)
+    for engine, said in (
+        ("shells", "solver, through the shells."),
+        ("cells", "solver, through the field data."),
+        ("cells and shells", "of pairs for which these are too coarse through the field data."),
+    ):
+        plan = evolve(found, exact_mm=np.zeros(3), exact_engine=engine)
+        print_pairs(dataset, plan, 1)
+        printed = " ".join(capsys.readouterr().out.split())
+        assert said in printed
+        assert "scatter" not in printed
+    print_pairs(dataset.assign(scatter_p95=dataset["displacement_p95"]), found, 1)
+    assert "without their scatter" in " ".join(capsys.readouterr().out.split())
+
+
+def test_the_engines_of_all_measured_pairs_are_stated(
+    dataset: xr.Dataset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not that of the last pair alone."""
+    engines = iter(("shells", "cells", "shells"))
+
+    def measured(*given: Any, **named: Any) -> Scan:
+        scan = measure(*given, **named)
+        return evolve(scan, provenance={**scan.provenance, "engine": next(engines)})
+
+    monkeypatch.setattr("iriftrace.planning.pairs.measure", measured)
+    assert plan_pairs(dataset, BY_ERROR).exact_engine == "cells and shells"
