@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
+import numpy as np
 from cyclopts import Parameter
 
 from iriftrace.cli import checks
@@ -12,17 +13,24 @@ from iriftrace.cli.console import drawn, say, working
 from iriftrace.cli.options import Flag, Output, numbers, word_parameter
 from iriftrace.cli.trace_options import TraceOptions
 from iriftrace.cli.triangulation_text import (
+    placed_names,
     print_regions,
     say_features,
     say_field,
     say_relations,
     um,
 )
+from iriftrace.core.units import counted
 
 if TYPE_CHECKING:
     from iriftrace.scene.loaded import LoadedScene
     from iriftrace.triangulation.scan import Scan
 
+_USUAL = 0.999
+"""Fraction of the points to whose largest error that of all is compared."""
+
+_FAR = 3.0
+"""Largest ratio of these errors that refraction causes; 1.0 to 1.3 in scenes of all kinds."""
 
 System = Annotated[
     Literal["stereo", "fringe", "laser"] | None,
@@ -133,14 +141,28 @@ def write_scan(
     _say_errors(scan)
     say_field(scan.provenance)
     say("Files: " + ", ".join(map(str, files)))
-    say_features(features, "cold", gate)
-    say_relations(related, "cold")
-    print_regions(regions, "Error along the normal by region")
+    _say_far_points(scan)
+    say_features(features, loaded.part, "cold", gate)
+    say_relations(related, loaded.part, "cold")
+    print_regions(regions, loaded.part, "Error along the normal by region")
+    names = placed_names(loaded.part)
     for tested in errors:
         measured, cold = (um(tested.error_mm[name]) for name in ("measured", "cold"))
+        # Of two regions that have a distance, the names are in the text.
+        where = names.get(tested.region, tested.region or "all points")
+        say(f"{tested.error.capitalize()} ({where}): {measured} through hot air, {cold} cold.")
+
+
+def _say_far_points(scan: Scan) -> None:
+    """Say that few points, for which shells are too coarse, determine form deviations."""
+    size = np.abs(scan.error_normal)
+    usual = float(np.quantile(size, _USUAL))
+    if scan.provenance["engine"] == "shells" and size.max() > _FAR * usual:
         say(
-            f"{tested.error.capitalize()} ({tested.region or 'all points'}): {measured} through "
-            f"hot air, {cold} cold."
+            f"{counted(int((size > _FAR * usual).sum()), 'point')} of {len(size):,} have errors of "
+            f"up to {um(size.max())}, while {_USUAL:.1%} have at most {um(usual)}: the shells may "
+            "be too coarse for them, and form deviations depend on such points; compare with "
+            "--engine cells."
         )
 
 

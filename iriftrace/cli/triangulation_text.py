@@ -10,10 +10,12 @@ from iriftrace.cli.options import celsius
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K, counted
 from iriftrace.features.quantity import Quantity, SizeAtReference
+from iriftrace.part.region_choice import placed_regions
 
 if TYPE_CHECKING:
     from iriftrace.features.fitted import FittedFeature
     from iriftrace.features.relations import Relation
+    from iriftrace.part.part import Part
     from iriftrace.triangulation.statistics import RegionValues
 
 MOST_LINES = 12
@@ -29,11 +31,16 @@ def say_field(provenance: JsonObject) -> None:
 
 
 def say_features(
-    features: Sequence[FittedFeature], true: str, gate: float | None, synthetic: bool = False
+    features: Sequence[FittedFeature],
+    part: Part,
+    true: str,
+    gate: float | None,
+    synthetic: bool = False,
 ) -> None:
     """Form and size of features as measured through hot air, and cold or corrected."""
+    names = placed_names(part)
     for feature in features:
-        where = f" ({feature.region})" if feature.region else ""
+        where = f" ({names[feature.region]})" if feature.region else ""
         hot, cold = (um(feature.form_mm[name]) for name in ("measured", true))
         form, count = f"form deviation {hot}, {true} {cold}; ", feature.points + feature.left_out
         if feature.left_out:
@@ -128,18 +135,29 @@ def minutes(degrees: float) -> str:
     return f"{round(60 * degrees, 1 if degrees < 1 / 6 else 0):g} arcmin"
 
 
-def say_relations(related: Sequence[Relation], true: str, synthetic: bool = False) -> None:
+def say_relations(
+    related: Sequence[Relation], part: Part, true: str, synthetic: bool = False
+) -> None:
     """Distances and angles of planes as measured through hot air, and cold or corrected."""
+    names = placed_names(part)
     for relation in related[:MOST_LINES]:
-        pair = " and ".join(region or "all points" for region in relation.regions)
+        pair = " and ".join(
+            names[region] if region else "all points" for region in relation.regions
+        )
         name, value = f"{relation.kind.capitalize()} of {pair}", relation.value
         say(f"{name}{_held_at(value)}: {_effect(value, true, synthetic)}.{_at_reference(value)}")
     if len(related) > MOST_LINES:
         say(f"More distances and angles in the JSON file: {len(related) - MOST_LINES}.")
 
 
-def print_regions(rows: Sequence[RegionValues], title: str) -> None:
+def placed_names(part: Part) -> dict[str | None, str]:
+    """Names of a part's regions as they are printed, by their names in files."""
+    return dict(zip(part.region_names, placed_regions(part), strict=True))
+
+
+def print_regions(rows: Sequence[RegionValues], part: Part, title: str) -> None:
     """A row for each region with points, those with most of them first."""
+    names = placed_names(part)
     seen = sorted((row for row in rows if row.points), key=lambda row: -row.points)
     cells = []
     for row in seen[:MOST_LINES]:
@@ -148,7 +166,7 @@ def print_regions(rows: Sequence[RegionValues], title: str) -> None:
         assert largest is not None
         um = (f"{1e3 * value:.3g}" for value in (values["median"], values["rms"], largest))
         area = () if row.measured is None else (f"{row.measured:.0%}",)
-        cells.append((row.region, f"{row.points:,}", *area, *um))
+        cells.append((names[row.region], f"{row.points:,}", *area, *um))
     notes = ["Measured: area of the triangles with a point, as a fraction of the region's"]
     headings = ["region", "points", "measured", "median (um)", "rms (um)", "95 % below (um)"]
     if len(cells[0]) < len(headings):

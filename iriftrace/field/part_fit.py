@@ -22,6 +22,7 @@ from iriftrace.field.source import synthetic_mark
 from iriftrace.geometry.query import Surface
 from iriftrace.geometry.transform import apply, parse_transform
 from iriftrace.part.part import Part
+from iriftrace.part.region_choice import placed_regions
 from iriftrace.part.soundness import is_unlikely_size
 
 LARGEST_GAP_MM = 0.2
@@ -84,6 +85,8 @@ class Fit:
         One sentence for each mismatch.
     bare_of_region
         The same fraction for each region of the part with bare area, the largest area first.
+    bare_regions
+        These as text; the five largest areas.
     contact_share
         Fraction of the part's area that is in contact with another body, by the body's name.
     """
@@ -94,19 +97,13 @@ class Fit:
     bare_share: float
     warnings: tuple[str, ...]
     bare_of_region: dict[str, float] = Factory(dict)
+    bare_regions: str = ""
     contact_share: dict[str, float] = Factory(dict)
 
     @property
     def notes(self) -> dict[str, str]:
         """Mismatches, as a note that every result states."""
         return {"fit": " ".join(self.warnings)} if self.warnings else {}
-
-    @property
-    def bare_regions(self) -> str:
-        """The bare regions with their fractions as text; the five largest areas."""
-        listed = [f"{name} {share:.0%}" for name, share in self.bare_of_region.items()]
-        more = f" and {len(listed) - 5} others" if len(listed) > 5 else ""
-        return ", ".join(listed[:5]) + more
 
 
 def body_in_air(field: IndexField, part: Part, blockers: Sequence[Part]) -> Part:
@@ -206,7 +203,7 @@ def fit_part_to_field(
         if touching.any():
             contact[Path(body.path).stem] = float(np.mean(touching))
     bare = float(np.mean(off_wall))
-    fit = Fit(median, p95, temperature, bare, (), _bare_of_region(part, off_wall, face), contact)
+    fit = Fit(median, p95, temperature, bare, (), *_bare_regions(part, off_wall, face), contact)
     messages = _temperature_message(temperature, wall_temperature_k)
     if p95 > LARGEST_GAP_MM:
         # A part next to its cavity is bare too, but the warning about the gap says enough.
@@ -232,13 +229,17 @@ def fit_part_to_field(
     return evolve(fit, warnings=messages)
 
 
-def _bare_of_region(part: Part, off_wall: BoolArray, face: IntArray) -> dict[str, float]:
-    """Bare fraction of each region, from samples on its faces; the largest area first."""
+def _bare_regions(part: Part, off_wall: BoolArray, face: IntArray) -> tuple[dict[str, float], str]:
+    """`bare_of_region` and `bare_regions` of a `Fit`, from samples on the faces of regions."""
     region, count = part.region_of_face[face], len(part.region_names)
     bare = np.bincount(region, off_wall, minlength=count)
     share = bare / np.maximum(np.bincount(region, minlength=count), 1)
     order = [k for k in np.argsort(-bare, kind="stable").tolist() if share[k] >= _LEAST_BARE]
-    return {part.region_names[k]: float(share[k]) for k in order}
+    names = placed_regions(part)
+    listed = [f"{names[k]} {share[k]:.0%}" for k in order]
+    more = f" and {len(listed) - 5} others" if len(listed) > 5 else ""
+    of_region = {part.region_names[k]: float(share[k]) for k in order}
+    return of_region, ", ".join(listed[:5]) + more
 
 
 def _fit_without_wall(

@@ -11,24 +11,31 @@ import numpy as np
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part
 
-_ALONG_AN_AXIS = re.compile(r"(?:plane|head) [+-](?P<axis>[xyz])(?: \d+)?")
+_PLANE = re.compile(r"(?:plane|head) (?:[+-](?P<axis>[xyz])(?: \d+)?|\d+)")
 
 
 def placed_regions(part: Part) -> tuple[str, ...]:
-    """Names of a part's regions; a plane across an axis with its place, ``plane -x 1 (x 80 mm)``.
+    """Names of a part's regions; planes across an axis with their place, ``plane -x 1 (x 80 mm)``.
 
-    Names of holes contain their positions already.
+    Others have the direction of their normal, ``plane 1 (azimuth 90, elevation 30)``, deg. Names of
+    holes contain their positions already.
     """
     return tuple(name + _place(part, number, name) for number, name in enumerate(part.region_names))
 
 
 def _place(part: Part, number: int, name: str) -> str:
-    match = _ALONG_AN_AXIS.fullmatch(name)
+    match = _PLANE.fullmatch(name)
     chosen = part.region_of_face == number
     if match is None or not chosen.any():
         return ""
+    areas = part.face_areas[chosen]
+    if match["axis"] is None:
+        x, y, z = np.average(part.face_normals[chosen], axis=0, weights=areas)
+        azimuth = round(float(np.degrees(np.arctan2(y, x)))) % 360
+        elevation = round(float(np.degrees(np.arctan2(z, np.hypot(x, y)))))
+        return f" (azimuth {azimuth}, elevation {elevation})"
     axis = "xyz".index(match["axis"])
-    middle = np.average(part.face_centres[chosen, axis], weights=part.face_areas[chosen])
+    middle = np.average(part.face_centres[chosen, axis], weights=areas)
     return f" ({match['axis']} {round(float(middle), 3) + 0.0:.4g} mm)"
 
 

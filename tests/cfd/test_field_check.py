@@ -228,7 +228,7 @@ def test_half_a_field_is_found_out(tmp_path: Path) -> None:
     assert missing["plane -x"] == pytest.approx(1.0)
     assert missing["plane +y"] == pytest.approx(0.5, abs=0.05)
     assert "plane +x" not in missing
-    assert "missing at plane -x 100%, plane " in covered["remark"]
+    assert "missing at plane -x (x -6 mm) 100%, plane " in covered["remark"]
     whole = check_field(read_field(field), read_part(part))
     assert finding(whole, "part in the field")["covered"] == 1.0
 

@@ -1,5 +1,6 @@
 """Regions by pattern, and with their place."""
 
+import numpy as np
 import pytest
 import trimesh
 
@@ -21,6 +22,23 @@ def test_planes_are_shown_with_their_place(steps: Part) -> None:
     shown = dict(zip(steps.region_names, placed_regions(steps), strict=True))
     assert shown["plane -x 1"] == "plane -x 1 (x -5 mm)"
     assert shown["plane -x 2"] == "plane -x 2 (x 80 mm)"
+
+
+def test_oblique_planes_are_shown_with_their_direction() -> None:
+    box = trimesh.creation.box((10.0, 20.0, 30.0))
+    box.apply_transform(trimesh.transformations.euler_matrix(0.0, np.radians(-20), np.radians(50)))
+    part = part_of_mesh(box.vertices, box.faces, name="tilted")
+    shown = placed_regions(part)
+    assert [name.partition(" (")[0] for name in shown] == list(part.region_names)
+    assert {name.partition(" (")[2] for name in shown} == {
+        "azimuth 50, elevation 20)",
+        "azimuth 230, elevation -20)",
+        "azimuth 140, elevation 0)",
+        "azimuth 320, elevation 0)",
+        "azimuth 230, elevation 70)",
+        "azimuth 50, elevation -70)",
+    }
+    assert regions_like(part, shown[0]) == (part.region_names[0],)
 
 
 def test_patterns_stand_for_several_regions(steps: Part) -> None:

@@ -100,6 +100,6 @@ def test_the_command_says_the_errors(
     cloud = tmp_path / "scan.ply"
     words = ["measure", str(xml), "-o", str(cloud), "--acceptance", "--no-figures"]
     assert main(words) == 0
-    assert "Flatness error (plane +z)" in capsys.readouterr().out
+    assert "Flatness error (plane +z (z 0 mm))" in capsys.readouterr().out
     (row,) = json.loads(cloud.with_suffix(".json").read_text())["acceptance"]
     assert row["region"] == "plane +z"

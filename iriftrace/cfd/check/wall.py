@@ -18,6 +18,7 @@ from iriftrace.field.index_field import IndexField
 from iriftrace.field.tetrahedra import tetrahedra_of
 from iriftrace.geometry.triangles import area_vectors, unit_vectors
 from iriftrace.part.part import Part
+from iriftrace.part.region_choice import placed_regions
 
 _POTENTIAL_STEPS = 2000
 _LEAST_EXCESS_K = 1.0
@@ -244,6 +245,7 @@ def heat_finding(wall: WallState, part: Part, counted_w: float | None) -> Findin
         for i, name in enumerate(part.region_names)
         if wall.areas[region == i].sum() > 0.0
     }
+    names = dict(zip(part.region_names, placed_regions(part), strict=True))
     mean = float(np.average(flux, weights=wall.areas))
     most = sorted(regions.items(), key=lambda item: -item[1])[:3]
     source = (
@@ -256,7 +258,7 @@ def heat_finding(wall: WallState, part: Part, counted_w: float | None) -> Findin
         f"{heat_w:.4g} W",
         "-" if heat_w > 0.0 else "bad",
         f"{source}; {wall.area_mm2:.5g} mm2, mean {mean:.4g} W/m2; "
-        + ", ".join(f"{name} {flux:.4g}" for name, flux in most),
+        + ", ".join(f"{names[name]} {flux:.4g}" for name, flux in most),
         {
             "heat_w": heat_w,
             "heat_by_gradient_w": wall.heat_w,
