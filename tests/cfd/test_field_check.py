@@ -231,6 +231,9 @@ def test_half_a_field_is_found_out(tmp_path: Path) -> None:
     assert "missing at plane -x (x -6 mm) 100%, plane " in covered["remark"]
     whole = check_field(read_field(field), read_part(part))
     assert finding(whole, "part in the field")["covered"] == 1.0
+    heat = finding(whole, "heat from the wall")
+    assert " mm) " in heat["remark"], "of planes with their place"
+    assert "plane -x" in heat["regions_w_m2"]
 
 
 def test_walls_of_bodies_are_not_the_parts(

@@ -100,6 +100,9 @@ def test_the_command_says_the_errors(
     cloud = tmp_path / "scan.ply"
     words = ["measure", str(xml), "-o", str(cloud), "--acceptance", "--no-figures"]
     assert main(words) == 0
-    assert "Flatness error (plane +z (z 0 mm))" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "Flatness error (plane +z (z 0 mm))" in said
+    assert "Plane (plane +z (z 0 mm)): form deviation" in said
+    assert "\n  plane +z (z 0" in said, "in the table of regions"
     (row,) = json.loads(cloud.with_suffix(".json").read_text())["acceptance"]
     assert row["region"] == "plane +z"
