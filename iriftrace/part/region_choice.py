@@ -5,11 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from iriftrace.core.errors import InputError
-from iriftrace.part.part import Part
+
+if TYPE_CHECKING:
+    from iriftrace.part.part import Part
 
 _PLANE = re.compile(r"(?:plane|head) (?:[+-](?P<axis>[xyz])(?: \d+)?|\d+)")
 

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pyvista as pv
-import trimesh
 from attrs import frozen
 
 from iriftrace.cfd.openfoam.domain import Domain
@@ -59,6 +58,8 @@ def floor_below(grid: pv.UnstructuredGrid, height: float) -> Body:
 
     It lies slightly lower, so that it hides the underside of a part that stands on it.
     """
+    import trimesh
+
     box = np.reshape(grid.bounds, (3, 2)).T
     box[:, 2] = height - _LOWER - 1.0, height - _LOWER
     plate = trimesh.creation.box(bounds=box)
