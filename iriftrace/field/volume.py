@@ -43,7 +43,7 @@ _SCALARS = "iriftrace_scalars"
 # or, where a grid closes on itself, sin(2 pi) for 0.
 _ROUNDING = 1e-7
 # Fraction of the cells that may coincide: VTK splits polyhedra so, now and then.
-_FEW_REPEATED = 1e-3
+_FEW_REPEATED = 1e-2
 
 
 def linear_volume(grid: pv.UnstructuredGrid) -> pv.UnstructuredGrid:

@@ -29,7 +29,7 @@ COARSEST_STEP_MM = 1e-3
 LEAST_BODY = 1e-6
 """Fraction of a part's volume from which on a piece of its surface is no sliver or double sheet."""
 
-LEAST_FOLDED = 1e-4
+LEAST_FOLDED = 2e-3
 """Fraction of a part's area from which on folds are more than slivers."""
 
 

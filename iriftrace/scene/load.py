@@ -129,6 +129,7 @@ def _load_one(path: Path, values: dict[str, str], variant: str | None, engine: s
     return LoadedScene(
         # As it is now, wherever the working folder will be.
         path=path.absolute(),
+        given=str(path),
         part=part,
         part_to_world=file.part_to_world,
         variables=values,

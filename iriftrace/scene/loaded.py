@@ -110,6 +110,7 @@ class LoadedScene:
     second: Camera | None = None
     second_id: str = ""
     ensemble: LoadedEnsemble | None = field(default=None, repr=False)
+    _given: str = field(default="the scene", repr=False)
     _state: dict[str, object] | None = field(default=None, repr=False)
     _cells: Callable[[], FieldCells] | None = field(default=None, repr=False)
     _sensor: Camera = field(
@@ -142,10 +143,7 @@ class LoadedScene:
     @property
     def name(self) -> str:
         """Name of the scene in messages."""
-        if self.path is None:
-            return "the scene"
-        here = Path.cwd()
-        return str(self.path.relative_to(here) if self.path.is_relative_to(here) else self.path)
+        return self._given
 
     @property
     def other_camera(self) -> Camera | None:
