@@ -126,7 +126,11 @@ def _gap(fit: Fit) -> Finding:
 
 def _covered(fit: Fit) -> Finding:
     bare = fit.bare_share
-    touching = (f"; {share:.1%} touches {name}" for name, share in fit.contact_share.items())
+    touching = (
+        f"; {share:.1%} touches {name}"
+        for name, share in fit.contact_share.items()
+        if share >= 0.0005
+    )
     missing = f"; missing at {fit.bare_regions}" if fit.bare_of_region else ""
     return Finding(
         "part in the field",
