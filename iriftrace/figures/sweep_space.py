@@ -16,7 +16,15 @@ from scipy.spatial import KDTree
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.figures import space
-from iriftrace.figures.style import BEST_RING, TEXT_COLOUR, WARNED, ColourScale, marks, scale_of
+from iriftrace.figures.style import (
+    BEST_RING,
+    TEXT_COLOUR,
+    WARNED,
+    ColourScale,
+    legend_below,
+    marks,
+    scale_of,
+)
 from iriftrace.geometry.triangles import polydata
 from iriftrace.part.part import Part
 from iriftrace.planning.quantities import Quantity
@@ -252,13 +260,6 @@ def _framed(title: str, subtitle: str, scale: ColourScale, entries: Sequence[Art
     """Titles, colour bar and legend around the room for pictures."""
     figure = space.titled_figure(title, subtitle)
     scale.add_bar(figure, cax=figure.add_axes((0.872, 0.2, 0.02, 0.62)))
-    figure.legend(
-        handles=list(entries),
-        loc="lower center",
-        bbox_to_anchor=(0.5, 0.005),
-        ncols=len(entries),
-        fontsize=9 if len(entries) < 5 else 8,
-        columnspacing=1.2,
-        frameon=False,
-    )
+    place = {"loc": "lower center", "bbox_to_anchor": (0.5, 0.005), "columnspacing": 1.2}
+    legend_below(figure, entries, len(entries), **place)
     return figure

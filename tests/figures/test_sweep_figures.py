@@ -353,6 +353,21 @@ def test_faces_have_the_colours_of_their_numbers(meshes: Meshes) -> None:
         sweep_face_figure(summarise(data), TETRAHEDRON, evolve(times, values=np.ones(3)))
 
 
+@pytest.mark.usefixtures("meshes")
+def test_the_legend_of_a_scene_with_all_kinds_of_things_is_not_cut(summary: SweepSummary) -> None:
+    body = TETRAHEDRON.vertices, TETRAHEDRON.faces
+    all_kinds = evolve(summary, warned=np.ones((len(GRID), 1), dtype=bool))
+    around = Surroundings(TETRAHEDRON, (body,), body)
+    figure = sweep_scene_figure(all_kinds, all_kinds.displacement, around)
+    figure.draw_without_rendering()
+    (legend,) = figure.legends
+    assert len(legend.get_texts()) == 6
+    box = legend.get_window_extent()
+    assert box.x0 >= 0
+    assert box.x1 <= figure.bbox.width
+    assert box.y0 >= 0
+
+
 def test_the_part_stands_among_the_poses(summary: SweepSummary, meshes: Meshes) -> None:
     """And each pose has its sphere in the colour of its score, or its ring without one."""
     sweep_scene_figure(summary, summary.score, Surroundings(TETRAHEDRON))
