@@ -117,12 +117,14 @@ def integrator_class(variant: str) -> type:
             self, scene: mi.Scene, sensor: mi.Sensor, straight: StraightHits
         ) -> IntArray:
             """Row-major numbers of the pixels where an object without the part behind it is met."""
+            prepared = self.prepare(scene)
+            if not prepared.has_blockers:
+                return np.empty(0, dtype=np.int64)
             rays = PixelRays(sensor, len(self.aov_names()))
             met: dt.UInt32 = dr.compress(straight.outcome == HIT_BLOCKER)
             if dr.width(met) == 0:
                 return np.empty(0, dtype=np.int64)
-            part = self.prepare(scene).part_alone
-            hidden = ray_query(part, *rays(met), True, mi.Bool(True)).is_valid()
+            hidden = ray_query(prepared.part_alone, *rays(met), True, mi.Bool(True)).is_valid()
             pixels = np.array(dr.gather(mi.UInt32, rays.numbers, met), dtype=np.int64)
             found: IntArray = pixels[~np.array(hidden, dtype=bool)]
             return found

@@ -1,4 +1,4 @@
-"""What a scene's parameters are, to notice that `mi.traverse` has changed them since."""
+"""Parameters of a scene, kept to notice that `mi.traverse` has changed them since."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ _USUAL = 0.999
 """Fraction of the points to whose largest error that of all is compared."""
 
 _FAR = 3.0
-"""Largest ratio of these errors that refraction causes; 1.0 to 1.3 in scenes of all kinds."""
+"""Ratio of these errors from which a comparison is advised; it changes no number."""
 
 System = Annotated[
     Literal["stereo", "fringe", "laser"] | None,

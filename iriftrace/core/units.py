@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 ZERO_CELSIUS_K = 273.15
 """0 degC in kelvin."""
 
+PLAUSIBLE_K = (200.0, 3000.0)
+"""Temperatures of parts, walls and the air around them; others are in another unit."""
+
 _MILLIMETRES = {"um": 1e-3, "mm": 1.0, "cm": 10.0, "m": 1e3, "inch": 25.4, "in": 25.4}
 LENGTH_UNITS = {
     **dict.fromkeys(("um", "µm", "μm", "micron", "microns"), "um"),

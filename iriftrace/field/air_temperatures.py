@@ -10,7 +10,7 @@ from attrs import evolve, frozen
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn, without_warnings
 from iriftrace.core.files import check_readable, sha256_of
-from iriftrace.core.units import ZERO_CELSIUS_K, length_factor, parse_quantity
+from iriftrace.core.units import PLAUSIBLE_K, ZERO_CELSIUS_K, length_factor, parse_quantity
 from iriftrace.field.readers.comsol import length_unit_of
 from iriftrace.field.readers.comsol_text import TextFile, spreadsheet_columns, text_file
 from iriftrace.field.readers.states import Column
@@ -20,10 +20,6 @@ _OTHER_NAMES = {"Temperature": "T", "temperature": "T"}
 
 _UNCERTAINTIES = ("u", "unc", "sigma", "std", "err", "tol")
 """Beginnings of names of uncertainties."""
-
-COLDEST_K, HOTTEST_K = 200.0, 3000.0
-"""No air around a hot part is colder or hotter; such numbers are in other units or mark an open
-thermocouple."""
 
 
 @frozen(eq=False)
@@ -115,7 +111,8 @@ def read_air_temperatures(path: str | Path) -> AirTemperatures:
         raise InputError(
             f"{file} has temperatures below 0 K or uncertainties U of 0 K or less; correct them."
         )
-    strange = kelvins[(kelvins < COLDEST_K) | (kelvins > HOTTEST_K)]
+    low, high = PLAUSIBLE_K
+    strange = kelvins[(kelvins < low) | (kelvins > high)]  # an open thermocouple's, too
     if len(strange):
         raise InputError(
             f"{file} has air of {strange[0]:.4g} K, as T is read in {unit}; write the unit of T "

@@ -8,9 +8,7 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.core.errors import InputError
-
-COLDEST_K = 200.0
-"""Temperatures below this were degrees Celsius."""
+from iriftrace.core.units import PLAUSIBLE_K
 
 _COMMENT = re.compile(r"comment\s+thermal expansion (\S+) /K from (\S+) K to (\S+) K\s*")
 
@@ -30,7 +28,7 @@ class Growth:
                 f"thermal expansion of {self.expansion} per kelvin from {self.reference_k} K to "
                 f"{self.hot_k} K is not that of a solid; steel has about 14e-6/K."
             )
-        if min(self.reference_k, self.hot_k) < COLDEST_K:
+        if min(self.reference_k, self.hot_k) < PLAUSIBLE_K[0]:
             raise InputError(
                 f"thermal expansion from {self.reference_k:g} K to {self.hot_k:g} K is that of a "
                 'part colder than any here; give both temperatures with their unit, "20 degC".'

@@ -69,6 +69,7 @@ class PreparedScene:
         self.tables = SceneTables(scene)
         self.step = query_step(scene)
         opaque = [s for s in scene.shapes() if shell_indices(s.bsdf()) is None]
+        self.has_blockers = len(opaque) > 1
         if self.tables.shell_shapes:
             # Straight rays never look at shells; most of the query's cost is theirs.
             self.opaque = scene_beside(scene, opaque)

@@ -23,7 +23,8 @@ FLAT = 1e-5
 """Relative change of the gradient along an edge below which both may be rounding."""
 
 OTHER_UNIT = 5.0
-"""Factor between what gradient and second derivatives say that only another unit makes."""
+"""Factor between what gradient and second derivatives say that only another unit makes: noise and
+coarse meshes leave less than 2, mm and cm differ by 10."""
 
 
 def has_derivatives(shape: mi.Mesh) -> bool:

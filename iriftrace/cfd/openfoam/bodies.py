@@ -16,6 +16,7 @@ from iriftrace.cfd.openfoam.wall import HOTTEST
 from iriftrace.core.arrays import BoolArray, FloatArray, as_float64
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.plain import JsonObject
+from iriftrace.core.units import PLAUSIBLE_K
 from iriftrace.field.index_field import IndexField
 from iriftrace.part.part import Part, part_of_mesh, read_part
 
@@ -24,7 +25,6 @@ FOLDER = "bodies"
 FLOOR = "floor"
 """Name of the floor among the bodies."""
 _LOWER = 0.01  # mm
-_COLDEST = 200.0  # K
 _INLET_SAMPLES = 40
 _MOST_BLOCKED = 0.5
 _SLICES = 9
@@ -109,10 +109,10 @@ def check_bodies(bodies: Sequence[Body], part: Part, domain: Domain, floor: bool
                 "holes of its surface first."
             )
         kelvin = body.temperature_k
-        if kelvin is not None and not _COLDEST <= kelvin <= HOTTEST:
+        if kelvin is not None and not PLAUSIBLE_K[0] <= kelvin <= HOTTEST:
             raise InputError(
                 f"the body {path} cannot have {kelvin:g} K here; give a temperature from "
-                f"{_COLDEST:g} to {HOTTEST:g} K, or insulated."
+                f"{PLAUSIBLE_K[0]:g} to {HOTTEST:g} K, or insulated."
             )
         low, high = body.surface.bounds
         if (high <= domain.lower).any() or (low >= domain.upper).any():
