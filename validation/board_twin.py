@@ -39,7 +39,6 @@ from iriftrace.core.errors import IriftraceWarning
 from iriftrace.geometry.transform import parse_transform
 from iriftrace.image.measured_shift import MeasuredShift
 from iriftrace.part.shapes.board import Board
-from iriftrace.triangulation.correction import CorrectionStatus
 from validation.inputs.cameras import camera_at
 from validation.inputs.leaning_air import measured_shifts
 
@@ -173,7 +172,7 @@ def _seen(
 def _left(scan: iriftrace.Scan, scene: iriftrace.Scene) -> tuple[FloatArray, FloatArray | None]:
     """Error along the normal of the points that are corrected, mm, and its uncertainty."""
     fixed = iriftrace.correct(scan.points, scene)
-    good = fixed.status == CorrectionStatus.CORRECTED
+    good = fixed.corrected
     left = np.einsum("ij,ij->i", fixed.points - scan.true, scan.normal)[good]
     return left, None if fixed.u_normal is None else fixed.u_normal[good]
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 from iriftrace.cli import checks
 from iriftrace.cli.console import drawn, say, working
 from iriftrace.cli.measure import Features, Gate, Phase, System
-from iriftrace.cli.options import Flag, Fraction, Output, celsius, read_motion, word_parameter
+from iriftrace.cli.options import Flag, Fraction, Output, read_motion, word_parameter
 from iriftrace.cli.trace_options import TraceOptions
 from iriftrace.cli.triangulation_text import (
     print_regions,
@@ -22,7 +22,6 @@ from iriftrace.cli.triangulation_text import (
 )
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
-from iriftrace.features.quantity import SizeAtReference
 
 if TYPE_CHECKING:
     from iriftrace.features.fitted import FittedFeature
@@ -133,7 +132,7 @@ def correct(
         raise
     doubts = {"u_expansion": expansion_uncertainty, "u_temperature_k": temperature_uncertainty}
     features = found.features(loaded.part, choices, gate, **doubts)
-    related = found.relations(loaded.part, features, **doubts)
+    related = found.relations(features, **doubts)
     regions = found.regions(loaded.part)
     files: tuple[Path, ...] = found.save(
         output, features, regions, related, cloud=read, motion=motion, in_cloud_frame=in_cloud_frame
@@ -145,8 +144,8 @@ def correct(
         files = (*files, drawn(figure, output.with_suffix(".png")))
     values = found.as_dict()
     _say_counts(values)
-    say_features(features, loaded.part, "corrected", gate, found.state.synthetic)
-    say_relations(related, loaded.part, "corrected", found.state.synthetic)
+    say_features(features, loaded.part, "corrected", gate)
+    say_relations(related, loaded.part, "corrected")
     print_regions(regions, loaded.part, "Refraction error along the normal by region, removed")
     _say_expansion(found.growth, features)
     _say_uncertainty(found, values)
@@ -156,33 +155,33 @@ def correct(
 
 def _say_expansion(growth: Growth | None, features: Sequence[FittedFeature]) -> None:
     """State the temperature for which sizes hold, and uncertainties missing at another one."""
-    sizes = [feature.size for feature in features]
-    references = [s.at_reference for s in sizes if isinstance(s.at_reference, SizeAtReference)]
-    if growth is None and any(size.by_cloud["corrected"] for size in sizes):
+    stated = [feature.size.uncertainty for feature in features if feature.size.uncertainty]
+    if growth is None and stated:
         say(
             "Sizes hold at the temperature that the part had when it was measured; for those at 20 "
             "degC make the scene with --expansion and --hot-temperature."
         )
-    if any(cold.expansion_uncertainty_mm is None for cold in references):
+    if any("expansion" in u.missing for u in stated):
         say(
-            f"The sizes at {celsius(references[0].temperature_k)} state no uncertainty of "
-            "expansion and temperature: give both --expansion-uncertainty and "
-            "--temperature-uncertainty."
+            "U does not contain expansion and temperature of the part: give both "
+            "--expansion-uncertainty and --temperature-uncertainty."
         )
 
 
 def _say_counts(values: JsonObject) -> None:
     """State how many points are corrected, and why the others are not."""
     counts, error = values["points"], values["error_mm"]
+    uncertain = counts["uncertain"]
     say(
         f"{counts['corrected']:,} of {counts['measured']:,} points are corrected, by "
-        f"{um(error['median'])} (median; 95th percentile {um(error['p95'])}). Not corrected are "
+        f"{um(error['median'])} (median; 95th percentile {um(error['p95'])})"
+        + (f", {counts['uncertain']:,} of them by less than its uncertainty" if uncertain else "")
+        + f". Not corrected are "
         f"{counts['far_from_part']:,} far from the part (table, clamps, outliers) or on its "
         f"outline, {counts['hidden']:,} hidden from a device, {counts['outside_view']:,} behind a "
         f"device or beyond its lens, {counts['several_images']:,} with several images, "
-        f"{counts['outside_field']:,} seen through no hot air, {counts['lost']:,} whose rays were "
-        f"lost on the way and {counts['uncertain']:,} whose correction is less than its "
-        "uncertainty. As measured, the cloud lies "
+        f"{counts['outside_field']:,} seen through no hot air and {counts['lost']:,} whose rays "
+        "were lost on the way. As measured, the cloud lies "
         f"{um(values['to_part_mm']['median'])} from the part (median; 95th percentile "
         f"{um(values['to_part_mm']['p95'])})."
     )
@@ -192,21 +191,20 @@ def _say_uncertainty(found: Correction, values: JsonObject) -> None:
     """State what the uncertainties contain, or why there is none."""
     if found.state.synthetic:
         say(
-            "The air is synthetic, so that the corrections of sizes have no uncertainty: use a "
-            "flow solution (iriftrace field simulate)."
+            "The air is synthetic, so that its part of U is not known: use a flow solution "
+            "(iriftrace field simulate)."
         )
     elif found.u_normal is None:
         say(
-            "No uncertainty of the correction is stated, because that of the field is not known: "
-            'give --field-uncertainty "5 %", or a scene of several states of the air (iriftrace '
-            "scene --member)."
+            "The air's part of U is not known, because the uncertainty of the field is not: give "
+            '--field-uncertainty "5 %", or a scene of several states of the air (iriftrace scene '
+            "--member)."
         )
     if found.u_normal is not None:
         say(
             "Standard uncertainty of the correction along the normal: "
-            f"{um(values['u_normal_mm']['median'])} (median). That of the air follows from the "
-            "uncertainty of the field, that of the fit from the scatter of the points; systematic "
-            "errors of the sensor, the shells and the mesh are not included."
+            f"{um(values['u_normal_mm']['median'])} (median). Systematic errors of the sensor, the "
+            "shells and the mesh are not included in U."
         )
     unsteadiness = found.state.unsteadiness
     if unsteadiness is None:

@@ -132,7 +132,7 @@ def write_scan(
     features = scan.features(loaded.part, choices, gate)
     errors = accepted(features, loaded.part) if acceptance else ()
     regions = scan.regions(loaded.part)
-    related = scan.relations(loaded.part, features)
+    related = scan.relations(features)
     files = list(scan.save(output, features, errors, regions, related))
     if figures:
         from iriftrace.figures.scan import scan_figure

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 from iriftrace.cli.console import print_table, say
 from iriftrace.cli.options import celsius
 from iriftrace.core.plain import JsonObject
-from iriftrace.core.units import ZERO_CELSIUS_K, counted
-from iriftrace.features.quantity import Quantity, SizeAtReference
+from iriftrace.core.units import counted
+from iriftrace.features.drawing import DRAWING
+from iriftrace.features.quantity import Quantity
 from iriftrace.part.region_choice import placed_regions
 
 if TYPE_CHECKING:
@@ -31,11 +32,7 @@ def say_field(provenance: JsonObject) -> None:
 
 
 def say_features(
-    features: Sequence[FittedFeature],
-    part: Part,
-    true: str,
-    gate: float | None,
-    synthetic: bool = False,
+    features: Sequence[FittedFeature], part: Part, true: str, gate: float | None
 ) -> None:
     """Form and size of features as measured through hot air, and cold or corrected."""
     names = placed_names(part)
@@ -50,26 +47,31 @@ def say_features(
             )
         else:
             form += f"{count:,} points"
-        size = feature.size
-        effect = _effect(size, true, synthetic)
+        if feature.not_corrected:
+            form += f"; {feature.not_corrected:,} more have no correction and are not used"
+        effect = _effect(feature.size, true)
         at = f" at {feature.place} of its axis" if feature.place else ""
         diameter = f"diameter{at} {effect}; " if effect else ""
-        say(
-            f"{feature.kind.capitalize()}{where}{_held_at(size)}: {diameter}{form}."
-            + _at_reference(size)
-        )
+        answer = _answer(feature.size, part, true, feature.place_on_drawing)
+        say(f"{feature.kind.capitalize()}{where}: {diameter}{form}.{answer}")
 
 
-def _effect(value: Quantity, true: str, synthetic: bool) -> str:
+def _effect(value: Quantity, true: str) -> str:
     """A size, distance or angle with and without hot air; "" if a feature has no size."""
     hot, cold, unit = value.by_cloud["measured"], value.by_cloud[true], value.unit
     if hot is None or cold is None:
         return ""
-    return (
+    text = (
         f"{hot:.4f} {unit} as measured through hot air, {cold:.4f} {unit} {true}: the air makes it "
         f"{_small(value, abs(hot - cold))} {'smaller' if hot < cold else 'larger'}"
-        f"{_uncertainty(value, synthetic)}"
     )
+    if value.scatter is not None:
+        scatter = _small(value, value.scatter)
+        text += f", with a standard deviation of {scatter} from field to field"
+    if value.worst is not None:
+        worst = f"{value.worst.value:.4f} {unit}"
+        text += f"; by the worst field, member {value.worst.number}, it is {worst}"
+    return text
 
 
 def _small(value: Quantity, difference: float) -> str:
@@ -77,48 +79,39 @@ def _small(value: Quantity, difference: float) -> str:
     return minutes(difference) if value.unit == "deg" else um(difference)
 
 
-def _held_at(value: Quantity) -> str:
-    """Temperature at which the size of an expanded part holds."""
-    cold = value.at_reference
-    if not isinstance(cold, SizeAtReference):
+def _answer(value: Quantity, part: Part, true: str, place: str = "") -> str:
+    """Sentence with the value on the drawing, or without hot air, and its whole uncertainty.
+
+    Empty for a value without a size, and for a simulated one that the sentence before has.
+    """
+    drawn, corrected = value.by_cloud.get(DRAWING), value.by_cloud[true]
+    if drawn is not None and part.growth is not None:
+        at = f" ({place} of its axis)" if place else ""
+        text = (
+            f" On the drawing at {celsius(part.growth.reference_k)}{at} it is {drawn:.4f} "
+            f"{value.unit}"
+        )
+    elif value.uncertainty is not None:
+        text = f" Corrected it is {corrected:.4f} {value.unit}"
+    else:
         return ""
-    return f" at {cold.holds_at_k - ZERO_CELSIUS_K:.0f} degC"
+    return f"{text}{_uncertainty(value)}."
 
 
-def _at_reference(value: Quantity) -> str:
-    """A size or angle at the temperature of the drawing."""
-    cold = value.at_reference
-    if cold is None:
+def _uncertainty(value: Quantity) -> str:
+    """The whole expanded uncertainty of a value, and its parts."""
+    u = value.uncertainty
+    if u is None:
         return ""
-    at = f" At {celsius(cold.temperature_k)} it is"
-    if not isinstance(cold, SizeAtReference):
-        return f"{at} {cold.angle_deg:.4f} deg."
-    u = cold.expansion_uncertainty_mm
-    doubt = "" if u is None else f", U = {um(u)} (k = 2) of expansion and temperature"
-    return f"{at} {cold.size_mm:.4f} mm{doubt}."
-
-
-def _uncertainty(value: Quantity, synthetic: bool) -> str:
-    """Uncertainties of a size, distance or angle; of a simulated one its scatter; worst member."""
-    text, stated = "", value.uncertainty
-    if stated is not None and stated.fit is not None:
-        fit = f"{_small(value, stated.fit)} (k = 2) of the fit"
-        if stated.air is not None and stated.total is not None:
-            text = (
-                f", U = {_small(value, stated.air)} (k = {stated.coverage_factor:.3g}) of the air, "
-                f"{fit}, {_small(value, stated.total)} together"
-            )
-        else:
-            text = f"{', no uncertainty: synthetic air;' if synthetic else ','} U = {fit} alone"
-        if abs(value.difference("measured", "corrected") or 0.0) < stated.fit:
-            text += ", more than the air's effect"
-    elif value.scatter is not None:
-        scatter = _small(value, value.scatter)
-        text = f", with a standard deviation of {scatter} from field to field"
-    if value.worst is not None:
-        worst = f"{value.worst.value:.4f} {value.unit}"
-        text += f"; by the worst field, member {value.worst.number}, it is {worst}"
-    return text
+    of = ", ".join(f"{name} {_small(value, u.coverage_factor * x)}" for name, x in u.parts.items())
+    least = "at least " if u.missing else ""
+    unknown = f"; not known: {', '.join(u.missing)}" if u.missing else ""
+    removed = abs(value.difference("measured", "corrected") or 0.0)
+    more = ", more than the air's effect" if u.expanded > removed else ""
+    return (
+        f", U = {least}{_small(value, u.expanded)} (k = {u.coverage_factor:.3g}; {of}{unknown})"
+        f"{more}"
+    )
 
 
 def um(millimetres: float) -> str:
@@ -135,9 +128,7 @@ def minutes(degrees: float) -> str:
     return f"{round(60 * degrees, 1 if degrees < 1 / 6 else 0):g} arcmin"
 
 
-def say_relations(
-    related: Sequence[Relation], part: Part, true: str, synthetic: bool = False
-) -> None:
+def say_relations(related: Sequence[Relation], part: Part, true: str) -> None:
     """Distances and angles of planes as measured through hot air, and cold or corrected."""
     names = placed_names(part)
     for relation in related[:MOST_LINES]:
@@ -145,7 +136,7 @@ def say_relations(
             names[region] if region else "all points" for region in relation.regions
         )
         name, value = f"{relation.kind.capitalize()} of {pair}", relation.value
-        say(f"{name}{_held_at(value)}: {_effect(value, true, synthetic)}.{_at_reference(value)}")
+        say(f"{name}: {_effect(value, true)}.{_answer(value, part, true)}")
     if len(related) > MOST_LINES:
         say(f"More distances and angles in the JSON file: {len(related) - MOST_LINES}.")
 

@@ -21,6 +21,7 @@ from iriftrace.features.choice import (
     on_region,
     other_surface,
 )
+from iriftrace.features.drawing import DRAWING
 from iriftrace.features.fit import FEWEST, Feature, fit_feature
 from iriftrace.features.outliers import GATE, check_gate, inliers
 from iriftrace.features.quantity import Quantity
@@ -52,6 +53,8 @@ class FittedFeature:
         Fits to the points by each member of an ensemble; empty for one field.
     size : Quantity
         Diameter, mm.
+    not_corrected : int
+        Points of the region that were measured but have no correction, and were not fitted.
     """
 
     kind: str
@@ -62,6 +65,7 @@ class FittedFeature:
     size: Quantity = field(
         default=Factory(lambda feature: _size(feature.fits, feature.by_member), takes_self=True)
     )
+    not_corrected: int = 0
 
     @property
     def points(self) -> int:
@@ -71,7 +75,13 @@ class FittedFeature:
     @property
     def place(self) -> str:
         """Point of a cone's axis at which the diameter holds; "" for other features."""
-        return cone_place(self.kind, {name: fit.position for name, fit in self.fits.items()})
+        return cone_place(self.kind, self.fits[_reference(self.fits)].position)
+
+    @property
+    def place_on_drawing(self) -> str:
+        """The same on the drawing; "" also if the part has not grown."""
+        drawn = self.fits.get(DRAWING)
+        return "" if drawn is None else cone_place(self.kind, drawn.position)
 
     @property
     def form_mm(self) -> dict[str, float]:
@@ -85,11 +95,14 @@ class FittedFeature:
         keys = ("size_mm", "position_mm", "direction")
         by_member = {key: [fit[key] for fit in members] for key in keys}
         return {
-            **{key: getattr(self, key) for key in ("kind", "region", "points", "left_out")},
+            **{key: getattr(self, key) for key in _COUNTED},
             **{k: {name: fit[k] for name, fit in fits.items()} for k in next(iter(fits.values()))},
             **({"by_member": by_member} if members else {}),
             **self.size.statements(),
         }
+
+
+_COUNTED = ("kind", "region", "points", "left_out", "not_corrected")
 
 
 def _size(fits: Mapping[str, Feature], by_member: Sequence[Feature]) -> Quantity:
@@ -101,11 +114,11 @@ def _size(fits: Mapping[str, Feature], by_member: Sequence[Feature]) -> Quantity
     )
 
 
-def cone_place(kind: str, positions: Mapping[str, ArrayLike]) -> str:
-    """`FittedFeature.place`, for positions by cloud."""
+def cone_place(kind: str, position: ArrayLike) -> str:
+    """`FittedFeature.place`, for the position (3,), mm, of a feature; "" for other kinds."""
     if kind != "cone":
         return ""
-    x, y, z = np.round(np.asarray(positions[_reference(positions)]), 2) + 0.0
+    x, y, z = np.round(np.asarray(position), 2) + 0.0
     return f"({x:.2f}, {y:.2f}, {z:.2f}) mm"
 
 
@@ -147,7 +160,8 @@ def fit_features(
 
     Outliers of the cloud ``"corrected"`` (else of the first), which hot air does not move, and
     points as near to other regions, by `inliers`, are removed from all. The diameters of a cone are
-    all those at the same height, that of its position in this cloud.
+    all those at the same height, that of its position in this cloud; on the drawing at that of its
+    position there.
     """
     wanted = checked_choices(choices, part)
     check_gate(gate)
@@ -184,7 +198,8 @@ def fit_features(
         if kind == "cone":
             # Rounded, so that the height can be stated as exactly as the diameter.
             place = np.round(fits[reference].position, 2)
-            fits = {name: fit.at(place) for name, fit in fits.items()}
+            places = {DRAWING: np.round(fits[DRAWING].position, 2)} if DRAWING in fits else {}
+            fits = {name: fit.at(places.get(name, place)) for name, fit in fits.items()}
             same = [fit.at(place) for fit in same]
         features.append(FittedFeature(kind, region, count - len(chosen), fits, tuple(same)))
     return tuple(features)

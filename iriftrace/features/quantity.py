@@ -7,7 +7,8 @@ from typing import Literal
 
 from attrs import frozen
 
-from iriftrace.core.plain import JsonObject, plain, structured
+from iriftrace.core.plain import JsonObject, structured
+from iriftrace.features.drawing import DRAWING
 
 Unit = Literal["mm", "deg"]
 
@@ -22,36 +23,18 @@ class WorstMember:
 
 @frozen
 class Uncertainty:
-    """Expanded uncertainties of a corrected value, in its unit; None where one is not known."""
+    """Uncertainty of a corrected value, in its unit."""
 
-    air: float | None  # U = k u of the correction of the value
-    # k of that, by Student's t for as many fields as it was estimated from (GUM, annex G), 2 for
-    # many or one.
-    coverage_factor: float | None
-    fit: float | None  # of the fit to the corrected points, by their scatter (k = 2)
+    parts: dict[str, float]  # standard uncertainties by source, the largest first
+    # k of 95 %, by Student's t for as many fields as that of the air was estimated from (GUM,
+    # annex G); 2 for many or one.
+    coverage_factor: float
+    missing: tuple[str, ...] = ()  # sources that are not known, so that U is a lower bound
 
     @property
-    def total(self) -> float | None:
-        """Root of the sum of the squares of both."""
-        return None if self.air is None or self.fit is None else math.hypot(self.air, self.fit)
-
-
-@frozen
-class SizeAtReference:
-    """A size or distance of an expanded part at the temperature of its drawing."""
-
-    temperature_k: float  # of the drawing
-    holds_at_k: float  # of a part that is equally hot everywhere and grows as much
-    size_mm: float  # at the temperature of the drawing
-    expansion_uncertainty_mm: float | None  # U (k = 2) by expansion and temperature; None: unknown
-
-
-@frozen
-class AngleAtReference:
-    """An angle of an expanded part at the temperature of its drawing."""
-
-    temperature_k: float
-    angle_deg: float
+    def expanded(self) -> float:
+        """U = k u of all parts, which are independent, together."""
+        return self.coverage_factor * math.hypot(*self.parts.values())
 
 
 @frozen
@@ -63,7 +46,8 @@ class Quantity:
     unit : str
         ``"mm"`` or ``"deg"``.
     by_cloud : dict of float or None
-        Values by the name of the cloud; None for features without a size.
+        Values by the name of the cloud; None for features without a size. ``"drawing"`` is that on
+        the drawing of an expanded part, at its temperature.
     u : dict of float or None
         Their standard uncertainties by the scatter of the points, as in `iriftrace.Feature`.
     by_member : tuple of float or None
@@ -73,8 +57,6 @@ class Quantity:
     worst : WorstMember or None
     uncertainty : Uncertainty or None
         Of a corrected value.
-    at_reference : SizeAtReference, AngleAtReference or None
-        Of a part that is expanded.
     """
 
     unit: Unit
@@ -84,7 +66,6 @@ class Quantity:
     scatter: float | None = None
     worst: WorstMember | None = None
     uncertainty: Uncertainty | None = None
-    at_reference: SizeAtReference | AngleAtReference | None = None
 
     @classmethod
     def of(cls, row: JsonObject) -> Quantity:
@@ -99,15 +80,14 @@ class Quantity:
             "u": row[f"u_{key}"],
             "by_member": row.get("by_member", {key: ()})[key],
             "scatter": row.get(f"size_scatter_{unit}"),
-            "at_reference": row.get("at_reference"),
         }
         if "worst_member" in row:
             values["worst"] = {"number": row["worst_member"], "value": row[f"worst_{key}"]}
-        if f"fit_uncertainty_{unit}" in row:
+        if f"U_{unit}" in row:
             values["uncertainty"] = {
-                "air": row[f"size_uncertainty_{unit}"],
-                "coverage_factor": row["coverage_factor"],
-                "fit": row[f"fit_uncertainty_{unit}"],
+                "parts": {part["group"]: part[f"u_{unit}"] for part in row["contributions"]},
+                "coverage_factor": row["k"],
+                "missing": row["not_covered"],
             }
         return structured(values, cls)
 
@@ -115,6 +95,12 @@ class Quantity:
     def key(self) -> str:
         """Key of the values in JSON."""
         return "angle_deg" if self.unit == "deg" else "size_mm"
+
+    @property
+    def answer(self) -> float | None:
+        """Value on the drawing, or without hot air if the part has not grown."""
+        names = (DRAWING, "corrected", "cold")
+        return next((self.by_cloud[name] for name in names if name in self.by_cloud), None)
 
     def difference(self, cloud: str, other: str) -> float | None:
         """Value in a cloud less that in another; None for features without a size."""
@@ -126,15 +112,16 @@ class Quantity:
         unit, row = self.unit, {}
         if self.uncertainty is not None:
             row = {
-                f"size_uncertainty_{unit}": self.uncertainty.air,
-                "coverage_factor": self.uncertainty.coverage_factor,
-                f"fit_uncertainty_{unit}": self.uncertainty.fit,
-                f"total_uncertainty_{unit}": self.uncertainty.total,
+                f"value_{unit}": self.answer,
+                f"U_{unit}": self.uncertainty.expanded,
+                "k": self.uncertainty.coverage_factor,
+                "contributions": [
+                    {"group": group, f"u_{unit}": u} for group, u in self.uncertainty.parts.items()
+                ],
+                "not_covered": list(self.uncertainty.missing),
             }
         elif self.by_member:
             row = {f"size_scatter_{unit}": self.scatter}
         if self.worst is not None:
             row |= {"worst_member": self.worst.number, f"worst_{self.key}": self.worst.value}
-        if self.at_reference is not None:
-            row["at_reference"] = plain(self.at_reference)
         return row

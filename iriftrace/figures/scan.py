@@ -19,7 +19,7 @@ from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.figures.style import ColourScale, finish_axes, new_figure
 from iriftrace.part.part import Part
 from iriftrace.sweep.measures import Limits
-from iriftrace.triangulation.correction import Correction, CorrectionStatus
+from iriftrace.triangulation.correction import Correction
 from iriftrace.triangulation.scan import Scan, ScanStatus
 
 
@@ -60,7 +60,7 @@ def correction_figure(found: Correction, part: Part, camera: Camera) -> Figure:
     The errors that the corrections remove are drawn in the camera's picture, the deviations of the
     points as measured and corrected as histograms. Points without a correction are dark grey.
     """
-    good = found.status == CorrectionStatus.CORRECTED
+    good = found.corrected
     normal, face = found.normal[good], found.face[good]
     along = 1e3 * np.einsum("ij,ij->i", found.error[good], normal)
     title = "What hot air added to the measured points"

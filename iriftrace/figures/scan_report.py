@@ -9,8 +9,9 @@ from pathlib import Path
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject, structured
 from iriftrace.core.units import ZERO_CELSIUS_K
+from iriftrace.features.drawing import DRAWING
 from iriftrace.features.fitted import cone_place
-from iriftrace.features.quantity import Quantity, SizeAtReference
+from iriftrace.features.quantity import Quantity
 from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.figures.page import (
     Rows,
@@ -22,9 +23,10 @@ from iriftrace.figures.page import (
     value_text,
     write_page,
 )
+from iriftrace.triangulation import correction, scan
 from iriftrace.triangulation.statistics import RegionValues
 
-SCHEMAS = {"iriftrace.scan/1": "cold", "iriftrace.correction/1": "corrected"}
+SCHEMAS = {scan.SCHEMA: "cold", correction.SCHEMA: "corrected"}
 """Results with such a report, and the names of their features' clouds without air."""
 
 
@@ -38,10 +40,17 @@ def read_numbers(path: Path) -> tuple[Path, JsonObject]:
         )
     try:
         values = json.loads(file.read_text(encoding="utf-8"))
-        known = values["schema"] in SCHEMAS
+        schema = str(values["schema"])
     except (OSError, ValueError, LookupError, TypeError):
-        known = False
-    if not known:
+        schema = ""
+    kinds = {known.partition("/")[0]: known for known in SCHEMAS}
+    current = kinds.get(schema.partition("/")[0])
+    if current is not None and schema != current:
+        raise InputError(
+            f"{file} has schema {schema!r} instead of {current!r}, so it was written by another "
+            "version of iriftrace; measure or correct again with this one."
+        )
+    if current is None:
         raise InputError(
             f"{file} holds no numbers of iriftrace measure or correct for a report; "
             "give a sweep (.nc), or a cloud that lies next to its .json."
@@ -55,9 +64,8 @@ def scan_report(values: JsonObject) -> dict[str, object]:
     simulated = true == "cold"
     assumed, counts = values["assumptions"], values["points"]
     what = "What hot air adds to a measurement" if simulated else "Measured cloud, corrected"
-    sizes = map(Quantity.of, (*values["features"], *values.get("relations", ())))
-    cold = next((size.at_reference for size in sizes if size.at_reference is not None), None)
-    at = "" if cold is None else f"at {cold.temperature_k - ZERO_CELSIUS_K:g} °C (mm)"
+    growth = values["growth"]
+    at = f"at {growth['reference_k'] - ZERO_CELSIUS_K:g} °C" if growth else ""
     features = [_feature(row, true, at) for row in values["features"]]
     relations = [_relation(row, true, at) for row in values.get("relations", ())]
     measured = structured(values.get("regions", ()), tuple[RegionValues, ...])
@@ -192,79 +200,59 @@ def _devices(values: JsonObject) -> Rows:
 def _feature_note(expanded: bool) -> str:
     text = (
         "Diameters, of a cone at the stated point of its axis; for planes the form deviation. "
-        "U is expanded (k = 2, larger for few fields)."
+        "U is expanded (k = 2, larger for few fields)"
     )
     if expanded:
-        text += (
-            " The column at: temperature at which a size holds; the last two: the size at the "
-            "temperature of the drawing, and U of that step by expansion and temperature alone."
-        )
-    return text
+        text += " and holds for the size on the drawing, at its temperature"
+    return f"{text}."
 
 
 def _feature(row: JsonObject, true: str, at: str) -> dict[str, str]:
-    """Cells by heading; `at` is that of the size at the temperature of the drawing, if there is."""
+    """Cells by heading; `at` is that of the size on the drawing, if there is one."""
     size = Quantity.of(row)
     sized = size.by_cloud["measured"] is not None
     values = row["size_mm"] if sized else row["form_mm"]
     measured, cold = values["measured"], values[true]
-    place = cone_place(row["kind"], row["position_mm"])
-    cells = {
+    place = cone_place(row["kind"], row["position_mm"][true])
+    return {
         "feature": row["kind"],
         "region": " at ".join(filter(None, (row["region"] or "all points", place))),
-        **_held_at(size, at),
         "points": f"{row['points']:,}",
         "measured (mm)": f"{measured:.4f}",
         f"{true} (mm)": f"{cold:.4f}",
         "air (µm)": _um(measured - cold),
+        **({f"{at} (mm)": f"{values[DRAWING]:.4f}"} if at else {}),
+        **({} if true == "cold" else {"U": _expanded(size)}),
     }
-    for name, u in _expanded(size).items():
-        cells[f"{name} (µm)"] = _um(u) if sized else ""
-    return cells | _cold(size, at)
 
 
-def _expanded(value: Quantity) -> dict[str, float | None]:
-    """Expanded uncertainties of a correction by name; none of a simulated value."""
+def _expanded(value: Quantity) -> str:
+    """The whole uncertainty of a value, and its parts; "" of a feature without a size."""
     u = value.uncertainty
-    return {} if u is None else {"U of the air": u.air, "U of the fit": u.fit, "U": u.total}
-
-
-def _held_at(value: Quantity, at: str) -> dict[str, str]:
-    if not at:
-        return {}
-    cold = value.at_reference
-    held = f"{cold.holds_at_k - ZERO_CELSIUS_K:.0f}" if isinstance(cold, SizeAtReference) else ""
-    return {"at (°C)": held}
-
-
-def _cold(value: Quantity, at: str) -> dict[str, str]:
-    """A value at the temperature of the drawing."""
-    cold = value.at_reference
-    if not at:
-        return {}
-    if isinstance(cold, SizeAtReference):
-        size, u = f"{cold.size_mm:.4f}", _um(cold.expansion_uncertainty_mm)
-    else:
-        size, u = "" if cold is None else f"{cold.angle_deg:.4f}°", ""
-    return {at: size, "U of that (µm)": u}
+    if u is None:
+        return ""
+    angle = value.unit == "deg"
+    parts = [f"{name} {_difference(u.coverage_factor * x, angle)}" for name, x in u.parts.items()]
+    parts += [f"{name} not known" for name in u.missing]
+    return f"{_difference(u.expanded, angle)} ({', '.join(parts)})"
 
 
 def _relation(row: JsonObject, true: str, at: str) -> dict[str, str]:
     """Cells by heading, as of `_feature`."""
     value = Quantity.of(row)
     angle = value.unit == "deg"
-    measured, cold = (
-        f"{value.by_cloud[name]:.4f}{'°' if angle else ' mm'}" for name in ("measured", true)
+    names = ("measured", true, DRAWING) if at else ("measured", true)
+    measured, cold, *drawn = (
+        f"{value.by_cloud[name]:.4f}{'°' if angle else ' mm'}" for name in names
     )
     return {
         "": row["kind"],
         "planes": " and ".join(str(region or "all points") for region in row["regions"]),
-        **_held_at(value, at),
         "measured": measured,
         true: cold,
         "air": _difference(value.difference("measured", true), angle),
-        **{name: _difference(u, angle) for name, u in _expanded(value).items()},
-        **_cold(value, at),
+        **({at: drawn[0]} if at else {}),
+        **({} if true == "cold" else {"U": _expanded(value)}),
     }
 
 

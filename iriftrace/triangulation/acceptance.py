@@ -17,6 +17,9 @@ from iriftrace.features.fit import Feature, fit_feature
 from iriftrace.features.fitted import FittedFeature
 from iriftrace.part.part import Part
 
+CLOUDS = ("cold", "measured")
+"""Clouds of a simulated measurement that are tested, both of the part as hot as it is."""
+
 
 @frozen
 class AcceptanceError:
@@ -44,18 +47,16 @@ def acceptance(features: Sequence[FittedFeature], part: Part) -> tuple[Acceptanc
     ]
     errors = []
     for sphere, true in spheres:
-        size = {name: _diameter(fit) - _diameter(true) for name, fit in sphere.fits.items()}
-        errors.append(AcceptanceError("probing error of form", sphere.region, sphere.form_mm))
+        size = {name: _diameter(sphere.fits[name]) - _diameter(true) for name in CLOUDS}
+        errors.append(AcceptanceError("probing error of form", sphere.region, _form(sphere)))
         errors.append(AcceptanceError("probing error of size", sphere.region, size))
     for (one, true), (other, other_true) in combinations(spheres, 2):
         calibrated = _spacing(true, other_true)
-        spacing = {
-            name: _spacing(fit, other.fits[name]) - calibrated for name, fit in one.fits.items()
-        }
+        spacing = {name: _spacing(one.fits[name], other.fits[name]) - calibrated for name in CLOUDS}
         names = f"{one.region} to {other.region}"
         errors.append(AcceptanceError("sphere-spacing error", names, spacing))
     planes = (each for each in features if each.kind == "plane")
-    errors += [AcceptanceError("flatness error", each.region, each.form_mm) for each in planes]
+    errors += [AcceptanceError("flatness error", each.region, _form(each)) for each in planes]
     if not errors:
         raise InputError(
             "No region of the part that was measured is a sphere or a plane, so there is nothing "
@@ -68,6 +69,10 @@ def _calibrated(part: Part, region: str) -> Feature:
     """The sphere through a region's corners."""
     faces = part.faces[part.region_of_face == part.region_names.index(region)]
     return fit_feature(part.vertices[np.unique(faces)], "sphere")
+
+
+def _form(feature: FittedFeature) -> dict[str, float]:
+    return {name: feature.form_mm[name] for name in CLOUDS}
 
 
 def _diameter(sphere: Feature) -> float:

@@ -25,7 +25,12 @@ from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.scene import AnyScene
 from iriftrace.trace.engine import choose
 from iriftrace.trace.lost import warn_of_lost_points
-from iriftrace.triangulation.correction import Correction, CorrectionStatus, FieldState
+from iriftrace.triangulation.correction import (
+    Correction,
+    CorrectionStatus,
+    FieldState,
+    is_corrected,
+)
 from iriftrace.triangulation.devices import Phase, Sensor, System, provenance_of_two, sensor_of
 from iriftrace.triangulation.larger import Larger, in_box, larger_than, sample_of
 from iriftrace.triangulation.two_points import lines_of_sight
@@ -72,9 +77,9 @@ _DOUBTFUL = {
     CorrectionStatus.OUTSIDE_VIEW: "lie behind one of the scene's devices or beyond its lens, "
     "which cannot have measured them; check where the scene has the devices, and the frame of the "
     "cloud (--cloud-to-part).",
-    CorrectionStatus.UNCERTAIN: "have a correction less than its uncertainty and are not "
-    "corrected; features, those as measured too, rest on the other points alone. Add members "
-    "closer to the air, or find their weights with a board (iriftrace fit).",
+    CorrectionStatus.UNCERTAIN: "are corrected by the members' mean, which is less than its "
+    "uncertainty (u_normal); add members closer to the air, or find their weights with a board "
+    "(iriftrace fit).",
 }
 
 _NOT_CORRECTED = {
@@ -84,7 +89,6 @@ _NOT_CORRECTED = {
     CorrectionStatus.SEVERAL_IMAGES: "have several images",
     CorrectionStatus.OUTSIDE_FIELD: "are seen through no hot air that is known",
     CorrectionStatus.LOST: "have rays that were lost on the way",
-    CorrectionStatus.UNCERTAIN: "have a correction less than its uncertainty",
 }
 
 
@@ -100,8 +104,9 @@ def correct(
 ) -> Correction:
     """Remove the refraction error from measured points.
 
-    For an ensemble of fields the correction is the weighted mean over its members. Its uncertainty
-    is their scatter, or follows from the covariance of fitted weights
+    For an ensemble of fields the correction is the weighted mean over its members, of every point
+    whose lines of sight are known: the best estimate of an error is its mean, however uncertain.
+    Its uncertainty is the members' scatter, or follows from the covariance of fitted weights
     (:func:`iriftrace.fit_members`).
 
     Parameters
@@ -148,7 +153,7 @@ def correct(
     far = loaded.part.surface.distance(measured[hidden]) > REACH_MM
     status[hidden[far]] = CorrectionStatus.FAR_FROM_PART
     _refuse_none(status, measured, loaded.part)
-    errors = np.where(status[:, None] == CorrectionStatus.CORRECTED, by_member, 0.0)
+    errors = np.where(is_corrected(status)[:, None], by_member, 0.0)
     error = errors[0] if weights is None else weights.mean(errors)
     larger = _larger(measured - error, loaded.part)
     _warn_of_doubtful(status, larger, loaded.part)
@@ -156,8 +161,8 @@ def correct(
     one_line = sensor.system == "laser"
     if one_line:
         provenance["assumptions"]["sheet"] = "through each point, turned about the laser"
-        good = status == CorrectionStatus.CORRECTED
-        one_line = not _warn_of_other_sheets(sensor.off_sheet(measured[good]))
+        off = sensor.off_sheet(measured[is_corrected(status)])
+        one_line = not _warn_of_other_sheets(off)
     return Correction(
         measured=measured,
         error=error,
@@ -286,16 +291,10 @@ def _common_status(
 
 def _refuse_none(status: IntArray, measured: FloatArray, part: Part) -> None:
     """Raise InputError if no point can be corrected."""
-    if (status == CorrectionStatus.CORRECTED).any():
+    if is_corrected(status).any():
         return
     counts = {code: int((status == code).sum()) for code in _NOT_CORRECTED}
     listed = ", ".join(f"{n:,} {_NOT_CORRECTED[code]}" for code, n in counts.items() if n)
-    if counts[CorrectionStatus.UNCERTAIN] > 0.5 * len(status):
-        raise InputError(
-            f"None of the {len(status):,} points can be corrected: {listed}. The members' air is "
-            "too different from one another, or from what was measured; add members that are "
-            "closer to the air, or find their weights with a board (iriftrace fit)."
-        )
     raise InputError(
         f"None of the {len(status):,} points can be corrected: {listed}; the cloud is "
         f"{_across(measured):.3g} mm across and the part {_across(part.bounds):.3g} mm: "

@@ -13,13 +13,13 @@ from scipy.special import stdtrit
 
 from iriftrace.clouds.read import Cloud
 from iriftrace.clouds.write import by_axis, save_cloud
-from iriftrace.core.arrays import AnyArray, FloatArray, IntArray
+from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.plain import JsonObject, plain
 from iriftrace.core.statistics import spread
 from iriftrace.core.units import length_factor
-from iriftrace.features.choice import FeatureChoice
-from iriftrace.features.cold_size import ColdSizes
+from iriftrace.features.choice import FeatureChoice, on_region
+from iriftrace.features.drawing import DRAWING, GrowthUncertainty, drawing_cloud
 from iriftrace.features.fitted import FittedFeature, fit_features
 from iriftrace.features.outliers import GATE
 from iriftrace.features.quantity import Quantity, Uncertainty
@@ -38,7 +38,7 @@ from iriftrace.triangulation.statistics import (
     worst_member,
 )
 
-SCHEMA = "iriftrace.correction/1"
+SCHEMA = "iriftrace.correction/2"
 
 COVERAGE_FACTOR = 2
 """Coverage factor of well-known expanded uncertainties: 95.45 % of a normal distribution."""
@@ -54,10 +54,11 @@ class CorrectionStatus(PointStatus):
     """Outcome of a measured point.
 
     Outside the field, neither line of sight meets hot air of which anything is known. A point is
-    uncertain if its correction scatters over an ensemble's members by more than itself, and lost if
-    the refracted ray from a device is not known (`iriftrace.image.aov_image.Status.lost`). It is
-    outside the view if it lies behind a device, or so far outside its picture that its lens has no
-    ray there. Rows of the cloud's file that are not a point are not measured.
+    lost if the refracted ray from a device is not known (`iriftrace.image.aov_image.Status.lost`).
+    It is outside the view if it lies behind a device, or so far outside its picture that its lens
+    has no ray there. Rows of the cloud's file that are not a point are not measured. An uncertain
+    point is corrected like others, by the mean, but its correction scatters over an ensemble's
+    members by more than itself.
     """
 
     CORRECTED = 0
@@ -69,6 +70,11 @@ class CorrectionStatus(PointStatus):
     LOST = 6
     OUTSIDE_VIEW = 7
     NOT_MEASURED = 8
+
+
+def is_corrected(status: IntArray) -> BoolArray:
+    """Mask (n,) of the points whose outcome (n,) is a correction."""
+    return np.isin(status, (CorrectionStatus.CORRECTED, CorrectionStatus.UNCERTAIN))
 
 
 @frozen
@@ -109,7 +115,7 @@ class Correction:
     error : (n, 3) array, mm
         Refraction error of each; 0 where it is not known.
     status : (n,) array of int
-        `CorrectionStatus`; points with another one than 0 are not corrected.
+        `CorrectionStatus`; see `corrected`.
     face : (n,) array of int
         Of the part; -1 where the camera's line meets none.
     normal : (n, 3) array
@@ -155,6 +161,11 @@ class Correction:
     one_line: bool = False
 
     @property
+    def corrected(self) -> BoolArray:
+        """(n,) mask of the points that are corrected, uncertain ones too."""
+        return is_corrected(self.status)
+
+    @property
     def u_contrast(self) -> float:
         """Relative standard uncertainty of the air's contrast with unsteadiness; 0: unknown."""
         if not self.field_uncertainty:
@@ -175,7 +186,7 @@ class Correction:
         if self.errors is not None and self.weights is not None:
             along = each_along(self.errors, self.normal)
             found = np.hypot(found, self.weights.uncertainty(along))
-        return np.where(self.status == CorrectionStatus.CORRECTED, np.abs(found), np.nan)
+        return np.where(self.corrected, np.abs(found), np.nan)
 
     @property
     def points(self) -> FloatArray:
@@ -191,80 +202,100 @@ class Correction:
         u_expansion: float | None = None,
         u_temperature_k: float | None = None,
     ) -> tuple[FittedFeature, ...]:
-        """Features of the corrected points, ``"measured"`` and ``"corrected"``; see `fit_features`.
+        """Features of the corrected points; see `fit_features`.
 
-        The size has its uncertainties (that of the air is not known for synthetic air), of an
-        ensemble the member by which it is farthest from the mean, and of an expanded part its value
-        at the drawing's temperature, by the standard uncertainties of the expansion (relative) and
-        of the hot temperature (K).
+        The clouds are ``"measured"``, ``"corrected"``, and of an expanded part ``"drawing"``, the
+        corrected points carried back onto its drawing. Sizes have their uncertainties (that of the
+        air is not known for synthetic air), by the standard uncertainties of the expansion
+        (relative) and of the hot temperature (K) too, and of an ensemble the member by which they
+        are farthest from the mean.
         """
-        good = self.status == CorrectionStatus.CORRECTED
-        measured, face = self.measured[good], self.face[good]
-        clouds = {"measured": measured, "corrected": self.points[good]}
+        good = self.corrected
+        measured, face, points = self.measured[good], self.face[good], self.points[good]
+        clouds = {"measured": measured, "corrected": points, **drawing_cloud(points, face, part)}
         by_member = () if self.errors is None else measured - self.errors[:, good]
         line = self.one_line
         fitted = fit_features(clouds, face, part, choices, by_member, gate, one_line=line)
-        known = [evolve(each, size=self._with_uncertainty(each.size)) for each in fitted]
-        return ColdSizes(part, u_expansion, u_temperature_k).of_features(known, "corrected")
+        stays = self.face[~good & (self.face >= 0)]
+        growth = GrowthUncertainty(u_expansion, u_temperature_k)
+        return tuple(
+            evolve(
+                each,
+                size=self._with_uncertainty(each.size, growth),
+                not_corrected=int(on_region(each.region, stays, part).sum()),
+            )
+            for each in fitted
+        )
 
     def relations(
         self,
-        part: Part,
         features: Sequence[FittedFeature],
         *,
         u_expansion: float | None = None,
         u_temperature_k: float | None = None,
     ) -> tuple[Relation, ...]:
         """Distances and angles between `features`, with the same statements."""
-        known = [
-            evolve(each, value=self._with_uncertainty(each.value)) for each in relations(features)
-        ]
-        cold = ColdSizes(part, u_expansion, u_temperature_k)
-        return cold.of_relations(known, features, "corrected")
+        growth = GrowthUncertainty(u_expansion, u_temperature_k)
+        return tuple(
+            evolve(each, value=self._with_uncertainty(each.value, growth))
+            for each in relations(features)
+        )
 
-    def _with_uncertainty(self, value: Quantity) -> Quantity:
+    def _with_uncertainty(self, value: Quantity, growth: GrowthUncertainty) -> Quantity:
         measured, corrected = value.by_cloud["measured"], value.by_cloud["corrected"]
-        scatter, worst, u = 0.0, None, value.u["corrected"]
-        if self.weights is not None and measured is not None and corrected is not None:
+        if measured is None or corrected is None:
+            return value
+        scatter, worst = 0.0, None
+        if self.weights is not None:
             members = np.array(value.by_member, dtype=np.float64)
             scatter = float(self.weights.uncertainty(members - measured))
             worst = worst_member(members, corrected, self.provenance)
-        air, factor = self._air_uncertainty(value.difference("measured", "corrected"), scatter)
-        fit = None if u is None else COVERAGE_FACTOR * u
-        return evolve(value, uncertainty=Uncertainty(air, factor, fit), worst=worst)
+        drawn = value.by_cloud.get(DRAWING)
+        sources = {
+            "air": self._u_air(measured - corrected, scatter),
+            "fit": value.u["corrected" if drawn is None else DRAWING],
+        }
+        if drawn is not None and self.growth is not None:
+            angle = value.unit == "deg"
+            sources["expansion"] = growth.of_value(self.growth, corrected, drawn, angle)
+        known = {name: u for name, u in sources.items() if u is not None}
+        parts = dict(sorted(known.items(), key=lambda part: -part[1]))
+        missing = tuple(name for name in sources if name not in known)
+        factor = self._coverage_factor(math.hypot(*parts.values()), scatter)
+        return evolve(value, uncertainty=Uncertainty(parts, factor, missing), worst=worst)
 
-    def _air_uncertainty(
-        self, removed: float | None, scatter: float
-    ) -> tuple[float | None, float | None]:
-        """Expanded uncertainty of the correction of a value, and its coverage factor k."""
-        if removed is None or self.u_normal is None or self.state.synthetic:
-            return None, None
-        by_field = abs(self.u_contrast * removed)
-        factor = self._coverage_factor(by_field, scatter)
-        return factor * math.hypot(by_field, scatter), factor
+    def _u_air(self, removed: float, scatter: float) -> float | None:
+        """Standard uncertainty of what was removed from a value; None if it is not known."""
+        if self.u_normal is None or self.state.synthetic:
+            return None
+        return math.hypot(self.u_contrast * removed, scatter)
 
-    def _coverage_factor(self, by_field: float, scatter: float) -> float:
+    def _coverage_factor(self, total: float, scatter: float) -> float:
         """k for as many degrees of freedom as Welch and Satterthwaite's formula gives (GUM, G.4).
 
-        The field's uncertainty is assumed to be exact; the scatter over n equally weighted fields
-        has n - 1 degrees of freedom.
+        The `scatter` over n equally weighted fields has n - 1 degrees of freedom; the other parts
+        of the `total` standard uncertainty are assumed to be exact.
         """
         if self.weights is None or not scatter:
             return COVERAGE_FACTOR
         own = self.weights.degrees_of_freedom
-        degrees = own * (math.hypot(by_field, scatter) / scatter) ** 4
+        degrees = own * (total / scatter) ** 4
         if math.isinf(degrees):
             return COVERAGE_FACTOR
         return float(stdtrit(degrees, COVERED))
 
     def as_dict(self) -> JsonObject:
-        """Plain JSON values, schema ``iriftrace.correction/1``."""
-        corrected, u = self.status == CorrectionStatus.CORRECTED, self.u_normal
+        """Plain JSON values, schema `SCHEMA`."""
+        corrected, u = self.corrected, self.u_normal
         return {
             "schema": SCHEMA,
             **self.provenance,
             "system": self.system,
-            "points": {"measured": len(self.measured), **CorrectionStatus.counts(self.status)},
+            "points": {
+                "measured": len(self.measured),
+                **CorrectionStatus.counts(self.status),
+                CorrectionStatus.CORRECTED.key: int(corrected.sum()),
+            },
             "error_mm": spread(np.linalg.norm(self.error[corrected], axis=1)),
             **({} if u is None else {"u_normal_mm": spread(u[corrected])}),
             **({} if self.to_part is None else {"to_part_mm": spread(self.to_part)}),
@@ -276,7 +307,7 @@ class Correction:
 
     def regions(self, part: Part) -> tuple[RegionValues, ...]:
         """Corrections along the normal by region of the part."""
-        good = self.status == CorrectionStatus.CORRECTED
+        good = self.corrected
         along = np.einsum("ij,ij->i", self.error, self.normal)
         return region_values(part, self.face[good], along[good], one_line=self.one_line)
 

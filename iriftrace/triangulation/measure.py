@@ -167,6 +167,7 @@ def _scan(scene: LoadedScene, sensor: Sensor) -> Scan:
         status=status.reshape(lit.shape),
         **asdict(sensor, recurse=False),
         provenance=provenance_of_two(scene, camera),
+        growth=scene.part.growth,
     )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from attrs import Factory, evolve, frozen
+from attrs import Factory, asdict, evolve, frozen
 from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
@@ -16,11 +16,12 @@ from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.plain import JsonObject, plain
 from iriftrace.core.statistics import spread
 from iriftrace.features.choice import FeatureChoice
-from iriftrace.features.cold_size import ColdSizes
+from iriftrace.features.drawing import drawing_cloud
 from iriftrace.features.fitted import FittedFeature, fit_features
 from iriftrace.features.outliers import GATE
 from iriftrace.features.quantity import Quantity
 from iriftrace.features.relations import Relation, relations
+from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
 from iriftrace.triangulation.acceptance import AcceptanceError
 from iriftrace.triangulation.statistics import (
@@ -31,7 +32,7 @@ from iriftrace.triangulation.statistics import (
     worst_member,
 )
 
-SCHEMA = "iriftrace.scan/1"
+SCHEMA = "iriftrace.scan/2"
 
 
 class ScanStatus(PointStatus):
@@ -81,6 +82,8 @@ class Scan:
         the k members. None for one field.
     weights : MemberWeights or None
         Weights of the members.
+    growth : Growth or None
+        Thermal expansion of the part, if known.
     time_s : dict of float, s
         ``load`` and ``build`` of the scene, and ``measure``.
     """
@@ -100,6 +103,7 @@ class Scan:
     provenance: JsonObject
     errors: FloatArray | None = None
     weights: MemberWeights | None = None
+    growth: Growth | None = None
     time_s: dict[str, float] = Factory(dict)
 
     def __repr__(self) -> str:
@@ -181,7 +185,7 @@ class Scan:
         return found[:3], found[3:], self.error_normal + motions @ found
 
     def as_dict(self) -> JsonObject:
-        """Plain JSON values, schema ``iriftrace.scan/1``."""
+        """Plain JSON values, schema `SCHEMA`."""
         translation, rotation, left = self.best_fit()
         return {
             "schema": SCHEMA,
@@ -199,6 +203,7 @@ class Scan:
                 "rotation_rad": rotation.tolist(),
                 "error_normal_mm": spread(left),
             },
+            "growth": None if self.growth is None else asdict(self.growth),
             "devices": {"camera": self.camera.as_dict(), "second": self.second.as_dict()},
             "time_s": self.time_s,
         }
@@ -208,20 +213,22 @@ class Scan:
     ) -> tuple[FittedFeature, ...]:
         """Features of the points, ``"cold"`` and ``"measured"``; see `fit_features`.
 
-        Of an ensemble the size has its scatter over the members, and the member by which it is
-        farthest from the cold one; of an expanded part its value at the drawing's temperature.
+        Of an expanded part also those of the cold points carried back onto its ``"drawing"``. Of an
+        ensemble the size has its scatter over the members, and the member by which it is farthest
+        from the cold one.
         """
         clouds = {"cold": self.true, "measured": self.points}
+        clouds |= drawing_cloud(self.true, self.face, part)
         by_member = () if self.errors is None else self.true + self.errors
         line = self.one_line
         fitted = fit_features(clouds, self.face, part, choices, by_member, gate, one_line=line)
-        scattered = [evolve(each, size=self._with_scatter(each.size)) for each in fitted]
-        return ColdSizes(part).of_features(scattered, "cold")
+        return tuple(evolve(each, size=self._with_scatter(each.size)) for each in fitted)
 
-    def relations(self, part: Part, features: Sequence[FittedFeature]) -> tuple[Relation, ...]:
+    def relations(self, features: Sequence[FittedFeature]) -> tuple[Relation, ...]:
         """Distances and angles between `features`, with the same statements."""
-        found = [evolve(each, value=self._with_scatter(each.value)) for each in relations(features)]
-        return ColdSizes(part).of_relations(found, features, "cold")
+        return tuple(
+            evolve(each, value=self._with_scatter(each.value)) for each in relations(features)
+        )
 
     def _with_scatter(self, value: Quantity) -> Quantity:
         true = value.by_cloud["cold"]

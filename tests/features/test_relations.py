@@ -10,9 +10,7 @@ from iriftrace.core.errors import IriftraceWarning
 from iriftrace.features.choice import FeatureChoice
 from iriftrace.features.fitted import fit_features
 from iriftrace.features.quantity import (
-    AngleAtReference,
     Quantity,
-    SizeAtReference,
     Uncertainty,
     WorstMember,
 )
@@ -82,18 +80,19 @@ def test_uncertainties_are_those_of_repeated_measurements() -> None:
         Quantity("deg", {"cold": 9.0}, {"cold": 0.1}, (8.0, 9.5), 0.7, WorstMember(1, 8.0)),
         Quantity(
             *("mm", {"corrected": 9.0}, {"corrected": 0.1}, (8.0, 9.5), None, WorstMember(1, 8.0)),
-            *(Uncertainty(3.0, 13.97, 4.0), SizeAtReference(293.15, 1300.0, 8.9, None)),
+            Uncertainty({"air": 4.0, "fit": 3.0}, 2.0),
         ),
         Quantity(
-            *("deg", {"corrected": 90.0}, {"corrected": 0.1}, (), None, None),
-            *(Uncertainty(None, None, 0.2), AngleAtReference(293.15, 90.1)),
+            *("deg", {"corrected": 90.0, "drawing": 90.1}, {"corrected": 0.1}, (), None, None),
+            Uncertainty({"fit": 0.2}, 13.97, ("air", "expansion")),
         ),
     ],
 )
 def test_values_are_read_back_from_json(value: Quantity) -> None:
     row = json.loads(json.dumps(Relation(("a", None), value).as_dict()))
     assert Quantity.of(row) == value
-    assert row.get("total_uncertainty_mm") in (None, 5.0)
+    assert row.get("U_mm") in (None, 10.0)
+    assert row.get("value_deg") in (None, 90.1)
 
 
 def test_regions_count_points_area_and_values() -> None:

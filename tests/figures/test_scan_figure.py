@@ -115,14 +115,14 @@ def test_a_report_has_distances_at_the_drawings_temperature(tmp_path: Path) -> N
         growth=part.growth,
     )
     features = found.features(part)
-    cloud, _ = found.save(tmp_path / "c.xyz", features, related=found.relations(part, features))
+    cloud, _ = found.save(tmp_path / "c.xyz", features, related=found.relations(features))
     write_scan_report(tmp_path / "r.html", cloud)
     tables = read_page(tmp_path / "r.html").tables
     rows = [row for table in tables for row in table if row[0] == "distance"]
     headings = next(table[0] for table in tables if "planes" in table[0])
-    assert [row[headings.index("at (°C)")] for row in rows] == ["1020"] * 3
-    column = headings.index("at 20 °C (mm)")
-    assert [row[column] for row in rows] == ["20.0000", "30.0000", "40.0000"]
+    column = headings.index("at 20 °C")
+    assert [row[column] for row in rows] == ["20.0000 mm", "30.0000 mm", "40.0000 mm"]
+    assert all("air not known, expansion not known" in row[-1] for row in rows)
 
 
 def test_a_report_says_where_the_devices_stand_and_how_fields_count(variant: str) -> None:

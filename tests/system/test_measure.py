@@ -104,7 +104,7 @@ def test_wrong_files_end_in_one_sentence(
     slab = folder_of("slab") / "scene.xml"
     assert "no second device" in fails("measure", slab, "-o", "scan.vtp")
     (tmp_path / "other.json").write_text('{"schema": "iriftrace.pose/1"}')
-    (tmp_path / "part.json").write_text('{"schema": "iriftrace.scan/1", "points": {}}')
+    (tmp_path / "part.json").write_text('{"schema": "iriftrace.scan/2", "points": {}}')
     for name, said in (("other", "holds no numbers of iriftrace measure"), ("part", "is damaged")):
         assert said in fails("report", f"{name}.json", "-o", "x.html")
 
@@ -165,8 +165,13 @@ def test_reports_of_a_measurement_and_its_correction(
         regions = next(table for table in page.tables if "area measured" in table[0])
         assert [row[0] for row in regions[1:]] == ["lateral"]
         assert all(key.replace("_", " ") in page.by_id["setting"] for key in values["assumptions"])
-    total = values["features"][0]["total_uncertainty_mm"]
-    assert row[-1] == f"{1e3 * total:.3g}"
+    total = values["features"][0]["U_mm"]
+    assert row[-1].startswith(f"{1e3 * total:.3g} µm (")
+    outdated = values | {"schema": "iriftrace.correction/1"}
+    corrected.with_suffix(".json").write_text(json.dumps(outdated))
+    assert main(["report", str(corrected), "-o", str(tmp_path / "r.html")]) == 2
+    assert "measure or correct again" in " ".join(capsys.readouterr().err.split())
+    corrected.with_suffix(".json").write_text(json.dumps(values))
     corrected.with_suffix(".png").unlink()
     assert main(["report", str(corrected), "-o", str(tmp_path / "r.html")]) == 0
     assert "There is no picture" in capsys.readouterr().err
@@ -194,14 +199,18 @@ def test_the_hot_part_against_its_cold_drawing(
     assert main(["correct", str(scan), *words, *doubt]) == 0
     said = " ".join(capsys.readouterr().out.split())
     (row,) = json.loads((tmp_path / "c.json").read_text())["features"]
-    reference, hot = row["at_reference"], row["size_mm"]["corrected"]
-    assert reference["size_mm"] == pytest.approx(hot / 1.01, rel=1e-9)
-    # 2 x 27 mm x (1000 K x 2e-7/K and 10 K x 1e-5/K in quadrature) / 1.01^2
-    assert reference["expansion_uncertainty_mm"] == pytest.approx(
-        2 * hot * np.hypot(2e-4, 1e-4) / 1.01**2, rel=1e-6
+    cold, hot = row["value_mm"], row["size_mm"]["corrected"]
+    assert cold == row["size_mm"]["drawing"] == pytest.approx(hot / 1.01, rel=1e-9)
+    # 27 mm x (1000 K x 2e-7/K and 10 K x 1e-5/K in quadrature) / 1.01^2
+    u = {part["group"]: part["u_mm"] for part in row["contributions"]}
+    assert u["expansion"] == pytest.approx(hot * np.hypot(2e-4, 1e-4) / 1.01**2, rel=1e-6)
+    assert row["U_mm"] == pytest.approx(2 * np.hypot(u["expansion"], u["fit"]))
+    assert row["not_covered"] == ["air"]
+    expected = (
+        f"On the drawing at 20 degC it is {cold:.4f} mm, U = at least {1e3 * row['U_mm']:.3g} um "
+        "(k = 2; expansion "
     )
-    assert f"at 1020 degC: diameter {row['size_mm']['measured']:.4f} mm" in said
-    assert f"At 20 degC it is {reference['size_mm']:.4f} mm, U = " in said
+    assert expected in said
     assert main(["correct", str(scan), *words, doubt[0]]) == 0
     assert "give both --expansion-uncertainty" in " ".join(capsys.readouterr().out.split())
     assert main(["correct", str(scan), *words, "--temperature-uncertainty=12 degC"]) == 2

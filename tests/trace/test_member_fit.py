@@ -123,9 +123,9 @@ def test_twin(
     assert np.median(u) < 0.3 * uncorrected
     assert "by a fit to a measurement" in found.provenance["assumptions"]["ensemble"]
     features = found.features(block)
-    (angle,) = (each.as_dict() for each in found.relations(block, features))
+    (angle,) = (each.as_dict() for each in found.relations(features))
     measured, corrected = (angle["angle_deg"][name] for name in ("measured", "corrected"))
-    total = angle["total_uncertainty_deg"]
+    total = angle["U_deg"]
     assert abs(corrected - 90.0) < total < 0.5 * abs(measured - corrected)
 
 

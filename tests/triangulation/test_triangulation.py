@@ -328,6 +328,6 @@ def test_a_saved_scan_is_what_was_measured(plates: Scenes, tmp_path: Path) -> No
     np.testing.assert_array_equal(read.points, scan.points)
     np.testing.assert_array_equal(read["error_normal"], scan.error_normal)
     table = json.loads(numbers.read_text())
-    assert table["schema"] == "iriftrace.scan/1"
+    assert table["schema"] == "iriftrace.scan/2"
     assert table["points"]["measured"] == 25
     assert table["error_normal_mm"]["mean"] == pytest.approx(scan.error_normal.mean())
