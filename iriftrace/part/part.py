@@ -66,7 +66,8 @@ class Part:
     growth
         Thermal expansion contained in the vertices, if known.
     drawing
-        (n, 3) array, mm, world: the vertices of the cold part, if it has grown unevenly.
+        (n, 3) array, mm, world: the vertices of the cold part, if it has grown unevenly or not
+        about the world's origin.
     """
 
     vertices: FloatArray
@@ -257,9 +258,9 @@ def read_part(
         transform=transform,
         region_angle_deg=region_angle_deg,
     )
-    if file.drawing is None or growth is None:
+    if growth is None or (file.drawing is None and transform is None):
         return evolve(part, growth=growth)
-    drawing = file.drawing * scale
+    drawing = vertices / growth.factor if file.drawing is None else file.drawing * scale
     if transform is not None:
         drawing = apply(checked_matrix(transform), drawing)
     return evolve(part, growth=growth, drawing=drawing)

@@ -1,6 +1,7 @@
 """Sizes of a hot part at the temperature of its drawing, against points on the drawing."""
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from iriftrace.features.fit import fit_feature
 from iriftrace.features.fitted import FittedFeature, fit_features
 from iriftrace.features.relations import Relation, relations
 from iriftrace.part.growth import Growth
-from iriftrace.part.part import Part, part_of_mesh
+from iriftrace.part.part import Part, part_of_mesh, read_part, save_part
 from iriftrace.part.shapes.cylinder import cylinder
 from iriftrace.part.shapes.rings import between_poles, circle
 from iriftrace.part.tessellation import subdivide_part
@@ -184,6 +185,20 @@ def test_an_evenly_hot_part_has_the_scatter_of_its_growth() -> None:
     (size,) = [each.size for each in found.features(part, ["cylinder:lateral"], u_expansion=0.02)]
     assert size.uncertainty is not None
     assert size.uncertainty.missing == ("air", "expansion")
+
+
+def test_a_part_that_was_moved_has_its_place_on_the_drawing(tmp_path: Path) -> None:
+    """It grows about the origin of its file, which lies 300 mm above that of the scene."""
+    save_part(cylinder(60.0, 120.0), tmp_path / "cold.ply")
+    move = np.eye(4)
+    move[2, 3] = 300.0
+    part = read_part(
+        tmp_path / "cold.ply", transform=move, expansion=ALPHA, hot_temperature_k=1323.15
+    )
+    points, face = part.surface.even_places(2000)
+    (found,), _ = on_drawing(part, points, face, ["cylinder:lateral"])
+    assert found.fits["drawing"].position[2] == pytest.approx(300.0, abs=1e-4)
+    assert found.size.answer == pytest.approx(found.size.by_cloud["corrected"] / 1.01442)
 
 
 def test_the_growth_of_an_angle_is_uncertain_but_not_by_a_common_temperature() -> None:
