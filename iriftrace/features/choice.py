@@ -128,10 +128,10 @@ def other_surface(part: Part, kind: str, region: str | None) -> str | None:
 
 
 def _corners(part: Part, region: str) -> FloatArray:
-    """Vertices of a region, (n, 3), mm."""
+    """Vertices of a region, (n, 3), mm, on the drawing, where an unevenly hot cylinder is one."""
     faces = part.faces[part.region_of_face == part.region_names.index(region)]
-    corners: FloatArray = part.vertices[np.unique(faces)]
-    return corners
+    vertices = part.vertices if part.drawing is None else part.drawing
+    return np.asarray(vertices[np.unique(faces)])
 
 
 def surface_kind(corners: FloatArray) -> str | None:

@@ -96,7 +96,8 @@ def test_a_cylinder_with_a_cool_head(deviation_mm: float) -> None:
     hot = grown(part, walls(part, {head: 773.15}, 1373.15))
     seen = (every := scanned(hot, deviation_mm))[2][:, 2] > 0.0
     points, face, cold = (each[seen] for each in every)
-    (round_one,), _ = on_drawing(hot, points, face, ["cylinder:lateral"])
+    (round_one,) = [each for each in on_drawing(hot, points, face)[0] if each.region == "lateral"]
+    assert round_one.kind == "cylinder"
     lateral = hot.region_of_face[face] == hot.region_names.index("lateral")
     own = fit_feature(cold[lateral], "cylinder")
     found = round_one.fits["drawing"]
