@@ -122,7 +122,7 @@ class Calibration:
         pose = self.matrix if matrix is None else matrix
         if pose is None:
             warn(
-                "The calibration has no pose, so its camera looks from (0, 0, 0) along +z; give matrix."
+                "The calibration has no pose, so its camera is at (0, 0, 0), along +z; give matrix."
             )
         across, down = self.focal_px
         width, height = self.resolution

@@ -66,7 +66,7 @@ def test_the_calibrations_pose_is_kept_or_said_to_be_missing(tmp_path: Path) -> 
     given = placed.camera(pixel_size_mm=2.74e-3, matrix=np.eye(4))
     np.testing.assert_array_equal(given.matrix, np.eye(4))
     lens = read_calibration(plain(tmp_path / "camera.json"))
-    with pytest.warns(IriftraceWarning, match=r"has no pose, so its camera looks from"):
+    with pytest.warns(IriftraceWarning, match=r"has no pose, so its camera is at"):
         np.testing.assert_array_equal(lens.camera(pixel_size_mm=2.74e-3).matrix, np.eye(4))
 
 
