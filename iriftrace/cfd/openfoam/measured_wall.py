@@ -167,7 +167,7 @@ def _cut(
         used, faces = used_vertices(len(points), faces[used[faces].all(axis=1)])
     if not used.any():
         raise InputError(
-            f"{path} has no wall of {above_k:g} K or more (--wall-above), but at most "
+            f"{path} has no wall above {above_k:g} K, as its temperatures end at "
             f"{kelvins.max():g} K; give a lower limit."
         )
     return points[used], kelvins[used], faces
@@ -182,8 +182,8 @@ def _warn_of_background(kelvins: FloatArray, path: Path) -> None:
             f"{path} has {cool:,} of {counted(len(kelvins), 'point')} ({cool / len(kelvins):.0%}) "
             f"at {kelvins.min() - ZERO_CELSIUS_K:.0f} to {limit - ZERO_CELSIUS_K:.0f} degC next to "
             f"{kelvins.max() - ZERO_CELSIUS_K:.0f} degC, which the part's wall gets where they are "
-            "nearest; if they are a thermogram's background, leave them out (above_k, "
-            "--wall-above)."
+            "nearest; if they are a thermogram's background, read only the wall above a higher "
+            "temperature."
         )
 
 
