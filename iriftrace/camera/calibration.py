@@ -111,12 +111,18 @@ class Calibration:
             Width of a pixel. Its height follows from the two focal lengths, which belong to one
             lens.
         focus_mm, matrix
-            As in :class:`iriftrace.camera.camera.Camera`.
+            As in :class:`iriftrace.camera.camera.Camera`; by default the calibration's own pose, or
+            that of the world's axes, with a warning, if it has none.
         """
         if not 0 < pixel_size_mm < LARGEST_PIXEL_MM:
             raise InputError(
                 f"Pixel size is {pixel_size_mm} mm (--pixel-size); give the width of a pixel, such "
                 "as 0.00274 mm."
+            )
+        pose = self.matrix if matrix is None else matrix
+        if pose is None:
+            warn(
+                "The calibration has no pose, so its camera is at (0, 0, 0), along +z; give matrix."
             )
         across, down = self.focal_px
         width, height = self.resolution
@@ -127,7 +133,7 @@ class Calibration:
             principal_point_px=self.centre_px,
             distortion=self.distortion,
             focus_mm=focus_mm,
-            matrix=np.eye(4) if matrix is None else matrix,
+            matrix=np.eye(4) if pose is None else pose,
         )
 
 

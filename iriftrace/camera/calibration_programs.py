@@ -38,6 +38,13 @@ _OTHERS = (
     (r"^\[(?:LEFT|RIGHT)_CAM_", "a ZED camera", _IN_OPENCVS),
     (r"\bFocus:\s*foc\b", "HALCON", _IN_OPENCVS),
     (r"^\s*fc(?:_left)?\s*=\s*\[", "Bouguet's toolbox", _IN_OPENCVS),
+    (
+        r"(?is)\A(?=.*\bppx\b).*\brotation\b",
+        "a RealSense camera with extrinsics, whose rotation is column by column (transposed) and "
+        "whose translation is in metres",
+        "write width, height, ppx, ppy, fx, fy, model and coeffs alone, and the pose from the "
+        "part's frame to the camera's as R (row by row), T and length_unit: m",
+    ),
 )
 
 

@@ -132,4 +132,8 @@ def _source(fields: Sequence[IndexField], shares: FloatArray, mean: FloatArray) 
     origin = f"between {parts}, with their plumes moved; the first: {fields[0].source.origin}"
     digest = hashlib.sha256(mean.tobytes()).hexdigest()
     path = f"between {', '.join(names)}"
-    return evolve(fields[0].source, path=path, sha256=digest, origin=origin)
+    first = fields[0].source
+    winds = np.array([one.source.facts.draught_m_s or (0.0, 0.0, 0.0) for one in fields])
+    x, y, z = (float(value) for value in shares @ winds)
+    facts = evolve(first.facts, draught_m_s=(x, y, z) if winds.any() else None)
+    return evolve(first, path=path, sha256=digest, origin=origin, facts=facts)

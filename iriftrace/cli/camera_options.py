@@ -168,11 +168,13 @@ class CameraOptions:
                 )
 
     def _calibrated(self, calibration: Calibration) -> Camera:
-        """Intrinsics and the pose, if there is one, of a calibration."""
+        """Intrinsics and the pose, if there is one, of a calibration; without one at the origin."""
+        import numpy as np
+
         return calibration.camera(
             pixel_size_mm=needed_pixel_size(self.pixel_size, self.calibration),
             focus_mm=self.focus or FOCUS_MM,
-            matrix=calibration.matrix,
+            matrix=np.eye(4) if calibration.matrix is None else calibration.matrix,
         )
 
     def placed(

@@ -139,6 +139,8 @@ class StereoOptions:
 
         None if no stereo calibration is given.
         """
+        import numpy as np
+
         from iriftrace.camera.stereo import read_stereo_calibration
 
         if self.stereo_calibration is None:
@@ -173,13 +175,11 @@ class StereoOptions:
         def place(part: Part, field: IndexField | None, stack: ShellStack) -> tuple[Camera, Camera]:
             matrix = motion
             if matrix is None:
-                camera = stereo.first.camera(pixel_size_mm=size, focus_mm=focus)
+                camera = stereo.first.camera(pixel_size_mm=size, focus_mm=focus, matrix=np.eye(4))
                 matrix = first.placed(camera, part, field, stack).matrix
             cameras = []
             for calibration, width in zip(stereo.placed(matrix), sizes, strict=True):
-                camera = calibration.camera(
-                    pixel_size_mm=width, focus_mm=focus, matrix=calibration.matrix
-                )
+                camera = calibration.camera(pixel_size_mm=width, focus_mm=focus)
                 refuse_unseen_part(
                     camera,
                     part,

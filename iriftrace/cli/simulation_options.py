@@ -50,6 +50,9 @@ class SimulationOptions:
         Unit of that file's coordinates; by default the unit that it states, else mm.
     wall_temperature_unit
         Unit of its temperatures; by default the unit that it states, else K.
+    wall_above
+        Leave out its temperatures below this one, such as the background of a thermogram, "400
+        degC".
     region_temperature
         Another temperature for a region of the part, NAME=TEMPERATURE, or for all that match a
         pattern, "plane -x*=900 degC"; repeatable.
@@ -90,6 +93,7 @@ class SimulationOptions:
     wall_temperature_from: Path | None = None
     wall_length_unit: str | None = None
     wall_temperature_unit: Literal["K", "degC"] | None = None
+    wall_above: Temperature | None = None
     region_temperature: list[str] | None = None
     transition: Length = 0.0
     ambient: Temperature = 20.0 + ZERO_CELSIUS_K
@@ -159,13 +163,14 @@ class SimulationOptions:
                 "temperatures of the whole wall; leave one out.",
             )
             units = self.wall_length_unit, self.wall_temperature_unit
-            return measured_wall(read_measured_wall(file, *units))
+            return measured_wall(read_measured_wall(file, *units, self.wall_above))
         refuse_given(
             {
                 "--wall-length-unit": self.wall_length_unit,
                 "--wall-temperature-unit": self.wall_temperature_unit,
+                "--wall-above": self.wall_above,
             },
-            "is a unit of the file of --wall-temperature-from, which is not given; leave it out.",
+            "is about the file of --wall-temperature-from, which is not given; leave it out.",
         )
         if self.wall_temperature is None:
             raise InputError(

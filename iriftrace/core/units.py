@@ -59,15 +59,22 @@ def parse_quantity(text: str | float, unit: str) -> float:
     """Read a number with or without a unit, as in ``"20 degC"``, ``"1 atm"`` or ``"14e-6/K"``.
 
     `unit` is that of the result and of a bare number, in pint's names (``"kelvin"``, ``"pascal"``,
-    ``"mm"``, ``"1/kelvin"``). Raises InputError for anything but a number with a unit, for another
-    dimension, and for a number that is not finite.
+    ``"mm"``, ``"1/kelvin"``). A float is a temperature in K, but a text of a temperature needs its
+    unit. Raises InputError for anything but a number with a unit, for another dimension, and for a
+    number that is not finite.
     """
     try:
-        value = float(text)
+        value, bare = float(text), isinstance(text, str)
     except ValueError:
-        value = _convert(str(text), unit)
+        value, bare = _convert(str(text), unit), False
     if not math.isfinite(value):
         raise InputError(f"{text!r} is not a finite number; give one in {unit}.")
+    if bare and unit == "kelvin":
+        number = str(text).strip()
+        raise InputError(
+            f"{text!r} is a temperature without a unit, {number} K or {number} degC; write the one "
+            "that is meant."
+        )
     return value
 
 

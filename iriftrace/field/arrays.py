@@ -56,6 +56,8 @@ _LEAST_BESIDE_ZERO = 5.0  # degC or degF: the outer air of a field in freezing a
 _COLDEST_K = 150.0  # room temperature in degC, read as kelvin, lies below
 _HOTTEST_K = 6000.0  # above, all molecules of air are dissociated
 _LARGEST_REFRACTIVITY = 0.01  # air at 30 bar; n itself is near 1
+_DIMENSIONLESS = (-0.05, 1.05)
+"""Range of (T - T_room) / (T_wall - T_room), which is 0 to 1, with the overshoot of solvers."""
 
 SI = {"temperature": "kelvin", "density": "kg/m^3", "index": "1"}
 """Unit used for each quantity, and assumed where neither file nor user states one."""
@@ -293,6 +295,8 @@ def to_si(
     path: str,
 ) -> FloatArray:
     """Temperatures, (n,), K, or densities of the values of an array; as in `to_refractivity`."""
+    if choice.quantity == "temperature":
+        _refuse_dimensionless(values, choice.name, path)
     zero, slope = _scale(_unit_of(choice, units, temperature_unit, path), choice.quantity)
     some = values[values != 0.0]
     if zero and 0 < len(some) < len(values) and some.min() > _LEAST_BESIDE_ZERO:
@@ -302,6 +306,17 @@ def to_si(
             "missing values; export these as NaN."
         )
     return zero + values * slope
+
+
+def _refuse_dimensionless(values: FloatArray, name: str, path: str) -> None:
+    """Refuse temperatures from 0 to 1, which no unit of temperature makes those of hot air."""
+    low, high = values.min(), values.max()
+    if _DIMENSIONLESS[0] <= low < high <= _DIMENSIONLESS[1]:
+        raise InputError(
+            f"The array {name!r} in {path} runs from {low:.4g} to {high:.4g}, as a dimensionless "
+            "temperature (T - T_room) / (T_wall - T_room) does, from which no index follows; write "
+            "kelvins, T_room + (T_wall - T_room) times these values."
+        )
 
 
 def to_refractivity(
@@ -319,8 +334,8 @@ def to_refractivity(
     `temperature_unit` is the unit of temperatures given by the user.
 
     Raises InputError if user and file contradict each other, if a format that stores units states
-    none for a temperature or one of another quantity, or if values are not possible or zeros fill
-    gaps.
+    none for a temperature or one of another quantity, or if values are not possible (such as
+    temperatures from 0 to 1, which are dimensionless) or zeros fill gaps.
     """
     if choice.quantity == "index":
         return _from_index(values, choice.name, path)

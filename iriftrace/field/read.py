@@ -242,8 +242,8 @@ def _refuse_overlap(joined: pv.UnstructuredGrid, ends: IntArray, path: Path) -> 
 
 
 def _facts(contents: Contents, array: str) -> FieldFacts:
-    """What the file states, or its origin and the array's name say."""
-    facts = contents.facts or FieldFacts.in_words(contents.origin)
+    """What the file and its array's name state."""
+    facts = contents.facts or FieldFacts()
     return evolve(facts, time="mean") if arrays.is_average(array) else facts
 
 

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from enum import Enum
 
-from attrs import Factory, field, frozen
+from attrs import frozen
 
 from iriftrace.core.plain import structured
-
-_STEADY = re.compile(r"(?<![\w-])steady\b", re.IGNORECASE)
-_UNSTEADY = re.compile(r"\b(?:not steady|unsteady)\b", re.IGNORECASE)
 
 
 class FieldKind(Enum):
@@ -28,6 +24,8 @@ class FieldKind(Enum):
 class FieldFacts:
     """What a field's file states in numbers and names besides the text of its origin.
 
+    Written by iriftrace; of a file of another program nothing is stated, whatever its texts say.
+
     Attributes
     ----------
     kind : FieldKind
@@ -41,6 +39,8 @@ class FieldFacts:
         ``"mean"`` or ``"snapshot"``; "" if not stated.
     symmetry : str
         Such as "mirrored at y = 0 mm", or "none, all sides were solved"; "" if not stated.
+    draught_m_s : (3,) tuple of float or None, m/s, the file's coordinates
+        Velocity of the draught in which the field was solved; None in still air or if not stated.
     """
 
     kind: FieldKind = FieldKind.NOT_STATED
@@ -49,15 +49,7 @@ class FieldFacts:
     bodies: tuple[str, ...] = ()
     time: str = ""
     symmetry: str = ""
-
-    @classmethod
-    def in_words(cls, origin: str) -> FieldFacts:
-        """Facts derived from the text of the origin, for files of other programs."""
-        if origin.lower().startswith(FieldKind.SYNTHETIC.value):
-            return cls(FieldKind.SYNTHETIC)
-        if _UNSTEADY.search(origin):
-            return cls(FieldKind.UNSTEADY)
-        return cls(FieldKind.STEADY if _STEADY.search(origin) else FieldKind.NOT_STATED)
+    draught_m_s: tuple[float, float, float] | None = None
 
 
 @frozen
@@ -96,9 +88,7 @@ class FieldSource:
     origin: str = ""
     wall_heat_w: float | None = None
     unit_stated: bool = False
-    facts: FieldFacts = field(
-        default=Factory(lambda source: FieldFacts.in_words(source.origin), takes_self=True)
-    )
+    facts: FieldFacts = FieldFacts()
 
     @property
     def steady(self) -> bool:

@@ -22,10 +22,10 @@ from iriftrace.core.files import sha256_of
 from iriftrace.core.units import length_factor
 from iriftrace.field import arrays
 from iriftrace.field.marked import chosen_cells
-from iriftrace.field.origin import origin_of
+from iriftrace.field.origin import facts_of, origin_of
 from iriftrace.field.readers.vtk_files import blocks_of
 from iriftrace.field.readers.vtk_process import read_file
-from iriftrace.field.source import FieldSource
+from iriftrace.field.source import FieldFacts, FieldSource
 from iriftrace.geometry import transform as motion
 from iriftrace.geometry.topology import drop_degenerate, face_along, weld
 from iriftrace.geometry.triangles import area_vectors, normals_along, unit_vectors, used_vertices
@@ -52,6 +52,7 @@ class Soup:
     gradient: FloatArray | None  # (n, 3), along grad(n) at the vertices, with arbitrary length
     choice: arrays.Choice  # the array that was used
     origin: str  # what the file states about its origin; "" if nothing
+    facts: FieldFacts
 
 
 def import_shells(
@@ -142,6 +143,7 @@ def import_shells(
         quantity=soup.choice.quantity,
         length_unit=length_unit,
         origin=soup.origin,
+        facts=soup.facts,
     )
     return ShellStack(shells, air, "imported", source, small)
 
@@ -203,7 +205,7 @@ def _read_triangles(
     transform: ArrayLike | None,
 ) -> Soup:
     """All triangles of a file; the parameters are those of :func:`import_shells`."""
-    blocks, origin = _read(path)
+    blocks, origin, facts = _read(path)
     choice = _choose(blocks, array, quantity, path)
     name = gradient or _gradient_name(blocks[0])
     starts = np.cumsum([0] + [block.n_points for block in blocks])
@@ -237,11 +239,12 @@ def _read_triangles(
         gradient=vectors,
         choice=choice,
         origin=origin,
+        facts=facts,
     )
 
 
-def _read(path: Path) -> tuple[list[pv.PolyData], str]:
-    """Blocks of a file as triangles with their data, and what the file states about its origin."""
+def _read(path: Path) -> tuple[list[pv.PolyData], str, FieldFacts]:
+    """Blocks of a file as triangles with their data, and what the file states: origin, facts."""
     if not path.is_file():
         raise InputError(f"The file of surfaces {path} does not exist; check the path.")
     if path.suffix.lower() not in SUFFIXES:
@@ -252,7 +255,7 @@ def _read(path: Path) -> tuple[list[pv.PolyData], str]:
         raise InputError(
             f"{path} has no triangles; volume data are contoured by `iriftrace shells` instead."
         )
-    return found, origin_of(data)
+    return found, origin_of(data), facts_of(data) or FieldFacts()
 
 
 def _triangles(block: pv.DataSet) -> pv.PolyData | None:

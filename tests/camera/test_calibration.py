@@ -27,7 +27,7 @@ def test_camera_of_opencvs_file_projects_as_opencv_does(tmp_path: Path, name: st
     """The whole way from the file to pixels, with the pose; 1e-6 px are demanded."""
     path = written_by_opencv(tmp_path / name, rvec=RVEC, tvec=TVEC)
     calibration = read_calibration(path)
-    camera = calibration.camera(pixel_size_mm=2.74e-3, matrix=calibration.matrix)
+    camera = calibration.camera(pixel_size_mm=2.74e-3)
     assert camera.resolution == (2448, 2048)
     points = np.random.default_rng(1).uniform(-40, 40, (500, 3))
     expected, _ = cv2.projectPoints(points, RVEC, TVEC, MATRIX, COEFFICIENTS)
@@ -46,7 +46,9 @@ def test_camera_of_opencvs_file_projects_as_opencv_does(tmp_path: Path, name: st
 def test_pixel_size_sets_lengths_but_no_ray(tmp_path: Path) -> None:
     """Pixels of 2.74 um: the lens is one, so their height is 2.74 um times fx / fy."""
     calibration = read_calibration(plain(tmp_path / "camera.json"))
-    one, other = (calibration.camera(pixel_size_mm=size) for size in (2.74e-3, 0.1))
+    one, other = (
+        calibration.camera(pixel_size_mm=size, matrix=np.eye(4)) for size in (2.74e-3, 0.1)
+    )
     assert one.focal_length_mm == pytest.approx(3653.8 * 2.74e-3)
     assert one.pixel_pitch_mm == pytest.approx((2.74e-3, 2.74e-3 * 3653.8 / 3657.25))
     pixels = [(0.5, 0.5), (2000.5, 99.5)]
@@ -54,6 +56,18 @@ def test_pixel_size_sets_lengths_but_no_ray(tmp_path: Path) -> None:
     for size in (0, 2.74, float("nan")):
         with pytest.raises(InputError, match=rf"Pixel size is {size} mm"):
             calibration.camera(pixel_size_mm=size)
+
+
+def test_the_calibrations_pose_is_kept_or_said_to_be_missing(tmp_path: Path) -> None:
+    placed = read_calibration(written_by_opencv(tmp_path / "placed.yaml", rvec=RVEC, tvec=TVEC))
+    assert placed.matrix is not None
+    own = placed.camera(pixel_size_mm=2.74e-3)
+    np.testing.assert_array_equal(own.matrix, placed.matrix)
+    given = placed.camera(pixel_size_mm=2.74e-3, matrix=np.eye(4))
+    np.testing.assert_array_equal(given.matrix, np.eye(4))
+    lens = read_calibration(plain(tmp_path / "camera.json"))
+    with pytest.warns(IriftraceWarning, match=r"has no pose, so its camera is at"):
+        np.testing.assert_array_equal(lens.camera(pixel_size_mm=2.74e-3).matrix, np.eye(4))
 
 
 def test_old_header_plain_lists_and_other_names(tmp_path: Path) -> None:

@@ -53,6 +53,30 @@ def test_librealsenses_intrinsics(tmp_path: Path) -> None:
         read(tmp_path, json.dumps(inverse), "inverse.json")
 
 
+def test_librealsenses_extrinsics_are_not_read_row_by_row(tmp_path: Path) -> None:
+    """Named in every layout; as the refusal says how to write it, the pose is read.
+
+    A camera at (-55, -382.694, 173.046) mm that looks at the part, turned about x.
+    """
+    lens = {"width": 1280, "height": 1024, "fx": 3653, "fy": 3657, "ppx": 650, "ppy": 498}
+    lens |= {"model": "Brown Conrady", "coeffs": [0.0] * 5}
+    down, ahead = -0.412014352, -0.911177356
+    by_rows = [[1.0, 0.0, 0.0], [0.0, down, ahead], [0.0, -ahead, down]]
+    pose = {"rotation": np.transpose(by_rows).ravel().tolist(), "translation": [0.055, 0.0, 0.42]}
+    listed = (
+        ' Intrinsic of "Color" / 1280x1024\n  Width: \t1280\n  PPX: \t650\n\n'
+        ' Extrinsic from "Depth" To "Color" :\n Rotation Matrix:\n   1 0 0\n'
+    )
+    flat, nested = {**lens, **pose}, {"intrinsics": lens, "extrinsics": pose}
+    for text in (json.dumps(flat), json.dumps({**pose, **lens}), json.dumps(nested), listed):
+        with pytest.raises(InputError, match=r"RealSense .* column by column .* in metres"):
+            read(tmp_path, text)
+    right = {**lens, "R": by_rows, "T": pose["translation"], "length_unit": "m"}
+    matrix = read(tmp_path, json.dumps(right)).matrix
+    assert matrix is not None
+    assert_allclose(matrix[:3, 3], (-55.0, -382.694, 173.046), atol=1e-3)
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

@@ -98,7 +98,7 @@ def test_both_cameras_project_as_opencv_does(tmp_path: Path) -> None:
             rig.MATRICES[number],
             rig.COEFFICIENTS[number],
         )
-        camera = calibration.camera(pixel_size_mm=3.45e-3, matrix=calibration.matrix)
+        camera = calibration.camera(pixel_size_mm=3.45e-3)
         assert_allclose(camera.project(points), expected[:, 0], rtol=0, atol=1e-6)
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista as pv
+from attrs import evolve
 
 from iriftrace.air.refractivity import Air
 from iriftrace.cfd.between import field_between, write_field_between
@@ -12,7 +13,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.statistics import rms
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field
-from iriftrace.field.source import FieldSource
+from iriftrace.field.source import FieldFacts, FieldSource
 from validation.inputs.hot_block import AMBIENT
 from validation.inputs.leaning_air import leaning
 
@@ -55,6 +56,16 @@ def test_its_file_says_between_what_it_lies(tmp_path: Path) -> None:
     read = read_field(tmp_path / "between.vtu", air=fields[0].air)
     assert read.refractivity == pytest.approx(found.refractivity, rel=1e-6)
     assert "between 75% lean_0_0.vtu, 25% lean_0.4_0.vtu" in read.source.origin
+    assert read.source.facts.draught_m_s is None
+
+
+def test_its_draught_lies_between_theirs() -> None:
+    """A quarter of 0.2 m/s and still air are 0.05 m/s."""
+    still, blown = column(0.0, 0.0), column(4.0, 0.0)
+    facts = FieldFacts(draught_m_s=(0.2, 0.0, 0.0))
+    blown = evolve(blown, source=evolve(blown.source, facts=facts))
+    found = field_between([still, blown], [3, 1])
+    assert found.source.facts.draught_m_s == pytest.approx((0.05, 0.0, 0.0))
 
 
 @pytest.mark.parametrize(

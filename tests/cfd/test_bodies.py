@@ -107,6 +107,11 @@ def test_a_floor_blocks_the_view_as_bodies_do(cylinder: Part, tmp_path: Path) ->
     x, y, z = floor.bounds.T
     assert (*x, *y) == pytest.approx(air.bounds[:4])
     assert -40.1 < z[1] < -40.0
+    assert field.source.facts.draught_m_s is None
+    blown = evolve(case, draught=draught_from(0.2, (90.0,)))
+    result._write(blown, air, tmp_path / "blown.vtu", "mean", FieldFacts())
+    wind = read_field(tmp_path / "blown.vtu").source.facts.draught_m_s
+    assert wind == pytest.approx((0.0, -0.2, 0.0), abs=1e-12)
     named = Body(block("floor", (9.0, 9.0, 9.0), (5.0, -3.0, -30.0)))
     with_bodies(cylinder, named)
     with pytest.raises(InputError, match='two bodies of the name "floor"'):

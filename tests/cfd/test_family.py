@@ -17,7 +17,7 @@ from iriftrace.cfd.openfoam.family_run import FAMILY, Cost, Task, run_family, wr
 from iriftrace.cfd.openfoam.programs import Installation
 from iriftrace.cfd.openfoam.wall import WallTemperatures
 from iriftrace.core.errors import InputError
-from iriftrace.field.origin import origin_of, state_origin
+from iriftrace.field.origin import facts_of, origin_of, state_origin
 from iriftrace.field.source import FieldFacts
 from iriftrace.part.part import Part
 
@@ -263,6 +263,9 @@ def test_mirror_image_is_the_mirrored_field(family: Family, tmp_path: Path) -> N
     assert grid.compute_cell_sizes()["Volume"] == pytest.approx([1.0])
     assert "from 270 deg, mirror image of at_0.10_from_090.vtu" in origin_of(grid)
     assert grid.points.dtype == np.float32
+    facts = facts_of(grid)
+    assert facts is not None
+    assert facts.draught_m_s == pytest.approx((0.0, 0.1, 0.0))
 
 
 def test_folder_of_something_else_is_not_touched(family: Family, tmp_path: Path) -> None:

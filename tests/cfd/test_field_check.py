@@ -132,6 +132,28 @@ def test_a_cylinder_that_lies_upside_down_is_found_out(simulated: Checked, cylin
     assert turned["verdict"] == "bad"
 
 
+def test_a_draught_is_not_judged_by_still_air(simulated: Checked, cylinder: Part) -> None:
+    """Its leeward side is like the top of still air: here the one turned by 90 degrees.
+
+    Without the draught that the file states such a field is bad.
+    """
+    field, _ = simulated
+    leeward = field.grid.copy()
+    x, y, z = np.asarray(leeward.points).T
+    leeward.points = np.column_stack((x, -z, y))
+    source = field.source
+    blown = evolve(source, facts=evolve(source.facts, draught_m_s=(0.0, -0.2, 0.0)))
+    still, member = (
+        finding(check_field(evolve(field, grid=leeward, source=one), cylinder), "Nusselt number")
+        for one in (source, blown)
+    )
+    assert still["verdict"] == "bad"
+    assert member["verdict"] == "-"
+    assert "draught of 0.2 m/s that the field states" in member["remark"]
+    assert member["draught_m_s"] == pytest.approx(0.2)
+    assert member["nusselt"] == still["nusselt"]
+
+
 def test_open_ends_are_found_and_seen_from_above(simulated: Checked, cylinder: Part) -> None:
     """The plume leaves at the top, in front of a camera that looks down."""
     field, check = simulated

@@ -19,7 +19,7 @@ from iriftrace.field.flow import ENTHALPY_FLUX, HEAT_STORAGE, AirFlow, carried_h
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.origin import WALL_HEAT
 from iriftrace.field.read import read_field
-from iriftrace.field.source import FieldFacts, FieldSource
+from iriftrace.field.source import FieldFacts, FieldKind, FieldSource
 from iriftrace.part.part import read_part
 from validation.inputs import hot_block
 from validation.inputs.conducting_sphere import RADIUS, ROOM, WALL, conducting_sphere, finding
@@ -257,20 +257,19 @@ def test_nothing_is_stored_in_a_steady_field(tmp_path: Path) -> None:
     field = saved(tmp_path, T=kelvin, U=1.4 * speed)
     part = read_part(tmp_path / "block.stl")
 
-    def judged(origin: str, steady: bool | None) -> tuple[str, str]:
-        facts = FieldFacts.in_words(origin)
-        source = evolve(field.source, wall_heat_w=leaving, origin=origin, facts=facts)
+    def judged(kind: FieldKind, steady: bool | None) -> tuple[str, str]:
+        source = evolve(field.source, wall_heat_w=leaving, facts=FieldFacts(kind))
         check = check_field(evolve(field, source=source), part, steady=steady)
         found = finding(check, "heat balance")
         return found["verdict"], found["remark"]
 
-    for origin, steady in (("", True), ("OpenFOAM, at 2 s, steady (heat flow 1 %)", None)):
-        verdict, said = judged(origin, steady)
+    for kind, steady in ((FieldKind.NOT_STATED, True), (FieldKind.STEADY, None)):
+        verdict, said = judged(kind, steady)
         assert verdict == "bad"
         assert "stored nothing, as the field is steady" in said
         assert "unknown" not in said
-    for origin, steady in (("OpenFOAM, NOT STEADY", None), ("steady", False)):
-        verdict, said = judged(origin, steady)
+    for kind, steady in ((FieldKind.UNSTEADY, None), (FieldKind.STEADY, False)):
+        verdict, said = judged(kind, steady)
         assert verdict == "doubtful"
         assert "stored unknown" in said
     files = [str(tmp_path / name) for name in ("air.vtu", "block.stl")]

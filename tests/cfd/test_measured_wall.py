@@ -174,6 +174,9 @@ def test_command_line(
         ([], "the part has no temperature"),
         (["--wall-temperature-from=t.csv", "--wall-temperature=900 K"], "cannot both be given"),
         (["--wall-temperature=900 K", "--wall-length-unit=m"], "which is not given"),
+        (["--wall-temperature=900 K", "--wall-above=400 degC"], "which is not given"),
+        (["--wall-temperature-from=t.csv", "--wall-above=400"], "400 K or 400 degC"),
+        (["--wall-temperature-from=t.csv", "--wall-above=1500 K"], "no wall above 1500 K"),
         (["--wall-temperature-from=part.ply"], "cannot be read from part.ply"),
         (["--wall-temperature-from=none.csv"], "none.csv"),
         (["--wall-temperature-from=t.csv", "--ambient=1500 K"], "ambient"),
@@ -197,3 +200,44 @@ def test_points_that_a_thermogram_does_not_have_are_left_out(tmp_path: Path) -> 
         found = read_measured_wall(file)
     assert found.kelvins.tolist() == [1173.65, 1183.15]
     assert found.points[:, 0].tolist() == [0.0, 3.0]
+
+
+def with_background(part: Part) -> tuple[np.ndarray, np.ndarray]:
+    """Corners of a part at 900 degC, of which the end at +x shows a room of 22 degC."""
+    points = np.asarray(part.vertices)
+    return points, np.where(points[:, 0] > 60.0, 22.0, 900.0)
+
+
+def test_a_thermograms_background_is_warned_of_and_left_out(cylinder: Part, tmp_path: Path) -> None:
+    """As cool as a tenth of the way from the room to the hottest; a warm end is none."""
+    points, celsius = with_background(cylinder)
+    cool, count = np.count_nonzero(celsius < 30.0), len(points)
+    file = tmp_path / "t.csv"
+    header = {"header": "x,y,z,T [degC]", "delimiter": ",", "comments": ""}
+    np.savetxt(file, np.column_stack((points, celsius)), **header)
+    said = rf"{cool:,} of {count:,} points \({cool / count:.0%}\) at 22 to 108 degC next to 900"
+    with pytest.warns(IriftraceWarning, match=said):
+        found = read_measured_wall(file)
+    ends = points[np.asarray(points[:, 0] > 80.0)]
+    assert found.at(ends) == pytest.approx(295.15)
+    cut = read_measured_wall(file, above_k=673.15)
+    assert cut.at(ends) == pytest.approx(1173.15)
+    assert len(cut.kelvins) == count - cool
+    assert cut.record()["above_k"] == 673.15
+    assert "above_k" not in found.record()
+    with pytest.raises(InputError, match=r"no wall above 1273\.15 K, .* end at 1173\.15 K"):
+        read_measured_wall(file, above_k=1273.15)
+    np.savetxt(file, np.column_stack((points, np.maximum(celsius, 109.0))), **header)
+    assert read_measured_wall(file).kelvins.min() == pytest.approx(382.15)
+
+
+def test_triangles_of_the_background_are_left_out(cylinder: Part, tmp_path: Path) -> None:
+    """Also those that are partly of it, between whose corners the temperature would fall."""
+    points, celsius = with_background(cylinder)
+    surface = polydata(points, cylinder.faces)
+    surface.point_data["T_degC"] = celsius
+    surface.save(tmp_path / "wall.vtp")
+    cut = read_measured_wall(tmp_path / "wall.vtp", above_k=673.15)
+    assert cut.faces is not None
+    assert len(cut.faces) < len(cylinder.faces)
+    assert cut.at(points) == pytest.approx(1173.15)

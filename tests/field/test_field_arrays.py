@@ -55,6 +55,32 @@ def test_a_unit_in_the_name_is_that_of_the_values(tmp_path, name, unit):
             read_field(path, temperature_unit="degF" if unit == "K" else "K")
 
 
+@pytest.mark.parametrize(
+    ("name", "choice"),
+    [
+        ("T", {}),
+        ("T", {"temperature_unit": "degC"}),
+        ("T [-]", {}),
+        ("theta", {"array": "theta", "quantity": "temperature", "temperature_unit": "K"}),
+    ],
+)
+@pytest.mark.parametrize("overshoot", [0.0, 0.04])
+def test_a_dimensionless_temperature_is_named_and_its_kelvins_are_read(
+    tmp_path, name, choice, overshoot
+):
+    """From 0 in the room to 1 at the wall, or as a solver overshoots."""
+    grid = solid()
+    scaled = np.linspace(-overshoot, 1.0 + overshoot, grid.n_points)
+    grid.clear_data()
+    grid.point_data[name] = scaled
+    path = saved(grid, tmp_path / "f.vtu")
+    with pytest.raises(InputError, match=r"dimensionless .* T_room \+ \(T_wall - T_room\) times"):
+        read_field(path, **choice)
+    grid.clear_data()
+    grid.point_data["T"] = AMBIENT + 900.0 * np.clip(scaled, 0.0, 1.0)
+    assert read_field(saved(grid, path)).temperature_k.max() == pytest.approx(AMBIENT + 900.0)
+
+
 @pytest.mark.filterwarnings("ignore:.* is an average over time")
 @pytest.mark.parametrize(
     ("name", "quantity"),

@@ -15,7 +15,7 @@ from matplotlib.colors import LogNorm, to_rgb
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, SetupError
 from iriftrace.field.origin import state_origin
-from iriftrace.field.source import FieldFacts, FieldSource
+from iriftrace.field.source import FieldFacts, FieldKind, FieldSource
 from iriftrace.figures import window
 from iriftrace.figures.result import plot
 from iriftrace.figures.scene import SECOND_COLOUR, SIGHT_COLOUR
@@ -128,8 +128,8 @@ def test_a_field_of_formulas_is_marked(tmp_path: Path) -> None:
     made = tmp_path / "made.vtu"
     grid = pv.read(folder_of("cylinder") / "field.vtu")
     pictures = []
-    for origin in ("OpenFOAM", "synthetic, by hand"):
-        state_origin(grid, origin, FieldFacts.in_words(origin))
+    for kind in (FieldKind.STEADY, FieldKind.SYNTHETIC):
+        state_origin(grid, "a program", FieldFacts(kind))
         grid.save(made)
         pictures.append(drawn(made, tmp_path).read_bytes())
     assert pictures[0] != pictures[1]

@@ -55,6 +55,8 @@ def test_regions_and_the_field_agree_with_one_number(tmp_path: Path) -> None:
         (("plane +x=900 degC",), "gives 0 temperatures for the whole part"),
         (("900 degC", "rim=900 degC"), 'no region "rim"'),
         (("900 degC", "rim="), "write it as NAME=TEMPERATURE"),
+        (("900",), "900 K or 900 degC"),
+        (("900 degC", "plane +x=800"), "800 K or 800 degC"),
     ],
 )
 def test_what_is_refused(tmp_path: Path, words: tuple[str, ...], said: str) -> None:

@@ -319,7 +319,7 @@ def test_air_from_formulas_has_no_uncertainty(
         (FieldFacts(FieldKind.STEADY, 0.001, 1.0), 0.0),
         (FieldFacts(FieldKind.UNSTEADY, 0.12, 27.0), 0.12 / np.sqrt(12)),
         (FieldFacts(FieldKind.UNSTEADY, 0.021, 180.0), 0.2 / np.sqrt(12)),
-        (FieldFacts.in_words("another program, NOT STEADY"), None),
+        (FieldFacts(FieldKind.UNSTEADY), None),
         (FieldFacts(), 0.0),
     ],
 )

@@ -155,7 +155,8 @@ def nusselt_finding(
 ) -> Finding:
     """How the heat flux is distributed over a horizontal cylinder; its mean is not judged.
 
-    The mean is compared with that of the part, if it is such a cylinder, or of `diameter_mm`.
+    The mean is compared with that of the part, if it is such a cylinder, or of `diameter_mm`. The
+    distribution is that of still air, so nothing is judged in a draught.
     """
     own = horizontal_cylinder_diameter(part)
     diameter = diameter_mm or own
@@ -197,6 +198,13 @@ def nusselt_finding(
         f"horizontal cylinder of {diameter:.3g} mm, which is 10 to 20 % off for walls this hot and "
         "is not judged"
     )
+    if (wind := field.source.facts.draught_m_s) is not None:
+        numbers["draught_m_s"] = float(np.linalg.norm(wind))
+        mean += (
+            f"; its distribution is not judged either in the draught of {numbers['draught_m_s']:g} "
+            "m/s that the field states, as the one to compare with is that of still air"
+        )
+        return Finding("Nusselt number", f"{found:.2f}", "-", mean, numbers)
     if own is None or diameter_mm is not None:
         return Finding("Nusselt number", f"{found:.2f}", "-", mean, numbers)
     return _judged(wall, lateral, rule.rayleigh, mean, numbers)

@@ -12,7 +12,7 @@ from functools import lru_cache
 from pathlib import Path
 
 import pyvista as pv
-from attrs import frozen
+from attrs import evolve, frozen
 
 from iriftrace.air.refractivity import Air
 from iriftrace.cfd.between import write_field_between
@@ -164,7 +164,8 @@ def write_image(member: Member, case: Case, folder: Path) -> None:
         wind = case.draught.mirrored(member.across).text
         origin = origin_of(grid).replace(wind, case.draught.text)
         text = f"{origin}, mirror image of {original.name}"
-        state_origin(grid, text, facts_of(grid) or FieldFacts.in_words(origin))
+        facts = facts_of(grid) or FieldFacts()
+        state_origin(grid, text, evolve(facts, draught_m_s=case.draught.velocity))
     write_vtk(folder / member.file, grid)
 
 

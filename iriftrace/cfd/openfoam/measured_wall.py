@@ -13,7 +13,8 @@ from scipy.spatial import cKDTree
 from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import check_readable, sha256_of
-from iriftrace.core.units import ZERO_CELSIUS_K, length_factor
+from iriftrace.core.plain import JsonObject
+from iriftrace.core.units import ZERO_CELSIUS_K, counted, length_factor
 from iriftrace.field.arrays import choose_array, finite_values, stated_unit, to_si
 from iriftrace.field.readers.comsol import length_unit_of
 from iriftrace.field.readers.comsol_text import AXES, spreadsheet_columns, text_file
@@ -21,11 +22,16 @@ from iriftrace.field.readers.scattered import merged
 from iriftrace.field.readers.states import Column
 from iriftrace.field.readers.vtk_process import read_file
 from iriftrace.geometry.query import Surface
+from iriftrace.geometry.triangles import used_vertices
 from iriftrace.part.part import Part
 
 _TABLES, _SURFACES = (".csv", ".txt"), (".vtp", ".vtu", ".vtk")
 # A face is far from the points if its distance is several times the spacing of the points.
 _FAR_SPACINGS = 3.0
+_ROOM_K = 20.0 + ZERO_CELSIUS_K
+_BACKGROUND = 0.1
+"""Excess over a room, as a fraction of the hottest one, up to which a thermogram shows what is
+behind the part: 110 degC next to 900."""
 
 
 @frozen(eq=False)
@@ -37,6 +43,7 @@ class MeasuredWall:
     points: FloatArray  # (n, 3), mm, world
     kelvins: FloatArray  # (n,), K
     faces: IntArray | None = None  # (m, 3) corners of triangles; None for points alone
+    above_k: float | None = None  # lower ones were left out
 
     def at(self, places: FloatArray) -> FloatArray:
         """Temperatures (k,), K, at points (k, 3), mm: those of the nearest point or triangle."""
@@ -53,9 +60,10 @@ class MeasuredWall:
         weights = np.stack((1.0 - v - w, v, w), axis=1)
         return as_float64(np.einsum("ij,ij->i", weights, self.kelvins[corners]))
 
-    def record(self) -> dict[str, str]:
-        """What it is."""
-        return {"file": self.path, "sha256": self.sha256}
+    def record(self) -> JsonObject:
+        """File, and what was left out of it."""
+        left_out = {} if self.above_k is None else {"above_k": self.above_k}
+        return {"file": self.path, "sha256": self.sha256, **left_out}
 
     def far_faces(self, part: Part, cell_mm: float) -> str:
         """Warning about faces of the part far from any point, or ""; InputError if all are."""
@@ -85,14 +93,21 @@ class MeasuredWall:
 
 
 def read_measured_wall(
-    path: Path, length_unit: str | None = None, temperature_unit: str | None = None
+    path: Path,
+    length_unit: str | None = None,
+    temperature_unit: str | None = None,
+    above_k: float | None = None,
 ) -> MeasuredWall:
     """Read temperatures of a wall; units are by default those stated in the file, else mm and K.
+
+    Temperatures below `above_k`, K, such as those of a thermogram's background, are left out, with
+    the triangles that they belong to. A warning states the fraction that is as cool as a room.
 
     From a table (.csv, .txt) of x, y, z and T with or without a header that may state units, as in
     ``x [m]`` and ``T (degC)``; or from a file of VTK (.vtp, .vtk, .vtu) with a temperature: its
     triangles, its volume's surface, or its points where it has no faces. Raises InputError if the
-    file is missing, damaged, or has no temperatures, or if a unit contradicts it.
+    file is missing, damaged, or has no temperatures (of `above_k` or more), or if a unit
+    contradicts it.
     """
     check_readable(path)
     suffix = path.suffix.lower()
@@ -134,10 +149,42 @@ def read_measured_wall(
             f"{kelvins.min() - ZERO_CELSIUS_K:.0f} to {kelvins.max() - ZERO_CELSIUS_K:.0f} degC; "
             "state it (--wall-temperature-unit K or degC)."
         )
+    if above_k is not None:
+        points, kelvins, faces = _cut(points, kelvins, faces, above_k, path)
+    _warn_of_background(kelvins, path)
     if suffix in _TABLES:
         points, means = merged(points, kelvins[:, None], path)
         kelvins = means[:, 0]
-    return MeasuredWall(str(path), sha256_of(path), points, kelvins, faces)
+    return MeasuredWall(str(path), sha256_of(path), points, kelvins, faces, above_k)
+
+
+def _cut(
+    points: FloatArray, kelvins: FloatArray, faces: IntArray | None, above_k: float, path: Path
+) -> tuple[FloatArray, FloatArray, IntArray | None]:
+    """The points and triangles of a wall that are nowhere cooler than `above_k`, K."""
+    used = kelvins >= above_k
+    if faces is not None:
+        used, faces = used_vertices(len(points), faces[used[faces].all(axis=1)])
+    if not used.any():
+        raise InputError(
+            f"{path} has no wall above {above_k:g} K, as its temperatures end at "
+            f"{kelvins.max():g} K; give a lower limit."
+        )
+    return points[used], kelvins[used], faces
+
+
+def _warn_of_background(kelvins: FloatArray, path: Path) -> None:
+    """Warn of temperatures of a room; where all are, the wall is refused as too cold."""
+    limit = _ROOM_K + _BACKGROUND * (kelvins.max() - _ROOM_K)
+    cool = np.count_nonzero(kelvins < limit)
+    if 0 < cool < len(kelvins):
+        warn(
+            f"{path} has {cool:,} of {counted(len(kelvins), 'point')} ({cool / len(kelvins):.0%}) "
+            f"at {kelvins.min() - ZERO_CELSIUS_K:.0f} to {limit - ZERO_CELSIUS_K:.0f} degC next to "
+            f"{kelvins.max() - ZERO_CELSIUS_K:.0f} degC, which the part's wall gets where they are "
+            "nearest; if they are a thermogram's background, read only the wall above a higher "
+            "temperature."
+        )
 
 
 def _table(path: Path) -> tuple[pv.PolyData, str | None, dict[str, str]]:

@@ -215,5 +215,7 @@ def _write(case: Case, grid: pv.UnstructuredGrid, file: Path, how: str, facts: F
         bodies = (*bodies, floor_below(output, case.floor))
     write_bodies(bodies, file.parent)
     names = tuple(body.name for body in bodies)
-    state_origin(output, ", ".join(parts), evolve(facts, bodies=names, symmetry=symmetry))
+    draught = None if case.draught is None else case.draught.velocity
+    facts = evolve(facts, bodies=names, symmetry=symmetry, draught_m_s=draught)
+    state_origin(output, ", ".join(parts), facts)
     write_vtk(file, output)
