@@ -122,7 +122,12 @@ def correct(
     try:
         with working("Correcting"):
             found = take_out(
-                points, loaded, system=system, phase=phase, field_uncertainty=field_uncertainty
+                points,
+                loaded,
+                system=system,
+                phase=phase,
+                field_uncertainty=field_uncertainty,
+                pixels=read.pixels,
             )
     except InputError:
         if advice := remedy(read.points, read.unit, motion, loaded.part):

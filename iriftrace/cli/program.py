@@ -41,13 +41,46 @@ def run(arguments: list[str]) -> int:
                 print_error=False,
                 result_action="return_value",
             )
-        except (IriftraceError, CycloptsError, OSError, MemoryError) as error:
-            raise_if_noticed()
-            notes.print("[bold red]error:[/] ", end="")
-            text = _with_options_of_the_command(sentence(error), arguments)
-            notes.print(text, markup=False, soft_wrap=True)
-            return 2
+        except (IriftraceError, CycloptsError, OSError) as error:
+            return _refused(sentence(error), arguments)
+        except MemoryError:
+            return _refused(_out_of_memory(arguments), arguments)
+        except ImportError as error:
+            # The loader's words where the memory does not suffice for a library.
+            if "failed to map segment" not in error.msg:
+                raise
+            return _refused(_out_of_memory(arguments), arguments)
     return 0
+
+
+def _refused(text: str, arguments: list[str]) -> int:
+    """Print the error that ends a command; returns its exit status."""
+    raise_if_noticed()
+    notes.print("[bold red]error:[/] ", end="")
+    notes.print(_with_options_of_the_command(text, arguments), markup=False, soft_wrap=True)
+    return 2
+
+
+_FIELD = "a field of fewer cells, a part of fewer triangles, or fewer shells (--layers)"
+_PICTURE = "fewer pixels, such as -D scale=0.25"
+
+_SMALLER = {
+    "correct": "a cloud of fewer points, or the cloud in pieces",
+    "scene": _FIELD,
+    "shells": _FIELD,
+    "field": "fewer or larger cells",
+    "part": "a part of fewer triangles",
+    "render": _PICTURE,
+    "measure": _PICTURE,
+    "sweep": _PICTURE,
+}
+"""What needs the memory of a command, in a size that may fit."""
+
+
+def _out_of_memory(arguments: list[str]) -> str:
+    """The error of a command for which the memory does not suffice."""
+    smaller = _SMALLER.get("".join(arguments[:1]), "smaller inputs")
+    return f"This needs more memory than the machine has; give it {smaller}."
 
 
 def _called(arguments: list[str]) -> App:
@@ -116,11 +149,6 @@ def sentence(error: Exception) -> str:
         error = error.__cause__
     if isinstance(error, CycloptsError):
         return _of_the_command_line(error)
-    if isinstance(error, MemoryError):
-        return (
-            "This needs more memory than the machine has; use fewer pixels, shells or cells, such "
-            "as -D scale=0.25 or --layers 13."
-        )
     if isinstance(error, OSError):
         return f"Cannot read or write {error.filename or 'a file'}: {error.strerror}."
     text = " ".join(str(error).split())

@@ -70,6 +70,14 @@ class Cloud:
         """(n, 3) array, mm: the measured points."""
         return self.rows[self.measured] * length_factor(self.unit)
 
+    @property
+    def pixels(self) -> FloatArray | None:
+        """(n, 2) array, px: columns ``pixel_u`` and ``pixel_v`` of the measured points, if any."""
+        if not self.columns.keys() >= {"pixel_u", "pixel_v"}:
+            return None
+        places = np.column_stack([self.columns[name] for name in ("pixel_u", "pixel_v")])
+        return np.asarray(places[self.measured], dtype=np.float64)
+
     def turned_columns(self, rotation: FloatArray) -> Columns:
         """The columns with normals, by their names, turned by a (3, 3) rotation."""
         normals: dict[str, dict[int, str]] = {}

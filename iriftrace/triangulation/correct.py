@@ -31,6 +31,7 @@ from iriftrace.triangulation.correction import (
     FieldState,
     is_corrected,
 )
+from iriftrace.triangulation.device_check import MANY, check_devices, checked_pixels
 from iriftrace.triangulation.devices import Phase, Sensor, System, provenance_of_two, sensor_of
 from iriftrace.triangulation.larger import Larger, in_box, larger_than, sample_of
 from iriftrace.triangulation.two_points import lines_of_sight
@@ -53,9 +54,6 @@ ROUNDS = 20
 SAMPLE = 10_000
 """Number of sampled points whose distance from the part is computed."""
 
-MANY = 0.05
-"""Fraction of points, hidden or far from the part, that edges and silhouettes do not explain."""
-
 PIECE = 1_000_000
 """Number of points that are corrected at a time: 0.6 GB of rays."""
 
@@ -71,12 +69,6 @@ _DOUBTFUL = {
     CorrectionStatus.FAR_FROM_PART: "are far from the part (more than 1 mm) or on its outline and "
     "are not corrected; that is right for a table, clamps and outliers, otherwise align "
     "the cloud with the part (--cloud-to-part).",
-    CorrectionStatus.HIDDEN: "are hidden from one of the scene's devices, which cannot have "
-    "measured them; check where the scene has the devices, and the frame of the cloud "
-    "(--cloud-to-part).",
-    CorrectionStatus.OUTSIDE_VIEW: "lie behind one of the scene's devices or beyond its lens, "
-    "which cannot have measured them; check where the scene has the devices, and the frame of the "
-    "cloud (--cloud-to-part).",
     CorrectionStatus.UNCERTAIN: "are corrected by the members' mean, which is less than its "
     "uncertainty (u_normal); add members closer to the air, or find their weights with a board "
     "(iriftrace fit).",
@@ -101,6 +93,7 @@ def correct(
     system: System | None = None,
     phase: Phase | None = None,
     field_uncertainty: float = 0.0,
+    pixels: ArrayLike | None = None,
 ) -> Correction:
     """Remove the refraction error from measured points.
 
@@ -120,20 +113,25 @@ def correct(
     field_uncertainty : float
         Relative standard uncertainty of the air's contrast, n - n of the ambient air, to which
         the correction is proportional: 0.05 for 5 %.
+    pixels : (n, 2) array, px, optional
+        Where the camera saw the points, centres of pixels at whole numbers; NaN where that is not
+        known. They are compared with the points, see `iriftrace.triangulation.device_check`.
 
     Raises
     ------
     InputError
         As `iriftrace.measure`, and if there are no points, some are not finite, none lies on the
-        part or can be corrected, or the uncertainty is not a fraction.
+        part or can be corrected, there are not as many pixels, or the uncertainty is not a
+        fraction.
 
     Warns
     -----
     IriftraceWarning
-        As :func:`iriftrace.trace.engine.choose`; points do not belong to this part, or lie off
-        the laser's sheet.
+        As :func:`iriftrace.trace.engine.choose`; points do not belong to this part, contradict
+        the devices, or lie off the laser's sheet.
     """
     measured = _checked(points, field_uncertainty)
+    seen_at = None if pixels is None else checked_pixels(pixels, len(measured))
     loaded, sensor = sensor_of(scene, camera, second, system, phase)
     near_box, to_part = _near_part(measured, loaded.part)
     traced = choose(loaded, *sensor.devices).scene
@@ -157,6 +155,8 @@ def correct(
     error = errors[0] if weights is None else weights.mean(errors)
     larger = _larger(measured - error, loaded.part)
     _warn_of_doubtful(status, larger, loaded.part)
+    if doubt := check_devices(measured, status, traced, sensor, seen_at).warning:
+        warn(doubt)
     provenance = provenance_of_two(traced, sensor.camera)
     one_line = sensor.system == "laser"
     if one_line:

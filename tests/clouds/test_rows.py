@@ -112,3 +112,15 @@ def test_a_point_in_each_column_is_refused(tmp_path: Path) -> None:
     np.savetxt(tmp_path / "cloud.txt", POINTS[:, :3].T)
     with pytest.raises(InputError, match=r"has 3 rows of 20 numbers, .* transpose it"):
         read_cloud(tmp_path / "cloud.txt")
+
+
+def test_pixels_are_those_of_the_measured_points(tmp_path: Path) -> None:
+    """In the columns that `iriftrace measure` writes; both, or none."""
+    file = tmp_path / "cloud.txt"
+    rows = "1.1111 2 3 40 50\nnan nan nan 41 50\n4.1111 5 6 42.5 51\n"
+    file.write_text(f"x y z pixel_u pixel_v\n{rows}")
+    with pytest.warns(IriftraceWarning, match="1 of 3 points"):
+        pixels = read_cloud(file).pixels
+    np.testing.assert_array_equal(pixels, [(40, 50), (42.5, 51)])
+    file.write_text("x y z pixel_u quality\n1.1111 2 3 40 50\n")
+    assert read_cloud(file).pixels is None

@@ -69,6 +69,22 @@ def test_its_correction_gives_the_diameter_back(
     assert "the air makes it" in capsys.readouterr().out
 
 
+def test_a_cloud_moved_along_the_part_is_told_by_its_pixels(
+    scan: Path, scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """5 mm along the cylinder, at which the camera looks obliquely; a pixel sees 1 mm."""
+    cloud = pv.read(scan)
+    assert {"pixel_u", "pixel_v"} <= set(cloud.point_data)
+    words = [str(scene), "-o", str(tmp_path / "out.vtp"), "-D", "scale=0.05", "--no-figures"]
+    assert main(["correct", str(scan), *words]) == 0
+    assert "from their pixels" not in capsys.readouterr().err
+    cloud.points[:, 0] += 5.0
+    cloud.save(tmp_path / "moved.vtp")
+    assert main(["correct", str(tmp_path / "moved.vtp"), *words]) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    assert re.search(r"points lie [\d.]+ px \([345][\d.]* mm, medians\) from their pixels", said)
+
+
 def test_rounded_coordinates_are_warned_of(
     scan: Path, scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -346,3 +346,34 @@ def test_a_part_that_was_changed_since(fails: Failing, scene: Path) -> None:
     assert "SHA-256 differs" in fails("metrics", scene.with_suffix(".exr"))
     part.unlink()
     assert "is missing" in fails("metrics", scene.with_suffix(".exr"))
+
+
+@pytest.mark.parametrize(
+    "error", [MemoryError(), ImportError("libvtk.so: failed to map segment from shared object")]
+)
+@pytest.mark.parametrize(
+    ("words", "advice"),
+    [
+        ("correct cloud.ply scene.xml", "a cloud of fewer points, or the cloud in pieces"),
+        ("render scene.xml -o out.exr", "fewer pixels, such as -D scale=0.25"),
+        ("field synthetic part.ply -o out.vtu", "fewer or larger cells"),
+        ("scene field.vtu part.ply -o scene.xml", "a field of fewer cells"),
+        ("plan sweep.nc", "smaller inputs"),
+    ],
+)
+def test_without_memory_the_advice_is_for_the_command(
+    words: str,
+    advice: str,
+    error: Exception,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Also where it is not enough to load a library."""
+
+    def too_large(*paths: Path) -> None:
+        raise error
+
+    monkeypatch.setattr("iriftrace.cli.checks.inputs", too_large)
+    assert main(words.split()) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert f"more memory than the machine has; give it {advice}" in said
