@@ -127,7 +127,7 @@ def read_measured_shift(path: str | Path, *, without_zeros: bool | None = None) 
 
 
 def _without_zeros(read: MeasuredShift) -> MeasuredShift:
-    measured = read.shifts.any(axis=1)
+    measured = (read.shifts != 0.0).any(axis=1)
     if not measured.any():
         raise InputError(
             f"All {len(measured):,} shifts of {read.path} are exactly 0, so none is left; "
@@ -138,7 +138,7 @@ def _without_zeros(read: MeasuredShift) -> MeasuredShift:
 
 
 def _with_doubt(read: MeasuredShift) -> MeasuredShift:
-    zeros = ~read.shifts.any(axis=1)
+    zeros = (read.shifts == 0.0).all(axis=1)
     if zeros.mean() <= MOST_ZEROS:
         return read
     doubt = (

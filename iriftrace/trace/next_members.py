@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -77,8 +77,8 @@ def members_to_solve(
 
 def _draughts(blown: Sequence[Blown], weights: Sequence[float]) -> str:
     """Speeds and directions between or beyond those of the members."""
-    by_speed: Counter[float] = Counter()
-    by_source: Counter[float] = Counter()
+    by_speed: defaultdict[float, float] = defaultdict(float)
+    by_source: defaultdict[float, float] = defaultdict(float)
     for one, weight in zip(blown, weights, strict=True):
         by_speed[one.speed] += weight
         if one.source is not None:
@@ -86,7 +86,7 @@ def _draughts(blown: Sequence[Blown], weights: Sequence[float]) -> str:
     speeds = _listed(speed for speed in _nearby(by_speed, 0.5 * max(by_speed)) if speed > 0.0)
     if not by_source:
         return "draughts of several speeds and directions"
-    if by_speed[0.0] > ALONE * by_speed.total():
+    if by_speed[0.0] > ALONE * sum(weights):
         return (
             f"draughts of {speeds} m/s from other directions than {_listed(sorted(by_source))} deg"
         )
@@ -98,7 +98,7 @@ def _draughts(blown: Sequence[Blown], weights: Sequence[float]) -> str:
 
 
 def _listed(values: Iterable[float]) -> str:
-    return " and ".join(f"{value:.3g}" for value in values)
+    return " and ".join(f"{round(value, 4):g}" for value in values)
 
 
 def _nearby(weights: Mapping[float, float], step: float) -> list[float]:
