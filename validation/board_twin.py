@@ -138,9 +138,6 @@ def main(folder: str) -> None:
             f"{case.turns} deg: residual "
             f"{fit.ratio:.2f} times the noise"
         )
-        if fit.refused:
-            print(f"{found}, refused", flush=True)
-            continue
         true = iriftrace.Scene(part, air, first, second, "camera_2", engine="cells")
         scan = iriftrace.measure(true)
         by_still, _ = _left(scan, evolve(true, air=iriftrace.HotAir(fields[case.still])))

@@ -12,6 +12,7 @@ from rich.table import Table
 from iriftrace.cli import checks
 from iriftrace.cli.console import drawn, out, say, working
 from iriftrace.cli.options import LightOf, Output
+from iriftrace.cli.shift_options import WithoutZeros, left_out, read_shifts
 from iriftrace.cli.trace_options import Statuses, check_light, statuses
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
@@ -23,6 +24,7 @@ def compare(
     *,
     output: Output | None = None,
     positions: Literal["cold", "hot"] = "cold",
+    without_zeros: WithoutZeros = False,
     include: Statuses = None,
     wavelength: LightOf = None,
     figures: bool = True,
@@ -41,7 +43,9 @@ def compare(
         The AOV EXR that ``iriftrace render`` wrote, at the camera's own resolution.
     measured
         A map of two channels (.exr, or .npy with the shape height, width, 2), or markers (.csv with
-        the columns u, v, du, dv; pixel centres are whole numbers, as OpenCV counts).
+        the columns u, v, du, dv; pixel centres are whole numbers, as OpenCV counts). Rows with a
+        column valid of 0 or false, flags other than 0 (OpenPIV) or a negative sigma (VIC-3D) were
+        not measured.
     output
         The JSON file; by default next to the EXR and named after both, such as
         out_against_markers.json. The picture is written next to it.
@@ -61,8 +65,9 @@ def compare(
         raise InputError(f"The output {target} would replace the measured shift; name another one.")
     used = statuses(include)
     check_light(wavelength, header, image)
+    shifts = read_shifts(measured, without_zeros)
     with working("Comparing"):
-        comparison = compare_files(image, measured, positions=positions, include=used)
+        comparison = compare_files(image, shifts, positions=positions, include=used)
     report = comparison.as_dict()
     written = [target]
     if figures:
@@ -88,6 +93,7 @@ def _print_report(report: JsonObject, name: str, resolution: tuple[int, int]) ->
         f"{points['measured']:,} measured, {points['compared']:,} compared, "
         f"{points['without_simulation']:,} not on good pixels of the part",
     )
+    table.add_row("left out", left_out(points["failed"], points["zeros"]))
     for name in ("measured", "simulated", "residual"):
         values = report[f"{name}_px"]
         table.add_row(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from iriftrace.cli import checks
 from iriftrace.cli.console import command_line, print_table, say, working
 from iriftrace.cli.options import Flag, Output, refuse_given
+from iriftrace.cli.shift_options import WithoutZeros, left_out, read_shifts
 from iriftrace.cli.trace_options import TraceOptions
 from iriftrace.core.errors import warn
 from iriftrace.core.units import counted
@@ -26,13 +27,15 @@ def fit(
     scene: Path | None = None,
     noise: float | None = None,
     camera_motion: Flag = False,
+    without_zeros: WithoutZeros = False,
     trace: TraceOptions = TraceOptions(),
 ) -> None:
     """Find the measured air: weights of an ensemble's members from shifts or temperatures.
 
     Weights are not negative and sum to 1. They minimise the difference between the members'
     predictions and the measured values. The new scene has the members that matter, with their
-    weights and the uncertainty of the fit; ``measure`` and ``correct`` use both.
+    weights and the uncertainty of the fit; ``measure`` and ``correct`` use both. If the measured
+    air is outside the members, the uncertainty grows, and results and a warning say so.
 
     Example: ``iriftrace fit board/scene.xml shifts.csv -o fitted/scene.xml``
 
@@ -44,7 +47,8 @@ def fit(
     measured
         Dots in the cold picture and their shifts to the hot one: .csv with the columns u, v, du, dv
         in pixels of the camera's full resolution (pixel centres are whole numbers, as OpenCV
-        counts), or a map as for ``compare``. Or temperatures in the air: .csv with the columns x,
+        counts), or a map as for ``compare``, which says how places are marked that were not found.
+        Or temperatures in the air: .csv with the columns x,
         y, z (mm), T (K) or T (degC), and U, their expanded uncertainty, if it is known.
     output
         XML file of the weighted scene, in a folder of its own; the fit's numbers (fit.json) go
@@ -73,18 +77,20 @@ def fit(
     checks.scenes(*(xml for xml, _ in views), scene)
     checks.output(output, "scene.xml", make=True)
     check_fitted_scene(scene or board, output)
-    found, loaded = _fitted(views, noise, camera_motion, trace)
+    found, loaded = _fitted(views, noise, camera_motion, without_zeros, trace)
     _print_fit(found)
-    found.require_contained()
     if not found.contained:
-        warn(
-            f"{found.verdict} The uncertainty of corrections includes the residual; closer members "
-            "(other speeds and directions of the draught, finer meshes) make it smaller."
-        )
+        warn(f"{found.verdict} {found.solve_next}")
     blocked = scene is None and bool(blocker_surfaces(board))
     of_board = blocked and not in_air(loaded.cells, loaded.part)
     with working("Writing the scene"):
-        listed = write_fitted_scene(scene or board, found.serving, output, of_board=of_board)
+        listed = write_fitted_scene(
+            scene or board,
+            found.serving,
+            output,
+            of_board=of_board,
+            outside=found.weights.outside,
+        )
     if of_board:
         say("The board's first blocker, the hot part, is the part of the fitted scene.")
     numbers = output.with_name("fit.json")
@@ -94,11 +100,14 @@ def fit(
 
 
 def _fitted(
-    views: list[tuple[Path, Path]], noise: float | None, camera_motion: bool, trace: TraceOptions
+    views: list[tuple[Path, Path]],
+    noise: float | None,
+    camera_motion: bool,
+    without_zeros: bool,
+    trace: TraceOptions,
 ) -> tuple[MemberFit, LoadedScene]:
     """Weights from temperatures in the air, or from shifts of dots, and the first scene."""
     from iriftrace.field.air_temperatures import is_air_temperatures, read_air_temperatures
-    from iriftrace.image.measured_shift import read_measured_shift
     from iriftrace.trace.shift_fit import fit_members
     from iriftrace.trace.temperature_fit import fit_temperatures
 
@@ -108,13 +117,16 @@ def _fitted(
             "--noise": noise,
             "--camera-motion": camera_motion or None,
             "--view": views[1:] or None,
+            "--without-zeros": without_zeros or None,
         }
         refuse_given(options, f"is about shifts, but {measured} has temperatures; leave it out.")
         temperatures = read_air_temperatures(measured)
         loaded = trace.load(board)
         with working("Fitting the members"):
             return fit_temperatures(loaded, temperatures), loaded
-    first, *others = [(trace.load(one), read_measured_shift(shifts)) for one, shifts in views]
+    first, *others = [
+        (trace.load(one), read_shifts(shifts, without_zeros)) for one, shifts in views
+    ]
     with working("Fitting the members"):
         found = fit_members(*first, others=others, noise_px=noise, camera_motion=camera_motion)
     return found, first[0]
@@ -134,17 +146,21 @@ def _print_fit(found: MemberFit) -> None:
         ],
         texts=["field"],
     )
+    dots = found.dots
     counts = {"hidden": "hidden", "beside": "next to the board", "lost": "lost"}
-    left_out = [f"{found.dots[key]:,} {text}" for key, text in counts.items() if key in found.dots]
-    left_out.append(counted(found.dots["outliers"], "outlier"))
+    unused = [left_out(dots["failed"], dots["zeros"])] if "failed" in dots else []
+    unused += [f"{dots[key]:,} {text}" for key, text in counts.items() if key in dots]
+    unused.append(counted(dots["outliers"], "outlier"))
+    total = dots["measured"] + dots.get("failed", 0) + dots.get("zeros", 0)
     what = "dots" if found.unit == "px" else "temperatures"
     more = found.residual > 1.001 * found.single.min()
     few = " (by its degrees of freedom, so it can exceed that of a member alone)" if more else ""
     say(
-        f"{found.dots['used']:,} of {found.dots['measured']:,} {what} were used "
-        f"({', '.join(left_out)}). Measured rms {found.measured:.3g} {found.unit}, residual "
-        f"{found.residual:.3g} {found.unit}{few}, noise {found.noise:.3g} {found.unit}. Effective "
-        f"number of members: {found.weights.effective:.3g}."
+        f"{dots['used']:,} of {total:,} {what} were used "
+        f"({', '.join(unused)}). Measured rms {found.measured:.3g} {found.unit}, residual "
+        f"{found.residual:.3g} {found.unit}{few}, noise {found.noise:.3g} {found.unit} "
+        f"({found.noise_source}), so u of the weights by noise is multiplied by {found.birge:.3g}. "
+        f"Effective number of members: {found.weights.effective:.3g}."
     )
     for one in found.views:
         if len(found.views) > 1:

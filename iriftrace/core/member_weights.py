@@ -35,10 +35,13 @@ class MemberWeights:
     covariance : (k, k) array or None
         Covariance of weights that were fitted to a measurement (:func:`iriftrace.fit_members`);
         None for members that are a sample of the possible air.
+    outside : str
+        One sentence if the air that was measured is outside the members; else "".
     """
 
     weights: FloatArray = field(converter=_checked)
     covariance: FloatArray | None = None
+    outside: str = ""
 
     @classmethod
     def of(

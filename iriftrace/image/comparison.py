@@ -19,15 +19,16 @@ from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import sha256_of, write_json
 from iriftrace.core.plain import JsonObject
-from iriftrace.core.statistics import spread
+from iriftrace.core.statistics import rms, spread
 from iriftrace.image.aov_image import AovImage, Status, read_exr
 from iriftrace.image.camera_motion import FEWEST_POINTS, CameraMotion, fit_camera_motion
 from iriftrace.image.displacement import shift_map
 from iriftrace.image.measured_shift import MeasuredShift, read_measured_shift
+from iriftrace.image.shift_signs import warn_of_signs
 
 Picture = Literal["cold", "hot"]
 
-SCHEMA = "iriftrace.comparison/1"
+SCHEMA = "iriftrace.comparison/2"
 CONVENTION = (
     "shift: position in the hot picture minus position in the cold one, px, u right, v down; in "
     "files (0, 0) is the centre of the first pixel; residual: measured minus simulated; camera "
@@ -102,6 +103,8 @@ class Comparison:
             "convention": CONVENTION,
             "points": {
                 "measured": len(measured.places),
+                "failed": measured.failed,
+                "zeros": measured.zeros,
                 "compared": len(residual),
                 "without_simulation": len(measured.places) - len(residual),
             },
@@ -150,7 +153,7 @@ def compare(
     -----
     IriftraceWarning
         Markers may be positions in a picture of the camera's full resolution, which differs from
-        that of the rendering.
+        that of the rendering; or shifts of another sign match far better.
     """
     image_path = None if isinstance(image, AovImage) else Path(image)
     if not isinstance(image, AovImage):
@@ -168,6 +171,9 @@ def compare(
             "that the positions are in its pixels and that its pose is that of the measurement."
         )
     _warn_of_another_size(image, measured)
+    warn_of_signs(
+        lambda signs: _without_mean(signs * measured.shifts[known] - shift[known]), measured.path
+    )
     residual = measured.shifts[known] - shift[known]
     motion, reason = None, ""
     try:
@@ -186,6 +192,11 @@ def compare(
         motion=motion,
         no_motion=reason,
     )
+
+
+def _without_mean(shifts: FloatArray) -> float:
+    """Root mean square of a component, px, without what a turn of the camera adds everywhere."""
+    return rms((shifts - shifts.mean(axis=0)).ravel())
 
 
 def _refuse_another_picture(image: AovImage, measured: MeasuredShift) -> None:

@@ -3,18 +3,21 @@
 A shift is the position of something in the hot picture minus its position in the cold one, in
 pixels, u to the right and v down. Files count as OpenCV does: (0, 0) is the centre of the first
 pixel. In the program pixel ``i`` covers ``[i, i + 1)``, as everywhere.
+
+Correlation programs write a row for each point and mark those that they did not find.
 """
 
 from __future__ import annotations
 
 import csv
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import array_in, sha256_of
 from iriftrace.core.number_table import without_statistics
 from iriftrace.image.exr_entries import exr_content
@@ -23,7 +26,18 @@ COLUMNS = ("u", "v", "du", "dv")
 PAIRS = (("x", "y"), ("u", "v"), ("du", "dv"), ("dx", "dy"), ("r", "g"))
 """Names of the two channels of a map, in any case, also after a dot (``shift.px.X``)."""
 
+MARKS: dict[str, Callable[[float], bool]] = {
+    "valid": lambda value: value == 0.0,
+    "flags": lambda value: value != 0.0,  # OpenPIV
+    "sigma": lambda value: value < 0.0,  # VIC-3D
+}
+"""Columns of markers, in any case, with the values that mark a place as not found."""
+
+MOST_ZEROS = 0.02
+"""Fraction of shifts of exactly (0, 0) above which they are taken for places not found."""
+
 _SHIFT = ("shift.px.X", "shift.px.Y")
+_WORDS = {"true": 1.0, "false": 0.0}
 
 
 @frozen(eq=False)
@@ -39,6 +53,10 @@ class MeasuredShift:
         Width and height of a map; None for markers.
     path : str
     sha256 : str
+    failed, zeros : int
+        Numbers of places that were left out: marked as not found, and shifts of exactly (0, 0).
+    doubt : str
+        Remark on many shifts of exactly (0, 0) that were not left out; "" if there are few.
     """
 
     places: FloatArray
@@ -46,9 +64,12 @@ class MeasuredShift:
     resolution: tuple[int, int] | None
     path: str
     sha256: str
+    failed: int = 0
+    zeros: int = 0
+    doubt: str = ""
 
 
-def read_measured_shift(path: str | Path) -> MeasuredShift:
+def read_measured_shift(path: str | Path, *, without_zeros: bool | None = None) -> MeasuredShift:
     """Read measured shifts.
 
     Parameters
@@ -56,47 +77,86 @@ def read_measured_shift(path: str | Path) -> MeasuredShift:
     path : path
         ``.exr`` with two channels (see `PAIRS`) or the channels ``shift.px.X`` and ``shift.px.Y``;
         ``.npy`` with an array (height, width, 2) or (2, height, width); in both, pixels that are
-        not finite were not measured. Or ``.csv`` with the columns u, v, du, dv (others are
-        ignored); rows without du or dv were not measured.
+        not finite were not measured. Or ``.csv`` with the columns u, v, du, dv; rows without du or
+        dv were not measured, nor those marked by a column ``valid`` of 0 or false, ``flags`` other
+        than 0 (OpenPIV) or a negative ``sigma`` (VIC-3D). Other columns are ignored.
+    without_zeros : bool, optional
+        Whether to leave out shifts of exactly (0, 0), which many programs write where they found
+        nothing. By default they count, with a warning if there are many.
 
     Raises
     ------
     InputError
         The file is missing, damaged, of another kind, or has no measured shift.
+
+    Warns
+    -----
+    IriftraceWarning
+        More than 2 % of the shifts are exactly (0, 0), unless `without_zeros` is given.
     """
     file = Path(path)
-    readers = {".exr": _exr_map, ".npy": _npy_map}
     kind = file.suffix.lower()
-    if kind not in (*readers, ".csv", ".txt"):
+    if kind not in (".exr", ".npy", ".csv", ".txt"):
         raise InputError(
             f"{file} is not a file of measured shifts; give a two-channel map (.exr, .npy) or "
             "markers with the columns u, v, du, dv (.csv)."
         )
     if not file.is_file():
         raise InputError(f"there is no file {file}; give the measured shift.")
-    resolution = None
-    if kind in readers:
-        field = readers[kind](file)
+    resolution, failed, rendered = None, 0, False
+    if kind in (".exr", ".npy"):
+        field, rendered = _exr_map(file) if kind == ".exr" else (_npy_map(file), False)
         height, width = field.shape[:2]
         resolution = (width, height)
         row, column = np.nonzero(np.isfinite(field).all(axis=2))
         places = np.stack((column, row), axis=1).astype(np.float64)
         shifts = field[row, column]
     else:
-        places, shifts = _markers(file)
+        places, shifts, failed = _markers(file)
     if len(shifts) == 0:
-        raise InputError(f"{file} has no measured shift: none of its values is finite.")
-    return MeasuredShift(places, shifts, resolution, str(file), sha256_of(file))
+        marked = f", and {failed:,} rows are marked as not found" if failed else ""
+        raise InputError(f"{file} has no measured shift: none of its values is finite{marked}.")
+    read = MeasuredShift(places, shifts, resolution, str(file), sha256_of(file), failed)
+    if without_zeros:
+        return _without_zeros(read)
+    # A rendering has exact zeros where there is no hot air.
+    found = read if rendered else _with_doubt(read)
+    if found.doubt and without_zeros is None:
+        warn(f"{found.doubt}; leave them out with without_zeros=True, or keep them with False.")
+    return found
 
 
-def _exr_map(file: Path) -> FloatArray:
-    """(h, w, 2) array; NaN where an AOV image has no shift."""
+def _without_zeros(read: MeasuredShift) -> MeasuredShift:
+    measured = (read.shifts != 0.0).any(axis=1)
+    if not measured.any():
+        raise InputError(
+            f"All {len(measured):,} shifts of {read.path} are exactly 0, so none is left; "
+            "correlate the pictures again."
+        )
+    zeros = int((~measured).sum())
+    return evolve(read, places=read.places[measured], shifts=read.shifts[measured], zeros=zeros)
+
+
+def _with_doubt(read: MeasuredShift) -> MeasuredShift:
+    zeros = (read.shifts == 0.0).all(axis=1)
+    if zeros.mean() <= MOST_ZEROS:
+        return read
+    doubt = (
+        f"{zeros.sum():,} of {len(zeros):,} shifts of {read.path} are exactly 0 in both "
+        "components, as many programs write where they found nothing"
+    )
+    return evolve(read, doubt=doubt)
+
+
+def _exr_map(file: Path) -> tuple[FloatArray, bool]:
+    """(h, w, 2) array, NaN where an AOV image has no shift, and whether it is such an image."""
     channels = exr_content(str(file), "write the map again")[1]
-    names = _SHIFT if set(_SHIFT) <= set(channels) else _pair(sorted(channels), file)
+    rendered = set(_SHIFT) <= set(channels)
+    names = _SHIFT if rendered else _pair(sorted(channels), file)
     field = np.stack([channels[name] for name in names], axis=2).astype(np.float64)
     if "status.code" in channels:
         field[np.rint(channels["status.code"]) != 0] = np.nan
-    return field
+    return field, rendered
 
 
 def _pair(names: list[str], file: Path) -> tuple[str, str]:
@@ -125,7 +185,8 @@ def _npy_map(file: Path) -> FloatArray:
     )
 
 
-def _markers(file: Path) -> tuple[FloatArray, FloatArray]:
+def _markers(file: Path) -> tuple[FloatArray, FloatArray, int]:
+    """Places and shifts of the rows that were found, and the number of those that were not."""
     try:
         text = file.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
@@ -147,15 +208,19 @@ def _markers(file: Path) -> tuple[FloatArray, FloatArray]:
             "markers names u, v, du, dv: position and shift, px, (0, 0) the first pixel's centre."
         )
     selected = [names.index(name) for name in COLUMNS]
-    values = []
+    marks = {name: names.index(name) for name in MARKS if name in names}
+    values, failed = [], 0
     for k, cells in rows[1:]:
         if len(cells) != len(names):
             raise InputError(
                 f"{file}, line {k} has {len(cells)} columns, but the first one has {len(names)}."
             )
-        chosen = [cells[column] for column in selected]
         if delimiter == ";":
-            chosen = [cell.replace(",", ".") for cell in chosen]
+            cells = [cell.replace(",", ".") for cell in cells]
+        if any(MARKS[name](_mark(cells[place], name, k, file)) for name, place in marks.items()):
+            failed += 1
+            continue
+        chosen = [cells[column] for column in selected]
         try:
             values.append([float(cell) if cell else np.nan for cell in chosen])
         except ValueError:
@@ -164,4 +229,16 @@ def _markers(file: Path) -> tuple[FloatArray, FloatArray]:
             ) from None
     found = np.array(values, dtype=np.float64).reshape(-1, 4)
     found = found[np.isfinite(found).all(axis=1)]
-    return found[:, :2], found[:, 2:]
+    return found[:, :2], found[:, 2:], failed
+
+
+def _mark(cell: str, name: str, line: int, file: Path) -> float:
+    """The number in a column of `MARKS`; NaN where it is empty."""
+    word = cell.casefold()
+    try:
+        return _WORDS[word] if word in _WORDS else float(word or "nan")
+    except ValueError:
+        raise InputError(
+            f"{file}, line {line}: {name} is {cell}, neither a number nor true or false, so it "
+            "does not say whether the place was found; write 1 or 0, or remove the column."
+        ) from None

@@ -90,15 +90,27 @@ class ShiftMixture:
         most = np.linalg.norm(self._predicted[:, self.used], axis=2).max(axis=0)
         return float(np.mean(left > np.maximum(most, BEYOND_NOISE * noise)))
 
+    def scaled(self) -> tuple[float, float]:
+        """Factor of the mixture that is closest to the measured values, and the residual with it.
+
+        Air of another contrast, such as that of a hotter wall, has a factor other than 1.
+        """
+        mixed = self._columns @ self.weights
+        size = float(mixed @ mixed)
+        factor = float(mixed @ self._target) / size if size > 0.0 else 1.0
+        rest = factor * mixed - self._target
+        return factor, float(np.sqrt((rest**2).sum() / self._freedom))
+
     def covariance(self, noise: float) -> FloatArray:
         """(k, k) covariance of the weights, by the noise of a component and the residual.
 
-        The residual counts as noise of the shifts, which scatters the weights. Its systematic part
-        counts as a step towards each of the nearest members. This part is the excess of the squared
-        residual over that of the noise, plus two of its standard deviations, sqrt(2 / f) of it each
-        for f degrees of freedom, which no residual shows. The relative uncertainty of all weights
-        together, the contrast of the air, is that of the shift of a single dot: devices look
-        through other air than most dots.
+        The residual counts as noise of the shifts, which scatters the weights: the covariance of
+        the noise is multiplied by chi^2 / f, the square of the Birge ratio, if that exceeds 1
+        (Birge, Phys. Rev. 40, 207, 1932). Its systematic part counts as a step towards each of the
+        nearest members. This part is the excess of the squared residual over that of the noise,
+        plus two of its standard deviations, sqrt(2 / f) of it each, which no residual shows. The
+        relative uncertainty of all weights together, the contrast of the air, is that of the shift
+        of a single dot: devices look through other air than most dots.
         """
         count = len(self.weights)
         found = np.zeros((count, count))

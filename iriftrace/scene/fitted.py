@@ -22,19 +22,26 @@ from iriftrace.scene.ensemble import (
     read_members,
     write_members,
 )
+from iriftrace.scene.hot_air import OUTSIDE
 from iriftrace.scene.write import remove_stale_blockers, written_together
 from iriftrace.scene.xml import BLOCKER_FILE, PART_FILE, refuse_edited, sealed
 from iriftrace.shells.files import TABLE as SHELLS_TABLE
 
 
 def write_fitted_scene(
-    scene: Path, members: Sequence[FieldMember], output: Path, *, of_board: bool
+    scene: Path,
+    members: Sequence[FieldMember],
+    output: Path,
+    *,
+    of_board: bool,
+    outside: str = "",
 ) -> tuple[FieldMember, ...]:
     """Write the scene of fitted members, without those that have no effect.
 
     Copies the ensemble's scene with the members to keep, which have weights and rows of their
     covariance, into another folder, where they are numbered from 1; returns them as listed there.
     `of_board`: the part is a board that is seen past the first blocker, which becomes the part.
+    `outside`: a sentence that every result states if the measured air is outside the members.
 
     Raises InputError if the output lies in the scene's own folder or was edited, a member is not
     one of the scene's, or the folder cannot be written.
@@ -56,7 +63,7 @@ def write_fitted_scene(
         text, blockers = _copy_bodies(scene, building, of_board)
         (building / output.name).write_text(text, encoding="utf-8")
         for number, member in zip(theirs, listed, strict=True):
-            _copy_member(scene, number, building, member)
+            _copy_member(scene, number, building, member, outside)
         write_members(building / FOLDER, listed)
         shutil.rmtree(output.parent / FOLDER, ignore_errors=True)
     remove_stale_blockers(output.parent, blockers)
@@ -109,7 +116,9 @@ def _copy_bodies(scene: Path, building: Path, of_board: bool) -> tuple[str, int]
     return sealed(head, ET.tostring(root, encoding="unicode") + "\n"), len(kept) - 1
 
 
-def _copy_member(scene: Path, number: int, building: Path, member: FieldMember) -> None:
+def _copy_member(
+    scene: Path, number: int, building: Path, member: FieldMember, outside: str
+) -> None:
     """Copy a member's shells and field, with their new number and the new part."""
     target = building / FOLDER / str(member.number)
     shutil.copytree(member_folder(scene, number), target)
@@ -120,8 +129,9 @@ def _copy_member(scene: Path, number: int, building: Path, member: FieldMember) 
     for file in target.rglob(SHELLS_TABLE):
         table: JsonObject = json.loads(file.read_text(encoding="utf-8"))
         table["notes"] = {
-            **(table.get("notes") or {}),
+            **{name: note for name, note in (table.get("notes") or {}).items() if name != OUTSIDE},
             "member": f"{member.number}: {member.label}",
+            **({OUTSIDE: outside} if outside else {}),
         }
         sha256 = sha256_of(building / PART_FILE)
         if table.get("part") and table["part"]["sha256"] != sha256:

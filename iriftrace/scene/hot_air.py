@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from iriftrace.shells.stack import ShellStack
 
 
+OUTSIDE = "outside_members"
+"""Note on an ensemble with fitted weights whose members do not contain the measured air."""
+
+
 @frozen(eq=False)
 class AirState:
     """One state of the air; its shells and cells are made when they are first needed."""
@@ -158,7 +162,9 @@ class HotAir:
             AirState(one, name, None, weight, row, layers, rule, shells)
             for one, name, (weight, row) in zip(fields, names, weights.rows, strict=True)
         )
-        self.__attrs_init__(states, normals, inside_hit, notes or {}, wall_temperature_k)
+        outside = {OUTSIDE: weights.outside} if weights.outside else {}
+        known = {**outside, **(notes or {})}
+        self.__attrs_init__(states, normals, inside_hit, known, wall_temperature_k)
 
     def __repr__(self) -> str:
         return f"HotAir({', '.join(repr(s.field or s.shells) for s in self.states)})"

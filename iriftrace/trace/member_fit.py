@@ -18,14 +18,19 @@ from iriftrace.core.statistics import rms
 from iriftrace.image.shift_mixture import MOST_OUTLIERS, ShiftMixture
 from iriftrace.scene.ensemble import FieldMember
 from iriftrace.scene.loaded import LoadedEnsemble, LoadedScene
+from iriftrace.trace.next_members import members_to_solve
 
-SCHEMA = "iriftrace.fit/2"
+SCHEMA = "iriftrace.fit/3"
 
 FEWEST = 4
 """Number of members below which the uncertainty of their weights does not hold."""
 
 DOUBTFUL = 2.0
-"""Residual, as a multiple of the noise, from which on the members are not the measured air."""
+"""Residual, as a multiple of the noise, from which on the air is outside the members."""
+
+EXPLAINED = 0.8
+"""Another contrast is the difference of the air if less than this fraction of the residual is left
+with it."""
 
 INDISTINCT = 0.1
 """Members whose shifts differ by less, relative to their noise, cannot be told apart."""
@@ -75,25 +80,31 @@ class MemberFit:
     members : tuple of FieldMember
         All members of the scene, with their fitted weights and rows of the covariance.
     covariance : (k, k) array
-        Covariance of the weights. It has the residual as noise of the measured values, and as a
-        systematic difference of the air by as much as the residual exceeds the noise: towards the
-        nearest members, or of the whole contrast.
+        Covariance of the weights. It has the residual as noise of the measured values (`birge`),
+        and as a systematic difference of the air by as much as the residual exceeds the noise:
+        towards the nearest members, or of the whole contrast.
     unit : str
         Unit of the next four values: ``"px"`` (of the first camera) for shifts, ``"K"`` for
         temperatures.
     residual, noise : float
         Root mean square of a component of the residual of the fit, and of its noise.
+    noise_source : str
+        Origin of the noise that the residual is compared with.
     single : (k,) array
         Residual of each member by itself.
     foreign : float
         Fraction of the values whose residual exceeds the noise and any member's prediction, as in
         air of another kind (`ShiftMixture.foreign`).
+    scale, scaled : float
+        Factor of the mixture's contrast that is closest to the measured values, and the residual
+        with it.
     measured : float
         Root mean square of a component of the measured shifts, or of the temperatures' excess over
         the ambient one.
     dots : dict of int
         Numbers ``measured``, ``used`` and ``outliers``; for shifts also ``hidden`` by a body,
-        ``beside`` (next to the board) and ``lost``.
+        ``beside`` (next to the board) and ``lost``, and in the files besides ``measured`` those
+        marked as ``failed`` and ``zeros`` that were left out.
     views : tuple of FittedView
         The fit's measured files, each with its own residual.
     """
@@ -103,8 +114,11 @@ class MemberFit:
     unit: str
     residual: float
     noise: float
+    noise_source: str
     single: FloatArray = field(repr=False)
     foreign: float
+    scale: float
+    scaled: float
     measured: float
     dots: dict[str, int]
     views: tuple[FittedView, ...]
@@ -112,13 +126,19 @@ class MemberFit:
 
     @property
     def weights(self) -> MemberWeights:
-        """Weights of all members, with their covariance."""
-        return MemberWeights(np.array([m.weight for m in self.members]), self.covariance)
+        """Weights of all members, with their covariance and whether the air is outside them."""
+        weights = np.array([m.weight for m in self.members])
+        return MemberWeights(weights, self.covariance, "" if self.contained else self.verdict)
 
     @property
     def ratio(self) -> float:
         """Residual over noise."""
         return self.residual / self.noise
+
+    @property
+    def birge(self) -> float:
+        """Birge ratio, sqrt(chi^2 / f) or 1: factor of the weights' u from the noise alone."""
+        return max(1.0, self.ratio)
 
     @property
     def contained(self) -> bool:
@@ -127,13 +147,33 @@ class MemberFit:
 
     @property
     def verdict(self) -> str:
-        """One sentence on whether the members contain the measured air."""
+        """One sentence on whether the members contain the measured air, and how far it is."""
         found = (
             f"the residual of {self.residual:.3g} {self.unit} is {self.ratio:.3g} times the noise"
         )
         if self.contained:
             return f"These members reproduce what was measured: {found}."
-        return f"These members do not contain your air: {found}."
+        what = {"px": "dots move farther", "K": "temperatures rise higher"}[self.unit]
+        other = (
+            f", and {self.foreign:.0%} of the {what} than in any member"
+            if self.foreign > 0.005
+            else ""
+        )
+        return (
+            f"Air outside the members: {found} and {self.residual / self.measured:.0%} of what was "
+            f"measured{other}; U includes it as far as members have hot air where devices look."
+        )
+
+    @property
+    def solve_next(self) -> str:
+        """One sentence on which members to solve; "" if these contain the measured air."""
+        if self.contained:
+            return ""
+        return members_to_solve(
+            self.members,
+            self.scale if self.scaled < EXPLAINED * self.residual else 1.0,
+            other_body=self.foreign > MOST_OUTLIERS,
+        )
 
     @property
     def serving(self) -> tuple[FieldMember, ...]:
@@ -141,33 +181,24 @@ class MemberFit:
         rows = zip(self.members, self.covariance, strict=True)
         return tuple(m for m, row in rows if m.weight > 0.0 or row.any())
 
-    @property
-    def refused(self) -> bool:
-        """True if the measured air is of another kind, so that no scene is made of the members."""
-        return not self.contained and self.foreign > MOST_OUTLIERS
-
-    def require_contained(self) -> None:
-        """Raise InputError if the members are far from the measured air."""
-        if self.refused:
-            what = {"px": "dots move farther", "K": "temperatures rise higher"}[self.unit]
-            raise InputError(
-                f"{self.verdict[:-1]}, and {self.foreign:.0%} of the {what} than in any member. No "
-                "scene is written; add members that are closer (other speeds and directions of the "
-                "draught, other bodies), or check that camera, board and places are those measured."
-            )
-
     def as_dict(self) -> JsonObject:
-        """Plain JSON values, schema ``iriftrace.fit/2``."""
+        """Plain JSON values, schema ``iriftrace.fit/3``."""
         labels = zip(self.members, self.single.tolist(), strict=True)
         return {
             "schema": SCHEMA,
             **self.provenance,
             "verdict": self.verdict,
+            "contained": self.contained,
+            "solve_next": self.solve_next,
             "unit": self.unit,
             "residual": self.residual,
             "noise": self.noise,
+            "noise_source": self.noise_source,
+            "birge": self.birge,
             "measured": self.measured,
             "foreign": self.foreign,
+            "scale": self.scale,
+            "scaled_residual": self.scaled,
             "effective_members": self.weights.effective,
             "dots": self.dots,
             "views": [view.as_dict() for view in self.views],
@@ -184,6 +215,7 @@ def member_fit(
     found: ShiftMixture,
     noise: float,
     *,
+    noise_source: str,
     unit: str,
     measured: float,
     dots: dict[str, int],
@@ -198,6 +230,7 @@ def member_fit(
         )
     covariance = found.covariance(noise)
     fitted = MemberWeights(found.weights, covariance).rows
+    scale, scaled = found.scaled()
     return MemberFit(
         members=tuple(
             evolve(member, weight=weight, covariance=row)
@@ -207,8 +240,11 @@ def member_fit(
         unit=unit,
         residual=found.residual,
         noise=noise,
+        noise_source=noise_source,
         single=np.array([rms(found.left(alone).ravel()) for alone in np.eye(len(fitted))]),
         foreign=found.foreign(noise),
+        scale=scale,
+        scaled=scaled,
         measured=measured,
         dots={**dots, "used": int(found.used.sum()), "outliers": int((~found.used).sum())},
         views=views,

@@ -11,6 +11,7 @@ from iriftrace.core.engines import ENGINES
 from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import JsonObject, plain
 from iriftrace.field.source import FieldSource
+from iriftrace.scene.hot_air import OUTSIDE
 from iriftrace.scene.loaded import LoadedEnsemble, LoadedScene
 
 _MOST_LISTED = 2
@@ -64,6 +65,7 @@ def provenance(scene: LoadedScene, camera: Camera) -> JsonObject:
             "field_symmetry": notes.get("symmetry")
             or _listed(one.facts.symmetry for _, one in known if one.facts.symmetry),
             **({"field_fit": notes["fit"]} if "fit" in notes else {}),
+            **({OUTSIDE: notes[OUTSIDE]} if OUTSIDE in notes else {}),
             "open_boundary": "air beyond the data is not modelled",
             "camera": camera.lens,
             "wavelength": "not stated" if wavelength is None else f"{wavelength:g} nm",

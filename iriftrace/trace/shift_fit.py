@@ -22,6 +22,7 @@ from iriftrace.image.camera_motion import interaction_matrix
 from iriftrace.image.measured_shift import MeasuredShift
 from iriftrace.image.shift_mixture import ShiftMixture
 from iriftrace.image.shift_noise import shift_noise
+from iriftrace.image.shift_signs import warn_of_signs
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.scene import AnyScene, loaded_scene
 from iriftrace.trace.engine import choose
@@ -91,6 +92,11 @@ def fit_members(
         The scene is not an ensemble; the dots are another camera's, hidden, or fewer than the
         members; the members' shifts do not differ, as with a board in front of the part; or views
         have different members.
+
+    Warns
+    -----
+    IriftraceWarning
+        There are fewer than four members, or shifts of another sign match far better.
     """
     if noise_px is not None and not noise_px > 0.0:
         raise InputError(f"The noise is {noise_px:g} px; give a positive number.")
@@ -111,6 +117,7 @@ def fit_members(
         members_in(first.scene).members,
         found,
         first.noise,
+        noise_source="differences of neighbouring residuals" if noise_px is None else "stated",
         unit="px",
         measured=rms(np.concatenate([(scale * view.measured).ravel() for scale, view in both])),
         dots={key: sum(view.dots[key] for view in views) for key in first.dots},
@@ -133,7 +140,7 @@ def _view(
     assert traced.ensemble is not None
     points, status = _seen(traced.ensemble.scenes(), camera, hot)
     good = (status == Status.GOOD).all(axis=0)
-    dots = _counts(status)
+    dots = {"failed": shifts.failed, "zeros": shifts.zeros, **_counts(status)}
     _check_dots(dots, len(ensemble))
     predicted = hot[good] - np.array([camera.project(seen[good]) for seen in points])
     measured, places = shifts.shifts[good], shifts.places[good]
@@ -143,6 +150,9 @@ def _view(
         alone = ShiftMixture(predicted, measured, free)
         noise = shift_noise(places[alone.used], alone.left(alone.weights))
     _check_spread(rms((predicted - predicted.mean(axis=0)).ravel()), noise)
+    warn_of_signs(
+        lambda signs: ShiftMixture(predicted, signs * measured, free).residual, shifts.path
+    )
     return _View(traced, camera, shifts, places, predicted, measured, free, dots, noise)
 
 

@@ -68,6 +68,7 @@ def fit_temperatures(scene: AnyScene, temperatures: AirTemperatures) -> MemberFi
         ensemble.members,
         found,
         noise,
+        noise_source="uncertainties of the temperatures",
         unit="K",
         measured=rms(measured),
         dots={"measured": len(factor)},

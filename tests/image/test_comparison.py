@@ -140,6 +140,8 @@ def test_numbers_of_a_known_residual(image: AovImage, tmp_path: Path) -> None:
     assert report["simulated_px"]["median"] == pytest.approx(np.median(sizes), rel=1e-6)
     assert report["points"] == {
         "measured": len(row),
+        "failed": 0,
+        "zeros": 0,
         "compared": len(row),
         "without_simulation": 0,
     }
@@ -150,10 +152,35 @@ def test_numbers_of_a_known_residual(image: AovImage, tmp_path: Path) -> None:
     assert json.loads((tmp_path / "a.json").read_text()) == report
 
 
+@pytest.mark.parametrize(
+    ("signs", "named"), [((1, -1), "dv"), ((-1, 1), "du"), ((-1, -1), "du and dv")]
+)
+def test_another_sign_is_told(image: AovImage, signs: tuple[int, int], named: str) -> None:
+    """A picture whose v axis points up, although a motion of the camera shifts all of it by 2 px.
+
+    No number is changed.
+    """
+    places = places_on_part(image, 100)
+    exact = shift_at(places)
+    found = measured(places, np.array(signs) * (exact - exact.mean(axis=0)) + 2.0)
+    with pytest.warns(IriftraceWarning, match=f"With the other sign of {named}, the shifts of by"):
+        compared = compare(image, found, positions="hot")
+    np.testing.assert_array_equal(compared.measured, found.shifts)
+
+
+def test_noise_has_no_sign(image: AovImage) -> None:
+    """No warning where no choice fits: shifts of noise, and half of the true ones."""
+    places = places_on_part(image, 100)
+    noise = np.random.default_rng(3).normal(0.0, 1.0, (100, 2))
+    compare(image, measured(places, noise), positions="hot")
+    compare(image, measured(places, 0.5 * shift_at(places)), positions="hot")
+
+
 def test_opposite_shifts_have_correlation_minus_one(image: AovImage) -> None:
     """The sign convention the other way round shows at once."""
     places = places_on_part(image, 100)
-    found = compare(image, measured(places, -shift_at(places)), positions="hot")
+    with pytest.warns(IriftraceWarning, match="other sign of du and dv"):
+        found = compare(image, measured(places, -shift_at(places)), positions="hot")
     assert correlation(found.measured, found.simulated) == pytest.approx(-1, abs=1e-9)
     assert correlation(np.ones((5, 2)), np.arange(10.0).reshape(5, 2)) is None
 

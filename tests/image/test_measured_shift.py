@@ -78,6 +78,65 @@ def test_markers(tmp_path: Path, text: str) -> None:
 
 
 @pytest.mark.parametrize(
+    ("column", "good", "bad"),
+    [
+        ("valid", "1", "0"),
+        ("Valid", "True", "False"),
+        ("flags", "0", "1"),
+        ("Flags", "0.0", "2"),
+        ("sigma", "0.004", "-1"),
+        ("sigma", "0", "-1.0"),
+    ],
+)
+def test_marked_markers_were_not_measured(tmp_path: Path, column: str, good: str, bad: str) -> None:
+    """Whatever stands in their shift, also words."""
+    rows = [f"10,20,0.5,-0.25,{good}", f"11,20,99,99,{bad}", f"12,20,-,-,{bad}"]
+    (tmp_path / "m.csv").write_text("\n".join((f"u,v,du,dv,{column}", *rows)))
+    found = read_measured_shift(tmp_path / "m.csv")
+    np.testing.assert_allclose(found.places, [(10, 20)])
+    np.testing.assert_allclose(found.shifts, [(0.5, -0.25)])
+    assert (found.failed, found.zeros) == (2, 0)
+
+
+def test_other_marks_are_refused_or_no_marks(tmp_path: Path) -> None:
+    file = tmp_path / "m.csv"
+    file.write_text("u,v,du,dv,valid\n1,2,3,4,perhaps\n")
+    with pytest.raises(InputError, match=r"line 2: valid is perhaps, neither a number nor"):
+        read_measured_shift(file)
+    file.write_text("u,v,du,dv,valid\n1,2,3,4,0\n")
+    with pytest.raises(InputError, match=r"no measured shift.* 1 rows are marked"):
+        read_measured_shift(file)
+    file.write_text("u,v,du,dv,quality\n1,2,3,4,0\n")
+    assert len(read_measured_shift(file).shifts) == 1
+
+
+def test_many_exact_zeros_are_told_and_can_be_left_out(tmp_path: Path) -> None:
+    """Of 100 shifts 2 are no reason, 3 are; one component of 0 is none."""
+    field = np.ones((10, 10, 2))
+    field[0, :2], field[1, :, 0] = 0.0, 0.0
+    np.save(tmp_path / "m.npy", field)
+    assert read_measured_shift(tmp_path / "m.npy").doubt == ""
+    field[0, 2] = 0.0
+    np.save(tmp_path / "m.npy", field)
+    with pytest.warns(IriftraceWarning, match="3 of 100 shifts .* without_zeros=True"):
+        found = read_measured_shift(tmp_path / "m.npy")
+    assert (len(found.shifts), found.zeros) == (100, 0)
+    assert read_measured_shift(tmp_path / "m.npy", without_zeros=False).doubt != ""
+    found = read_measured_shift(tmp_path / "m.npy", without_zeros=True)
+    assert (len(found.shifts), found.zeros) == (97, 3)
+    np.save(tmp_path / "m.npy", np.zeros((10, 10, 2)))
+    with pytest.raises(InputError, match="All 100 shifts"):
+        read_measured_shift(tmp_path / "m.npy", without_zeros=True)
+
+
+def test_zeros_of_a_rendering_are_no_doubt(tmp_path: Path) -> None:
+    """Where there is no hot air nothing is shifted."""
+    none = np.zeros((4, 4), dtype=np.float32)
+    planes = {"shift.px.X": none, "shift.px.Y": none, "status.code": none}
+    assert read_measured_shift(exr(tmp_path / "map.exr", **planes)).doubt == ""
+
+
+@pytest.mark.parametrize(
     ("name", "text", "message"),
     [
         ("a.csv", "x,y\n1,2\n", "has the columns x, y, but"),

@@ -31,10 +31,37 @@ def test_maps_and_markers_are_compared(
         assert "which explains" in capsys.readouterr().out
         assert target.with_suffix(".png").is_file()
         report = json.loads(target.read_text())
-        assert report["schema"] == "iriftrace.comparison/1"
+        assert report["schema"] == "iriftrace.comparison/2"
         assert report["wavelength_nm"] == 633.0
         assert report["residual_px"]["bias"] == pytest.approx((0.3, -0.4), abs=1e-5)
         assert report["camera_motion"]["explained"] > 0.9
+
+
+def test_places_that_were_not_found_are_left_out_and_counted(
+    hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of 90 rows 10 are marked and 8 exactly 0, by which the residual's rms would be wrong."""
+    image = read_exr(hot.image)
+    row, column = (axis[:90] for axis in np.nonzero(image.status == 0))
+    shifts = image.vector("shift.px")[row, column] + np.array((0.3, -0.4))
+    valid = np.ones(90)
+    shifts[:10], valid[:10], shifts[40:48] = 5.0, 0.0, 0.0
+    table = np.column_stack((column, row, shifts, valid))
+    np.savetxt(tmp_path / "m.csv", table, delimiter=",", header="u,v,du,dv,valid", comments="")
+    target = tmp_path / "out.json"
+    words = ["compare", str(hot.image), str(tmp_path / "m.csv"), "-o", str(target)]
+    words += ["--positions=hot", "--no-figures"]
+    assert main(words) == 0
+    assert "leave them out with --without-zeros" in " ".join(capsys.readouterr().err.split())
+    points = json.loads(target.read_text())["points"]
+    assert (points["measured"], points["failed"], points["zeros"]) == (80, 10, 0)
+    assert main([*words, "--without-zeros"]) == 0
+    said = capsys.readouterr()
+    assert "10 marked as not found, 8 exactly 0" in said.out
+    assert "--without-zeros" not in said.err
+    report = json.loads(target.read_text())
+    assert (report["points"]["measured"], report["points"]["zeros"]) == (72, 8)
+    assert report["residual_px"]["rms"] == pytest.approx(0.5, abs=1e-5)
 
 
 def test_rendering_compared_with_itself_leaves_nothing(hot: HotBlock, tmp_path: Path) -> None:

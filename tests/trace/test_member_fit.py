@@ -129,12 +129,19 @@ def test_twin(
     assert abs(corrected - 90.0) < total < 0.5 * abs(measured - corrected)
 
 
-def test_air_outside_the_family_is_refused(board: iriftrace.Scene, tmp_path: Path) -> None:
-    seen = measured_shifts(in_air(board, leaning(1.0, tmp_path)), NOISE)
-    fit = iriftrace.fit_members(board, seen)
-    assert not fit.contained
-    with pytest.raises(InputError, match="do not contain your air: the residual"):
-        fit.require_contained()
+def test_other_signs_are_told(board: iriftrace.Scene, shifts: MeasuredShift) -> None:
+    up = attrs.evolve(shifts, shifts=shifts.shifts * (1.0, -1.0))
+    with pytest.warns(iriftrace.IriftraceWarning, match="With the other sign of dv"):
+        found = iriftrace.fit_members(board, up, noise_px=NOISE)
+    assert found.dots["measured"] == len(shifts.places)
+
+
+def test_places_that_were_left_out_are_counted(
+    board: iriftrace.Scene, shifts: MeasuredShift
+) -> None:
+    marked = attrs.evolve(shifts, failed=7, zeros=3)
+    dots = iriftrace.fit_members(board, marked).dots
+    assert (dots["measured"], dots["failed"], dots["zeros"]) == (len(shifts.places), 7, 3)
 
 
 def test_a_motion_of_the_camera_is_told_from_the_air(
