@@ -12,6 +12,7 @@ from iriftrace.core.units import counted
 from iriftrace.features.drawing import DRAWING
 from iriftrace.features.quantity import Quantity
 from iriftrace.part.region_choice import placed_regions
+from iriftrace.scene.hot_air import OUTSIDE
 
 if TYPE_CHECKING:
     from iriftrace.features.fitted import FittedFeature
@@ -27,8 +28,9 @@ def say_field(provenance: JsonObject) -> None:
     """Print the field that the numbers come from, and its misfits."""
     assumed = provenance["assumptions"]
     say(f"Field: {assumed['field_origin']}; {assumed['field_source']}.")
-    if "field_fit" in assumed:
-        say(assumed["field_fit"])
+    for key in ("field_fit", OUTSIDE):
+        if key in assumed:
+            say(assumed[key])
 
 
 def say_features(

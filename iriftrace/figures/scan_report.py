@@ -23,6 +23,7 @@ from iriftrace.figures.page import (
     value_text,
     write_page,
 )
+from iriftrace.scene.hot_air import OUTSIDE
 from iriftrace.triangulation import correction, scan
 from iriftrace.triangulation.statistics import RegionValues
 
@@ -158,8 +159,7 @@ def _doubtful(values: JsonObject, simulated: bool) -> list[str]:
     assumed = values["assumptions"]
     mark = synthetic_mark(stated_source(values.get("field")))
     said = [f"{origin_text(mark, assumed['field_origin'])}."]
-    if "field_fit" in assumed:
-        said.append(str(assumed["field_fit"]))
+    said += [str(assumed[key]) for key in ("field_fit", OUTSIDE) if key in assumed]
     if larger := values.get("larger"):
         by = 100 * (larger["scale"] - 1.0)
         said.append(

@@ -28,6 +28,7 @@ from iriftrace.field.source import FieldKind
 from iriftrace.geometry.transform import apply
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
+from iriftrace.scene.hot_air import OUTSIDE
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.triangulation.larger import Larger
 from iriftrace.triangulation.statistics import (
@@ -261,6 +262,8 @@ class Correction:
         known = {name: u for name, u in sources.items() if u is not None}
         parts = dict(sorted(known.items(), key=lambda part: -part[1]))
         missing = tuple(name for name in sources if name not in known)
+        if OUTSIDE in self.provenance.get("assumptions", {}):
+            missing += ("air outside the members",)
         factor = self._coverage_factor(math.hypot(*parts.values()), scatter)
         return evolve(value, uncertainty=Uncertainty(parts, factor, missing), worst=worst)
 

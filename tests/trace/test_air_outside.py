@@ -14,6 +14,7 @@ import trimesh
 
 import iriftrace
 from iriftrace.cli import main
+from iriftrace.core.errors import IriftraceWarning
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.image.shift_mixture import ShiftMixture
 from iriftrace.part.part import part_of_mesh
@@ -152,6 +153,14 @@ def test_where_no_member_has_hot_air_the_verdict_says_so(
     fields = [state.field for state in board.air.states]
     scene = measuring(part, iriftrace.HotAir(fields, weights=fit.weights)).loaded
     assert provenance(scene, scene.camera)["assumptions"]["outside_members"] == fit.verdict
+    points = iriftrace.measure(measuring(part, iriftrace.HotAir(field))).points
+    with pytest.warns(IriftraceWarning, match="are corrected by the members' mean"):
+        found = iriftrace.correct(
+            points, measuring(part, iriftrace.HotAir(fields, weights=fit.weights))
+        )
+    sizes = [each.size.uncertainty for each in found.features(part) if each.size.uncertainty]
+    assert sizes
+    assert all(u.missing[-1] == "air outside the members" for u in sizes)
 
 
 def test_noise_is_widened_by_the_birge_ratio() -> None:
