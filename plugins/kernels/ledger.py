@@ -63,6 +63,12 @@ def index_check(prepared: PreparedScene, refracted: RefractedHits) -> tuple[dt.B
             steps = mi.Float64(aligned(np.abs(near[unmet] - tables.ambient)))
             number = mi.UInt32(aligned(rest[unmet].astype(np.uint32)))
             dr.scatter(missing, steps, dr.gather(mi.UInt32, suspects, number))
+    for near, far in tables.missing_steps:
+        # Its contrast includes layers next to those that it crossed.
+        least = abs(far - tables.ambient) + 2 * tables.open_step - tables.half_step
+        beyond = refracted.contrast > dr.opaque(mi.Float, least)
+        middle = dr.opaque(mi.Float64, abs(0.5 * (near + far) - tables.ambient))
+        fits &= ~(beyond & (missing < middle))
     return fits & (missing < open_steps + slack), missing < open_step
 
 
