@@ -294,8 +294,8 @@ class SceneTables:
         for near, far in self.missing_steps:
             warn(
                 f"{name} has no shell between the layers of index {near:.9g} and {far:.9g}, but "
-                "others lead to both: one is missing, or its ext_ior and int_ior are wrong. Rays "
-                "beyond it are bent too little and have status 5; add the shell."
+                "others lead to both: one is missing, or its ext_ior and int_ior are wrong. The "
+                "index steps along rays beyond it do not add up (status 5); add the shell."
             )
 
     @cached_property
