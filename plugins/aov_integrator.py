@@ -12,8 +12,9 @@ import numpy as np
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import CHANNELS
-from iriftrace.plugins.film import camera_of
+from iriftrace.plugins.film import camera_of, refuse_shared_films
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.bundle import (
     Bundle,
@@ -26,6 +27,7 @@ from iriftrace.plugins.kernels.prepared import PreparedScene
 from iriftrace.plugins.kernels.queries import HIT_BLOCKER, counted, ray_query
 from iriftrace.plugins.picture import PixelRays, channel_values, sharp_rays, written
 from iriftrace.plugins.scene_state import same_state, scene_state
+from iriftrace.plugins.stock_sensor import StockSensor
 from iriftrace.runtime.variant import full_precision
 
 _RENDERED: list[Any] = []
@@ -146,6 +148,7 @@ def integrator_class(variant: str) -> type:
             where shells bend), ``camera`` of the crop window (as of ``iriftrace.Camera.as_dict``)
             and ``straight`` (StraightHits).
             """
+            self._refuse_clipped_air(scene, sensor)
             names = self.aov_names()
             rays = PixelRays(sensor, len(names))
             (left, top), (width, height) = rays.corner, rays.size
@@ -176,6 +179,20 @@ def integrator_class(variant: str) -> type:
             }
             return mi.TensorXf(pixels, (len(names), height, width)), report
 
+        def _refuse_clipped_air(self, scene: mi.Scene, sensor: mi.Sensor) -> None:
+            """Refuse a sensor of Mitsuba whose rays start in the hot air or in the part."""
+            if hasattr(sensor, "rays64"):
+                return
+            for start in StockSensor(sensor).starts():
+                where = self.surroundings_of(scene, start)
+                if where is not None:
+                    clip = float(mi.traverse(sensor)["near_clip"])
+                    raise InputError(
+                        f"Rays of the {sensor.class_name()} start on its near plane, near_clip "
+                        f"{clip:g} mm in front of it, and there inside the {where}, so that what "
+                        f"lies before is left out; lower near_clip, or move the sensor out of it."
+                    )
+
         def further_counts(
             self, scene: mi.Scene, rays: PixelRays, trace: Trace | None
         ) -> dict[str, int]:
@@ -199,7 +216,9 @@ def integrator_class(variant: str) -> type:
             evaluate: bool = True,
         ) -> dt.TensorXf:
             """Picture of all channels, for ``mi.render``; the film keeps the channels' names."""
+            refuse_shared_films(scene.sensors())
             self.refresh(scene)
+            known = self._prepared
             for other in _RENDERED:
                 if other is not self:
                     other.forget_scene()
@@ -208,6 +227,9 @@ def integrator_class(variant: str) -> type:
             film = sensor.film()
             with full_precision():
                 channels, _ = self.image(scene, sensor)
+            prepared = self.prepare(scene)
+            if prepared is not known and self.engine == "shells":
+                prepared.tables.warn_of_missing_shells("The scene")
             count, height, width = channels.shape
             base = film.prepare(self.aov_names()) - count
             block = film.create_block()

@@ -13,6 +13,7 @@ import numpy as np
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
+from iriftrace.plugins.film import check_film_size
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.projection import Projection, flip_axes
 from iriftrace.plugins.properties import camera_of, number
@@ -179,7 +180,9 @@ def plugin_class(variant: str) -> type:
             aperture_sample: dt.Point2f,
             active: dt.Bool = True,
         ) -> tuple[dt.Ray3f, dt.Spectrum]:
-            size, offset = self.film().crop_size(), self.film().crop_offset()
+            film = self.film()
+            check_film_size(film, self._camera.resolution)
+            size, offset = film.crop_size(), film.crop_offset()
             origin, direction = self.rays64(
                 mi.Float64(position_sample.x) * size.x + offset.x,
                 mi.Float64(position_sample.y) * size.y + offset.y,

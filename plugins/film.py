@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from pathlib import Path
 
 import mitsuba as mi
@@ -68,6 +69,28 @@ def check_film(film: mi.Film) -> None:
             "The film's reconstruction filter mixes neighbouring pixels, so hits and misses would "
             'run into each other; use <rfilter type="box"/>.'
         )
+
+
+def check_film_size(film: mi.Film, resolution: tuple[int, ...]) -> None:
+    """Refuse a film of another size than its sensor's, of which it would show a corner."""
+    width, height = map(int, film.size())
+    if (width, height) != tuple(resolution):
+        raise InputError(
+            f"The film was given {width} x {height} px by mi.traverse, but the sensor is of "
+            f"{resolution[0]} x {resolution[1]}; change its crop window, or load another sensor "
+            "(with optimize=False if the scene has several, as Mitsuba merges equal films)."
+        )
+
+
+def refuse_shared_films(sensors: list[mi.Sensor]) -> None:
+    """Refuse sensors that share a film: each of them would scale and crop it for the others."""
+    for first, second in combinations(sensors, 2):
+        if first.film() is second.film():
+            raise InputError(
+                f"The sensors '{first.id()}' and '{second.id()}' share one film, so that a scale "
+                "or crop window of one changes the other's picture. Mitsuba merges equal films by "
+                "default: load the scene with optimize=False."
+            )
 
 
 def camera_of(sensor: dt.Sensor) -> dt.RayCamera:

@@ -2,14 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 
 import drjit as dr
 import mitsuba as mi
 
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, warn
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.properties import number
+
+INDICES = ("ext_ior", "int_ior", "iso_ior")
+
+
+@cache
+def _warn_of_pictures() -> None:
+    """Say once that pictures by Mitsuba's integrators do not show the displacement.
+
+    Dr.Jit records the calls of all bsdfs in memory, so that a scene without shells brings it too.
+    """
+    warn(
+        "Mitsuba's own integrators show no true displacement through iso_shell: at each shell they "
+        "move a ray's origin along the normal, in sum by more than hot air bends the ray. Trace by "
+        "first_hit, and shade its hits in a scene without shells (docs/mitsuba.md)."
+    )
 
 
 @cache
@@ -30,11 +46,15 @@ def plugin_class(variant: str) -> type:
         ============  =========  =====================================================  ========
 
         Bends a ray by Snell's law and lets all of it pass: neighbouring layers of air differ by
-        1e-5, so the reflected fraction (below 1e-10) is ignored. Both numbers are kept in double
-        precision; ``first_hit`` takes them directly, and bends rays at the shell or, where its file
-        has the index's derivatives, all along the layers (only then is ``iso_ior`` used). Mitsuba's
-        own integrators work too (in single precision): the bsdf is a perfect transmission of weight
-        1. Shadow rays stop at shells, so such pictures need lights that a camera ray can hit.
+        1e-5, so the reflected fraction (below 1e-10) is ignored. The indices are kept in double
+        precision, also those that ``mi.traverse`` sets; a mean follows both sides. ``first_hit``
+        takes them directly, and bends rays at the shell or, where its file has the index's
+        derivatives, all along the layers (only then is ``iso_ior`` used).
+
+        For Mitsuba's own integrators the bsdf is a perfect transmission of weight 1, but they do
+        not show the displacement by air: ``spawn_ray`` moves the origin behind each shell along
+        the normal, by 1e-4 of its coordinates, and in sum by more than air bends the ray. A warning
+        says so once. Shadow rays stop at shells.
 
         .. code-block:: xml
 
@@ -51,28 +71,54 @@ def plugin_class(variant: str) -> type:
 
         def __init__(self, props: mi.Properties) -> None:
             super().__init__(props)
-            self.ext_ior = number(props, "ext_ior")
-            self.int_ior = number(props, "int_ior")
-            mean = 0.5 * (self.ext_ior + self.int_ior)
-            self.iso_ior = number(props, "iso_ior", mean)
-            for name in ("ext_ior", "int_ior", "iso_ior"):
-                value = getattr(self, name)
+            ext, inner = number(props, "ext_ior"), number(props, "int_ior")
+            self._in_the_middle = "iso_ior" not in props
+            self._parameters = {name: mi.Float64(0.0) for name in INDICES}
+            self.set_indices(ext, inner, number(props, "iso_ior", 0.5 * (ext + inner)))
+            self.layer = str(props.get("layer", ""))
+            flags = mi.BSDFFlags.DeltaTransmission | mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
+            self.m_components = [flags]
+            self.m_flags = flags
+
+        def set_indices(self, ext_ior: float, int_ior: float, iso_ior: float) -> None:
+            """Set the index outside, inside and on the shell; InputError, and no change, if wrong.
+
+            A shell without a step, as in a test of a scene, bends nothing.
+            """
+            for name, value in zip(INDICES, (ext_ior, int_ior, iso_ior), strict=True):
                 if not 0.5 < value < 5:
                     raise InputError(
                         f'"{name}" is {value}, not a refractive index; air has about 1.0003 '
                         "(give n, not n - 1)."
                     )
-            # A shell without a step, as in a test of a scene, bends nothing.
-            low, high = sorted((self.ext_ior, self.int_ior))
-            if low < high and not low <= self.iso_ior <= high:
+            low, high = sorted((ext_ior, int_ior))
+            if low < high and not low <= iso_ior <= high:
                 raise InputError(
-                    f'"iso_ior" is {self.iso_ior}, the index on the shell, but not between ext_ior '
-                    f"{self.ext_ior} and int_ior {self.int_ior}."
+                    f'"iso_ior" is {iso_ior}, the index on the shell, but not between ext_ior '
+                    f"{ext_ior} and int_ior {int_ior}."
                 )
-            self.layer = str(props.get("layer", ""))
-            flags = mi.BSDFFlags.DeltaTransmission | mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
-            self.m_components = [flags]
-            self.m_flags = flags
+            self.ext_ior, self.int_ior, self.iso_ior = ext_ior, int_ior, iso_ior
+            self._show_indices()
+
+        def _show_indices(self) -> None:
+            """Give the parameters of `mi.traverse` the indices in force."""
+            for name, parameter in self._parameters.items():
+                # In place: who has traversed the scene holds these arrays.
+                parameter[:] = getattr(self, name)
+
+        def traverse(self, callback: mi.TraversalCallback) -> None:
+            for name, parameter in self._parameters.items():
+                callback.put(name, parameter, mi.ParamFlags.NonDifferentiable)
+
+        def parameters_changed(self, keys: Sequence[str] = ()) -> None:
+            ext, inner, on_it = (float(value[0]) for value in self._parameters.values())
+            self._in_the_middle &= "iso_ior" not in keys
+            try:
+                middle = 0.5 * (ext + inner)
+                self.set_indices(ext, inner, middle if self._in_the_middle else on_it)
+            except InputError:
+                self._show_indices()
+                raise
 
         def sample(
             self,
@@ -82,6 +128,7 @@ def plugin_class(variant: str) -> type:
             sample2: dt.Point2f,
             active: dt.Bool = True,
         ) -> tuple[dt.BSDFSample3f, dt.Spectrum]:
+            _warn_of_pictures()
             cos_in = mi.Frame3f.cos_theta(si.wi)
             active = mi.Bool(active) & (cos_in != 0)
             if not ctx.is_enabled(mi.BSDFFlags.DeltaTransmission):

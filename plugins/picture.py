@@ -8,8 +8,7 @@ import drjit as dr
 import mitsuba as mi
 
 from iriftrace.camera.tiles import pixels_in_tiles
-from iriftrace.core.errors import InputError
-from iriftrace.plugins.film import camera_of, check_film, check_picture_size
+from iriftrace.plugins.film import camera_of, check_film, check_film_size, check_picture_size
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.bundle import StraightHits, Trace
 from iriftrace.plugins.kernels.queries import HIT_PART
@@ -34,12 +33,7 @@ class PixelRays:
         check_picture_size(width, height, channels)
         left, top = (int(n) for n in film.crop_offset())
         self.camera = camera_of(sensor)
-        full, known = tuple(map(int, film.size())), self.camera.description()["resolution"]
-        if full != tuple(known):
-            raise InputError(
-                f"The film was given {full[0]} x {full[1]} px by mi.traverse, but the sensor is of "
-                f"{known[0]} x {known[1]}; change its crop window, or load another sensor."
-            )
+        check_film_size(film, self.camera.description()["resolution"])
         self.corner, self.size = (left, top), (width, height)
         self.numbers = _tiles(width, height, mi.variant())
         self._columns = dr.opaque(mi.UInt32, width)

@@ -9,6 +9,7 @@ import mitsuba as mi
 import numpy as np
 
 from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
 from iriftrace.plugins.kernels import types as dt
@@ -74,6 +75,15 @@ class StockSensor:
         position = mi.Point2f(mi.Float((x - offset.x) / size.x), mi.Float((y - offset.y) / size.y))
         ray, _ = self._sensor.sample_ray(0.0, 0.5, position, mi.Point2f(0.5))
         return mi.Point3d(ray.o), dr.normalize(mi.Vector3d(ray.d))
+
+    def starts(self) -> FloatArray:
+        """Places on the near plane where rays start, (9, 3) array, mm, world, over the picture."""
+        film = self._sensor.film()
+        size, offset = np.array(film.crop_size()), np.array(film.crop_offset())
+        x, y = (offset[:, None] + size[:, None] * np.array((0.0, 0.5, 1.0))).tolist()
+        columns, rows = np.meshgrid(x, y)
+        origin, _ = self.rays64(mi.Float64(columns.ravel()), mi.Float64(rows.ravel()))
+        return np.array(origin).T
 
     def project64(self, point: dt.Point3d) -> tuple[dt.Float64, dt.Float64, dt.Bool]:
         """Image position in pixels of points of the world, and whether they are in front."""

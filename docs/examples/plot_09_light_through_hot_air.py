@@ -2,9 +2,8 @@
 The same scene in Mitsuba
 =========================
 
-Shells are surfaces with a bsdf, so Mitsuba's own integrators see them too. Here the integrator
-``first_hit`` is called through ``mi.render`` in a plain Mitsuba script, and its channels come
-back as a tensor.
+Shells are surfaces with a bsdf in a scene of Mitsuba. Here the integrator ``first_hit`` is
+called through ``mi.render`` in a plain Mitsuba script, and its channels come back as a tensor.
 """
 
 import matplotlib.pyplot as plt
@@ -16,7 +15,8 @@ import iriftrace.plugins
 from iriftrace.scenes import folder_of
 
 iriftrace.plugins.register()
-scene = mi.load_file(str(folder_of("cylinder") / "scene.xml"), scale="0.2")
+file = folder_of("cylinder") / "scene.xml"
+scene = mi.load_file(str(file), optimize=False, scale="0.2")
 channels = np.array(mi.render(scene))
 names = scene.sensors()[0].film().bitmap().struct_()
 crossings = channels[:, :, [field.name for field in names].index("path.crossings")]

@@ -102,6 +102,7 @@ def stated_index_rule(
     """The stated rule, if the scene has the stated shells and none of `others`."""
     rule = stated.rule
     if rule is None:
+        tables.warn_of_missing_shells(name)
         return "not stated"
     if tables.stock_shells:
         return f"edited: {rule} shells as Mitsuba's dielectric"

@@ -224,15 +224,17 @@ def set_shells(scene: mi.Scene, factor: float) -> None:
         # Several shapes may use one bsdf.
         shells[id(bsdf)] = bsdf
     for bsdf in shells.values():
-        bsdf.ext_ior = 1.0 + factor * (bsdf.ext_ior - 1.0)
-        bsdf.int_ior = 1.0 + factor * (bsdf.int_ior - 1.0)
-        bsdf.iso_ior = 1.0 + factor * (bsdf.iso_ior - 1.0)
+        indices = (bsdf.ext_ior, bsdf.int_ior, bsdf.iso_ior)
+        bsdf.set_indices(*(1.0 + factor * (index - 1.0) for index in indices))
 
 
 def _sensors(scene: mi.Scene, name: str) -> list[mi.Sensor]:
+    from iriftrace.plugins.film import refuse_shared_films
+
     sensors: list[mi.Sensor] = scene.sensors()
     if not sensors:
         raise InputError(f"{name} has no sensor, so it cannot be rendered; add one.")
+    refuse_shared_films(sensors)
     return sensors
 
 

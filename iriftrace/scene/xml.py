@@ -74,8 +74,8 @@ def scene_xml(
     """
     head = [
         '<?xml version="1.0" encoding="utf-8"?>',
-        "<!-- Lengths in mm. Move the camera, drop a shell or set -D scale=..., then run",
-        "     iriftrace render on this file again. -->",
+        "<!-- Lengths in mm. Move the camera or set -D scale=..., then run iriftrace",
+        "     render on this file again. -->",
         *([f"<!-- {remark.replace('--', '-').rstrip('-')} -->"] if remark else []),
     ]
     lines = [

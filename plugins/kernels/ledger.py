@@ -28,7 +28,8 @@ def index_check(prepared: PreparedScene, refracted: RefractedHits) -> tuple[dt.B
     """Masks of rays whose index steps lead to the layer at the hit, and start from ambient.
 
     The steps of a ray and the index before the first of them give the layer in which it
-    ended. It must be one of those that touch the part there.
+    ended. It must be one of those that touch the part there. Where a shell is missing, the steps
+    of a ray that passed it do not add up, nor do those of the lines by which layers are counted.
     """
     tables = prepared.tables
     if tables.stock_shells:
@@ -63,6 +64,12 @@ def index_check(prepared: PreparedScene, refracted: RefractedHits) -> tuple[dt.B
             steps = mi.Float64(aligned(np.abs(near[unmet] - tables.ambient)))
             number = mi.UInt32(aligned(rest[unmet].astype(np.uint32)))
             dr.scatter(missing, steps, dr.gather(mi.UInt32, suspects, number))
+    for before, behind in tables.missing_steps:
+        # The contrast includes layers next to those that a ray crossed.
+        least = abs(behind - tables.ambient) + 2 * tables.open_step - tables.half_step
+        middle = abs(0.5 * (before + behind) - tables.ambient)
+        passed = refracted.contrast > dr.opaque(mi.Float, least)
+        fits &= ~(passed & (missing < dr.opaque(mi.Float64, middle)))
     return fits & (missing < open_steps + slack), missing < open_step
 
 

@@ -21,7 +21,7 @@ from iriftrace.core.arrays import (
     NumberArray,
     as_float64,
 )
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, warn
 from iriftrace.field.polyhedra import added
 from iriftrace.geometry.topology import connected, edge_keys, weld
 from iriftrace.geometry.triangles import area_vectors
@@ -271,6 +271,32 @@ class SceneTables:
         boxes = [np.array(s.bbox().max) - np.array(s.bbox().min) for s in self.shell_shapes]
         largest = int(np.argmax([np.linalg.norm(box) for box in boxes]))
         return self.index_pairs[largest][0]
+
+    @cached_property
+    def missing_steps(self) -> list[tuple[float, float]]:
+        """Index nearer the ambient air's and beyond, of each step that no shell of the scene makes.
+
+        Shells lead from layer to layer, so the intervals between their two indices leave no gap.
+        """
+        steps = np.sort([pair for pair in self.index_pairs if pair[0] != pair[1]], axis=-1)
+        if self.stock_shells or len(steps) == 0:
+            return []
+        low, high = steps[np.argsort(steps[:, 0])].T
+        reached = np.maximum.accumulate(high)[:-1]
+        gaps = np.stack((reached, low[1:]), axis=1)[low[1:] > reached + self.half_step]
+        return [
+            (near, far) if abs(near - self.ambient) < abs(far - self.ambient) else (far, near)
+            for near, far in gaps.tolist()
+        ]
+
+    def warn_of_missing_shells(self, name: str) -> None:
+        """Warn of index steps that no shell makes; rays behind them get status 5."""
+        for near, far in self.missing_steps:
+            warn(
+                f"{name} has no shell between the layers of index {near:.9g} and {far:.9g}, but "
+                "others lead to both: one is missing, or its ext_ior and int_ior are wrong. The "
+                "index steps along rays beyond it do not add up (status 5); add the shell."
+            )
 
     @cached_property
     def open_steps(self) -> float:

@@ -3,6 +3,7 @@
 import gc
 import weakref
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import drjit as dr
@@ -12,7 +13,7 @@ import pytest
 
 import iriftrace
 from iriftrace.core.errors import InputError
-from validation.inputs.small_scenes import camera
+from validation.inputs.small_scenes import camera, nested_spheres
 
 Change = Callable[[mi.SceneParameters], None]
 
@@ -60,6 +61,30 @@ def test_a_changed_shape_is_traced_as_in_a_new_scene(
     after = np.array(mi.render(scene))
     assert not np.array_equal(after, before)
     np.testing.assert_array_equal(after, np.array(mi.render(fresh)))
+
+
+def test_changed_indices_are_those_of_a_scene_built_with_them(
+    shapes: dict[str, Any], tmp_path: Path
+) -> None:
+    """Of picture, rays and a scene in use: the bsdf had kept its first numbers."""
+    scene = loaded(shapes)
+    mi.render(scene)
+    of_before = iriftrace.from_mitsuba(scene)
+    changed = 1.00027200000001, 1.00023, 1.00022, 1.00018
+    parameters = mi.traverse(scene)
+    for k in (1, 2, 3):
+        parameters[f"shell_{k}.bsdf.ext_ior"] = changed[k - 1]
+        parameters[f"shell_{k}.bsdf.int_ior"] = changed[k]
+    parameters.update()
+    fresh = loaded({"part": shapes["part"], **nested_spheres(tmp_path, (20, 16, 13), changed)})
+    np.testing.assert_array_equal(np.array(mi.render(scene)), np.array(mi.render(fresh)))
+    with pytest.raises(InputError, match="changed since from_mitsuba"):
+        of_before.mitsuba_scene  # noqa: B018
+    ray = ([(1.0, -100.0, 2.0)], [(0.0, 1.0, 0.0)])
+    one, other = (
+        iriftrace.trace_rays(iriftrace.from_mitsuba(each), *ray) for each in (scene, fresh)
+    )
+    np.testing.assert_array_equal(one.refracted, other.refracted)
 
 
 def test_an_unchanged_scene_keeps_its_tables_for_the_next_pose(shapes: dict[str, Any]) -> None:

@@ -8,10 +8,15 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_erosion
 
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.plugins.iso_shell import _warn_of_pictures
 from iriftrace.plugins.kernels.vertex_table import aligned_rows
 from validation.inputs.small_scenes import nested_spheres, ply, sphere
 
-pytestmark = pytest.mark.usefixtures("variant")
+pytestmark = [
+    pytest.mark.usefixtures("variant"),
+    pytest.mark.filterwarnings("ignore:Mitsuba's own integrators show no true"),
+]
 
 EXT, INT = 1.000271800000001, 1.000255300000002
 
@@ -35,6 +40,31 @@ def test_index_on_the_surface_is_the_mean_unless_given() -> None:
     assert bsdf(ext_ior=EXT, int_ior=INT).iso_ior == 0.5 * (EXT + INT)
     surface = 1.000261234567891
     assert bsdf(ext_ior=EXT, int_ior=INT, iso_ior=surface).iso_ior == surface
+
+
+def test_traverse_changes_indices_in_double_precision() -> None:
+    """An index on the shell that was not given stays the mean, one that is set stays as it is."""
+    shell = bsdf(ext_ior=EXT, int_ior=INT)
+    parameters = mi.traverse(shell)
+    parameters["ext_ior"] = EXT + 1e-14
+    parameters.update()
+    assert (shell.ext_ior, shell.int_ior) == (EXT + 1e-14, INT)
+    assert shell.iso_ior == 0.5 * (EXT + 1e-14 + INT)
+    parameters["iso_ior"] = INT
+    parameters.update()
+    parameters["ext_ior"] = EXT
+    parameters.update()
+    assert (shell.ext_ior, shell.int_ior, shell.iso_ior) == (EXT, INT, INT)
+    assert [float(value[0]) for _, value in mi.traverse(shell)] == [EXT, INT, INT]
+
+
+def test_a_wrong_index_is_refused_and_changes_nothing() -> None:
+    shell = bsdf(ext_ior=EXT, int_ior=INT)
+    parameters = mi.traverse(shell)
+    parameters["int_ior"] = 2.6e-4
+    with pytest.raises(InputError, match=r'"int_ior" is 0\.00026, not a refractive index'):
+        parameters.update()
+    assert shell.int_ior == float(parameters["int_ior"][0]) == INT
 
 
 @pytest.mark.parametrize(
@@ -203,3 +233,13 @@ def test_pictures_through_hot_air_are_displaced(tmp_path: Path) -> None:
     assert radius(through) / radius(bare) == pytest.approx(expected[1] / expected[0], rel=0.02)
     middle = np.s_[30:34, 30:34]
     assert through[middle].mean() == pytest.approx(bare[middle].mean(), rel=0.01)
+
+
+def test_pictures_by_mitsubas_integrators_are_warned_of_once(tmp_path: Path) -> None:
+    """However many shells they have, and however many pictures there are."""
+    shells = nested_spheres(tmp_path, (20.0, 16.0), (1.0002, 1.0002, 1.0002))
+    content = {"part": glowing_sphere(tmp_path), **shells}
+    _warn_of_pictures.cache_clear()
+    with pytest.warns(IriftraceWarning, match="no true displacement through iso_shell") as said:
+        [picture(content, samples=1) for _ in range(2)]
+    assert len(said) == 1

@@ -1,5 +1,6 @@
-"""Shells that a user of Mitsuba makes: openings, lengths of their derivatives, and empty ones."""
+"""Shells that a user of Mitsuba makes: openings, lengths of derivatives, empty and missing ones."""
 
+from pathlib import Path
 from typing import Any
 
 import mitsuba as mi
@@ -7,10 +8,20 @@ import numpy as np
 import pytest
 import trimesh
 
-from iriftrace.core.errors import InputError
+from iriftrace import from_mitsuba, trace_rays
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.image.aov_image import Status
 from iriftrace.plugins.kernels.tables import SceneTables, is_closed
 from iriftrace.shells.hessian import HESSIAN_AXES
-from validation.inputs.small_scenes import camera
+from validation.inputs.small_scenes import (
+    camera,
+    channels,
+    nested_spheres,
+    part,
+    scene,
+    shell,
+    sphere,
+)
 
 pytestmark = pytest.mark.usefixtures("variant")
 
@@ -71,6 +82,64 @@ def test_derivatives_in_another_unit_than_the_shells_are_refused(scale: float) -
 @pytest.mark.parametrize("radius", [0.03, 30.0, 30_000.0])
 def test_derivatives_in_the_unit_of_the_shells_are_accepted(radius: float) -> None:
     assert tables_of(1.0, radius).knows_derivatives
+
+
+INDICES = (1.000272, 1.000247, 1.000222, 1.000197, 1.000172)
+
+
+def four_shells(folder: Path, *left_out: int, radius: float = 10.0) -> dict[str, Any]:
+    """A ball in four shells of equal steps, without some of them."""
+    shells = nested_spheres(folder, (25.0, 20.0, 16.0, 13.0), INDICES)
+    for number in left_out:
+        del shells[f"shell_{number}"]
+    return {"part": part(folder, sphere(radius)), **shells}
+
+
+@pytest.mark.parametrize("missing", [2, 3])
+def test_a_shell_that_is_missing_between_others_is_warned_of(tmp_path: Path, missing: int) -> None:
+    """Displacements are too small by its step, and no ray showed it: straight lines from the wall,
+    by which the layer there is counted, miss the same step."""
+    loaded = scene(four_shells(tmp_path, missing))
+    between = rf"no shell between the layers of index {INDICES[missing - 1]:.9g} and "
+    with pytest.warns(IriftraceWarning, match=rf"{between}{INDICES[missing]:.9g}, "):
+        mi.render(loaded)
+    status = channels(loaded)["status.code"]
+    hit = np.isin(status, (Status.GOOD, Status.INDEX_MISMATCH))
+    assert hit.sum() > 100
+    assert (status[hit] == Status.INDEX_MISMATCH).all()
+    with pytest.warns(IriftraceWarning, match=between):
+        own = from_mitsuba(loaded)
+    hits = trace_rays(own, [(1.0, -100.0, 2.0)], [(0.0, 1.0, 0.0)])
+    assert hits.status[0] == Status.INDEX_MISMATCH
+
+
+def test_rays_before_a_missing_shell_are_good(tmp_path: Path) -> None:
+    """Those that hit a part which is so large that it reaches out to the layer before it."""
+    status = channels(scene(four_shells(tmp_path, 3, radius=18.0)))["status.code"]
+    assert set(status.ravel()) == {Status.GOOD, Status.MISSED}
+
+
+@pytest.mark.parametrize("left_out", [(), (1,), (4,), (1, 2), (3, 4)])
+def test_shells_that_lead_from_layer_to_layer_are_not_warned_of(
+    tmp_path: Path, left_out: tuple[int, ...]
+) -> None:
+    """Which layers there would be outside and inside of them, a scene does not tell."""
+    loaded = scene(four_shells(tmp_path, *left_out))
+    mi.render(loaded)
+    assert set(channels(loaded)["status.code"].ravel()) == {Status.GOOD, Status.MISSED}
+
+
+def test_other_media_and_shells_without_a_step_leave_no_gap(tmp_path: Path) -> None:
+    """A glass plate leads from the ambient air; three shells of one index each bend nothing."""
+    content = four_shells(tmp_path)
+    plate = trimesh.creation.box((20.0, 2.0, 20.0))
+    plate.apply_translation((0.0, -50.0, 0.0))
+    glass = shell(tmp_path, "plate", plate, INDICES[0], 1.5)
+    assert SceneTables(scene({**content, "plate": glass})).missing_steps == []
+    for number, index in enumerate(INDICES[:4], start=1):
+        bsdf = content[f"shell_{number}"]["bsdf"]
+        bsdf["ext_ior"] = bsdf["int_ior"] = index
+    assert SceneTables(scene(content)).missing_steps == []
 
 
 def test_a_shell_without_triangles_is_refused(shapes: dict[str, Any]) -> None:

@@ -1,12 +1,15 @@
 """Sensors of Mitsuba itself with the integrator first_hit: perspective, orthographic, others."""
 
+import re
 from typing import Any
 
 import mitsuba as mi
 import numpy as np
 import pytest
 
+import iriftrace
 from iriftrace.core.errors import InputError
+from iriftrace.image.aov_image import Status
 from iriftrace.plugins.film import camera_of
 from validation.inputs.cameras import camera_at
 from validation.inputs.small_scenes import (
@@ -104,6 +107,25 @@ def test_projection_of_stock_sensors_is_the_inverse_of_their_rays(sensor_type: s
     found = sensor.project64(origin + 77.0 * direction)
     np.testing.assert_allclose(np.array(found[0]), x, atol=1e-4)
     np.testing.assert_allclose(np.array(found[1]), y, atol=1e-4)
+
+
+@pytest.mark.parametrize("sensor_type", ["perspective", "orthographic"])
+def test_a_near_plane_in_the_hot_air_is_named(shapes: dict[str, Any], sensor_type: str) -> None:
+    """Rays that start there miss the shells before it: all had status 5, and other advice."""
+    sensor = perspective(near_clip=82.0)
+    if sensor_type == "orthographic":
+        pose = sensor["to_world"] @ mi.ScalarTransform4f().scale([30, 30, 1])
+        sensor = {"type": "orthographic", "near_clip": 82.0, "to_world": pose, "film": film()}
+    loaded = scene(shapes, sensor)
+    words = "near_clip 82 mm in front of it, and there inside the hot air.* lower near_clip"
+    with pytest.raises(RuntimeError) as caught:
+        mi.render(loaded)
+    assert re.search(words, str(caught.value.__cause__))
+    with pytest.raises(InputError, match=words):
+        iriftrace.render_scene(iriftrace.from_mitsuba(loaded))
+    sensor["near_clip"] = 79.0
+    status = channels(scene(shapes, sensor))["status.code"]
+    assert set(status.ravel()) == {Status.GOOD, Status.MISSED}
 
 
 def test_sensors_without_a_picture_plane_are_refused(shapes: dict[str, Any]) -> None:

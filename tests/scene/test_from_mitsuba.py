@@ -1,5 +1,6 @@
 """Scenes that were made with Mitsuba itself, for the rest of the package."""
 
+import re
 from typing import Any
 
 import mitsuba as mi
@@ -52,3 +53,43 @@ def test_what_cannot_be_traced_is_refused(content: dict[str, Any], words: str) -
 def test_a_file_is_loaded_by_another_function() -> None:
     with pytest.raises(InputError, match=r"takes a mitsuba\.Scene.*not a str; `load_scene`"):
         iriftrace.from_mitsuba("scene.xml")  # type: ignore[arg-type]
+
+
+TWO_DEVICES = folder_of("fringe_cylinder") / "scene.xml"
+
+
+@pytest.mark.parametrize("scale", ["0.1", "0.2", "0.5"])
+def test_two_devices_whose_films_mitsuba_merged_are_refused(scale: str) -> None:
+    """Its optimize=True makes equal films one, which scale then shrank twice."""
+    iriftrace.plugins.register()
+    merged = mi.load_file(str(TWO_DEVICES), scale=scale)
+    words = r"'camera' and 'projector' share one film.*optimize=False"
+    with pytest.raises(InputError, match=words):
+        iriftrace.from_mitsuba(merged)
+    for number in (0, 1):
+        with pytest.raises(RuntimeError) as caught:
+            mi.render(merged, sensor=number)
+        assert re.search(words, str(caught.value.__cause__))
+
+
+@pytest.mark.parametrize("scale", ["0.1", "0.2", "0.5"])
+def test_two_devices_are_those_of_the_same_file(scale: str) -> None:
+    iriftrace.plugins.register()
+    own = iriftrace.from_mitsuba(mi.load_file(str(TWO_DEVICES), optimize=False, scale=scale))
+    of_file = iriftrace.load_scene(TWO_DEVICES, {"scale": scale}, engine="shells")
+    assert own.second is not None
+    assert of_file.second is not None
+    assert own.camera.as_dict() == of_file.camera.as_dict()
+    assert own.second.as_dict() == of_file.second.as_dict()
+    if scale == "0.1":
+        one, other = (iriftrace.measure(scene) for scene in (own, of_file))
+        np.testing.assert_array_equal(one.points, other.points)
+
+
+def test_a_stock_integrators_picture_is_no_corner_of_the_view() -> None:
+    """The film was shrunk for another sensor after the camera had made it its own."""
+    iriftrace.plugins.register()
+    merged = mi.load_file(str(TWO_DEVICES), scale="0.1")
+    with pytest.raises(RuntimeError) as caught:
+        mi.render(merged, integrator=mi.load_dict({"type": "direct"}), spp=1)
+    assert re.search(r"24 x 20 px.* optimize=False", str(caught.value.__cause__))
