@@ -124,7 +124,7 @@ def test_the_axis_that_is_up_in_gltf_is_said(
     PartOptions(part_transform=turn).read(tmp_path / name)
     said = " ".join(capsys.readouterr().out.split())
     assert ("up is y in glTF, but z here" in said) == (name == "a.glb" and turn is None)
-    PartOptions(expansion=14e-6, hot_temperature=["1050"]).read(tmp_path / name)
+    PartOptions(expansion=14e-6, hot_temperature=["1050 K"]).read(tmp_path / name)
     assert "mm at 776.85 degC, read in" in " ".join(capsys.readouterr().out.split())
 
 
