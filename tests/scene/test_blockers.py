@@ -15,8 +15,8 @@ from iriftrace.field.origin import state_origin
 from iriftrace.field.source import FieldFacts
 from iriftrace.figures.window import view
 from iriftrace.image.aov_image import Status
+from iriftrace.part.board import Board
 from iriftrace.part.part import part_of_mesh, save_part
-from iriftrace.part.shapes.board import Board
 from iriftrace.scene.outline import blocker_surfaces
 from validation.inputs import hot_block
 from validation.inputs.cameras import camera_at

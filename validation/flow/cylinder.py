@@ -12,7 +12,7 @@ from iriftrace.cfd.check.nusselt import local_nusselt
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.part.part import Part
-from iriftrace.part.shapes.cylinder import cylinder
+from iriftrace.part.standards import cylinder
 from validation.flow.simulated import Run, bent, solved_wall
 from validation.flow.table import Table, per_cent
 

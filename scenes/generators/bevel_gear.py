@@ -12,7 +12,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.regions import Regions
-from iriftrace.part.shapes.rings import (
+from iriftrace.part.standards import (
     between_rings,
     check_count,
     check_less,
@@ -175,7 +175,10 @@ def bevel_gear(
         hub_end=-hub_length_mm,
         rim=rim_mm,
     )
-    vertices, faces = between_rings(rings, closed=True)
+    # The last ring is joined to the first: the same points twice, of which one set is used.
+    vertices, faces = between_rings([*rings, rings[0]])
+    vertices = vertices[: -len(rings[0])]
+    faces %= len(vertices)
     vertices[:, 2] -= 0.5 * (vertices[:, 2].max() + vertices[:, 2].min())
     # The rings run up the bore and down the teeth, about the axis from below.
     return part_of_mesh(vertices, faces[:, ::-1], name="bevel gear", regions=_regions(teeth, tooth))

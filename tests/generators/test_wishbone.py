@@ -5,7 +5,7 @@ import pytest
 
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part
-from iriftrace.part.shapes.wishbone import REGIONS, WishboneShape, wishbone
+from scenes.generators.wishbone import REGIONS, WishboneShape, wishbone
 
 
 @pytest.fixture(scope="module")

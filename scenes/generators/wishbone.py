@@ -13,7 +13,7 @@ from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.regions import Regions
-from iriftrace.part.shapes.rings import check_less, check_positive
+from iriftrace.part.standards import check_less, check_positive
 
 PIECES = ("arms", "brace", "ball hub", "bushes")
 REGIONS = ("arms", "brace", "ball hub", "bush -x", "bush +x")

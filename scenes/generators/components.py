@@ -1,6 +1,6 @@
 """Scenes of hot components in air that was simulated: hybrid cylinder, bevel gear, wishbone, tooth.
 
-The flow solutions are too large for this tree; :mod:`iriftrace.scenes.bundled` is given their
+The flow solutions are too large for this tree; :mod:`scenes.generators.bundled` is given their
 files. Of their shells the tree keeps thinned out ones.
 """
 
@@ -18,9 +18,6 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.files import whole_file
 from iriftrace.field.read import read_field
 from iriftrace.part.part import Part, save_part
-from iriftrace.part.shapes.bevel_gear import TOOTH, bevel_gear
-from iriftrace.part.shapes.cylinder import hybrid_cylinder
-from iriftrace.part.shapes.wishbone import wishbone
 from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.write import SHELLS_FOLDER, write_scene
 from iriftrace.scene.xml import PART_FILE, SceneSettings, scene_xml, shell_shapes
@@ -29,6 +26,9 @@ from iriftrace.shells.decimate import decimate
 from iriftrace.shells.files import load_shells
 from iriftrace.shells.report import report_shells
 from iriftrace.shells.stack import ShellStack
+from scenes.generators.bevel_gear import TOOTH, bevel_gear
+from scenes.generators.hybrid_cylinder import hybrid_cylinder
+from scenes.generators.wishbone import wishbone
 
 LAYERS = 13
 SCALE = 0.25

@@ -1,7 +1,7 @@
-"""Writes the bundled scenes anew: ``python -m iriftrace.scenes.bundled FOLDER``.
+"""Writes the bundled scenes again: ``python -m scenes.generators.bundled FOLDER``.
 
-With ``--hybrid_cylinder``, ``--bevel_gear`` or ``--wishbone`` and the file of a flow solution it
-writes these scenes too.
+It runs in a checkout; the installed package has the scenes alone. With ``--hybrid_cylinder``,
+``--bevel_gear`` or ``--wishbone`` and the file of a flow solution it writes these scenes too.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from iriftrace.scene.write import write_scene
 from iriftrace.scene.xml import PART_FILE, SceneSettings
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import concentric_cylinders, slab
-from iriftrace.scenes.components import (
+from iriftrace.shells.contour import contour_shells
+from iriftrace.shells.report import report_shells
+from scenes.generators.components import (
     COMPONENTS,
     scene_camera,
     write_beside,
     write_component,
     write_tooth,
 )
-from iriftrace.scenes.plate import PlateAir, hot_plate
-from iriftrace.shells.contour import contour_shells
-from iriftrace.shells.report import report_shells
+from scenes.generators.plate import PlateAir, hot_plate
 
 FIELD = "field.vtu"
 FIELD_ORIGIN = "OpenFOAM, coarse solution"
@@ -107,7 +107,9 @@ def write_components(folder: str | Path, fields: Mapping[str, Path]) -> list[Pat
 
 def main() -> None:
     """Write what the command line asks for."""
-    parser = argparse.ArgumentParser(prog="python -m iriftrace.scenes.bundled", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m scenes.generators.bundled", description=__doc__
+    )
     parser.add_argument("folder", type=Path)
     for name in COMPONENTS:
         parser.add_argument(f"--{name}", type=Path, metavar="FIELD")

@@ -22,8 +22,8 @@ from iriftrace.cfd.check.nusselt import GRAVITY
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.field.index_field import FieldSource, IndexField
+from iriftrace.part.board import Board
 from iriftrace.part.part import Part, part_of_mesh
-from iriftrace.part.shapes.board import Board
 
 WIDTH_MM, HEIGHT_MM, THICKNESS_MM = 50.0, 100.0, 5.0
 """Size of the bundled plate along x, z and y. Its hot wall lies in y = 0, its lower edge in z = 0,
@@ -154,7 +154,7 @@ def hot_plate(air: PlateAir) -> tuple[Part, Part, IndexField]:
     )
     box = trimesh.creation.box((WIDTH_MM, THICKNESS_MM, HEIGHT_MM))
     box.apply_translation((0.0, -0.5 * THICKNESS_MM, 0.5 * HEIGHT_MM))
-    plate = part_of_mesh(box.vertices, box.faces, name="iriftrace.scenes.plate")
+    plate = part_of_mesh(box.vertices, box.faces, name="scenes.generators.plate")
     return board, plate, plate_field(air)
 
 
@@ -167,7 +167,7 @@ def plate_field(air: PlateAir) -> IndexField:
     points = np.asarray(grid.points, dtype=np.float64)
     kelvin = air.temperature(points[:, 1], points[:, 2])
     source = FieldSource(
-        path="iriftrace.scenes.plate",
+        path="scenes.generators.plate",
         # Of the formula's parameters: the last bits of its values depend on the processor.
         sha256=hashlib.sha256(repr((air.wall_k, air.air)).encode()).hexdigest(),
         array="T",

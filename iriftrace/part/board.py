@@ -12,8 +12,7 @@ from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import write_whole
 from iriftrace.part.part import Part
-from iriftrace.part.shapes.reference import plate
-from iriftrace.part.shapes.rings import check_less, check_positive
+from iriftrace.part.standards import check_less, check_positive, plate
 
 STRIP_MM = 12.0
 """Width of the strips along the lower and the left edge that hold the scale bars."""

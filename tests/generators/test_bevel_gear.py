@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from iriftrace.core.errors import InputError
-from iriftrace.part.shapes.bevel_gear import REGIONS, TOOTH, Involute, bevel_gear
+from scenes.generators.bevel_gear import REGIONS, TOOTH, Involute, bevel_gear
 
 
 def outline_of(teeth: int, module: float, cone_deg: float) -> Involute:
