@@ -88,7 +88,7 @@ def plan(
     feature: Annotated[str | None, Parameter(group=PAIRS)] = None,
     save_poses: Annotated[Path | None, Parameter(group=POSES)] = None,
     convention: Annotated[
-        Literal["opencv", "mitsuba", "opengl", "ros", "paper"] | None, Parameter(group=POSES)
+        Literal["opencv", "mitsuba", "opengl", "ros"] | None, Parameter(group=POSES)
     ] = None,
 ) -> None:
     """Rank the poses of a sweep by the combined metric and print the best one.

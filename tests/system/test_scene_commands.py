@@ -123,9 +123,7 @@ def test_units_and_axes_of_field_and_part(run: Run, hot: HotBlock, tmp_path: Pat
         np.testing.assert_allclose(other, usual, rtol=2e-3)
 
 
-def test_other_quantities_smoothing_and_subdivision(
-    run: Run, hot: HotBlock, tmp_path: Path
-) -> None:
+def test_other_quantities(run: Run, hot: HotBlock, tmp_path: Path) -> None:
     field = hot_block.air()
     field.point_data["ior"] = AIR.refractivity(np.asarray(field.point_data.pop("T"))) + 1.0
     field.save(tmp_path / "index.vtu")
@@ -133,8 +131,6 @@ def test_other_quantities_smoothing_and_subdivision(
     run("shells", hot.field, "-o", "plain", "--layers=2")
     index, plain = table_of("index"), table_of("plain")
     np.testing.assert_allclose(column(index, "area_mm2"), column(plain, "area_mm2"), rtol=1e-4)
-    run("shells", hot.field, "-o", "fine", "--layers=2", "--subdivide=1", "--smooth=2")
-    assert (column(table_of("fine"), "triangles") == 4 * column(plain, "triangles")).all()
 
 
 def test_the_camera_of_isosurfaces_stands_outside_them(run: Run, hot: HotBlock) -> None:

@@ -37,7 +37,6 @@ WRONG = {
         ("--levels=3e-4,1e-4", "0.0003"),
         ("--rule=inner", "midpoint"),
         ("--min-size=-1", "-1"),
-        ("--smooth=-1", "-1"),
         ("--colour=red", "colour"),
         ("surplus", "surplus"),
         ("--field-time=now", "snapshot"),
@@ -74,7 +73,6 @@ WRONG = {
         ("--principal-point=1,2,3", "2 numbers"),
         ("--scale=0", "cale is 0"),
         ("--normals=smooth", "gradient"),
-        ("--drop-inner=2", "2 inner shells of 2 cannot be left out"),
         # Negative values need no equals sign.
         ("--origin -.5,0,3", "stands in the part"),
         ("--ambient '-300 degC'", "-300 degC"),
@@ -85,7 +83,6 @@ WRONG = {
         ("--second=60,-45,70", "Both devices stand at one place"),
         ("--second=7,0,0", r"The second device at \[7.0, 0.0, 0.0\] mm stands in the hot air"),
         ("--second=1,0,0", r"The second device at \[1.0, 0.0, 0.0\] mm stands in the part"),
-        ("--second=75,-20,70 --trim='5 mm'", "Trimmed shells serve one camera only"),
         ("--second=75,-20,70 --second-pixel-size='5 um'", "belongs to --second-calibration"),
         ("--second-calibration=none.yaml", "--second-pixel-size"),
     ],
