@@ -125,7 +125,7 @@ def plan(
     feature
         Also print the error of this diameter, "cylinder:lateral", and rank by the larger error.
     save_poses
-        Write the poses of the printed ranking, best first, to this .csv, .json, .npy or .txt file.
+        Write the poses of the printed ranking, best first, to this .csv, .json or .npy file.
     convention
         Camera axes in that file, opencv (x right, y down, z forward) by default.
     """

@@ -183,8 +183,8 @@ WRONG = {
         ("--semi-axes 3,3,3", "inside the part"),
         ("--poses gone.csv", "gone.csv"),
         # As those of a file in metres that is read in millimetres.
-        ("--poses inside.csv", "do not look at the part, but all would with --length-unit"),
-        ("--poses away.csv", "No pose stands outside"),
+        ("--poses inside.csv", "No pose stands outside"),
+        ("--poses angles.csv", "angles.csv has the columns 'x,y,z,a,b,c'"),
         ("--include 99", "99"),
         ("--export a.xlsx", r"a\.xlsx.*\.csv or"),
         ("--surface a.stl", r"a\.stl.*\.vtp or"),
@@ -268,7 +268,7 @@ def names(hot: HotBlock, sweep: Path, tmp_path_factory: pytest.TempPathFactory) 
         "j.nc.partial": "{}\n",
         "far.csv": "u,v,du,dv\n" + "9000,1,0,0\n" * 5,
         "near.csv": "u,v,du,dv\n" + "1,1,0,0\n" * 5,
-        "away.csv": "x,y,z,target_x,target_y,target_z\n" + "0.006,0,0.004,9,0,0.004\n" * 2,
+        "angles.csv": "x,y,z,a,b,c\n0,0,90,0,0,180\n",
         "inside.csv": "x,y,z,target_x,target_y,target_z\n" + "0.006,0,0.004,0,0,0\n" * 2,
     }.items():
         (user / name).write_text(text)
