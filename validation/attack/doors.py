@@ -179,7 +179,7 @@ DOORS = (
             samples.poses(f"poses.{ending}"),
             lambda folder, ending=ending: read_poses(folder / f"poses.{ending}"),
         )
-        for ending in ("npy", "csv", "json", "txt")
+        for ending in ("npy", "csv", "json")
     ),
     Door(
         "sweep netCDF",

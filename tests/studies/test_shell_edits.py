@@ -1,21 +1,17 @@
-"""Trimmed, smoothed and subdivided shells, against brute force over all pairs and closed forms."""
+"""Smoothed and subdivided shells, against closed forms."""
 
 import numpy as np
 import pytest
 import pyvista as pv
 from attrs import evolve
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from iriftrace.camera.camera import Camera
-from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError
 from iriftrace.geometry.topology import open_edges
 from iriftrace.geometry.triangles import area_vectors
 from iriftrace.shells.contour import contour_shells
-from iriftrace.shells.edit import smooth_taubin, subdivide_midpoint, trim_to_frustum
 from iriftrace.shells.stack import ShellStack
+from iriftrace.studies.shell_edits import smooth_taubin, subdivide_midpoint
 from validation.inputs.shell_fields import (
     edge_counts,
     is_wound_consistently,
@@ -27,72 +23,6 @@ from validation.inputs.shell_fields import (
 @pytest.fixture(scope="module")
 def stack() -> ShellStack:
     return contour_shells(sphere_field(12), layers=2)
-
-
-def camera_at(origin, *, projection: str = "pinhole", target=(0, 0, 0)) -> Camera:
-    # About 11 degrees across: less than the sphere of radius 9 seen from 60 mm.
-    return Camera(
-        focal_length_mm=10,
-        sensor_mm=(2, 1.5) if projection == "pinhole" else (10, 7),
-        resolution=(40, 30),
-        matrix=look_at(origin, target),
-        projection=projection,
-    )
-
-
-def crossings(stack: ShellStack, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Number of triangles that each ray meets (Moeller and Trumbore 1997, all pairs)."""
-    count = np.zeros(len(origins), dtype=int)
-    for shell in stack.shells:
-        a, b, c = shell.vertices.astype(float)[shell.faces].transpose(1, 0, 2)
-        for i, (o, d) in enumerate(zip(origins, directions, strict=True)):
-            p = np.cross(d, c - a)
-            det = np.einsum("ij,ij->i", b - a, p)
-            det = np.where(det == 0, np.nan, det)
-            u = ((o - a) * p).sum(axis=1) / det
-            q = np.cross(o - a, b - a)
-            v = (q @ d) / det
-            t = np.einsum("ij,ij->i", c - a, q) / det
-            count[i] += np.count_nonzero((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0))
-    return count
-
-
-@pytest.mark.parametrize("projection", ["pinhole", "orthographic"])
-@given(seed=st.integers(0, 2**31))
-@settings(max_examples=15)
-def test_no_ray_of_the_camera_loses_a_crossing(stack, projection, seed):
-    rng = np.random.default_rng(seed)
-    outward = rng.normal(size=3)
-    origin = outward / np.linalg.norm(outward) * rng.choice([3.0, 60.0])
-    camera = camera_at(origin, projection=projection, target=rng.uniform(-4, 4, 3))
-    trimmed = trim_to_frustum(stack, camera, 0.0)
-    assert 0 < trimmed.triangles < stack.triangles
-    # The corners of the picture are the farthest that rays go.
-    pixels = np.vstack((rng.uniform(0, 1, (20, 2)) * camera.resolution - 0.5, camera.corners))
-    rays = camera.rays(pixels)
-    assert_array_equal(crossings(trimmed, *rays), crossings(stack, *rays))
-
-
-def test_margin_widens_the_view(stack):
-    camera = camera_at((60, 0, 0))
-    counts = [trim_to_frustum(stack, camera, margin).triangles for margin in (0.0, 2.0, 100.0)]
-    assert counts[0] < counts[1] < counts[2] == stack.triangles
-    trimmed = trim_to_frustum(stack, camera, 0.0)
-    # The picture is 2 mm wide at 10 mm focal length: 12 mm at the centre, up to a triangle's size.
-    assert_allclose(np.abs(trimmed.shells[0].vertices[:, 1]).max(), 6.0, atol=3.0)
-    # What belonged to a vertex still does.
-    full, part = (
-        np.column_stack((shell.vertices, shell.normals, shell.derivatives)).tolist()
-        for shell in (stack.shells[0], trimmed.shells[0])
-    )
-    assert {tuple(row) for row in part} < {tuple(row) for row in full}
-
-
-def test_view_without_shells_and_bad_margin_are_refused(stack):
-    with pytest.raises(InputError, match="No shell"):
-        trim_to_frustum(stack, camera_at((60, 0, 0), target=(120, 0, 0)), 0.0)
-    with pytest.raises(InputError, match="margin"):
-        trim_to_frustum(stack, camera_at((60, 0, 0)), -1.0)
 
 
 def rough(stack: ShellStack) -> ShellStack:

@@ -1,4 +1,4 @@
-"""Changes to finished shells for studies: trim to a view, smooth, subdivide."""
+"""Changes to finished shells: smooth and subdivide."""
 
 from __future__ import annotations
 
@@ -6,75 +6,15 @@ import numpy as np
 from attrs import evolve
 from scipy.sparse import csr_array
 
-from iriftrace.camera.camera import Camera
-from iriftrace.core.arrays import AnyIntArray, FloatArray
+from iriftrace.core.arrays import AnyIntArray
 from iriftrace.core.errors import InputError
 from iriftrace.geometry.topology import edges_of, open_edges
-from iriftrace.geometry.triangles import unit_vectors, used_vertices
+from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.shells.stack import Shell, ShellStack
 
 TAUBIN_FACTORS = 0.20, -0.21
 """Fractions of the way to its neighbours' mean that a vertex moves, in turn; the pass-band ends at
 the sum of their reciprocals."""
-
-
-def trim_to_frustum(stack: ShellStack, camera: Camera, margin_mm: float) -> ShellStack:
-    """Remove triangles that lie wholly outside or behind a camera's view.
-
-    A triangle stays unless all its corners are beyond the same side of the view by more than the
-    margin, so no triangle that a ray of the camera could meet is lost. The margin, mm, is room for
-    refracted rays and for other cameras near this one. Shells are open where they are cut, and
-    shells without any triangle in view are removed. Raises InputError for a negative margin or if
-    no triangle is in view.
-    """
-    if not (margin_mm >= 0.0 and np.isfinite(margin_mm)):
-        raise InputError(
-            f"The margin of the view is {margin_mm} mm; give 0 or a positive length, else rays at "
-            "the picture's edge miss shells."
-        )
-    anchors, inward = _sides_of_view(camera)
-
-    def trimmed(shell: Shell) -> Shell | None:
-        points = shell.vertices.astype(np.float64)
-        kept = np.ones(len(shell.faces), dtype=bool)
-        for anchor, normal in zip(anchors, inward, strict=True):
-            beyond = (points - anchor) @ normal < -margin_mm
-            kept &= ~beyond[shell.faces].all(axis=1)
-        if not kept.any():
-            return None
-        used, faces = used_vertices(len(points), shell.faces[kept])
-        return evolve(
-            shell,
-            vertices=shell.vertices[used],
-            faces=faces,
-            normals=None if shell.normals is None else shell.normals[used],
-            derivatives=None if shell.derivatives is None else shell.derivatives[used],
-        )
-
-    shells = [shell for shell in map(trimmed, stack.shells) if shell is not None]
-    if not shells:
-        raise InputError(
-            "No shell is in the camera's view, so nothing would bend its rays; check the pose."
-        )
-    return evolve(stack, shells=shells)
-
-
-def without_inner(stack: ShellStack, count: int, levels: int | None = None) -> ShellStack:
-    """Remove the innermost levels together with their index steps.
-
-    Rays then continue to the part in the air of the last remaining shell. Kern et al. (2025) did
-    this where shells of a coarse field cut the part; it is for studies only. `levels` is the number
-    of all levels, whether the field reaches them or not; by default as many as there are. Raises
-    InputError if the count is negative, or no shell is left.
-    """
-    last = max(shell.layer for shell in stack.shells) if levels is None else levels
-    kept = [shell for shell in stack.shells if shell.layer <= last - count]
-    if count < 0 or not kept:
-        raise InputError(
-            f"{count} inner shells of {last} cannot be left out, because some must remain; give a "
-            "number from 0 on, or more layers."
-        )
-    return evolve(stack, shells=kept)
 
 
 def smooth_taubin(stack: ShellStack, iterations: int) -> ShellStack:
@@ -115,22 +55,6 @@ def subdivide_midpoint(stack: ShellStack, times: int = 1) -> ShellStack:
     for _ in range(times):
         stack = evolve(stack, shells=map(_subdivided, stack.shells))
     return stack
-
-
-def _sides_of_view(camera: Camera) -> tuple[FloatArray, FloatArray]:
-    """A point on each plane around a camera's view and the planes' unit normals, inward.
-
-    The four sides, and the plane through the origin across the line of sight. Works for pinhole and
-    orthographic cameras: a side holds the rays through two neighbouring corners of the picture (of
-    the smallest picture without distortion that holds all, where the lens distorts).
-    """
-    camera = camera.without_distortion()
-    origins, directions = camera.rays(camera.corners)
-    tips = origins + directions
-    sides = unit_vectors(np.cross(np.roll(tips, -1, axis=0) - tips, directions))
-    middle = tips.mean(axis=0)
-    inward = np.sign(np.einsum("ij,ij->i", middle - tips, sides))[:, None]
-    return np.vstack((origins, camera.origin)), np.vstack((sides * inward, camera.forward))
 
 
 def _neighbour_mean(faces: AnyIntArray, count: int) -> csr_array:
