@@ -24,9 +24,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from iriftrace.camera.calibration_file import is_length_unit
 from iriftrace.camera.pose_set import PoseSet, refuse_distorted
-from iriftrace.camera.pose_table import ANGLES, FRAME, MATRIX, columns_of_table, unlike_robot
+from iriftrace.camera.pose_table import (
+    ANGLES,
+    FRAME,
+    MATRIX,
+    columns_of_table,
+    is_length_unit,
+    unlike_robot,
+)
 from iriftrace.camera.robot_poses import RobotName
 from iriftrace.camera.robot_programs import table_of_program
 from iriftrace.core.arrays import FloatArray

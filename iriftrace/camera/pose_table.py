@@ -11,7 +11,6 @@ import numpy as np
 from attrs import evolve, frozen
 from numpy.typing import NDArray
 
-from iriftrace.camera.calibration_file import is_length_unit
 from iriftrace.camera.pose_set import aimed
 from iriftrace.camera.robot_poses import ROBOTS, RobotName, robots_of
 from iriftrace.core.arrays import FloatArray
@@ -36,6 +35,10 @@ _ANGLE = re.compile(
     r"(?:(?:[ _]+|(?=[\[(]))[\[(]?\s*(?P<unit>deg|°|rad)\w*\s*[\])]?)?"
 )
 """Names of a robot's angles: "a", "rx", "w [deg]", "rx_rad"."""
+_LENGTH_UNIT = re.compile(
+    "(?:length|translation|t|tvec|trans|pose|extrinsics?|baseline|world|position|distance)?"
+    "units?(?:t|tvec)?"
+)
 _CONVENTION = re.compile(r"\bconvention\W+(\w+)$", re.IGNORECASE)
 FRAME = re.compile(
     r"unit|convention|ax[ei]s|coord|frame|system|direction|scale|offset|origin|handed|y[ -]up"
@@ -49,6 +52,11 @@ _NAMES = (
     "m00 ... m33, or x, y, z with qx, qy, qz, qw, with target_x, target_y, target_z, or with the "
     "angles of a robot (such as a, b, c, of a KUKA)"
 )
+
+
+def is_length_unit(name: str) -> bool:
+    """True for a name of the unit of lengths, in any case and punctuation."""
+    return bool(_LENGTH_UNIT.fullmatch("".join(filter(str.isalnum, name.casefold()))))
 
 
 @frozen
