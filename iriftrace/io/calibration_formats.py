@@ -178,35 +178,31 @@ class Values:
         """The error for a fault of this file."""
         return wrong(self.called, fault)
 
-    def name(self, field: str) -> str | None:
-        """Name under which the file has a value, if it does; InputError if it has two."""
-        names = set(map(folded, self.format.fields.get(field, ())))
-        found = [
-            name
-            for name, value in self.content.items()
-            if value is not None and folded(name) in names
-        ]
-        if len(found) > 1:
-            raise self.wrong(
-                f"{' and '.join(found)} are names of one value; leave out the one that is not meant"
-            )
-        return found[0] if found else None
+    def names(self, field: str) -> list[str]:
+        """Names under which the file has a value, as it writes them."""
+        known = set(map(folded, self.format.fields.get(field, ())))
+        there = (name for name, value in self.content.items() if value is not None)
+        return [name for name in there if folded(name) in known]
 
     def has(self, *fields: str) -> bool:
         """True if the file has the values."""
-        return all(self.name(field) is not None for field in fields)
+        return all(map(self.names, fields))
 
     def value(self, field: str) -> object:
-        """The value as the file has it; None without it."""
-        name = self.name(field)
-        return None if name is None else self.content[name]
+        """The value as the file has it; None without it; InputError if it has two names."""
+        names = self.names(field)
+        if len(names) > 1:
+            raise self.wrong(
+                f"{' and '.join(names)} are names of one value; leave out the one that is not meant"
+            )
+        return self.content[names[0]] if names else None
 
     def array(self, field: str, *counts: int) -> FloatArray:
         """Numbers, flat and row by row; how many there may be (any when empty)."""
-        name, value = self.name(field), self.value(field)
-        if name is None:
-            missing = self.format.fields[field][0]
-            raise self.wrong(f"{missing} is missing, without which there are no rays; add it")
+        value = self.value(field)
+        name, *_ = self.names(field) or self.format.fields[field]
+        if value is None:
+            raise self.wrong(f"{name} is missing, without which there are no rays; add it")
         try:
             numbers = np.asarray(
                 value.get("data") if isinstance(value, Mapping) else value, dtype=np.float64
