@@ -44,7 +44,7 @@ from iriftrace.geometry.transform import (
     checked_matrix,
     nearest_rotations,
     rigid_motion,
-    stated_direction,
+    stated_to_camera,
 )
 
 SCHEMA = "iriftrace.poses/1"
@@ -268,7 +268,7 @@ def _columns(path: Path, robot: RobotName | None) -> dict[str, object]:
     if b"\0" in content and not content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         raise InputError(f"{path} is not text; poses are read from {', '.join(_FORMATS)}.")
     text = text_in(path)
-    if said := stated_direction(text, to_camera=True):
+    if said := stated_to_camera(text):
         raise InputError(
             f"{path} says {said!r}, but poses lead from the camera to the world; write the "
             "inverse matrices."
