@@ -1,6 +1,6 @@
 from .air.refractivity import Air as Air
 from .camera.calibration import Calibration as Calibration
-from .camera.calibration import read_calibration as read_calibration
+from .camera.calibration import StereoCalibration as StereoCalibration
 from .camera.camera import Camera as Camera
 from .camera.distortion import Distortion as Distortion
 from .camera.orbit import Orbit as Orbit
@@ -12,8 +12,6 @@ from .camera.pose_files import from_convention as from_convention
 from .camera.pose_files import read_poses as read_poses
 from .camera.pose_files import to_convention as to_convention
 from .camera.pose_set import PoseSet as PoseSet
-from .camera.stereo import StereoCalibration as StereoCalibration
-from .camera.stereo import read_stereo_calibration as read_stereo_calibration
 from .cfd.between import field_between as field_between
 from .cfd.check.check import check_field as check_field
 from .cfd.check.finding import FieldCheck as FieldCheck
@@ -67,6 +65,8 @@ from .image.metrics import write_metrics as write_metrics
 from .image.sightings import FaceSightings as FaceSightings
 from .image.sightings import sightings_of as sightings_of
 from .image.surface import write_surface as write_surface
+from .io.calibration import read_calibration as read_calibration
+from .io.calibration import read_stereo_calibration as read_stereo_calibration
 from .part.board import Board as Board
 from .part.part import Part as Part
 from .part.part import part_of_mesh as part_of_mesh

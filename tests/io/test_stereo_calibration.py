@@ -1,19 +1,17 @@
-"""Calibrations of two cameras as OpenCV, ROS, Kalibr and MATLAB write them."""
+"""Calibrations of two cameras: lenses, R and T, and motions that cannot be."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 import pytest
-import yaml
 from numpy.testing import assert_allclose
 
+from iriftrace.camera.calibration import StereoCalibration
 from iriftrace.camera.pose import look_at
-from iriftrace.camera.stereo import StereoCalibration, read_stereo_calibration
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.io.calibration import read_stereo_calibration
 from validation.inputs import stereo_files as rig
 
 
@@ -37,49 +35,6 @@ def test_names_and_formats_of_opencv(tmp_path: Path, names: str, ending: str) ->
     _assert_the_rig(found, rig.COEFFICIENTS)
     assert found.length_unit == "mm"
     assert found.baseline_mm == pytest.approx(np.linalg.norm(rig.TRANSLATION))
-
-
-WRITERS: dict[str, tuple[Callable[[Path], tuple[Path, ...]], str]] = {
-    "PyYAML": (lambda folder: (rig.pyyaml(folder / "a.yaml"),), "mm"),
-    "Kalibr": (lambda folder: (rig.kalibr(folder / "camchain.yaml"),), "m"),
-    "ROS": (rig.ros, "m"),
-    "ROS messages": (lambda folder: rig.ros(folder, message=True), "m"),
-    "MATLAB": (lambda folder: (rig.matlab(folder / "a.json", old=False),), "cm"),
-    "older MATLAB": (lambda folder: (rig.matlab(folder / "a.json", old=True),), "cm"),
-    "MATLAB to OpenCV": (lambda folder: (rig.from_matlab_to_opencv(folder / "a.json"),), "mm"),
-}
-
-
-@pytest.mark.parametrize("program", WRITERS)
-def test_other_programs(tmp_path: Path, program: str) -> None:
-    write, unit = WRITERS[program]
-    found = read_stereo_calibration(*write(tmp_path))
-    _assert_the_rig(found, rig.FOUR if program == "Kalibr" else rig.COEFFICIENTS)
-    assert found.length_unit == unit
-
-
-def test_a_name_for_the_whole(tmp_path: Path) -> None:
-    values = yaml.safe_load(rig.pyyaml(tmp_path / "a.yaml").read_text())
-    (tmp_path / "b.yaml").write_text(yaml.safe_dump({"stereo_calibration": values}))
-    _assert_the_rig(read_stereo_calibration(tmp_path / "b.yaml"), rig.COEFFICIENTS)
-
-
-def test_intrinsics_and_extrinsics_in_two_mappings(tmp_path: Path) -> None:
-    values = json.loads(rig.opencv(tmp_path / "a.json").read_text())
-    motion = {name: values.pop(name) for name in ("R", "T")}
-    (tmp_path / "b.json").write_text(json.dumps({"intrinsics": values, "extrinsics": motion}))
-    _assert_the_rig(read_stereo_calibration(tmp_path / "b.json"), rig.COEFFICIENTS)
-
-
-def test_intrinsics_and_extrinsics_in_two_files(tmp_path: Path) -> None:
-    """As OpenCV's stereo_calib writes them; R1, P1 and the like are of rectified pictures."""
-    inner = rig.opencv(tmp_path / "intrinsics.yml", R=None, T=None)
-    outer = tmp_path / "extrinsics.yml"
-    storage = cv2.FileStorage(str(outer), cv2.FILE_STORAGE_WRITE)
-    for name, value in {"R": rig.ROTATION, "T": rig.TRANSLATION, "R1": np.eye(3)}.items():
-        storage.write(name, value)
-    storage.release()
-    _assert_the_rig(read_stereo_calibration(inner, outer), rig.COEFFICIENTS)
 
 
 def test_both_cameras_project_as_opencv_does(tmp_path: Path) -> None:
@@ -115,50 +70,21 @@ def test_the_unit_that_a_file_states(tmp_path: Path) -> None:
     assert read_stereo_calibration(inches, length_unit="cm").length_unit == "cm"
 
 
-def test_mappings_of_cameras_sizes_and_the_motion(tmp_path: Path) -> None:
-    """As programs of single labs nest them, with focal lengths as single numbers."""
-    content: dict[str, Any] = {
-        "image_size": {"width": rig.SIZE[0], "height": rig.SIZE[1]},
-        "extrinsics": {"rotation": rig.ROTATION.tolist(), "translation": rig.TRANSLATION.tolist()},
-    }
-    for side, matrix, lens in zip(
-        ("leftCamera", "rightCamera"), rig.MATRICES, rig.COEFFICIENTS, strict=True
-    ):
-        pinhole = matrix[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
-        content[side] = dict(zip(("fx", "fy", "cx", "cy"), pinhole, strict=True))
-        content[side] |= dict(zip(("k1", "k2", "p1", "p2", "k3"), lens.tolist(), strict=True))
-    path = tmp_path / "stereo.json"
-    path.write_text(json.dumps(content))
-    found = read_stereo_calibration(path)
-    assert_allclose(found.translation_mm, rig.TRANSLATION, rtol=0, atol=1e-9)
-    assert_allclose(found.second.centre_px, rig.MATRICES[1][:2, 2])
-    assert found.first.distortion.coefficients[:5] == tuple(rig.COEFFICIENTS[0])
-    assert found.first.resolution == rig.SIZE
-
-
-def test_left_and_right_exchanged(tmp_path: Path) -> None:
-    """The inverse motion, as it leads from right to left."""
-    inverse = {"R": rig.ROTATION.T, "T": -rig.ROTATION.T @ rig.TRANSLATION}
-    path = rig.opencv(tmp_path / "stereo.yaml", "sides", **inverse)
-    with pytest.warns(IriftraceWarning, match="right camera stands to the left"):
-        read_stereo_calibration(path)
-
-
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
         ({"R": None}, "R and T from camera 1 to camera 2 are missing"),
         ({"R": np.array((1.1, 20.0, 3.0))}, "in degrees or no rotation vector"),
         ({"R": -np.eye(3)}, "stretches or mirrors"),
-        ({"M2": None}, "has not two camera matrices .*its names are image_width"),
-        ({"D2": None}, "camera 2: distortion_coefficients is missing; for a lens without"),
-        ({"D2": None, "lens_distortion": np.ones(5)}, "if lens_distortion describes"),
+        ({"M2": None}, "has not two cameras of .*its names are image_width"),
+        ({"D2": None}, "camera 2: distortion_coefficients is missing"),
         ({"image_width": None, "image_height": None}, "image_width and image_height are missing"),
-        ({"M0": np.eye(3), "D0": np.zeros(5)}, "more than two cameras"),
+        ({"M3": np.eye(3), "D3": np.zeros(5)}, "more than two cameras"),
         ({"T": np.zeros(3)}, "0 mm apart"),
-        ({"rvec": np.zeros(3), "tvec": np.ones(3)}, "T and tvec are different"),
+        ({"rvec": np.zeros(3), "tvec": np.ones(3)}, "R and rvec are names of one value"),
         ({"T": np.eye(4)}, "T has 16 numbers instead of 3"),
         ({"fisheye_model": 1}, "fisheye model, which is not modelled"),
+        ({"xi2": 1.2}, "camera 2: it has xi"),
     ],
 )
 def test_wrong_files(tmp_path: Path, changes: dict[str, object], message: str) -> None:
@@ -175,22 +101,68 @@ def test_lens_models_that_are_not_modelled(tmp_path: Path) -> None:
 
 
 def test_cameras_calibrated_one_by_one(tmp_path: Path) -> None:
-    """Their projections have no baseline; poses of their own need --calibration."""
+    """Their projections have no baseline; poses of their own are those of two calibrations."""
     left, _ = rig.ros(tmp_path)
     with pytest.raises(InputError, match="have no baseline"):
         read_stereo_calibration(left, left)
     values = {"camera_matrix": rig.MATRICES[0].tolist(), "D": [0.0] * 4, "image_size": [640, 480]}
     single = tmp_path / "single.json"
     single.write_text(json.dumps(values | {"rvec": [0, 0, 1], "tvec": [0, 0, 9]}))
-    with pytest.raises(InputError, match="both cameras have a pose of their own"):
-        read_stereo_calibration(single, single)
-    single.write_text(json.dumps(values | {"R": [0, 0, 1], "T": [0, 0, 0]}))
-    other = tmp_path / "other.json"
-    other.write_text(json.dumps(values | {"R": [0, 0, 1.3], "T": [-200, 0, 0]}))
-    with pytest.raises(InputError, match="both cameras have a pose of their own"):
-        read_stereo_calibration(single, other)
+    for files in ((single,), (single, single), (left, single)):
+        with pytest.raises(InputError, match=r"has one camera; .* poses of their own one by one"):
+            read_stereo_calibration(*files)
     with pytest.raises(InputError, match="3 files are given"):
         read_stereo_calibration(left, left, left)
+
+
+def test_a_projector_has_its_own_size(tmp_path: Path) -> None:
+    """A value with a number is that camera's, one without is that of both."""
+    size = {"image_width2": 1024, "image_height2": 768}
+    path = rig.opencv(tmp_path / "a.yaml", **size)
+    found = read_stereo_calibration(path)
+    assert (found.first.resolution, found.second.resolution) == (rig.SIZE, (1024, 768))
+
+
+INVERSE = {"R": rig.ROTATION.T, "T": -rig.ROTATION.T @ rig.TRANSLATION}
+(M1, M2), (D1, D2) = rig.MATRICES, rig.COEFFICIENTS
+RECTIFIED = dict(
+    zip(
+        ("R1", "R2", "P1", "P2"),
+        cv2.stereoRectify(M1, D1, M2, D2, rig.SIZE, rig.ROTATION, rig.TRANSLATION[:, None])[:4],
+        strict=True,
+    )
+)
+
+
+@pytest.mark.parametrize("names", rig.NAMES)
+def test_an_inverse_motion_is_refused(tmp_path: Path, names: str) -> None:
+    found = read_stereo_calibration(rig.opencv(tmp_path / "a.yaml", names, **RECTIFIED))
+    assert_allclose(found.translation_mm, rig.TRANSLATION)
+    path = rig.opencv(tmp_path / "b.yaml", names, **RECTIFIED, **INVERSE)
+    with pytest.raises(InputError, match=r"R and T contradict its .* lead from camera 2 to camera"):
+        read_stereo_calibration(path)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"R": rig.ROTATION.T},
+        {"T": -rig.ROTATION.T @ rig.TRANSLATION},
+        {"T": -rig.TRANSLATION},
+    ],
+)
+def test_another_motion_is_refused(tmp_path: Path, changes: dict[str, np.ndarray]) -> None:
+    """A transposed R; the place of camera 2 in place of T; T of the other sign."""
+    path = rig.opencv(tmp_path / "a.yaml", **RECTIFIED, **changes)
+    with pytest.raises(InputError, match="contradict its R1, R2, P1 and P2; export"):
+        read_stereo_calibration(path)
+
+
+def test_projections_without_a_baseline_contradict_nothing(tmp_path: Path) -> None:
+    """As those of cameras that were calibrated one by one, before their motion was found."""
+    alone = RECTIFIED | {"P2": RECTIFIED["P1"]}
+    found = read_stereo_calibration(rig.opencv(tmp_path / "a.yaml", **alone))
+    assert_allclose(found.translation_mm, rig.TRANSLATION)
 
 
 def _of_opencv(path: Path, rotation: np.ndarray) -> Path:
