@@ -89,8 +89,8 @@ def check(
         volume = field_options.read(field, measured, flow=True)
     with working("Checking the field"):
         from iriftrace.cfd.check.check import check_field as checked
-        from iriftrace.cfd.openfoam.bodies import bodies_beside
         from iriftrace.cfd.openfoam.case import RECORD, recorded_wall
+        from iriftrace.io.bodies import bodies_beside
         from iriftrace.part.region_choice import values_by_region
 
         folder = field if field.is_dir() else field.parent

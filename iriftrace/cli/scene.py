@@ -128,10 +128,10 @@ def scene(
         Leave out shells farther than this outside the camera's view, such as "10 mm"; the scene
         can then be used with this camera only.
     """
-    from iriftrace.cfd.openfoam.bodies import bodies_beside
     from iriftrace.cli.output import print_shells
     from iriftrace.field.part_fit import refuse_expanded_board
     from iriftrace.field.readers.members import chosen_members
+    from iriftrace.io.bodies import bodies_beside
     from iriftrace.part.part import read_part
     from iriftrace.scene.hot_air import AirState
     from iriftrace.scene.save import save_scene

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from iriftrace.cfd.openfoam.programs import Installation
     from iriftrace.cfd.openfoam.run import State
     from iriftrace.cfd.openfoam.simulate import Display, Simulation
-    from iriftrace.cfd.openfoam.wall import WallTemperatures
     from iriftrace.part.part import Part
+    from iriftrace.part.wall_temperature import WallTemperatures
 
 
 def simulate(

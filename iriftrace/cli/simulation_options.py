@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from iriftrace.cfd.openfoam.bodies import Body
     from iriftrace.cfd.openfoam.case import Case
     from iriftrace.cfd.openfoam.draught import Draught
-    from iriftrace.cfd.openfoam.wall import WallTemperatures
     from iriftrace.part.part import Part
+    from iriftrace.part.wall_temperature import WallTemperatures
 
 
 @Parameter(name="*", group=Group("Simulation", sort_key=1))
@@ -146,8 +146,8 @@ class SimulationOptions:
 
     def wall(self) -> WallTemperatures:
         """Temperatures of the part's wall."""
-        from iriftrace.cfd.openfoam.measured_wall import read_measured_wall
-        from iriftrace.cfd.openfoam.wall import WallTemperatures, measured_wall
+        from iriftrace.io.measured import read_measured_wall
+        from iriftrace.part.wall_temperature import WallTemperatures, measured_wall
 
         regions = region_temperatures(self.region_temperature)
         file = self.wall_temperature_from

@@ -5,25 +5,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
 
 from iriftrace.cfd.openfoam.case import Case
 from iriftrace.cfd.openfoam.domain import mesh_size
 from iriftrace.cfd.openfoam.times import Times
-from iriftrace.cfd.openfoam.wall import WallTemperatures
 from iriftrace.cli import main
 from iriftrace.part.part import Part
-from iriftrace.part.regions import Regions
-from validation.inputs.parts import part_from
+from iriftrace.part.wall_temperature import WallTemperatures
+from validation.inputs.parts import bar_of_halves, papers_cylinder
 
 
 @pytest.fixture(scope="session")
 def cylinder() -> Part:
     """The paper's cylinder, its axis along x, moved off the origin."""
-    mesh = trimesh.creation.cylinder(13.5, 170.0, sections=48)
-    mesh.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, (0, 1, 0)))
-    mesh.apply_translation((5.0, -3.0, 2.0))
-    return part_from(mesh)
+    return papers_cylinder()
 
 
 @pytest.fixture(scope="session")
@@ -36,11 +31,7 @@ def case(cylinder: Part) -> Case:
 @pytest.fixture(scope="session")
 def halves() -> Part:
     """A bar along x of two materials that meet at x = 0."""
-    mesh = trimesh.creation.box(extents=(100.0, 10.0, 10.0))
-    for _ in range(3):
-        mesh = mesh.subdivide()
-    right = mesh.triangles_center[:, 0] > 0.0
-    return part_from(mesh, Regions(right.astype(np.int64), ("steel", "nickel")))
+    return bar_of_halves()
 
 
 @pytest.fixture

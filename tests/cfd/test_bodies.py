@@ -12,16 +12,17 @@ import trimesh
 from attrs import evolve
 
 from iriftrace.cfd.openfoam import result
-from iriftrace.cfd.openfoam.bodies import Body, bodies_beside, write_bodies
+from iriftrace.cfd.openfoam.bodies import Body, write_bodies
 from iriftrace.cfd.openfoam.case import RECORD, Case, natural_case, symmetric_case
 from iriftrace.cfd.openfoam.case_files import write_case
 from iriftrace.cfd.openfoam.draught import draught_from
 from iriftrace.cfd.openfoam.simulate import prepare
-from iriftrace.cfd.openfoam.wall import WallTemperatures
 from iriftrace.core.errors import InputError
 from iriftrace.field.read import read_field
 from iriftrace.field.source import FieldFacts
+from iriftrace.io.bodies import bodies_beside
 from iriftrace.part.part import Part
+from iriftrace.part.wall_temperature import WallTemperatures
 from validation.inputs import hot_block
 from validation.inputs.parts import part_from
 

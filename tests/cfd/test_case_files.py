@@ -21,9 +21,9 @@ from iriftrace.cfd.openfoam.case_files import (
 from iriftrace.cfd.openfoam.domain import mesh_size
 from iriftrace.cfd.openfoam.simulate import prepare
 from iriftrace.cfd.openfoam.times import Times
-from iriftrace.cfd.openfoam.wall import WallTemperatures
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part
+from iriftrace.part.wall_temperature import WallTemperatures
 from validation.field_files.openfoam import entry
 from validation.inputs.parts import part_from
 

@@ -12,9 +12,9 @@ from iriftrace.cfd.openfoam.case_files import write_case
 from iriftrace.cfd.openfoam.draught import SLOWEST_RISE, Draught, draught_from, leans
 from iriftrace.cfd.openfoam.simulate import prepare
 from iriftrace.cfd.openfoam.times import natural_times
-from iriftrace.cfd.openfoam.wall import WallTemperatures
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part
+from iriftrace.part.wall_temperature import WallTemperatures
 from validation.field_files.openfoam import entry
 
 WALL = WallTemperatures(1373.15)

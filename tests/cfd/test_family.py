@@ -15,11 +15,11 @@ from iriftrace.cfd.openfoam.case import RECORD, UNFINISHED, Case, natural_case, 
 from iriftrace.cfd.openfoam.family import Member, plan_family
 from iriftrace.cfd.openfoam.family_run import FAMILY, Cost, Task, run_family, write_image
 from iriftrace.cfd.openfoam.programs import Installation
-from iriftrace.cfd.openfoam.wall import WallTemperatures
 from iriftrace.core.errors import InputError
 from iriftrace.field.origin import facts_of, origin_of, state_origin
 from iriftrace.field.source import FieldFacts
 from iriftrace.part.part import Part
+from iriftrace.part.wall_temperature import WallTemperatures
 
 NONE = Installation("", "", "", {})
 CELLS = 1000

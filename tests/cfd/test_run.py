@@ -15,9 +15,9 @@ from iriftrace.cfd.openfoam.domain import mesh_size
 from iriftrace.cfd.openfoam.programs import Installation, OpenFoamError
 from iriftrace.cfd.openfoam.run import expected_seconds, judge_steadiness, last_time, solve
 from iriftrace.cfd.openfoam.times import Times
-from iriftrace.cfd.openfoam.wall import WallTemperatures
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import part_of_mesh, read_part
+from iriftrace.part.wall_temperature import WallTemperatures
 from iriftrace.scenes import folder_of
 
 FILES = (

@@ -18,11 +18,11 @@ from iriftrace.cfd.openfoam.mesh import make_mesh, wall_patch
 from iriftrace.cfd.openfoam.programs import find_openfoam, step_times
 from iriftrace.cfd.openfoam.simulate import check_solver, prepare
 from iriftrace.cfd.openfoam.times import Times
-from iriftrace.cfd.openfoam.wall import WallTemperatures
 from iriftrace.cli import main
 from iriftrace.core.errors import SetupError
 from iriftrace.field.read import read_field
 from iriftrace.part.part import read_part
+from iriftrace.part.wall_temperature import WallTemperatures
 from iriftrace.scene.load import load_scene
 from validation.lost_rays import lost_in
 

@@ -17,7 +17,6 @@ from iriftrace.cfd.check.wall import (
     temperature_finding,
     wall_state,
 )
-from iriftrace.cfd.openfoam.wall import WallTemperatures, wall_temperature
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import plain
 from iriftrace.field.index_field import IndexField
@@ -30,6 +29,7 @@ from iriftrace.field.part_fit import (
 )
 from iriftrace.field.read import AMBIENT_TOLERANCE_K
 from iriftrace.part.part import Part
+from iriftrace.part.wall_temperature import WallTemperatures, wall_temperature
 
 
 def check_field(
@@ -58,7 +58,7 @@ def check_field(
         Expected temperatures of regions of the part that differ, by their names.
     transition_mm : float, optional
         Width of the transition between these temperatures
-        (`iriftrace.cfd.openfoam.wall.wall_temperature`).
+        (`iriftrace.part.wall_temperature.wall_temperature`).
     diameter_mm : float, optional
         Diameter of the horizontal cylinder with which the heat flux is compared; by default that of
         the part if it is such a cylinder.

@@ -15,9 +15,6 @@ from iriftrace.core.errors import InputError
 from iriftrace.field.index_field import IndexField
 from iriftrace.part.part import Part
 
-GRAVITY = 9.81
-"""m/s2."""
-
 RAYLEIGH_RANGE = (1e-6, 1e9)
 """Range of Churchill and Chu's laminar equation."""
 
@@ -68,17 +65,6 @@ class Convection:
     heat_flux: float  # mean from the wall, W/m2
 
 
-def reference_temperature(wall_k: float, ambient_k: float) -> float:
-    """Temperature, K, at which gas at a hot wall behaves like one of constant properties.
-
-    E. M. Sparrow and J. L. Gregg, "The variable fluid-property problem in free convection",
-    Transactions of the ASME 80 (1958) 879; from solutions of the boundary layer in gases with
-    variable properties, for ratios of T_wall to T_ambient from 1/4 to 4. A wall of 1100 degC in a
-    room has 4.7.
-    """
-    return wall_k - 0.38 * (wall_k - ambient_k)
-
-
 def nusselt_horizontal_cylinder(
     diameter_mm: float, wall_k: float, ambient_k: float, pressure_pa: float = 101325.0
 ) -> Convection:
@@ -101,13 +87,13 @@ def nusselt_horizontal_cylinder(
             f"{pressure_pa:g} Pa gives no natural convection by this rule; the wall must be the "
             "hotter one and all numbers positive."
         )
-    reference = reference_temperature(wall_k, ambient_k)
+    reference = gas.reference_temperature(wall_k, ambient_k)
     diameter = diameter_mm * 1e-3
     conductivity = float(gas.conductivity(reference))
     viscosity = float(gas.viscosity(reference))
     prandtl = viscosity * float(gas.heat_capacity(reference)) / conductivity
     kinematic = viscosity / float(gas.density(reference, pressure_pa))
-    grashof = GRAVITY * (wall_k - ambient_k) / ambient_k * diameter**3 / kinematic**2
+    grashof = gas.GRAVITY * (wall_k - ambient_k) / ambient_k * diameter**3 / kinematic**2
     rayleigh = grashof * prandtl
     low, high = RAYLEIGH_RANGE
     if not low <= rayleigh <= high:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,16 +12,14 @@ from attrs import frozen
 from iriftrace.cfd.openfoam.domain import Domain
 from iriftrace.cfd.openfoam.draught import SIDES
 from iriftrace.cfd.openfoam.part_surface import is_symmetric, write_stl
-from iriftrace.cfd.openfoam.wall import HOTTEST
 from iriftrace.core.arrays import BoolArray, FloatArray, as_float64
-from iriftrace.core.errors import InputError, warn
+from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import PLAUSIBLE_K
-from iriftrace.field.index_field import IndexField
-from iriftrace.part.part import Part, part_of_mesh, read_part
+from iriftrace.io.bodies import FOLDER
+from iriftrace.part.part import Part, part_of_mesh
+from iriftrace.part.wall_temperature import HOTTEST
 
-FOLDER = "bodies"
-"""Folder next to a field: copies of the bodies around which it was solved, in mm, world."""
 FLOOR = "floor"
 """Name of the floor among the bodies."""
 _LOWER = 0.01  # mm
@@ -72,25 +70,6 @@ def write_bodies(bodies: Sequence[Body], folder: Path) -> None:
         target = folder / str(body.record()["file"])
         target.parent.mkdir(parents=True, exist_ok=True)
         write_stl(body.surface, target, scale=1.0)
-
-
-def bodies_beside(
-    field: IndexField, given: Collection[str] = (), transform: FloatArray | None = None
-) -> list[Part]:
-    """Bodies around which a field was solved, without those with `given` names; warns of missing.
-
-    Their files lie next to the field's; `transform` (4, 4) is that of the field to the world.
-    """
-    names = (name for name in field.source.facts.bodies if name not in given)
-    files = {name: Path(field.source.path).parent / FOLDER / f"{name}.stl" for name in names}
-    if missing := [str(file) for file in files.values() if not file.is_file()]:
-        warn(
-            f"The field {field.source.path} was solved around bodies that are missing next to it "
-            f"({', '.join(missing)}): they do not block the view, and their walls count as gaps of "
-            "the part; copy the folder along with the field."
-        )
-    present = (file for file in files.values() if file.is_file())
-    return [read_part(file, length_unit="mm", transform=transform) for file in present]
 
 
 def check_bodies(bodies: Sequence[Body], part: Part, domain: Domain, floor: bool = False) -> None:

@@ -19,10 +19,10 @@ from iriftrace.cfd.openfoam.part_surface import (
     symmetric_axes,
 )
 from iriftrace.cfd.openfoam.times import Times, natural_times
-from iriftrace.cfd.openfoam.wall import WallTemperatures, wall_temperature
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
 from iriftrace.part.part import Part, refuse_unlikely_size
+from iriftrace.part.wall_temperature import WallTemperatures, wall_temperature
 
 RECORD = "case.json"
 """Record in the case's folder of what was requested, so that a later call continues it."""

@@ -14,9 +14,9 @@ from vtkmodules.vtkIOGeometry import vtkOpenFOAMReader
 from iriftrace.cfd.openfoam.case import Case, read_record
 from iriftrace.cfd.openfoam.case_files import nonuniform, uniform, write_start
 from iriftrace.cfd.openfoam.programs import Installation, OpenFoamError, cell_count, run_program
-from iriftrace.cfd.openfoam.wall import wall_temperature
 from iriftrace.core.files import text_in, write_whole
 from iriftrace.field.readers.vtk_files import blocks_by_name
+from iriftrace.part.wall_temperature import wall_temperature
 
 _DONE = "mesh.json"
 

@@ -17,7 +17,6 @@ from iriftrace.cfd.openfoam.mesh import wall_patch
 from iriftrace.cfd.openfoam.part_surface import mirrored_grid
 from iriftrace.cfd.openfoam.programs import SOLVER, read_heat
 from iriftrace.cfd.openfoam.run import Steadiness
-from iriftrace.cfd.openfoam.wall import wall_temperature
 from iriftrace.core.arrays import Float32Array, FloatArray, as_float64
 from iriftrace.core.errors import SetupError
 from iriftrace.core.files import write_whole
@@ -34,6 +33,7 @@ from iriftrace.field.origin import WALL_HEAT, state_origin
 from iriftrace.field.readers import openfoam as openfoam_case
 from iriftrace.field.source import FieldFacts, FieldKind
 from iriftrace.geometry.vtk_files import write_vtk
+from iriftrace.part.wall_temperature import wall_temperature
 
 _MM = 1000.0
 

@@ -27,11 +27,11 @@ from iriftrace.cfd.openfoam.run import (
     solve,
 )
 from iriftrace.cfd.openfoam.solver_check import try_solver
-from iriftrace.cfd.openfoam.wall import wall_temperature
 from iriftrace.core.arrays import as_float64
 from iriftrace.core.errors import SetupError
 from iriftrace.core.files import write_whole
 from iriftrace.field.wall import inner_wall
+from iriftrace.part.wall_temperature import wall_temperature
 
 
 @frozen

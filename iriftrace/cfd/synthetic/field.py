@@ -9,7 +9,6 @@ import numpy as np
 import pyvista as pv
 
 from iriftrace.air.refractivity import Air
-from iriftrace.cfd.openfoam.wall import wall_temperature
 from iriftrace.cfd.synthetic.mesh import AirMesh, air_mesh, usual_mesh
 from iriftrace.cfd.synthetic.model import SyntheticAir
 from iriftrace.core.errors import InputError, warn
@@ -18,6 +17,7 @@ from iriftrace.field.origin import state_origin
 from iriftrace.field.part_fit import fit_part_to_field
 from iriftrace.field.source import FieldFacts, FieldKind, FieldSource
 from iriftrace.geometry.vtk_files import write_vtk
+from iriftrace.part.wall_temperature import wall_temperature
 
 
 def synthetic_grid(

@@ -13,13 +13,13 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 from scipy.special import erf
 
-from iriftrace.cfd.check.nusselt import reference_temperature
-from iriftrace.cfd.openfoam.wall import WallTemperatures, wall_temperature_gradient
+from iriftrace.air.thermophysics import reference_temperature
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.geometry.query import Surface
 from iriftrace.part.part import Part, refuse_unlikely_size
 from iriftrace.part.region_choice import values_by_region
+from iriftrace.part.wall_temperature import WallTemperatures, wall_temperature_gradient
 
 DECAY = 0.6
 """Exponent with which the excess temperature on the axis of a laminar line plume falls."""
@@ -229,7 +229,7 @@ class SyntheticAir:
     regions : dict
         Temperatures, K, of regions of the part that differ from `wall_k`. :math:`T_w` is then that
         of the nearest wall, with a transition over `transition_mm`
-        (`iriftrace.cfd.openfoam.wall.wall_temperature`).
+        (`iriftrace.part.wall_temperature.wall_temperature`).
     transition_mm : float or None
         By default the boundary layer's thickness.
     """

@@ -8,12 +8,18 @@ import pytest
 import pyvista as pv
 
 from iriftrace.cfd.openfoam.case import Case, natural_case, symmetric_case
-from iriftrace.cfd.openfoam.measured_wall import MeasuredWall, read_measured_wall
-from iriftrace.cfd.openfoam.wall import measured_wall, wall_temperature
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.geometry.triangles import polydata
+from iriftrace.io.measured import read_measured_wall
 from iriftrace.part.part import Part, save_part
+from iriftrace.part.wall_temperature import MeasuredWall, measured_wall, wall_temperature
+from validation.inputs.parts import papers_cylinder
+
+
+@pytest.fixture(scope="module")
+def cylinder() -> Part:
+    return papers_cylinder()
 
 
 def ramp(points: np.ndarray) -> np.ndarray:

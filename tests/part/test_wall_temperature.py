@@ -3,11 +3,22 @@
 import numpy as np
 import pytest
 
-from iriftrace.cfd.openfoam.wall import WallTemperatures, wall_temperature
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part
+from iriftrace.part.wall_temperature import WallTemperatures, wall_temperature
+from validation.inputs.parts import bar_of_halves, papers_cylinder
 
 COOL, HOT = 723.15, 1373.15
+
+
+@pytest.fixture(scope="module")
+def cylinder() -> Part:
+    return papers_cylinder()
+
+
+@pytest.fixture(scope="module")
+def halves() -> Part:
+    return bar_of_halves()
 
 
 def along(x: np.ndarray) -> np.ndarray:

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import pyvista as pv
-from attrs import frozen
-from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import check_readable, sha256_of
-from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K, counted, length_factor
 from iriftrace.field.arrays import choose_array, finite_values, stated_unit, to_si
 from iriftrace.field.readers.comsol import length_unit_of
@@ -21,75 +17,14 @@ from iriftrace.field.readers.comsol_text import AXES, spreadsheet_columns, text_
 from iriftrace.field.readers.scattered import merged
 from iriftrace.field.readers.states import Column
 from iriftrace.field.readers.vtk_process import read_file
-from iriftrace.geometry.query import Surface
 from iriftrace.geometry.triangles import used_vertices
-from iriftrace.part.part import Part
+from iriftrace.part.wall_temperature import MeasuredWall
 
 _TABLES, _SURFACES = (".csv", ".txt"), (".vtp", ".vtu", ".vtk")
-# A face is far from the points if its distance is several times the spacing of the points.
-_FAR_SPACINGS = 3.0
 _ROOM_K = 20.0 + ZERO_CELSIUS_K
 _BACKGROUND = 0.1
 """Excess over a room, as a fraction of the hottest one, up to which a thermogram shows what is
 behind the part: 110 degC next to 900."""
-
-
-@frozen(eq=False)
-class MeasuredWall:
-    """Temperatures at points, or on the triangles between them."""
-
-    path: str
-    sha256: str
-    points: FloatArray  # (n, 3), mm, world
-    kelvins: FloatArray  # (n,), K
-    faces: IntArray | None = None  # (m, 3) corners of triangles; None for points alone
-    above_k: float | None = None  # lower ones were left out
-
-    def at(self, places: FloatArray) -> FloatArray:
-        """Temperatures (k,), K, at points (k, 3), mm: those of the nearest point or triangle."""
-        if self.faces is None:
-            return as_float64(self.kelvins[self._tree.query(places)[1]])
-        surface = Surface(self.points, self.faces)
-        foot, face = surface.nearest(places)
-        corners = self.faces[face]
-        a, b, c = (self.points[corners[:, number]] for number in range(3))
-        across = np.cross(b - a, c - a)
-        square = np.einsum("ij,ij->i", across, across)
-        v = np.einsum("ij,ij->i", np.cross(foot - a, c - a), across) / square
-        w = np.einsum("ij,ij->i", np.cross(b - a, foot - a), across) / square
-        weights = np.stack((1.0 - v - w, v, w), axis=1)
-        return as_float64(np.einsum("ij,ij->i", weights, self.kelvins[corners]))
-
-    def record(self) -> JsonObject:
-        """File, and what was left out of it."""
-        left_out = {} if self.above_k is None else {"above_k": self.above_k}
-        return {"file": self.path, "sha256": self.sha256, **left_out}
-
-    def far_faces(self, part: Part, cell_mm: float) -> str:
-        """Warning about faces of the part far from any point, or ""; InputError if all are."""
-        if self.faces is None:
-            distance = self._tree.query(part.face_centres)[0]
-            spacing = float(np.median(self._tree.query(self.points, k=2)[0][:, 1]))
-        else:
-            distance, spacing = Surface(self.points, self.faces).distance(part.face_centres), 0.0
-        far = distance > max(_FAR_SPACINGS * spacing, 2.0 * cell_mm)
-        if far.all():
-            raise InputError(
-                f"the temperatures in {self.path} lie {distance.min():.3g} mm or more from the "
-                "part, so they are not those of its wall; check their unit "
-                "(--wall-length-unit) and that both have the same coordinates."
-            )
-        far_off = part.face_areas[far].sum() / part.area
-        if not far.any():
-            return ""
-        return (
-            f"{far_off:.0%} of the part's surface is far from any temperature in {self.path}, "
-            f"up to {distance.max():.3g} mm, and gets that of the nearest one."
-        )
-
-    @cached_property
-    def _tree(self) -> cKDTree:
-        return cKDTree(self.points)
 
 
 def read_measured_wall(

@@ -1,14 +1,17 @@
-"""Temperature of the wall: one for all or one for each region, with or without transition."""
+"""Temperature of the wall: one for all, one for each region, or those that were measured."""
 
 from __future__ import annotations
+
+from functools import cached_property
 
 import numpy as np
 from attrs import field, frozen
 from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
-from iriftrace.cfd.openfoam.measured_wall import MeasuredWall
-from iriftrace.core.arrays import FloatArray, as_float64
+from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError
+from iriftrace.core.plain import JsonObject
 from iriftrace.geometry.query import Surface
 from iriftrace.part.part import Part
 from iriftrace.part.region_choice import placed_regions
@@ -21,8 +24,69 @@ _COOLER_THAN_AIR = 50.0
 
 _TOUCHING_MM = 1e-3
 
+# A face is far from the points if its distance is several times the spacing of the points.
+_FAR_SPACINGS = 3.0
+
 # tanh reaches 0.8, which is 90 % of the transition, at this argument.
 _NINETY_PERCENT = float(np.arctanh(0.8))
+
+
+@frozen(eq=False)
+class MeasuredWall:
+    """Temperatures at points, or on the triangles between them."""
+
+    path: str
+    sha256: str
+    points: FloatArray  # (n, 3), mm, world
+    kelvins: FloatArray  # (n,), K
+    faces: IntArray | None = None  # (m, 3) corners of triangles; None for points alone
+    above_k: float | None = None  # lower ones were left out
+
+    def at(self, places: FloatArray) -> FloatArray:
+        """Temperatures (k,), K, at points (k, 3), mm: those of the nearest point or triangle."""
+        if self.faces is None:
+            return as_float64(self.kelvins[self._tree.query(places)[1]])
+        surface = Surface(self.points, self.faces)
+        foot, face = surface.nearest(places)
+        corners = self.faces[face]
+        a, b, c = (self.points[corners[:, number]] for number in range(3))
+        across = np.cross(b - a, c - a)
+        square = np.einsum("ij,ij->i", across, across)
+        v = np.einsum("ij,ij->i", np.cross(foot - a, c - a), across) / square
+        w = np.einsum("ij,ij->i", np.cross(b - a, foot - a), across) / square
+        weights = np.stack((1.0 - v - w, v, w), axis=1)
+        return as_float64(np.einsum("ij,ij->i", weights, self.kelvins[corners]))
+
+    def record(self) -> JsonObject:
+        """File, and what was left out of it."""
+        left_out = {} if self.above_k is None else {"above_k": self.above_k}
+        return {"file": self.path, "sha256": self.sha256, **left_out}
+
+    def far_faces(self, part: Part, cell_mm: float) -> str:
+        """Warning about faces of the part far from any point, or ""; InputError if all are."""
+        if self.faces is None:
+            distance = self._tree.query(part.face_centres)[0]
+            spacing = float(np.median(self._tree.query(self.points, k=2)[0][:, 1]))
+        else:
+            distance, spacing = Surface(self.points, self.faces).distance(part.face_centres), 0.0
+        far = distance > max(_FAR_SPACINGS * spacing, 2.0 * cell_mm)
+        if far.all():
+            raise InputError(
+                f"the temperatures in {self.path} lie {distance.min():.3g} mm or more from the "
+                "part, so they are not those of its wall; check their unit "
+                "(--wall-length-unit) and that both have the same coordinates."
+            )
+        far_off = part.face_areas[far].sum() / part.area
+        if not far.any():
+            return ""
+        return (
+            f"{far_off:.0%} of the part's surface is far from any temperature in {self.path}, "
+            f"up to {distance.max():.3g} mm, and gets that of the nearest one."
+        )
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self.points)
 
 
 @frozen
