@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from iriftrace.cfd.openfoam.case import Case, natural_case, symmetric_case
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.flow.simulate.case import Case, natural_case, symmetric_case
 from iriftrace.geometry.triangles import polydata
 from iriftrace.io.measured import read_measured_wall
 from iriftrace.part.part import Part, save_part
