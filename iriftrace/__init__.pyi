@@ -12,13 +12,6 @@ from .camera.pose_files import from_convention as from_convention
 from .camera.pose_files import read_poses as read_poses
 from .camera.pose_files import to_convention as to_convention
 from .camera.pose_set import PoseSet as PoseSet
-from .cfd.between import field_between as field_between
-from .cfd.check.check import check_field as check_field
-from .cfd.check.finding import FieldCheck as FieldCheck
-from .cfd.synthetic.field import synthetic_field as synthetic_field
-from .cfd.synthetic.mesh import AirMesh as AirMesh
-from .cfd.synthetic.model import SyntheticAir as SyntheticAir
-from .cfd.synthetic.model import synthetic_air as synthetic_air
 from .core.errors import InputError as InputError
 from .core.errors import IriftraceError as IriftraceError
 from .core.errors import IriftraceWarning as IriftraceWarning
@@ -46,6 +39,13 @@ from .figures.result import Plots as Plots
 from .figures.result import plot as plot
 from .figures.style import write_figure as write_figure
 from .figures.window import view as view
+from .flow.between import field_between as field_between
+from .flow.check.check import check_field as check_field
+from .flow.check.finding import FieldCheck as FieldCheck
+from .flow.synthetic.field import synthetic_field as synthetic_field
+from .flow.synthetic.mesh import AirMesh as AirMesh
+from .flow.synthetic.model import SyntheticAir as SyntheticAir
+from .flow.synthetic.model import synthetic_air as synthetic_air
 from .image.aov_image import AovImage as AovImage
 from .image.aov_image import Status as Status
 from .image.aov_image import read_exr as read_exr

@@ -284,8 +284,8 @@ class HotTemperatures:
         self, part: Part, field_wall: Callable[[Part], Temperatures] | None
     ) -> Temperatures:
         """Temperatures of the walls nearest to points; for a field those of `field_wall`."""
-        from iriftrace.cfd.openfoam.wall import WallTemperatures, wall_temperature
         from iriftrace.part.region_choice import values_by_region
+        from iriftrace.part.wall_temperature import WallTemperatures, wall_temperature
 
         if self.of_field or self.default is None:
             if field_wall is None:

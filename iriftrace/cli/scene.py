@@ -124,10 +124,10 @@ def scene(
         Treatment of rays that meet a shell from its inside: refracted, or dropped (status 6) as
         Kern et al. (2025) do, for studies.
     """
-    from iriftrace.cfd.openfoam.bodies import bodies_beside
     from iriftrace.cli.output import print_shells
     from iriftrace.field.part_fit import refuse_expanded_board
     from iriftrace.field.readers.members import chosen_members
+    from iriftrace.io.bodies import bodies_beside
     from iriftrace.part.part import read_part
     from iriftrace.scene.hot_air import AirState
     from iriftrace.scene.save import save_scene

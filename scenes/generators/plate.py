@@ -18,7 +18,6 @@ from scipy.interpolate import PPoly
 
 from iriftrace.air import thermophysics as gas
 from iriftrace.air.refractivity import Air
-from iriftrace.cfd.check.nusselt import GRAVITY
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.field.index_field import FieldSource, IndexField
@@ -83,7 +82,7 @@ class PlateAir:
         """Unit of length of the solution, (nu^2 / g)^(1/3) of the ambient air, mm."""
         ambient = self.air.temperature_k
         kinematic = gas.viscosity(ambient) / gas.density(ambient, self.air.pressure_pa)
-        return 1e3 * float((kinematic**2 / GRAVITY) ** (1.0 / 3.0))
+        return 1e3 * float((kinematic**2 / gas.GRAVITY) ** (1.0 / 3.0))
 
     @cached_property
     def profile(self) -> PPoly:

@@ -8,9 +8,9 @@ import numpy as np
 
 from iriftrace.air import thermophysics as gas
 from iriftrace.air.refractivity import Air
-from iriftrace.cfd.check.nusselt import local_nusselt
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.units import ZERO_CELSIUS_K
+from iriftrace.flow.check.nusselt import local_nusselt
 from iriftrace.part.part import Part
 from iriftrace.part.standards import cylinder
 from validation.flow.simulated import Run, bent, solved_wall
