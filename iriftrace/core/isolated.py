@@ -197,7 +197,7 @@ def _serve() -> None:
                 head = json.dumps([None, " ".join(str(error).split()) or _TOO_LARGE])
             answers.write(head.encode() + b"\n")
             for array in arrays:
-                answers.write(array)
+                answers.write(array.data)
             answers.flush()
             arrays.clear()
             faulthandler.cancel_dump_traceback_later()
