@@ -1,6 +1,9 @@
 """Child processes: what they hand over, how they end, and that they run nothing of the folder."""
 
+import io
+import json
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -11,10 +14,12 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from iriftrace.core import child
-from iriftrace.core.child import ChildError, read_in_child
+from iriftrace.core import isolated
+from iriftrace.core.isolated import ChildError, read_in_child
 from iriftrace.core.netcdf import check_netcdf
 from iriftrace.field.readers.vtk_process import read_file
+
+COMMAND = [sys.executable, "-P", "-m", "iriftrace.core.isolated"]
 
 
 def test_values_and_arrays_come_back_as_they_were() -> None:
@@ -44,20 +49,72 @@ def test_values_and_arrays_come_back_as_they_were() -> None:
 def test_each_end_has_its_reason(
     function: str, argument: object, reason: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(child, "_SECONDS", 1)
-    monkeypatch.setattr(child, "_MEMORY", 1 << 27)
-    monkeypatch.setattr(child, "_POLL", 0.005)
+    monkeypatch.setattr(isolated, "_SECONDS", 1)
+    monkeypatch.setattr(isolated, "_MEMORY", 1 << 27)
+    monkeypatch.setattr(isolated, "_POLL", 0.005)
     with pytest.raises(ChildError, match=reason):
         read_in_child(function, 0, argument)
     assert read_in_child("builtins:abs", 0, -1) == 1
 
 
+def _sent(function: str, *arguments: object) -> bytes:
+    """What a process writes for one request, behind the line that says it is ready."""
+    request = json.dumps([function, arguments, 5]).encode() + b"\n"
+    ended = subprocess.run(COMMAND, input=request, stdout=subprocess.PIPE, check=True)
+    ready, end, answer = ended.stdout.partition(b"\n")
+    assert (ready, end) == (b"", b"\n")
+    return answer
+
+
+def test_an_answer_that_is_cut_short_is_none() -> None:
+    """As from a process that a library ends while it writes."""
+    whole = _sent("numpy:unravel_index", [22, 41], [7, 6])
+    value, error = isolated._received(io.BytesIO(whole)) or ((), "none")
+    np.testing.assert_array_equal(value, np.unravel_index([22, 41], (7, 6)))
+    assert not error
+    for length in range(len(whole)):
+        assert isolated._received(io.BytesIO(whole[:length])) is None
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        b"\xff\xfe\n",
+        b"{}\n",
+        b"[1]\n",
+        b'[{"\\u0000": ["<f8", [-1]]}, ""]\n',
+        b'[{"\\u0000": ["x8", [1]]}, ""]\n12345678',
+        b'[{"\\u0000": 1}, ""]\n',
+        # Numbers must not become addresses of objects.
+        b'[{"\\u0000": ["|O", [1]]}, ""]\n12345678',
+        b"[" * 100_000 + b"\n",
+        pickle.dumps(([1], "")),
+    ],
+)
+def test_a_damaged_answer_is_none(answer: bytes) -> None:
+    assert isolated._received(io.BytesIO(answer)) is None
+
+
+def test_an_answer_that_states_too_much_is_refused() -> None:
+    with pytest.raises(ChildError, match="more memory than it may take"):
+        isolated._received(io.BytesIO(b'[{"\\u0000": ["<f8", [1000000000000000]]}, ""]\n'))
+
+
+def test_a_fork_starts_a_process_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two that read from one pipe would get each other's answers."""
+    of_parent = read_in_child("os:getpid", 0)
+    monkeypatch.setattr(os, "getpid", lambda: -1)
+    assert read_in_child("os:getpid", 0) != of_parent
+    isolated._stop()
+    monkeypatch.undo()
+    assert read_in_child("os:getpid", 0) == of_parent
+
+
 def test_a_killed_process_is_started_again() -> None:
     read_in_child("builtins:abs", 0, -1)
-    process = child._reader._process
-    assert process is not None
-    os.kill(process.running.pid, signal.SIGKILL)
-    process.running.wait()
+    process = isolated._children[os.getpid()]
+    process.kill()
+    process.wait()
     assert read_in_child("builtins:abs", 0, -2) == 2
 
 
@@ -69,9 +126,8 @@ def test_a_process_that_an_earlier_file_has_damaged_is_replaced() -> None:
 
 def test_a_process_whose_parent_was_killed_ends() -> None:
     """Even in a library that never returns to Python."""
-    command = [sys.executable, "-P", "-m", "iriftrace.core.child"]
     with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+        COMMAND, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
     ) as process:
         assert process.stdin is not None
         process.stdin.write(b'["math:factorial", [100000000], 0.1]\n')
@@ -92,7 +148,7 @@ def test_modules_of_the_working_folder_are_not_run(
         file.create_variable("v", ("x",), data=[1.0])
     pv.Sphere().save(tmp_path / "good.vtp")
     monkeypatch.chdir(tmp_path)
-    child._reader.stop()
+    isolated._stop()
     check_netcdf(tmp_path / "good.nc")
     assert read_file(tmp_path / "good.vtp").n_points > 0
     assert not marker.exists()
