@@ -256,13 +256,13 @@ class ViewLimits:
 
     @property
     def text(self) -> str:
-        """The limits in words, after "seen"."""
+        """The limits in words, half a sentence after another one; empty if there is none."""
         limits = []
         if math.isfinite(self.displacement_mm):
             limits.append(f"with a displacement of {1e3 * self.displacement_mm:g} um at most")
         if self.incidence_deg < 90.0:
             limits.append(f"at an angle of {self.incidence_deg:g} degrees at most")
-        return " and ".join(limits) or "at all"
+        return f"; a face counts that is seen {' and '.join(limits)}" if limits else ""
 
 
 NO_LIMITS = ViewLimits()

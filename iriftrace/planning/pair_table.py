@@ -135,13 +135,13 @@ def _pair(
     first, second = one.row[face], other.row[face]
     both = np.minimum(one.seen.seen[first], other.seen.seen[second])
     coverage = float(areas[face] @ both / areas.sum())
-    hits = min(one.seen.rays[first].sum(), other.seen.rays[second].sum())
-    # The camera's rays are those of the measured points.
-    hit = (one.seen.rays[first] > 0) & np.isfinite(other.seen.displacement[second])
-    if hits < criteria.min_hits or coverage < criteria.min_coverage or not hit.any():
-        return None
+    # Errors are known on faces that both hit.
+    hit = (one.seen.rays[first] > 0) & (other.seen.rays[second] > 0)
     face, points, cosine = face[hit], points[hit], cosine[hit]
     first, second = first[hit], second[hit]
+    hits = min(one.seen.rays[first].sum(), other.seen.rays[second].sum())
+    if hits < criteria.min_hits or coverage < criteria.min_coverage:
+        return None
     sensor = Sensor.of(one.camera, other.camera, request.system)
     error = first_order_error(sensor, points, one.seen.offset[first], other.seen.offset[second])
     along = np.einsum("ij,ij->i", error, part.face_normals[face])

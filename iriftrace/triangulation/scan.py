@@ -21,7 +21,12 @@ from iriftrace.features.fitted import FittedFeature, fit_features
 from iriftrace.features.outliers import GATE
 from iriftrace.features.quantity import Quantity
 from iriftrace.features.relations import Relation, relations
-from iriftrace.image.coverage import PixelHits, places_in_picture, seen_fractions
+from iriftrace.image.coverage import (
+    PixelHits,
+    places_in_picture,
+    places_in_view,
+    seen_fractions,
+)
 from iriftrace.part.part import Part
 from iriftrace.triangulation.acceptance import AcceptanceError
 from iriftrace.triangulation.statistics import (
@@ -240,7 +245,8 @@ class Scan:
         sees[pixel] = True
         x, y, z = position
         hits = PixelHits(face, (x, y, z), sees)
-        return seen_fractions(part, places_in_picture(part, self.camera, hits))
+        both = np.intersect1d(*(places_in_view(part, d) for d in (self.camera, self.second)))
+        return seen_fractions(part, places_in_picture(part, self.camera, both, hits))
 
     def relations(self, part: Part, features: Sequence[FittedFeature]) -> tuple[Relation, ...]:
         """Distances and angles between `features`, with the same statements."""
