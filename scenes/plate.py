@@ -21,7 +21,8 @@ from iriftrace.air.refractivity import Air
 from iriftrace.cfd.check.nusselt import GRAVITY
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
-from iriftrace.field.index_field import FieldSource, IndexField
+from iriftrace.field.index_field import IndexField
+from iriftrace.field.source import FieldFacts, FieldKind, FieldSource
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.shapes.board import Board
 
@@ -174,6 +175,7 @@ def plate_field(air: PlateAir) -> IndexField:
         quantity="temperature",
         length_unit="mm",
         origin="steady boundary layer of a vertical plate, similarity solution",
+        facts=FieldFacts(FieldKind.STEADY),
     )
     whole = grid.cast_to_unstructured_grid()
     return IndexField(whole, air.air.refractivity(kelvin), air.air, source)
