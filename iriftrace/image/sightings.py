@@ -116,7 +116,8 @@ def sight_faces(
     count = np.bincount(row, minlength=len(number))
 
     def values(name: str) -> AnyArray:
-        return image.channels[name].ravel()[pixel]
+        found: AnyArray = image.channels[name].ravel()[pixel]
+        return found
 
     def mean(column: AnyArray) -> Float32Array:
         with np.errstate(invalid="ignore"):

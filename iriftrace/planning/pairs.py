@@ -166,8 +166,8 @@ def plan_pairs(
     order = np.argsort(score, kind="stable")
     exact: list[float] = []
     engine = ""
-    first = views[int(table[order[0], 0])], views[int(table[order[0], 1])]
-    warn_of_large_faces(np.stack([view.fractions for view in first]), request.areas)
+    best_pair = views[int(table[order[0], 0])], views[int(table[order[0], 1])]
+    warn_of_large_faces(np.stack([view.fractions for view in best_pair]), request.areas)
     if confirm:
         best = order[:CONFIRMED].copy()
         pairs = table[best, :2].astype(np.int64)

@@ -251,7 +251,8 @@ class Scan:
         sees[pixel] = True
         x, y, z = position
         hits = PixelHits(face, (x, y, z), sees)
-        both = np.intersect1d(*(places_in_view(part, d) for d in (self.camera, self.second)))
+        first, second = (places_in_view(part, d) for d in (self.camera, self.second))
+        both = np.intersect1d(first, second, assume_unique=True)
         return seen_fractions(part, places_in_picture(part, self.camera, both, hits))
 
     def relations(self, features: Sequence[FittedFeature]) -> tuple[Relation, ...]:

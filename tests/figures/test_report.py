@@ -13,7 +13,7 @@ from iriftrace.camera.orbit import Orbit, orbit_poses
 from iriftrace.camera.pose import pose_text
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import plain
-from iriftrace.field.source import FieldSource
+from iriftrace.field.source import FieldFacts, FieldKind, FieldSource
 from iriftrace.figures import report as report_module
 from iriftrace.figures.report import report_content, write_report
 from iriftrace.image.aov_image import Status
@@ -240,7 +240,8 @@ def test_what_decides_stands_in_the_first_box() -> None:
     """The field is made up, and the sweep warned of the best pose."""
     table = sweep()
     origin = "synthetic: formulas, no simulation; synthetic: others"
-    field = FieldSource("air.vtu", "12", "T", "temperature", "mm", origin)
+    facts = FieldFacts(FieldKind.SYNTHETIC)
+    field = FieldSource("air.vtu", "12", "T", "temperature", "mm", origin, facts=facts)
     table.attrs["field"] = json.dumps(plain(field))
     table.attrs["part"] = json.dumps({"path": "/a/part.ply", "source": "flange.stl"})
     best = summarise(table).plan.best
