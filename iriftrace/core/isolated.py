@@ -66,7 +66,8 @@ def read_in_child(function: str, size: int, *arguments: object) -> Any:
     the function raises an error, exceeds its limits or crashes.
     """
     seconds, memory = _SECONDS + size // _BYTES_A_SECOND, _MEMORY + _MEMORY_A_BYTE * size
-    request = json.dumps([function, arguments, seconds]).encode() + b"\n"
+    # Relative paths are of the folder in which the caller works now.
+    request = json.dumps([function, arguments, seconds, os.getcwd()]).encode() + b"\n"
     with _lock:
         child, answer = _children.get(os.getpid()), None
         if child is not None:
@@ -183,7 +184,8 @@ def _serve() -> None:
     with os.fdopen(os.dup(1), "wb") as answers:
         os.dup2(2, 1)  # libraries may print
         for line in sys.stdin.buffer:
-            function, arguments, seconds = json.loads(line)
+            function, arguments, seconds, folder = json.loads(line)
+            os.chdir(folder)
             # Ends the process, should the parent be killed while a library runs for ever.
             faulthandler.dump_traceback_later(_PATIENCE * seconds, exit=True)
             module, _, name = function.partition(":")

@@ -59,7 +59,7 @@ def test_each_end_has_its_reason(
 
 def _sent(function: str, *arguments: object) -> bytes:
     """What a process writes for one request, behind the line that says it is ready."""
-    request = json.dumps([function, arguments, 5]).encode() + b"\n"
+    request = json.dumps([function, arguments, 5, "."]).encode() + b"\n"
     ended = subprocess.run(COMMAND, input=request, stdout=subprocess.PIPE, check=True)
     ready, end, answer = ended.stdout.partition(b"\n")
     assert (ready, end) == (b"", b"\n")
@@ -110,6 +110,15 @@ def test_a_fork_starts_a_process_of_its_own(monkeypatch: pytest.MonkeyPatch) -> 
     assert read_in_child("os:getpid", 0) == of_parent
 
 
+def test_relative_paths_are_of_the_working_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also after it has changed, as in a notebook."""
+    read_in_child("os:getcwd", 0)
+    monkeypatch.chdir(tmp_path)
+    assert read_in_child("os:getcwd", 0) == str(tmp_path)
+
+
 def test_a_killed_process_is_started_again() -> None:
     read_in_child("builtins:abs", 0, -1)
     process = isolated._children[os.getpid()]
@@ -130,7 +139,7 @@ def test_a_process_whose_parent_was_killed_ends() -> None:
         COMMAND, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
     ) as process:
         assert process.stdin is not None
-        process.stdin.write(b'["math:factorial", [100000000], 0.1]\n')
+        process.stdin.write(b'["math:factorial", [100000000], 0.1, "."]\n')
         process.stdin.flush()
         assert process.wait(60) == 1
 
