@@ -27,7 +27,7 @@ from iriftrace.figures.style import (
 )
 from iriftrace.geometry.triangles import polydata
 from iriftrace.part.part import Part
-from iriftrace.planning.quantities import Quantity
+from iriftrace.planning.quantities import PoseQuantity
 from iriftrace.planning.summary import SweepSummary
 from iriftrace.sweep.faces import FaceMap
 from iriftrace.sweep.reload import Surroundings
@@ -50,7 +50,7 @@ _FAR_SIZE = 0.65
 
 
 def sweep_scene_figure(
-    summary: SweepSummary, quantity: Quantity, surroundings: Surroundings
+    summary: SweepSummary, quantity: PoseQuantity, surroundings: Surroundings
 ) -> Figure:
     """Draw the poses of a sweep in space, coloured by a metric, 1600 x 1200 pixels.
 
