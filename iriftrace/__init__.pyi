@@ -32,8 +32,8 @@ from .features.fit import fit_feature as fit_feature
 from .features.fitted import FittedFeature as FittedFeature
 from .features.quantity import Quantity as Quantity
 from .features.relations import Relation as Relation
-from .field.air_temperatures import AirTemperatures as AirTemperatures
-from .field.air_temperatures import read_air_temperatures as read_air_temperatures
+from .io.air_temperatures import AirTemperatures as AirTemperatures
+from .io.air_temperatures import read_air_temperatures as read_air_temperatures
 from .field.flow import AirFlow as AirFlow
 from .field.index_field import IndexField as IndexField
 from .field.part_fit import Fit as Fit

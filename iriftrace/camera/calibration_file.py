@@ -22,9 +22,11 @@ from iriftrace.camera.calibration_programs import (
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import text_in
-from iriftrace.core.number_table import MISSING
 from iriftrace.core.plain import TwiceError, once
 from iriftrace.core.units import LENGTH_UNITS, stated_length_unit
+
+MISSING = -9999.0
+"""Number that programs write for a value that is missing."""
 
 LARGEST_BYTES = 4_000_000
 """Size of a calibration with the poses of ten thousand boards, which YAML reads in ten seconds."""

@@ -16,7 +16,6 @@ from iriftrace.camera.pose_set import aimed
 from iriftrace.camera.robot_poses import ROBOTS, RobotName, robots_of
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
-from iriftrace.core.number_table import is_numbers
 from iriftrace.core.units import LENGTH_UNITS, stated_length_unit
 
 ANGLES = ("azimuth_deg", "elevation_deg")
@@ -84,7 +83,7 @@ def columns_of_table(text: str, path: Path, robot: RobotName | None = None) -> d
         )
     # Excel reads "sep=;" in a first line.
     split = [line.partition("#") for line in re.sub(r"\Asep=.*", "", text).splitlines()]
-    bare = [_without_brackets(line) if is_numbers(line) else line for line, _, _ in split]
+    bare = [_without_brackets(line) if _is_numbers(line) else line for line, _, _ in split]
     numbered = [(k, line.strip()) for k, line in enumerate(bare, 1) if line.strip()]
     if not numbered:
         raise InputError(f"{path} holds no pose; give at least one.")
@@ -135,6 +134,12 @@ def columns_of_table(text: str, path: Path, robot: RobotName | None = None) -> d
 
 _COLMAP = re.compile(r"^#.*IMAGE_ID,\s*QW,\s*QX", re.MULTILINE)
 _BRACKETS = str.maketrans("", "", "[]")
+
+
+def _is_numbers(line: str) -> bool:
+    """True for a line that can be numbers: no letters besides exponents, NaN and Inf."""
+    bare = re.sub(r"\b(?:nan|inf(?:inity)?)\b", "", line, flags=re.IGNORECASE)
+    return re.search(r"[A-DF-Za-df-z_]|(?![A-Za-z])[^\W\d_]", bare) is None
 
 
 def _without_brackets(line: str) -> str:

@@ -101,7 +101,7 @@ def correct(
     figures
         Draw the corrections, and the deviation from the part, into a .png next to the output.
     """
-    from iriftrace.clouds.read import read_cloud
+    from iriftrace.io.clouds import read_cloud
     from iriftrace.features.choice import checked_choices
     from iriftrace.geometry.transform import apply
     from iriftrace.triangulation.correct import correct as take_out

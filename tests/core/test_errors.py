@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import trimesh
 
-from iriftrace.clouds.read import read_cloud
+from iriftrace.io.clouds import read_cloud
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.part.part import part_of_mesh
 from iriftrace.scene.hot_air import HotAir

@@ -12,7 +12,7 @@ import trimesh
 from failing import Failing
 
 from iriftrace.cli import main
-from iriftrace.clouds.read import read_cloud
+from iriftrace.io.clouds import read_cloud
 from iriftrace.core.errors import InputError
 from iriftrace.geometry.ply import write_ply_points
 from iriftrace.scenes import folder_of
