@@ -101,9 +101,9 @@ def correct(
     figures
         Draw the corrections, and the deviation from the part, into a .png next to the output.
     """
-    from iriftrace.io.clouds import read_cloud
     from iriftrace.features.choice import checked_choices
     from iriftrace.geometry.transform import apply
+    from iriftrace.io.clouds import read_cloud
     from iriftrace.triangulation.correct import correct as take_out
     from iriftrace.triangulation.placement import remedy
 

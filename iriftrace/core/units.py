@@ -30,7 +30,9 @@ LENGTH_UNITS = {
 }
 """Length units by the names that files give them."""
 
-_STATED_UNIT = re.compile(r"(?<![^\W_])(?:length[ _]?)?units?\s*[:=]\s*[\[(]?\s*([a-zµμ]+)", re.IGNORECASE)
+_STATED_UNIT = re.compile(
+    r"(?<![^\W_])(?:length[ _]?)?units?\s*[:=]\s*[\[(]?\s*([a-zµμ]+)", re.IGNORECASE
+)
 
 _NAME = r"[A-Za-z°µμ%_]+(?:(?:\*\*|\^)[-+]?\d+)?"
 _QUANTITY = re.compile(

@@ -44,6 +44,7 @@ SI = {"temperature": "kelvin", "density": "kg/m^3", "index": "1"}
 
 _IN_BRACKETS = re.compile(r".*[\s_]*[(\[{](?P<unit>[^()\[\]{}]+)[)\]}]\s*")
 
+
 @frozen(eq=False)
 class Choice:
     """The array of a file that is used, and the physical quantity it holds."""

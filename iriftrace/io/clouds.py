@@ -225,9 +225,9 @@ def _table_rows(
     """
     text, count = text_in(file), None
     if file.suffix.lower() == ".pts":
-        first, _, rest = text.partition("\n")
+        first, _, following = text.partition("\n")
         if first.strip().isdecimal():
-            text, count = f"\n{rest}", int(first)
+            text, count = f"\n{following}", int(first)
     table = table_in(text, file)
     _refuse_corrected(file, table.names)
     if count is not None and count != len(table.cells):

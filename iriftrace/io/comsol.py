@@ -174,8 +174,9 @@ def _export(path: Path) -> _Export:
         table = table_in(text, path)
         entries = _entries(table.remarks, path)
         if entries:
-            # Its length unit is an entry of the header.
-            table = evolve(table, names=tuple(_names(table)), remarks=())
+            # The unit of length is an entry of the header.
+            rest = tuple(line for line in table.remarks if not _ENTRY.match(line))
+            table = evolve(table, names=tuple(_names(table)), remarks=rest)
         file = _Export(path, entries, table, ())
     else:
         first = next(k for k, line in enumerate(lines) if _TITLE.fullmatch(line))
@@ -197,8 +198,8 @@ def _entries(lines: Iterable[str], path: Path) -> dict[str, str]:
             entries[key] = value
         elif value.isdecimal() or value.casefold() in LENGTH_UNITS:
             raise InputError(
-                f"{path} has the line {entry[0].strip()!r} in its header, which is not one of COMSOL "
-                "in English, so a count or unit would be lost; export it with COMSOL in English."
+                f"{path} has the line {entry[0].strip()!r} in its header, which COMSOL does not "
+                "write in English, so that a count or unit would be lost; export it in English."
             )
     return entries
 

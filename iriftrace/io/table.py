@@ -62,7 +62,7 @@ class Table:
     @property
     def width(self) -> int:
         """Number of columns."""
-        return self.cells.shape[1]
+        return len(self.cells.columns)
 
     @property
     def columns(self) -> list[Column]:
@@ -183,7 +183,8 @@ def table_in(text: str, path: Path, separator: str = "") -> Table:
         if (count := _width(row, separator)) != width:
             raise InputError(
                 f"{path}, line {number + 1}: the row {row.strip()[:40]!r} has {count} columns, but "
-                f"the first one has {width}; the file may be cut short, or hold more than a table."
+                f"the first one has {width}; the file was cut short, or holds more than a table, "
+                "such as settings above a matrix of pixels."
             )
     decimal = _decimal(rows, separator, path)
     cells = _cells(rows, separator, decimal, path)
@@ -192,7 +193,9 @@ def table_in(text: str, path: Path, separator: str = "") -> Table:
     last = next((k for k in reversed(range(len(above))) if not _states_unit(remarks[k])), None)
     header = "" if last is None else _MARK.sub("", remarks.pop(last), count=1)
     names = _names(header, width, separator)
-    if names[width - 1 :] in ([], [""]) and all(row.rstrip(" ").endswith(separator) for row in rows):
+    if names[width - 1 :] in ([], [""]) and all(
+        row.rstrip(" ").endswith(separator) for row in rows
+    ):
         names, cells = names[: width - 1], cells.iloc[:, :-1]
     places = [number + 1 for number in body]
     return Table(path, tuple(remarks), header, tuple(names), separator, decimal, cells, places)
@@ -289,7 +292,9 @@ def _names(header: str, width: int, separator: str) -> list[str]:
 def _column(name: str) -> Column:
     column = column_of(name)
     if column.unit is None and (found := _UNIT_BEHIND.fullmatch(column.name)):
-        return Column(found["axis"] or found["name"], found["length"] or found["unit"], column.state)
+        return Column(
+            found["axis"] or found["name"], found["length"] or found["unit"], column.state
+        )
     return column
 
 

@@ -11,8 +11,6 @@ from attrs import asdict, evolve, field, frozen
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from iriftrace.io.clouds import Cloud
-from iriftrace.io.cloud_write import by_axis, save_cloud
 from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.plain import JsonObject, plain
@@ -26,6 +24,8 @@ from iriftrace.features.quantity import Quantity, Uncertainty
 from iriftrace.features.relations import Relation, relations
 from iriftrace.field.source import FieldKind
 from iriftrace.geometry.transform import apply
+from iriftrace.io.cloud_write import by_axis, save_cloud
+from iriftrace.io.clouds import Cloud
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
 from iriftrace.scene.hot_air import OUTSIDE

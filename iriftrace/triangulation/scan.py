@@ -10,7 +10,6 @@ from attrs import Factory, asdict, evolve, frozen
 from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
-from iriftrace.io.cloud_write import by_axis, save_cloud
 from iriftrace.core.arrays import AnyArray, FloatArray, IntArray
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.plain import JsonObject, plain
@@ -21,6 +20,7 @@ from iriftrace.features.fitted import FittedFeature, fit_features
 from iriftrace.features.outliers import GATE
 from iriftrace.features.quantity import Quantity
 from iriftrace.features.relations import Relation, relations
+from iriftrace.io.cloud_write import by_axis, save_cloud
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
 from iriftrace.triangulation.acceptance import AcceptanceError

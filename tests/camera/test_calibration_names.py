@@ -148,7 +148,7 @@ def test_camera_intrinsics_of_matlab(tmp_path: Path) -> None:
 def test_remarks_in_windows_encoding_may_state_the_unit(tmp_path: Path) -> None:
     content = plain(tmp_path / "a.json", rvec=[0, 0, 0], tvec=[0, 0, 0.4]).read_text()
     path = tmp_path / "a.yaml"
-    path.write_bytes(f"# Prüfstand, Einheit: m\n{content}".encode("cp1252"))
+    path.write_bytes(f"# Prüfstand, unit: m\n{content}".encode("cp1252"))
     matrix = read_calibration(path).matrix
     assert matrix is not None
     assert matrix[2, 3] == pytest.approx(-400.0)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from iriftrace.io.e57 import read_scan
-from iriftrace.io.clouds import Cloud, read_cloud
-from iriftrace.io.cloud_write import WRITTEN
 from iriftrace.core.errors import InputError
 from iriftrace.geometry.ply import read_ply
 from iriftrace.geometry.transform import apply
+from iriftrace.io.cloud_write import WRITTEN
+from iriftrace.io.clouds import Cloud, read_cloud
+from iriftrace.io.e57 import read_scan
 from iriftrace.triangulation.correction import Correction, CorrectionStatus
 
 RNG = np.random.default_rng(4)

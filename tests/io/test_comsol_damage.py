@@ -56,19 +56,25 @@ SPREADSHEET = {
     "unit of another kind": (swap("(K)", "(V)"), "unit 'V', which is not a unit of temperature"),
     "unknown unit": (swap("(K)", "(Kelvins)"), "'Kelvins', which is not a unit"),
     "unknown unit of length": (swap(" mm", " furlong"), "'furlong' is not a length unit"),
-    "no header": (without_header, "no header line that names its columns"),
-    "no names": (swap("% x", "% Date: x"), "no header line that names"),
-    "one name too few": (swap("z  ", "   "), "names 3 columns, but its rows have 4"),
-    "no z": (swap("z  ", "r  "), "one column each of x, y and z, but has x, y, r"),
-    "two x": (swap("y  ", "x  "), "one column each"),
+    "no header": (without_header, "rows of 4 columns, which no line above them names"),
+    "no names": (swap("% x", "% Date: x"), "columns Date: x"),
+    "one name too few": (swap("z  ", "   "), "rows of 4 columns, which no line above them names"),
+    "no z": (swap("z  ", "r  "), "columns x, y, r, T \\(K\\), of which not one each"),
+    "two x": (swap("y  ", "x  "), "of which not one each"),
     "two dimensions": (swap("Dimension:          3", "Dimension:          2"), "in 2 dimensions"),
-    "no number of nodes": (swap("Nodes:              125", "Nodes: some"), "'some' for nodes"),
+    "no number of nodes": (
+        swap("Nodes:              125", "Nodes: some"),
+        "counts some nodes, but the file has 125",
+    ),
     "cut between rows": (lambda t: "\n".join(t.splitlines()[:60]), "counts 125 nodes.*has 51"),
-    "cut within a row": (lambda t: t.rstrip()[:-30], "cannot be read as numbers.*cut short"),
-    "no rows": (cut(200), "no rows of numbers"),
-    "empty": (cut(0), "no rows of numbers"),
-    "word in a row": (row(3, "1 2 oops 300"), "cannot be read as numbers.*oops"),
-    "complex value": (row(3, "1 2 3 300+2i"), "cannot be read as numbers.*complex"),
+    "cut within a row": (
+        lambda t: t.rstrip()[:-30],
+        "line 134: the row .* has 3 columns.*cut short",
+    ),
+    "no rows": (cut(200), "no row of numbers"),
+    "empty": (cut(0), "no row of numbers"),
+    "word in a row": (row(3, "1 2 oops 300"), "line 13: 'oops' is not a number"),
+    "complex value": (row(3, "1 2 3 300+2i"), r"line 13: '300\+2i' is not a number"),
     "not text": (swap("% Model", "\0\1"), "is not text"),
     "all NaN": (
         lambda t: re.sub(r"^([^%].*?)\S+\s*$", r"\1NaN", t, flags=re.M),
@@ -89,10 +95,10 @@ SECTIONWISE = {
         lambda t: re.sub(r"% Desc.*\n", "", t).replace(" (T (K))", ""),
         "does not name its 1 sections",
     ),
-    "no data": (lambda t: t[: t.index("% Data")], "no section of data"),
+    "no data": (lambda t: t[: t.index("% Data")], "no section % Data"),
     "no elements": (
         lambda t: t[: t.index("% Elements (")] + t[t.index("% Data") :],
-        r"0 sections of elements",
+        "0 sections % Elements",
     ),
     "cut in the data": (lambda t: "\n".join(t.splitlines()[:-4]), "has 121 values for 125 points"),
     "cut in the elements": (
@@ -152,7 +158,7 @@ def test_damaged_files(tmp_path: Path, layout: str, edit: Edit, words: str) -> N
 def test_commas_both_as_separator_and_decimal_sign(tmp_path: Path) -> None:
     path = tmp_path / "f.csv"
     comsol.spreadsheet(path, POINTS + 0.5, {"T (K)": KELVIN}, separator=",", decimal=",")
-    with pytest.raises(InputError, match=r"names 4 columns, but its rows have 8.*decimal sign"):
+    with pytest.raises(InputError, match=r"line 11: .* has 7 columns, but the first one has 8"):
         read_field(path)
 
 
@@ -218,12 +224,23 @@ def test_scattered_points_need_a_closed_part(tmp_path: Path) -> None:
         read_field(path, part=read_part(tmp_path / "large.stl"))
 
 
-def test_complex_values_and_files_of_tecplot_are_named_as_such(tmp_path: Path) -> None:
-    complex_values = "% x y z T (K)\n" + "".join(f"1 2 {k} 300+0.5i\n" for k in range(9))
+def test_headers_of_other_languages_are_refused_where_they_state_a_count_or_unit(
+    tmp_path: Path,
+) -> None:
+    path = comsol.spreadsheet(tmp_path / "f.txt", POINTS, {"T (K)": KELVIN})
+    text = path.read_text(encoding="utf-8")
+    for key, other in (("Nodes:", "Knoten:"), ("Length unit:", "Längeneinheit:")):
+        path.write_text(swap(key, other)(text), encoding="utf-8")
+        with pytest.raises(InputError, match=f"{other} .* export it in English"):
+            read_field(path)
+    path.write_text(swap("Model:", "Modell:")(text), encoding="utf-8")
+    assert read_field(path).grid.volume == pytest.approx(1000.0)
+
+
+def test_a_file_of_tecplot_is_refused(tmp_path: Path) -> None:
     tecplot = (
         'TITLE = "a"\nVARIABLES = "X", "Y", "Z", "T"\nZONE I=2 F=POINT\n1 2 3 300\n2 3 4 300\n'
     )
-    for text, said in ((complex_values, "complex values; export their real"), (tecplot, "Tecplot")):
-        (tmp_path / "f.txt").write_text(text)
-        with pytest.raises(InputError, match=said):
-            read_field(tmp_path / "f.txt")
+    (tmp_path / "f.dat").write_text(tecplot)
+    with pytest.raises(InputError, match="ZONE"):
+        read_field(tmp_path / "f.dat")

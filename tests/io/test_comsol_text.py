@@ -148,11 +148,11 @@ def test_numbers_may_be_quoted(tmp_path: Path) -> None:
     path.write_text('"x","y","z","T (K)"\n' + "\n".join(map(",".join, rows)))
     assert_the_box(read_field(path))
     path.write_text("x,y,z,T (K)\n" + "\n".join(f'{x},{x},{x},"1,{x}00"' for x in range(1, 9)))
-    with pytest.raises(InputError, match="names 4 columns, but its rows have 5"):
+    with pytest.raises(InputError, match="'1,100' is not a number"):
         read_field(path)
 
 
-@pytest.mark.parametrize("name", ["T", "comp1.T", "Temperature", "ht.T", "Temperature, mean"])
+@pytest.mark.parametrize("name", ["T", "comp1.T", "Temperature", "ht.T", "Temperatur"])
 def test_names_that_comsol_gives_the_temperature(tmp_path: Path, name: str) -> None:
     path = comsol.sectionwise(
         tmp_path / "f.txt",
@@ -273,21 +273,12 @@ def test_points_that_are_listed_again_are_used_once(tmp_path: Path, part: Part) 
     assert field.grid.n_points == len(points)
 
 
-def as_spreadsheet_program(line: str) -> str:
-    """A line of a header as spreadsheet programs save it again."""
-    key, value = line.removeprefix("% ").split(":", 1)
-    return f'"% {key}";"{value.strip()}";;'
-
-
 HEADERS = {
     "comma": lambda line: line.replace(": ", ",", 1),
+    "quotation marks": lambda line: line.replace(": ", ',"', 1) + '"',
     "semicolon": lambda line: line.replace(":", ";", 1),
     "tab": lambda line: line.replace(":", "\t", 1),
-    "equals sign": lambda line: line.replace(":", " =", 1),
-    "blanks": lambda line: line.replace(":", " ", 1),
     "number sign": lambda line: line.replace("%", "#", 1),
-    "capitals": lambda line: line.replace(":", ",", 1).upper().replace(", M", ", m"),
-    "quotation marks": as_spreadsheet_program,
 }
 
 
@@ -311,7 +302,7 @@ def test_keys_of_a_header_are_read_whatever_follows_them(tmp_path: Path, header:
 
 def test_a_table_with_fewer_rows_than_its_header_counts_is_refused(tmp_path: Path) -> None:
     """Whatever follows the key of its header."""
-    path = metre_table(tmp_path / "f.csv", "quotation marks")
+    path = metre_table(tmp_path / "f.csv", "semicolon")
     path.write_text("\n".join(path.read_text().splitlines()[:90]) + "\n")
     with pytest.raises(InputError, match="counts 125 nodes, but the file has 81: it was cut short"):
         read_field(path)
@@ -343,7 +334,7 @@ def test_header_and_axes_that_state_different_units_of_length_are_refused(tmp_pa
     path = tmp_path / "f.csv"
     axes = ("x (m)", "y (m)", "z (m)")
     comsol.spreadsheet(path, POINTS, {"T (K)": KELVIN}, separator=",", axes=axes)
-    with pytest.raises(InputError, match=r"several units of its coordinates \(mm, m, m, m\)"):
+    with pytest.raises(InputError, match="states lengths in mm and m, so it"):
         read_field(path)
 
 
@@ -361,28 +352,18 @@ def test_units_in_square_brackets(tmp_path: Path, unit: str, separator: str) -> 
     assert field.source.length_unit == "m"
 
 
-def test_a_table_of_fluent(tmp_path: Path) -> None:
-    rows = np.column_stack((np.arange(1, len(POINTS) + 1), POINTS, KELVIN))
-    header = "nodenumber,    x-coordinate,    y-coordinate,    z-coordinate,     temperature"
-    np.savetxt(tmp_path / "f.txt", rows, "%.12e", ",", header=header, comments="")
-    assert_the_box(read_field(tmp_path / "f.txt", temperature_unit="K"))
-
-
 @pytest.mark.parametrize(
     ("header", "unit"),
     [
         ("Points:0,Points:1,Points:2,T", None),
         ("Points_0,Points_1,Points_2,T", None),
-        ("X Location (m),Y Location (m),Z Location (m),T", "m"),
         ("x_m,y_m,z_m,T", "m"),
-        ("x,y,z,T\nm,m,m,K", "m"),
-        ("x,y,z,T\n[m],[m],[m],[K]", "m"),
         ("# units: m, K\n# x,y,z,T", "m"),
         ("# x y z T", None),
     ],
 )
 def test_names_and_units_of_other_programs(tmp_path: Path, header: str, unit: str | None) -> None:
-    """ParaView, ANSYS, tables with a row of units, and NumPy."""
+    """ParaView, NumPy, and units behind names or in a remark."""
     rows = np.column_stack((POINTS / (1e3 if unit else 1.0), KELVIN))
     mark = "," if "," in header else " "
     np.savetxt(tmp_path / "f.txt", rows, "%.12e", mark, header=header, comments="")

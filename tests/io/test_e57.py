@@ -7,9 +7,9 @@ import numpy as np
 import pye57
 import pytest
 
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.io import e57
 from iriftrace.io.clouds import read_cloud
-from iriftrace.core.errors import InputError, IriftraceWarning
 
 SINGLE_MM = 8e-6
 """What pye57 leaves of coordinates below 0.13 m, which it writes in single precision."""

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from iriftrace.io.clouds import read_cloud
-from iriftrace.io.cloud_write import save_cloud
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.io.cloud_write import save_cloud
+from iriftrace.io.clouds import read_cloud
 
 COMPRESSED = (Path(__file__).parents[1] / "data/pcd/compressed.pcd").read_bytes()
 """A grid of 6 x 4 points with a colour and an intensity each; number 7 was not measured."""

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from iriftrace.io.clouds import read_cloud
 from iriftrace.core.errors import InputError
+from iriftrace.io.clouds import read_cloud
 
 POINTS = np.random.default_rng(1).uniform(-100, 100, (20, 3))
 
