@@ -48,7 +48,7 @@ def main(part_file: str, folder: str) -> None:
     poses = iriftrace.orbit_poses(orbit, AZIMUTHS, ELEVATIONS)
     family = iriftrace.Scene(part, iriftrace.HotAir(fields), CAMERA, engine="cells")
     table = iriftrace.run_sweep(family, poses)
-    criteria = Criteria(min_coverage=LEAST * float(table["coverage"].sel(region="part").max()))
+    criteria = Criteria(min_coverage=LEAST * float(table["coverage_area"].sel(region="part").max()))
     alone = [
         ranked_quietly(
             iriftrace.run_sweep(evolve(family, air=iriftrace.HotAir(field)), poses), criteria

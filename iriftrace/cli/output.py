@@ -169,8 +169,8 @@ def print_summary(metrics: PoseMetrics) -> None:
         _add_shell_error(table, metrics.shells_against_field, metrics.engine_test)
     table.add_row(
         "coverage",
-        f"{_percent(metrics.coverage)} of the part's area in faces hit, "
-        f"{_percent(metrics.coverage_area)} by pixel area",
+        f"{_percent(metrics.coverage_area)} of the part's area seen (faces hit: "
+        f"{_percent(metrics.coverage)})",
     )
     lateral, axial = metrics.lateral_resolution_mm, metrics.axial_resolution_mm
     frontal = lateral is not None and axial is not None and seen_frontally(lateral, axial)
@@ -193,7 +193,7 @@ def print_summary(metrics: PoseMetrics) -> None:
             f"region {name}",
             TOO_FEW
             if median is None
-            else f"median {_um(median)}, coverage {_percent(values.coverage)}",
+            else f"median {_um(median)}, coverage {_percent(values.coverage_area)}",
         )
     times = {key: value for key, value in metrics.time_s.items() if value and value >= 0.005}
     table.add_row("time", ", ".join(f"{key} {value:.2f} s" for key, value in times.items()))

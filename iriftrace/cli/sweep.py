@@ -157,6 +157,6 @@ def _print_sweep(dataset: xr.Dataset) -> None:
     texts = [f"{n} {flag.text}" for n, flag in zip(flags, FLAGS, strict=True) if n]
     if texts:
         say(f"  poses warned of: {'; '.join(texts)}")
-    seen = dataset["face_times_seen"].values > 0
     area = dataset["face_area"].values
-    say(f"  seen by some pose: {100 * area[seen].sum() / area.sum():.3g} % of the area")
+    seen = area @ dataset["face_seen"].values / area.sum()
+    say(f"  seen by some pose: {100 * seen:.3g} % of the area")

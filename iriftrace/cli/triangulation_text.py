@@ -9,8 +9,7 @@ from iriftrace.cli.console import print_table, say
 from iriftrace.cli.options import celsius
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import counted
-from iriftrace.features.drawing import DRAWING
-from iriftrace.features.quantity import Quantity
+from iriftrace.features.quantity import DRAWING, Quantity
 from iriftrace.part.region_choice import placed_regions
 from iriftrace.scene.hot_air import OUTSIDE
 

@@ -13,11 +13,9 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.features.quantity import DRAWING
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
-
-DRAWING = "drawing"
-"""Name of the cloud of points on the drawing."""
 
 
 @frozen

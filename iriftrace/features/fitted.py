@@ -21,10 +21,9 @@ from iriftrace.features.choice import (
     on_region,
     other_surface,
 )
-from iriftrace.features.drawing import DRAWING
 from iriftrace.features.fit import FEWEST, Feature, fit_feature
 from iriftrace.features.outliers import GATE, check_gate, inliers
-from iriftrace.features.quantity import Quantity
+from iriftrace.features.quantity import DRAWING, Quantity
 from iriftrace.geometry.query import Surface
 from iriftrace.geometry.topology import weld
 from iriftrace.part.part import Part

@@ -8,9 +8,11 @@ from typing import Literal
 from attrs import frozen
 
 from iriftrace.core.plain import JsonObject, structured
-from iriftrace.features.drawing import DRAWING
 
 Unit = Literal["mm", "deg"]
+
+DRAWING = "drawing"
+"""Name of the cloud of points carried back onto the drawing of an expanded part."""
 
 
 @frozen

@@ -9,9 +9,8 @@ from pathlib import Path
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject, structured
 from iriftrace.core.units import ZERO_CELSIUS_K
-from iriftrace.features.drawing import DRAWING
 from iriftrace.features.fitted import cone_place
-from iriftrace.features.quantity import Quantity
+from iriftrace.features.quantity import DRAWING, Quantity
 from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.figures.page import (
     Rows,

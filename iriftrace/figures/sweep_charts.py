@@ -145,9 +145,9 @@ def _logarithmic(axes: Axes) -> None:
 
 
 def rays_figure(summary: SweepSummary) -> Figure:
-    """Counts of each pose: rays that hit, by status; faces hit; shell triangles in view."""
+    """Counts of each pose: rays that hit, by status; faces seen; shell triangles in view."""
     failed, uncounted = summary.rays[Status.GOOD] < 0, summary.polygons < 0
-    counts = [(summary.faces, failed, "Faces of the part hit")]
+    counts = [(summary.faces, failed, "Faces of the part seen")]
     if not uncounted.all():
         counts.append((summary.polygons, uncounted, "Shell triangles in view"))
     figure, body = new_figure(

@@ -48,7 +48,7 @@ SCALAR_BAR: Any = {
 """Next to the drawn objects, not over its axes."""
 
 _MESHES = (".ply", ".stl", ".obj", ".glb", ".gltf", ".off")
-_OTHER_CLOUDS = (".asc", ".xyz", ".pts", ".pcd", ".ptx", ".e57")
+_OTHER_CLOUDS = (".asc", ".xyz", ".pts", ".pcd", ".e57")
 _WITHOUT_DISPLAY = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
 
 

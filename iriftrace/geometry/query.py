@@ -32,6 +32,14 @@ def _int64(values: ArrayLike) -> IntArray:
 
 
 @frozen(eq=False)
+class Places:
+    """Points on the faces of a surface; all points of a face stand for equal parts of its area."""
+
+    face: IntArray  # (n,) ascending
+    position: FloatArray  # (n, 3), mm
+
+
+@frozen(eq=False)
 class Surface:
     """A triangle surface for queries of distances and of inside or outside.
 
@@ -68,12 +76,26 @@ class Surface:
         number = np.arange(count)
         area = np.cumsum(self.areas)
         face = np.searchsorted(area, (number + 0.5) / count * area[-1])
-        u, v = r2_sequence(count, 0.5).T
+        return self._within(face), face
+
+    def places_on_faces(self, fewest: int) -> Places:
+        """At least so many places, as even as `even_places`, but on every face at least one."""
+        area = np.cumsum(self.areas)
+        # The numbers of the faces differ from their areas by less than one, also when added up.
+        ends = np.floor(area * (fewest / (area[-1] or 1.0)) + 0.5)
+        face = np.repeat(
+            np.arange(len(area)), np.maximum(np.diff(ends, prepend=0.0), 1.0).astype(np.int64)
+        )
+        return Places(face, self._within(face))
+
+    def _within(self, face: IntArray) -> FloatArray:
+        """Points (n, 3), mm, within triangles (n,), spread evenly where a triangle has several."""
+        u, v = r2_sequence(len(face), 0.5).T
         over = u + v > 1.0
         weights = np.stack((np.where(over, 1.0 - u, u), np.where(over, 1.0 - v, v)), axis=1)
         corners = self.vertices[self.faces[face]]
         edges = corners[:, 1:] - corners[:, :1]
-        return corners[:, 0] + np.einsum("ij,ijk->ik", weights, edges), face
+        return as_float64(corners[:, 0] + np.einsum("ij,ijk->ik", weights, edges))
 
     @cached_property
     def _locator(self) -> vtkStaticCellLocator:

@@ -1,49 +1,70 @@
-"""Fraction of the part's surface that one pose sees.
+"""Area of the part's surface that one pose sees, and the paper's fraction of faces.
 
-There are two numbers. The method's paper uses the fraction of the faces that some ray hits. It
-depends on the tessellation, because one ray claims a whole face. The sum of the rays' footprints
-does not.
+There are two numbers. The method's paper uses the area of the faces that some ray hits. It depends
+on the tessellation and on the number of pixels, because one ray claims a whole face. `coverage` in
+files is that number. `coverage_area` is the area seen, and depends on neither.
 
-A footprint is the pixel's solid angle times d^2 / cos(incidence). No face gets more than its area.
-Simply cutting there would keep every error of one sign: the number of pixel centres on a face
-scatters, and only the excess would be cut. So the excess goes to faces close by on the same smooth
-patch (see `iriftrace.geometry.face_blocks`), as long as these face the camera. The excess of a
-whole patch is dropped: grazing footprints are very long, and where they add up to more than the
-surface that faces the camera, there is none.
+Places are spread evenly over the surface (`Part.places`), the same ones for every pose and picture.
+A place is seen if its face has its outer side towards the camera, the place lies in the picture
+and in focus, and its pixel sees the part and not something in front of the place. The pixel's ray
+runs up to 0.7 pixels next to the place, so its hit hides the place only if the hit lies in front of
+the place's plane and the place behind the hit's plane. On a convex edge or curve the first is
+false, on a concave one the second. At a silhouette a pixel may see nothing where half of it shows
+the part; then the next pixel that sees the part is used.
 
-Measured on the bundled cylinder at 1224 x 1024 px (562 rays on each of its visible faces): with 4,
-16, 64 and 256 times as many faces the sum changes by at most 0.006 %. Cut at the faces it is 0.7 %
-too small on the given mesh, and 2.5, 7, 15 and 30 % on the finer ones. Compared with the area that
-spheres of 450 to 900 px turn to the camera it is 0 to 0.9 % too small, with a fifth of the pixels
-across 0 to 2.4 %. It is worst where a silhouette runs along the pixels' rows or columns: one more
-row that meets the grazing strip decides on all of the strip at once. A cylinder that lies level in
-the picture, 164 px thick, loses up to 7 % of its seen area.
+Measured at 17 poses of each scene at 245 x 205 px (in brackets at 734 x 614 px), the area differs
+from that of exact lines of sight to the same places by at most 0.01 % (0.01 %) for the cylinder,
+1.0 % (0.9 %) for the bevel gear and the gear tooth and 1.7 % (0.5 %) for the wishbone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection
-from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from attrs import frozen
 
 from iriftrace.camera.camera import Camera
-from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
-from iriftrace.geometry.face_blocks import share_out
+from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray, IntArray, as_float64
+from iriftrace.geometry.triangles import row_lengths
 from iriftrace.image.aov_image import AovImage, Status
-from iriftrace.image.rays import PoseRays, rays_that_count
+from iriftrace.image.displacement import good_mask
+from iriftrace.image.rays import PoseRays
 from iriftrace.part.part import Part
+
+_TOUCHING_PX = 0.03
+"""Height above a plane that counts as on it, in pixels at the place, for the facets of curves.
+
+From 0.001 to 0.1 px the areas change by 1 % on a gear.
+"""
+
+_NEIGHBOURS = ((-1, 0), (0, -1), (0, 1), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1))
+"""Steps down and to the right to the pixels around one, the nearest first."""
+
+
+@frozen(eq=False)
+class PixelHits:
+    """First hits of the straight rays through the p pixels of a picture, row by row."""
+
+    face: AnyArray  # (p,) face number + 1; 0 where nothing lies on the line of sight
+    position: tuple[AnyArray, AnyArray, AnyArray]  # x, y, z, (p,) each, mm, world, where it sees
+    sees: BoolArray  # (p,) True for pixels that see the part
+
+
+@frozen(eq=False)
+class SeenPlaces:
+    """The k of a part's places that one pose sees."""
+
+    place: IntArray  # (k,) numbers in `Part.places`, ascending
+    pixel: IntArray  # (k,) row-major number of the pixel that shows it, or of the next one
 
 
 @frozen(eq=False)
 class Coverage:
-    """Area of a part with m faces and r regions that one pose sees, mm^2."""
+    """Area of a part with r regions that one pose sees, mm^2."""
 
-    face_footprints: FloatArray  # (m,) of the rays on each face, at most its area
+    areas: FloatArray  # (r,) seen
     faces: FloatArray  # (r,) of the faces that a ray hits
-    footprints: FloatArray  # (r,) sum of `face_footprints`
     total: FloatArray  # (r,) of the region
     visible_faces: int  # faces that a ray hits, whole part
 
@@ -73,51 +94,108 @@ def seen_areas(
     Raises
     ------
     InputError
-        `include` names rays without a displacement, or a ray has no face.
+        `include` names rays without a displacement.
     """
-    return pose_coverage(part, image.camera, rays_that_count(image, include)).face_footprints
+    return part.face_areas * seen_fractions(part, places_seen(image, part, include))
 
 
-def pose_coverage(part: Part, camera: Camera, rays: PoseRays) -> Coverage:
-    """Add up the areas that the rays of one pose see, for each face and region."""
+def pose_coverage(part: Part, rays: PoseRays, seen: SeenPlaces) -> Coverage:
+    """Add up the areas that one pose sees, by its rays that count, for each face and region."""
     count = len(part.region_names)
     region = part.region_of_face
     areas = part.face_areas
-    seen = np.zeros(len(areas), dtype=np.bool_)
-    seen[rays.face] = True
-    on_face = share_out(
-        _summed(rays.face, _footprints(camera, rays), len(areas)),
-        areas,
-        seen | _facing(part, camera),
-        part.face_blocks,
-    )
+    hit = np.zeros(len(areas), dtype=np.bool_)
+    hit[rays.face] = True
     return Coverage(
-        face_footprints=on_face,
-        faces=_summed(region[seen], areas[seen], count),
-        footprints=_summed(region, on_face, count),
+        areas=_summed(region, areas * seen_fractions(part, seen), count),
+        faces=_summed(region[hit], areas[hit], count),
         total=part.region_areas,
-        visible_faces=int(np.count_nonzero(seen)),
+        visible_faces=int(np.count_nonzero(hit)),
     )
 
 
-def _footprints(camera: Camera, rays: PoseRays) -> FloatArray:
-    """(n,) area of the surface that each ray's pixel sees, mm^2."""
-    # The angle is float32; it ends 1e-7 before grazing, so that nothing is divided by zero.
-    cosine = np.maximum(np.cos(rays.incidence), 1e-7)
+def places_seen(image: AovImage, part: Part, include: Collection[int]) -> SeenPlaces:
+    """Places of the part that one pose sees by rays of some status codes.
+
+    Where only the refracted ray of a pixel misses the part, a grazing strip of some pixels, another
+    pixel shows what the straight one hits: the strip is seen. The focus is that of the place.
+    """
+    status = image.channels["status.code"].ravel()
+    face = image.channels["part.face"].ravel()
+    sees = good_mask(image, include).ravel()
+    sees |= np.isin(status, (Status.REFRACTED_MISSED, Status.OUT_OF_FOCUS))
+    blocked = np.flatnonzero(status == Status.BLOCKED)
+    if len(blocked):
+        face = face.copy()
+        face[blocked] = 1
+    x, y, z = (image.channels[f"straight.{axis}"].ravel() for axis in "XYZ")
+    camera = image.camera
+    hits = PixelHits(face, (x, y, z), sees)
+    return places_in_picture(part, camera, places_in_view(part, camera), hits)
+
+
+def seen_fractions(part: Part, seen: SeenPlaces) -> FloatArray:
+    """(m,) fraction of the places on each face that are seen, 0..1."""
+    face, count = part.places.face, len(part.faces)
+    found = np.bincount(face[seen.place], minlength=count) / np.bincount(face, minlength=count)
+    return as_float64(found)
+
+
+def places_in_view(part: Part, camera: Camera) -> IntArray:
+    """Numbers of a part's places that face a device, in its picture and in focus.
+
+    Whether something lies in front of them is not considered.
+    """
+    place = np.flatnonzero(_facing(part, camera)[part.places.face])
+    position = part.places.position[place]
+    parallel = camera.projection == "orthographic"
+    local = camera.to_camera(position)
+    distance = local[:, 2] if parallel else row_lengths(local)
+    near, far = camera.focus_mm
+    sharp = (distance >= near) & (distance <= far)
+    return place[sharp & camera.holds(camera.project(position))]
+
+
+def places_in_picture(part: Part, camera: Camera, place: IntArray, hits: PixelHits) -> SeenPlaces:
+    """Those of the places in a device's view that it sees, by what its pixels hit."""
+    width, height = camera.resolution
+    on_picture = np.rint(camera.project(part.places.position[place])).astype(np.int64)
+    column, row = on_picture.clip(0, (width - 1, height - 1)).T
+    pixel = row * width + column
+    seen = hits.sees[pixel]
+    # With a border, so that each pixel has eight neighbours.
+    sees = np.pad(hits.sees.reshape(height, width), 1)
+    free = np.flatnonzero(hits.face[pixel] == 0)
+    for down, right in _NEIGHBOURS:
+        found = sees[1 + row[free] + down, 1 + column[free] + right]
+        seen[free[found]] = True
+        pixel[free[found]] += down * width + right
+        free = free[~found]
+    place, pixel = place[seen], pixel[seen]
+    clear = ~_hidden(part, camera, place, pixel, hits)
+    return SeenPlaces(place[clear], pixel[clear])
+
+
+def _hidden(
+    part: Part, camera: Camera, place: IntArray, pixel: IntArray, hits: PixelHits
+) -> BoolArray:
+    """(k,) True for each place that is hidden by what its pixel sees."""
+    position = part.places.position[place].T
+    hit = np.stack([axis[pixel] for axis in hits.position]).astype(np.float64)
+    face = np.rint(hits.face[pixel]).astype(np.int64) - 1
+    sight = position - camera.origin[:, None]
+    pixel_mm = np.sqrt(camera.pixel_area_mm2)
     if camera.projection == "orthographic":
-        return camera.pixel_area_mm2 / cosine
-    solid_angle = _solid_angles(
-        focal_length_mm=camera.focal_length_mm,
-        sensor_mm=camera.sensor_mm,
-        resolution=camera.resolution,
-        principal_point_px=camera.principal_point_px,
-        distortion=camera.distortion,
-    )
-    areas: FloatArray = solid_angle[rays.pixels]
-    areas *= rays.distance
-    areas *= rays.distance
-    areas /= cosine
-    return areas
+        sight = np.broadcast_to(camera.forward[:, None], sight.shape)
+    else:
+        pixel_mm = pixel_mm * np.sqrt(_dot(sight, sight)) / camera.focal_length_mm
+    heights = []
+    for faces in (part.places.face[place], face):
+        normal = part.face_normals[faces].T
+        height = _dot(normal, hit - position)
+        # An open surface may be seen from both sides.
+        heights.append(height if part.closed else -np.sign(_dot(normal, sight)) * height)
+    return np.asarray(np.minimum(*heights) > _TOUCHING_PX * pixel_mm)
 
 
 def _facing(part: Part, camera: Camera) -> BoolArray:
@@ -133,12 +211,9 @@ def _facing(part: Part, camera: Camera) -> BoolArray:
     return height > part.face_offsets
 
 
-@lru_cache(maxsize=4)
-def _solid_angles(**intrinsics: Any) -> FloatArray:
-    """Solid angles of all pixels, row by row, sr; the same in every pose of a camera."""
-    angles = Camera(**intrinsics).pixel_solid_angle().ravel()
-    angles.setflags(write=False)
-    return angles
+def _dot(first: FloatArray, second: FloatArray) -> FloatArray:
+    """(k,) scalar products of the columns of (3, k) arrays."""
+    return as_float64(np.einsum("ik,ik->k", first, second))
 
 
 def _summed(key: IntArray, values: FloatArray, count: int) -> FloatArray:

@@ -15,7 +15,7 @@ from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import write_json
 from iriftrace.core.plain import JsonObject
 from iriftrace.image.aov_image import AovImage, Status
-from iriftrace.image.coverage import Coverage, pose_coverage
+from iriftrace.image.coverage import Coverage, places_seen, pose_coverage
 from iriftrace.image.ray_statistics import (
     FEWEST_RAYS,
     UNKNOWN,
@@ -62,8 +62,8 @@ class ViewMetrics:
     lateral_resolution_mm_nnxy: float | None = None
     axial_resolution_mm_nnxy: float | None = None
     incidence_angle_deg: float | None = None  # mean
-    coverage: float | None = None  # area of the faces that rays hit, over the whole area
-    coverage_area: float | None = None  # area of the pixels' footprints over the whole area
+    coverage_area: float | None = None  # area seen, over the whole area
+    coverage: float | None = None  # the paper's: area of the faces that rays hit, over the whole
     ensemble: EnsembleMetrics | None = None  # scatter, for the image of several fields
 
     def as_dict(self) -> JsonObject:
@@ -218,7 +218,7 @@ def pose_metrics(
     hit_face = np.rint(face_plus_one[hits]).astype(np.int64) - 1
     _check_part(image, part, hit_face)
     rays = rays_that_count(image, include)
-    coverage = pose_coverage(part, image.camera, rays)
+    coverage = pose_coverage(part, rays, places_seen(image, part, include))
     _check_sampling(len(rays.face), coverage.visible_faces)
     values = _values(image, part, rays, nearest) if len(rays.face) >= FEWEST_RAYS else None
 
@@ -305,8 +305,8 @@ def _covered(coverage: Coverage, regions: slice) -> dict[str, float]:
     if total == 0:
         return {}
     return {
+        "coverage_area": float(coverage.areas[regions].sum()) / total,
         "coverage": float(coverage.faces[regions].sum()) / total,
-        "coverage_area": float(coverage.footprints[regions].sum()) / total,
     }
 
 

@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import LENGTH_UNITS, length_factor
-from iriftrace.geometry.face_blocks import FaceBlocks, nest_faces
-from iriftrace.geometry.query import Surface
+from iriftrace.geometry.query import Places, Surface
 from iriftrace.geometry.topology import weld
 from iriftrace.geometry.transform import apply, checked_matrix
 from iriftrace.geometry.triangles import unit_vectors
@@ -37,6 +36,9 @@ FARTHEST_MM = 1e9
 
 MOST_FACES = 2**24 - 2
 """The EXR channel ``part.face`` is float32, which holds face number + 1 exactly up to here."""
+
+FEWEST_PLACES = 2**15
+"""Number of points on a part at which the seen fraction of a flat face is right to 1e-3."""
 
 
 @frozen(eq=False)
@@ -125,11 +127,9 @@ class Part:
         return as_float64(np.einsum("ij,ij->i", self.face_normals, self.face_centres))
 
     @cached_property
-    def face_blocks(self) -> FaceBlocks:
-        """Blocks of faces that lie close together on one smooth patch of one region."""
-        # A region of the file may hold only a piece of a smooth patch.
-        piece = self.smooth_group * len(self.region_names) + self.region_of_face
-        return nest_faces(piece, self.face_centres)
+    def places(self) -> Places:
+        """Points on all faces, by which seen areas are measured."""
+        return self.surface.places_on_faces(FEWEST_PLACES)
 
     @cached_property
     def region_areas(self) -> FloatArray:

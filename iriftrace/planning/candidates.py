@@ -91,7 +91,9 @@ def metric_variables(criteria: Criteria) -> dict[str, str]:
     reading = reading_of(criteria)
     return {
         "displacement": ranked_error(criteria).variable,
-        "coverage": "coverage" if criteria.criterion == "displacement" else "coverage_measured",
+        "coverage": "coverage_area"
+        if criteria.criterion == "displacement"
+        else "coverage_measured",
         "axial": f"axial_resolution{reading}",
         "lateral": f"lateral_resolution{reading}",
     }

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 from scipy.optimize import Bounds, LinearConstraint, linprog, milp
 
-from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
-from iriftrace.core.errors import InputError
+from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from iriftrace.core.errors import InputError, warn
 from iriftrace.image.sightings import seen_by_pose
 from iriftrace.planning.candidates import ranked_region
 from iriftrace.planning.criteria import STANDARD, Criteria
@@ -28,6 +28,10 @@ _LARGE = 1_000_000
 # Product of entries and branches after which the exact solver gives up (some 10 s); with a limit of
 # time the answer would depend on the machine.
 _MOST_WORK = 4_000_000
+# Steps in which the seen fraction of a face counts; a face is right to half a step.
+_STEPS = 4
+# Fraction of the area from which on a warning is worth it.
+_UNKNOWN = 0.05
 # HiGHS keeps its constraints to 1e-6, so a proof holds only to that.
 _PROOF = 1e-6
 # Its smallest gap is 1e-6, too; with the area in these units that is 1e-10 of it.
@@ -75,8 +79,9 @@ def choose_views(seen: ArrayLike, face_areas: ArrayLike, k: int) -> ViewSet:
 
     Parameters
     ----------
-    seen : (n, m) array of bool
-        Pose i sees face j, by limits of the caller.
+    seen : (n, m) array of float or bool
+        Fraction of face j that pose i sees, 0..1, by limits of the caller. Of one face, poses are
+        taken to see the same part as far as they see it: together the largest of their fractions.
     face_areas : (m,) array, mm^2
     k : int
         Number of poses, at least 1.
@@ -86,12 +91,15 @@ def choose_views(seen: ArrayLike, face_areas: ArrayLike, k: int) -> ViewSet:
     InputError
         If shapes do not match, an area is negative or not finite, or there is nothing to see.
     """
-    visible = np.asarray(seen, dtype=np.bool_)
     areas = np.asarray(face_areas, dtype=np.float64)
+    visible = np.asarray(seen)
     if k < 1:
         raise InputError(f"The number of views is {k}, so nothing is seen; give at least 1.")
     _check_seen(visible, areas)
-    groups, fractions = _grouped(visible, areas / areas.sum())
+    # Every pose that sees more of a face sees the steps below, too.
+    steps = [visible > (step + 0.5) / _STEPS for step in range(_STEPS)]
+    fractions = np.tile(areas / areas.sum() / _STEPS, _STEPS)
+    groups, fractions = _grouped(np.concatenate(steps, axis=1), fractions)
     views = min(k, len(visible))
     entries = np.count_nonzero(groups)
     chosen = _exchanged(groups, fractions, _greedy(groups, fractions, views))
@@ -118,7 +126,7 @@ def choose_views(seen: ArrayLike, face_areas: ArrayLike, k: int) -> ViewSet:
     )
 
 
-def _check_seen(seen: BoolArray, areas: FloatArray) -> None:
+def _check_seen(seen: AnyArray, areas: FloatArray) -> None:
     if seen.ndim != 2 or areas.shape != seen.shape[1:]:
         raise InputError(
             f"The table of seen faces has shape {seen.shape} and the areas {areas.shape}; give "
@@ -128,7 +136,7 @@ def _check_seen(seen: BoolArray, areas: FloatArray) -> None:
         raise InputError(
             "A face's area is negative or not finite, so nothing can be covered; repair the part."
         )
-    if not np.any(seen & (areas > 0)):
+    if not np.any((seen > 0.5 / _STEPS) & (areas > 0)):
         raise InputError(
             f"None of the {len(seen)} poses sees any of the part, so there is nothing to choose "
             "from; check the poses or relax the limits."
@@ -248,13 +256,13 @@ class ViewLimits:
 
     @property
     def text(self) -> str:
-        """The limits in words, after "seen"."""
+        """The limits in words, half a sentence after another one; empty if there is none."""
         limits = []
         if math.isfinite(self.displacement_mm):
             limits.append(f"with a displacement of {1e3 * self.displacement_mm:g} um at most")
         if self.incidence_deg < 90.0:
             limits.append(f"at an angle of {self.incidence_deg:g} degrees at most")
-        return " and ".join(limits) or "at all"
+        return f"; a face counts that is seen {' and '.join(limits)}" if limits else ""
 
 
 NO_LIMITS = ViewLimits()
@@ -275,10 +283,28 @@ def plan_views(
     areas = np.asarray(dataset["face_area"].values, dtype=np.float64)
     if number > 0:
         areas = np.where(dataset["face_region"].values == number, areas, 0.0)
-    seen &= dataset["rays_good"].isel(region=number).values[:, None] >= criteria.min_hits
-    if not np.any(seen & (areas > 0)):
+    seen[dataset["rays_good"].isel(region=number).values < criteria.min_hits] = 0.0
+    if not np.any(seen[:, areas > 0]):
         raise InputError(_nothing(dataset, areas > 0, criteria.region))
-    return choose_views(seen, areas, views)
+    found = choose_views(seen, areas, views)
+    warn_of_large_faces(seen[found.poses], areas)
+    return found
+
+
+def warn_of_large_faces(seen: AnyArray, areas: FloatArray) -> None:
+    """Warn if it is not known how much of large faces several poses see together.
+
+    Poses (k, m) see fractions of faces with areas (m,). They see the same part of a face, or
+    different ones.
+    """
+    unknown = np.minimum(seen.sum(axis=0), 1.0) - seen.max(axis=0)
+    fraction = float(unknown @ areas / areas.sum())
+    if fraction > _UNKNOWN:
+        warn(
+            f"The part's faces are large: up to {100 * fraction:.3g} % of its area more may be "
+            "seen, or less in common, since only the fraction of each face that a pose sees is "
+            "known; make scene and sweep again with smaller faces (iriftrace part subdivide)."
+        )
 
 
 def _nothing(dataset: xr.Dataset, in_region: BoolArray, region: str) -> str:

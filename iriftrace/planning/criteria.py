@@ -55,7 +55,8 @@ class Criteria:
 
     The paper ranks by the mean displacement (`THE_PAPERS`). The default is the 95th percentile:
     outliers of several mm at silhouettes dominate the mean, and the median ignores half of the
-    pixels, for example if a plume only moves what lies next to a flat face.
+    pixels, for example if a plume only moves what lies next to a flat face. Coverage is the area
+    seen (``coverage_area``), as the paper's area of faces hit depends on the mesh and the pixels.
 
     Parameters
     ----------

@@ -35,6 +35,11 @@ class PoseView:
     seen: FaceSightings
     row: IntArray  # of each face in `seen`, -1 if it is not seen
 
+    @property
+    def fractions(self) -> FloatArray:
+        """(m,) fraction of each face that is seen."""
+        return np.where(self.row >= 0, np.append(self.seen.seen, 0.0)[self.row], 0.0)
+
 
 @frozen(eq=False)
 class PairRequest:
@@ -128,8 +133,13 @@ def _pair(
     within = (cosine >= smallest) & (cosine <= largest)
     face, points, cosine = face[within], points[within], cosine[within]
     first, second = one.row[face], other.row[face]
+    both = np.minimum(one.seen.seen[first], other.seen.seen[second])
+    coverage = float(areas[face] @ both / areas.sum())
+    # Errors are known on faces that both hit.
+    hit = (one.seen.rays[first] > 0) & (other.seen.rays[second] > 0)
+    face, points, cosine = face[hit], points[hit], cosine[hit]
+    first, second = first[hit], second[hit]
     hits = min(one.seen.rays[first].sum(), other.seen.rays[second].sum())
-    coverage = float(areas[face].sum() / areas.sum())
     if hits < criteria.min_hits or coverage < criteria.min_coverage:
         return None
     sensor = Sensor.of(one.camera, other.camera, request.system)

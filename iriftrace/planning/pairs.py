@@ -11,6 +11,7 @@ from attrs import frozen
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.planning.candidates import ranked_region
+from iriftrace.planning.cover import warn_of_large_faces
 from iriftrace.planning.criteria import STANDARD, Criteria
 from iriftrace.planning.pair_table import PairRequest, PoseView, pair_table, statistic_of, views_of
 from iriftrace.planning.rank import limits_of
@@ -165,6 +166,8 @@ def plan_pairs(
     order = np.argsort(score, kind="stable")
     exact: list[float] = []
     engine = ""
+    best_pair = views[int(table[order[0], 0])], views[int(table[order[0], 1])]
+    warn_of_large_faces(np.stack([view.fractions for view in best_pair]), request.areas)
     if confirm:
         best = order[:CONFIRMED].copy()
         pairs = table[best, :2].astype(np.int64)

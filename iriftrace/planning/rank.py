@@ -26,12 +26,6 @@ if TYPE_CHECKING:
 # Differences, as fractions of a metric's size: due to rounding, and too small to rank by.
 _ROUNDING, _LITTLE = 1e-9, 0.01
 
-# Area of faces hit over that of pixels, below which faces are missed, not cut by silhouettes.
-_MISSED = 0.5
-
-# Area of faces hit minus that of pixels, as a fraction of the part, above which faces are large.
-_BEYOND = 0.05
-
 
 @frozen(eq=False)
 class Plan:
@@ -102,8 +96,6 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
     order = np.argsort(score, kind="stable")[: np.count_nonzero(ranked)]
 
     messages = _of_spreads(spreads, needed, criteria, len(order))
-    if "coverage" in needed:
-        messages += _of_face_sizes(dataset, criteria.region, metrics["coverage"], ranked)
     for message in messages:
         warn(message)
     return Plan(
@@ -172,29 +164,6 @@ def ranked_quietly(dataset: xr.Dataset, criteria: Criteria) -> Plan:
     """As `rank_poses`, without the warnings, which are issued for the ranking that is shown."""
     with without_warnings():
         return rank_poses(dataset, criteria)
-
-
-def _of_face_sizes(
-    dataset: xr.Dataset, region: str, coverage: FloatArray, ranked: BoolArray
-) -> list[str]:
-    """A sentence if rays miss faces that a pose sees, or faces extend far beyond what it sees."""
-    area = np.asarray(dataset["coverage_area"].sel(region=region).values, dtype=np.float64)
-    hit, seen = (float(np.median(values[ranked])) for values in (coverage, area))
-    if hit > seen + _BEYOND:
-        return [
-            f"The part's faces are large: a face counts as seen if one ray hits it, and such faces "
-            f"have {100 * hit:.3g} % of the area where pixels cover {100 * seen:.3g} % "
-            "(medians), so coverage, sets of views and pairs are wrong by as much; make "
-            "scene and sweep again with smaller faces (iriftrace part subdivide)."
-        ]
-    if not hit < _MISSED * seen:
-        return []
-    return [
-        f"The part's faces are finer than the rays: faces of {100 * hit:.3g} % of the area are hit "
-        f"where pixels cover {100 * seen:.3g} % (medians), so coverage and sets of views "
-        "are not reliable; sweep with more pixels (-D scale), or with a part of fewer faces "
-        "(iriftrace part decimate)."
-    ]
 
 
 def score_of(plan: Plan, metrics: Mapping[str, float]) -> float:

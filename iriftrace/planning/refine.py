@@ -1,7 +1,7 @@
 """From the best pose of a sweep to the best pose near it: position, distance and roll are free.
 
 The score is that of the plan, with the normalisation of the sweep, so that scores can be compared.
-It has small steps (a face of the part comes into view, a pixel leaves it) and no derivatives.
+It has small steps (a pixel comes onto the part or leaves it) and no derivatives.
 """
 
 from __future__ import annotations
@@ -245,14 +245,16 @@ def _metrics(swept: SweptScene, matrix: FloatArray, plan: Plan) -> dict[str, flo
         return None
     if criteria.region != WHOLE_PART:
         view = view["regions"][criteria.region]
-    if view["rays"]["good"] < criteria.min_hits or (view["coverage"] or 0) < criteria.min_coverage:
+    if view["rays"]["good"] < criteria.min_hits:
         return None
     variables = metric_variables(criteria)
     known = {**MEASURES, **ENSEMBLE, **RIG}
     found = {name: abs(known[variable].value(view)) for name, variable in variables.items()}
     if criteria.robust:
         found["displacement"] += criteria.robust * known[ranked_error(criteria).scatter].value(view)
-    return found if math.isfinite(sum(found.values())) else None
+    if not math.isfinite(sum(found.values())) or found["coverage"] < criteria.min_coverage:
+        return None
+    return found
 
 
 def write_refined(path: Path, refined: Refinement, plan: Plan, dataset: xr.Dataset) -> None:

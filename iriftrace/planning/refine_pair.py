@@ -156,8 +156,8 @@ def _value(
     angle = np.degrees(scan.angle)
     low, high = request.angles_deg
     chosen = request.inside[scan.face] & (angle >= low) & (angle <= high)
-    seen = np.unique(scan.face[chosen])
-    coverage = float(request.areas[seen].sum() / request.areas.sum())
+    seen = scan.seen_fractions(request.part, chosen)
+    coverage = float(request.areas @ seen / request.areas.sum())
     criteria = request.criteria
     if chosen.sum() < criteria.min_hits or coverage < criteria.min_coverage:
         return nothing

@@ -312,4 +312,4 @@ def devices_text(dataset: xr.Dataset, criteria: Criteria) -> str | None:
             "This ranking is for the camera alone, but the sensor has two devices; rank by their "
             "measurement (--criterion normal or features)."
         )
-    return "Both devices move together, and the coverage is that of points that both see."
+    return "Both devices move together, and the coverage is the area that both see."

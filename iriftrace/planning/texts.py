@@ -214,10 +214,7 @@ def views_text(summary: SweepSummary, views: ViewSet) -> str:
 
 def views_title(summary: SweepSummary, limits: ViewLimits) -> str:
     """Title of `views_table`, half a sentence."""
-    return (
-        f"Poses that together see the most of {_region(summary)}; a face counts that is seen "
-        f"{limits.text}"
-    )
+    return f"Poses that together see the most of {_region(summary)}{limits.text}"
 
 
 def front_text(summary: SweepSummary) -> str:

@@ -90,10 +90,8 @@ MEASURES: dict[str, Measure] = {
         for reading, text in READINGS.items()
     },
     "incidence_angle": Measure(("incidence_angle_deg",), "degree", "mean angle of incidence"),
+    "coverage_area": Measure(("coverage_area",), "1", "area seen over the area"),
     "coverage": Measure(("coverage",), "1", "area of the faces hit over the area"),
-    "coverage_area": Measure(
-        ("coverage_area",), "1", "area of the pixels' footprints over the area"
-    ),
 }
 
 ENSEMBLE: dict[str, Measure] = {
@@ -155,7 +153,7 @@ RIG: dict[str, Measure] = {
         ("scan", "size_mm"), "mm", "error of the region's diameter; of the whole part the largest"
     ),
     "coverage_measured": Measure(
-        ("scan", "coverage"), "1", "area of the faces with measured points over the area"
+        ("scan", "coverage"), "1", "area that both devices see over the area"
     ),
     "points_lost": Measure(
         ("scan", "lost"), "1", "points whose rays are lost", count=True, regional=False

@@ -134,5 +134,5 @@ def render_pose(task: PoseTask, scene: LoadedScene) -> Piece:
     measured = {key: value for key, value in metrics.items() if key not in _OF_ALL_POSES}
     if task.second is not None:
         add_measured(measured, scene, task.camera, task.second)
-    seen = sight_faces(rendering.image, task.include).as_rows()
+    seen = sight_faces(rendering.image, scene.part, task.include).as_rows()
     return Piece(task.number, {"metrics": measured, "failure": ""}, seen)

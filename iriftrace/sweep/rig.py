@@ -54,8 +54,8 @@ def rig_of(scene: LoadedScene) -> Rig | None:
 def add_measured(metrics: JsonObject, scene: LoadedScene, camera: Camera, second: Camera) -> None:
     """Add the measurement of two devices to a pose's metrics (plain values).
 
-    The key ``scan`` for the whole part and for each region: ``points``, ``coverage`` (area of the
-    faces with points over the area), ``error_normal_mm`` (mean, median, p95 and rms of the size of
+    The key ``scan`` for the whole part and for each region: ``points``, ``coverage`` (area that
+    both see over the area), ``error_normal_mm`` (mean, median, p95 and rms of the size of
     the error along the normal, and the median with its sign, ``bias``) and for an ensemble
     ``scatter_normal_mm``, nothing for fewer than `FEWEST_POINTS`; ``size_mm``, the error of the
     region's diameter if it is a cylinder or sphere, for the whole part the largest one, and for an
@@ -80,14 +80,15 @@ def _measured_by(scene: LoadedScene, camera: Camera, second: Camera) -> JsonObje
     except InputError:
         return _nothing(part)
     everything = np.ones(len(part.faces), dtype=bool)
+    seen = part.face_areas * scan.seen_fractions(part)
     largest = max(sizes.values(), key=lambda size: abs(size.error_mm), default=None)
     return {
         "part": {
-            **_of(scan, part, everything, largest),
+            **_of(scan, part, everything, seen, largest),
             "lost": int((scan.status == ScanStatus.LOST).sum()),
         },
         **{
-            name: _of(scan, part, part.region_of_face == number, sizes.get(name))
+            name: _of(scan, part, part.region_of_face == number, seen, sizes.get(name))
             for number, name in enumerate(part.region_names)
         },
     }
@@ -97,12 +98,14 @@ def _nothing(part: Part) -> JsonObject:
     return {name: {"points": 0, "coverage": 0.0} for name in ("part", *part.region_names)}
 
 
-def _of(scan: Scan, part: Part, faces: BoolArray, size: _Size | None) -> JsonObject:
+def _of(
+    scan: Scan, part: Part, faces: BoolArray, seen: FloatArray, size: _Size | None
+) -> JsonObject:
+    """Values of some faces (m,), of which the devices see areas (m,), mm^2."""
     chosen = faces[scan.face]
-    seen = np.unique(scan.face[chosen])
     known: JsonObject = {
         "points": int(chosen.sum()),
-        "coverage": float(part.face_areas[seen].sum() / part.face_areas[faces].sum()),
+        "coverage": float(seen[faces].sum() / part.face_areas[faces].sum()),
     }
     if chosen.sum() < FEWEST_POINTS:
         return known

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from iriftrace.camera.pose_set import PoseSet
 
-SCHEMA = "iriftrace.sweep/2"
+SCHEMA = "iriftrace.sweep/3"
 WHOLE_PART = "part"
 
 CONVENTIONS = "CF-1.11"
@@ -55,7 +55,7 @@ WARNED = "warned"
 _OF_EVERY_SWEEP = (
     "region",
     *(*MEASURES, *RAYS, *OF_POSES, "failure", "matrix", "exr", WARNED, *PLACE),
-    *(COUNTS, "face_area", "face_region", "face_times_seen"),
+    *(COUNTS, "face_area", "face_region", "face_seen", "face_times_seen"),
     *("face_displacement", "face_incidence"),
     *(f"{SIGHTING}_{name}" for name in COLUMNS),
 )

@@ -17,10 +17,10 @@ from iriftrace.core.plain import JsonObject, plain
 from iriftrace.core.statistics import spread
 from iriftrace.core.units import length_factor
 from iriftrace.features.choice import FeatureChoice, on_region
-from iriftrace.features.drawing import DRAWING, GrowthUncertainty, drawing_cloud
+from iriftrace.features.drawing import GrowthUncertainty, drawing_cloud
 from iriftrace.features.fitted import FittedFeature, fit_features
 from iriftrace.features.outliers import GATE
-from iriftrace.features.quantity import Quantity, Uncertainty
+from iriftrace.features.quantity import DRAWING, Quantity, Uncertainty
 from iriftrace.features.relations import Relation, relations
 from iriftrace.field.source import FieldKind
 from iriftrace.geometry.transform import apply

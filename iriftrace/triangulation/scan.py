@@ -10,7 +10,7 @@ from attrs import Factory, asdict, evolve, frozen
 from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
-from iriftrace.core.arrays import AnyArray, FloatArray, IntArray
+from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.plain import JsonObject, plain
 from iriftrace.core.statistics import spread
@@ -20,6 +20,12 @@ from iriftrace.features.fitted import FittedFeature, fit_features
 from iriftrace.features.outliers import GATE
 from iriftrace.features.quantity import Quantity
 from iriftrace.features.relations import Relation, relations
+from iriftrace.image.coverage import (
+    PixelHits,
+    places_in_picture,
+    places_in_view,
+    seen_fractions,
+)
 from iriftrace.io.cloud_write import by_axis, save_cloud
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
@@ -223,6 +229,31 @@ class Scan:
         line = self.one_line
         fitted = fit_features(clouds, self.face, part, choices, by_member, gate, one_line=line)
         return tuple(evolve(each, size=self._with_scatter(each.size)) for each in fitted)
+
+    def seen_fractions(self, part: Part, chosen: BoolArray | None = None) -> FloatArray:
+        """(m,) fraction of the area of each face on which points are measured, 0..1.
+
+        Of a laser's line, the width of a pixel. `chosen` (n,) are the points that count, all by
+        default.
+        """
+        width, height = self.camera.resolution
+        points = np.flatnonzero(np.ones(len(self.face)) if chosen is None else chosen)
+        column, row = np.rint(self.pixel[points]).astype(np.int64).T
+        pixel = row * width + column
+        # Pixels of the part without a point count as hits of a face that is not measured.
+        face = np.ones(width * height, dtype=np.int64)
+        if not self.one_line:
+            face[self.status.ravel() == ScanStatus.NOT_SEEN] = 0
+        face[pixel] = self.face[points] + 1
+        position = np.zeros((3, width * height))
+        position[:, pixel] = self.true[points].T
+        sees = np.zeros(width * height, dtype=np.bool_)
+        sees[pixel] = True
+        x, y, z = position
+        hits = PixelHits(face, (x, y, z), sees)
+        first, second = (places_in_view(part, d) for d in (self.camera, self.second))
+        both = np.intersect1d(first, second, assume_unique=True)
+        return seen_fractions(part, places_in_picture(part, self.camera, both, hits))
 
     def relations(self, features: Sequence[FittedFeature]) -> tuple[Relation, ...]:
         """Distances and angles between `features`, with the same statements."""

@@ -121,7 +121,7 @@ def test_a_map_across_azimuth_0_has_no_gap_and_states_0_to_360() -> None:
 
 def test_a_constant_metric_can_be_drawn() -> None:
     data = known_sweep()
-    data["coverage"][:] = 0.25
+    data["coverage_area"][:] = 0.25
     with pytest.warns(UserWarning, match="coverage"):
         found = summarise(data)
     low, high = all_axes(map_figure(found, found.coverage))[0].collections[0].get_clim()

@@ -68,7 +68,7 @@ def test_faces_hit_are_counted_pose_by_pose() -> None:
     found = summarise(faces_sweep())
     assert found.faces.tolist() == [3, 2, 1, *[0] * 11]
     upper, faces, triangles = rays_figure(found).subfigs[0].axes
-    assert faces.get_ylabel() == "Faces of the part hit"
+    assert faces.get_ylabel() == "Faces of the part seen"
     assert faces.patches[0].get_data().values.tolist() == found.faces.tolist()
     assert triangles.get_ylabel() == "Shell triangles in view"
     assert upper.get_ylabel() == "Rays that hit the part"

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import IriftraceWarning
-from iriftrace.image.aov_image import AovImage
+from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.coverage import seen_areas
 from iriftrace.image.metrics import pose_metrics
 from iriftrace.part.part import Part, read_part
@@ -284,6 +284,61 @@ def test_seen_areas_of_two_poses_add_up() -> None:
     assert np.minimum(one, other).sum() == 0
     together = np.maximum(one, other).sum()
     assert together == pytest.approx(2 * (1 - 20 / 80) / 2 * 4 * np.pi * 20**2, rel=0.05)
+
+
+def level_cylinder(sections: int) -> Part:
+    """A closed cylinder, 27 mm x 60 mm, along y."""
+    mesh = trimesh.creation.cylinder(radius=13.5, height=60, sections=sections)
+    corners = mesh.vertices[:, [0, 2, 1]]
+    side = np.round(mesh.face_normals[:, 2]).astype(np.int64) + 1
+    return evolve(make_part(corners, mesh.faces[:, ::-1], groups=side), closed=True)
+
+
+SCALES = (0.1, 0.3, 1.0)
+
+
+@pytest.mark.filterwarnings("ignore:fewer than .* rays fall:iriftrace.core.errors.IriftraceWarning")
+@pytest.mark.parametrize(
+    "part", [ball(2), ball(4), level_cylinder(24), level_cylinder(720)], ids=lambda p: len(p.faces)
+)
+@pytest.mark.parametrize("origin", [(160, 0, 0), (150, 3, 2), (140, 90, 60)])
+def test_area_does_not_depend_on_the_scale(part: Part, origin: tuple[float, float, float]) -> None:
+    """A tenth to all of the pixels, coarse and fine faces, convex bodies in closed form.
+
+    The edges of a level cylinder run along the rows of pixels. All of it is in the picture.
+    """
+    expected = area_facing(part, np.array(origin)) / part.area
+    for scale in SCALES:
+        image = look(camera(612, 512, origin).scaled(scale), part)
+        assert pose_metrics(image, part).coverage_area == pytest.approx(expected, rel=2e-3)
+
+
+def test_hidden_area_does_not_depend_on_the_scale() -> None:
+    """A plate of 40 x 40 mm at 100 mm behind one of 10 x 10 mm at 80 mm: hidden 12.5 x 12.5."""
+    behind, before = (
+        plate((size, 0, 0), (0, size, 0), (0.3, 0.2, z)) for size, z in ((20, 100), (5, 80))
+    )
+    part = make_part(
+        np.concatenate((behind.vertices, before.vertices)),
+        np.concatenate((behind.faces, before.faces + 4)),
+    )
+    view = Camera(focal_length_mm=10, sensor_mm=(6.7, 5.6), resolution=(918, 768))
+    for scale in SCALES:
+        seen = seen_areas(look(view.scaled(scale), part), part)
+        assert seen[:2].sum() == pytest.approx(1600 - 12.5**2, rel=0.01)
+        assert seen[2:].sum() == pytest.approx(100, rel=1e-12)
+
+
+def test_part_beyond_the_focus_is_not_seen() -> None:
+    """Half of a plate leans from 50 to 150 mm, and the focus ends at its middle."""
+    part = plate((10, 0, 0), (0, 1, 50), (0, 2, 100))
+    view = Camera(
+        sensor_mm=(40, 40), resolution=(60, 60), projection="orthographic", focus_mm=(0, 100)
+    )
+    image = look(view, part)
+    far = image.channels["straight.Z"] > 100
+    image.channels["status.code"][far] = Status.OUT_OF_FOCUS
+    assert seen_areas(image, part).sum() == pytest.approx(part.area / 2, rel=1e-3)
 
 
 def test_fewer_than_four_rays_for_each_face_are_reported() -> None:

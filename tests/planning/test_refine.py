@@ -45,7 +45,7 @@ class Hill:
         return {
             "rays": {"good": self.good},
             "displacement_mm": {"p95": self.displacement(pose)},
-            "coverage": self.coverage(pose),
+            "coverage_area": self.coverage(pose),
             "axial_resolution_mm": 0.1,
             "lateral_resolution_mm": 0.1,
         }

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.planning.cover import ViewLimits, plan_views
 from iriftrace.planning.criteria import Criteria
 from validation.inputs.sweep_tables import sweep_table, two_regions, with_faces
@@ -109,6 +109,27 @@ def test_what_cannot_be_chosen_is_refused(
 
 
 def test_limits_are_said_in_words() -> None:
-    assert ViewLimits().text == "at all"
+    assert ViewLimits().text == ""
     both = ViewLimits(0.02, 75.0).text
-    assert both == "with a displacement of 20 um at most and at an angle of 75 degrees at most"
+    assert both == (
+        "; a face counts that is seen with a displacement of 20 um at most and at an angle of 75 "
+        "degrees at most"
+    )
+
+
+def test_what_is_seen_of_a_face_counts() -> None:
+    """Areas 4, 2 and 2; poses see 1/2 and 3/4 of the first face, and all of one other."""
+    ones = [1.0] * 2
+    rows = [
+        [(0, 400, 0.01, 10.0), (1, 400, 0.01, 10.0)],
+        [(0, 400, 0.01, 10.0), (2, 400, 0.01, 10.0)],
+    ]
+    table = with_faces(sweep_table(ones, ones, ones, ones), rows, [4, 2, 2])
+    table["sighting_seen"] = ("sighting", np.array([0.5, 1.0, 0.75, 1.0], dtype="f4"))
+    with pytest.warns(IriftraceWarning, match=r"faces are large: up to 12\.5 % .*subdivide"):
+        found = plan_views(table, 2)
+    assert found.poses.tolist() == [1, 0]
+    assert found.added == pytest.approx([5 / 8, 2 / 8])
+    assert found.covered == found.coverable == pytest.approx(7 / 8)
+    table["sighting_seen"] = ("sighting", np.array([1.0, 1.0, 0.75, 0.0], dtype="f4"))
+    assert plan_views(table, 2).added == pytest.approx([6 / 8])

@@ -104,7 +104,7 @@ def test_demo(run: Run, tmp_path: Path) -> None:
     flat = " ".join(printed.split())
     for words in (
         r"displacement │ median [\d.]+ um, mean",
-        r"of the part's area in faces hit",
+        r"coverage │ [\d.]+ ?% of the part's area seen \(faces hit",
         r"lateral [\d.]+ um, axial",
         r"50,225 launched",
         r"out of focus \([\d.]+ % of",

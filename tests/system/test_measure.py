@@ -53,7 +53,7 @@ def test_a_cloud_its_numbers_and_picture_are_written(scan: Path) -> None:
 def test_its_correction_gives_the_diameter_back(
     scan: Path, scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Of points alone; kinds of files are in tests/clouds."""
+    """Of points alone; kinds of files are in tests/io."""
     cloud = tmp_path / "cloud.xyz"
     np.savetxt(cloud, np.asarray(pv.read(scan).points), header="x y z")
     target = tmp_path / "corrected.vtp"

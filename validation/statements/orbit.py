@@ -99,6 +99,7 @@ class Swept:
         sighted = self.dataset
         counts = sighted["sightings"].values
         used = poses[np.repeat(np.arange(len(counts)), counts)]
+        used &= sighted["sighting_rays"].values > 0
         face = sighted["sighting_face"].values[used]
         values = 1e3 * sighted["sighting_displacement"].values[used].astype(np.float64)
         order = np.lexsort((values, face))
