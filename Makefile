@@ -122,7 +122,7 @@ $(VENV)/drawing: $(VENV)/installed
 
 # Debian 12's solvers are miscompiled: then one of them is built again from the package's source, into
 # the user's own data folder. The package itself says whether that is needed.
-FINDS_FOAM = $(BIN)/python -c 'from iriftrace.cfd.openfoam.programs import find_openfoam as f; f()'
+FINDS_FOAM = $(BIN)/python -c 'from iriftrace.flow.simulate.programs import find_openfoam as f; f()'
 COMPUTES_RIGHT = $(BIN)/iriftrace field doctor >/dev/null 2>&1
 
 openfoam: $(VENV)/installed $(VENV)/drawing llvm

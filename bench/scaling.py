@@ -17,11 +17,11 @@ from matplotlib.ticker import NullFormatter
 from rich.console import Console
 from rich.table import Table
 
-from iriftrace.cfd.synthetic.field import synthetic_field
-from iriftrace.cfd.synthetic.mesh import usual_mesh
-from iriftrace.cfd.synthetic.model import SyntheticAir
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.figures.style import COLOURS, write_figure
+from iriftrace.flow.synthetic.field import synthetic_field
+from iriftrace.flow.synthetic.mesh import usual_mesh
+from iriftrace.flow.synthetic.model import SyntheticAir
 from iriftrace.part.part import read_part
 from iriftrace.scene.hot_air import HotAir
 from iriftrace.scene.load import load_scene

@@ -11,12 +11,13 @@ from pathlib import Path
 import mitsuba as mi
 import numpy as np
 
-from iriftrace.camera.calibration import Calibration, read_calibration
+from iriftrace.camera.calibration import Calibration
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import ORDER, Distortion
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import length_factor
+from iriftrace.io.calibration import read_calibration
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.projection import flip_axes
 

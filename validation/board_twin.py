@@ -38,7 +38,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.geometry.transform import parse_transform
 from iriftrace.image.measured_shift import MeasuredShift
-from iriftrace.part.shapes.board import Board
+from iriftrace.part.board import Board
 from validation.inputs.cameras import camera_at
 from validation.inputs.leaning_air import measured_shifts
 

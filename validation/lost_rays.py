@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from iriftrace.cfd.openfoam.part_surface import mirrored_grid
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.core.files import whole_file
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field
+from iriftrace.flow.simulate.part_surface import mirrored_grid
 from iriftrace.image.aov_image import Status
 from iriftrace.part.part import Part
 from iriftrace.scene.hot_air import AirState

@@ -28,6 +28,9 @@ SUTHERLAND_AS = 1.458e-06
 SUTHERLAND_TS = 110.4
 """K."""
 
+GRAVITY = 9.81
+"""m/s2."""
+
 COMMON_K = 1000.0
 """Temperature at which the two polynomials of the heat capacity meet."""
 _NITROGEN = (
@@ -108,3 +111,14 @@ def conductivity(temperature_k: ArrayLike) -> FloatArray:
     at_constant_volume = heat_capacity(temperature_k) - SPECIFIC_GAS_CONSTANT
     eucken = 1.32 * at_constant_volume + 1.77 * SPECIFIC_GAS_CONSTANT
     return viscosity(temperature_k) * eucken
+
+
+def reference_temperature(wall_k: float, ambient_k: float) -> float:
+    """Temperature, K, at which gas at a hot wall behaves like one of constant properties.
+
+    E. M. Sparrow and J. L. Gregg, "The variable fluid-property problem in free convection",
+    Transactions of the ASME 80 (1958) 879; from solutions of the boundary layer in gases with
+    variable properties, for ratios of T_wall to T_ambient from 1/4 to 4. A wall of 1100 degC in a
+    room has 4.7.
+    """
+    return wall_k - 0.38 * (wall_k - ambient_k)

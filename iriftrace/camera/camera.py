@@ -19,11 +19,10 @@ from numpy.typing import ArrayLike
 
 from iriftrace.camera.distortion import (
     Distortion,
-    SeenField,
     distorted,
     fold_radius,
     jacobian,
-    seen_field,
+    newton_steps,
     undistorted,
 )
 from iriftrace.camera.pose_set import fixed
@@ -99,7 +98,7 @@ class Camera:
         object.__setattr__(self, "principal_point_px", _pair(point))
         self._check()
         if self.distortion is not None:
-            _ = self.seen_field  # refuses a picture that the lens folds
+            _ = self.newton_steps  # refuses a picture that the lens folds
 
     def _check(self) -> None:
         """Refuse a camera that cannot form a picture."""
@@ -168,8 +167,8 @@ class Camera:
         return self.focal_length_mm / width, self.focal_length_mm / height
 
     @property
-    def seen_field(self) -> SeenField:
-        """Part of a distorting lens's field that is in the picture.
+    def newton_steps(self) -> int:
+        """Newton steps that suffice to undistort each position of the picture.
 
         Raises InputError if a position in the picture has no line of sight, because the distortion
         turns back before it.
@@ -177,15 +176,15 @@ class Camera:
         assert self.distortion is not None
         ends = self._normalised(self.corners[[0, 2]])
         upper_left, lower_right = (tuple(end) for end in ends.tolist())
-        field = seen_field(self.distortion, upper_left, lower_right)
-        if field is None:
+        steps = newton_steps(self.distortion, upper_left, lower_right)
+        if steps is None:
             width, height = self.resolution
             raise InputError(
                 f"The lens distortion ({self.distortion}) turns back inside the picture of {width} "
                 f"x {height} pixels, so that some pixels have no line of sight or two; crop the "
                 "picture to what the calibration covered, or calibrate with fewer coefficients."
             )
-        return field
+        return steps
 
     @property
     def corners(self) -> FloatArray:
@@ -237,16 +236,6 @@ class Camera:
             (y + 0.5) * resolution[1] / height - 0.5,
         )
         return evolve(self, resolution=resolution, principal_point_px=point)
-
-    def without_distortion(self) -> Camera:
-        """The pinhole camera here with the smallest picture of all that this one sees."""
-        if self.distortion is None:
-            return self
-        seen, f = self.seen_field, self.focal_length_mm
-        low, high = np.array(seen.lowest), np.array(seen.highest)
-        size = f * (high - low)
-        point = -f * low / size * self.resolution - 0.5
-        return evolve(self, sensor_mm=size, principal_point_px=_pair(point), distortion=None)
 
     def cropped(self, left: int, top: int, width: int, height: int) -> Camera:
         """The camera that sees a window of the picture, given by its first pixel and its size."""

@@ -194,21 +194,13 @@ def fold_radius(distortion: Distortion) -> float:
     return float(radii[turned[0] - 1] if len(turned) else radii[-1])
 
 
-@frozen
-class SeenField:
-    """Part of a distorting lens's field that a rectangular picture holds."""
-
-    rounds: int  # Newton steps that suffice everywhere in the picture
-    # Smallest and largest x and y without distortion, normalised.
-    lowest: tuple[float, float]
-    highest: tuple[float, float]
-
-
 @lru_cache(maxsize=64)
-def seen_field(
+def newton_steps(
     distortion: Distortion, upper_left: tuple[float, float], lower_right: tuple[float, float]
-) -> SeenField | None:
-    """Field of a picture between two corners, normalised; None if a position in it sees nothing.
+) -> int | None:
+    """Newton steps that suffice to undistort each position of a picture between two corners.
+
+    The corners are normalised. None if a position in the picture sees nothing.
 
     Only the picture's border is tested: the disk inside the fold radius has no hole, so a disk
     that contains the border contains the whole picture.
@@ -217,10 +209,4 @@ def seen_field(
     columns, rows = (a + fraction * (b - a) for a, b in zip(upper_left, lower_right, strict=True))
     grid = np.stack(np.meshgrid(columns, rows)).reshape(2, -1)
     found, rounds = _undistorted(grid, distortion)
-    if np.isnan(found).any():
-        return None
-    return SeenField(
-        rounds=rounds,
-        lowest=(float(found[0].min()), float(found[1].min())),
-        highest=(float(found[0].max()), float(found[1].max())),
-    )
+    return None if np.isnan(found).any() else rounds

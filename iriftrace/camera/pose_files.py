@@ -15,31 +15,23 @@ ros        forward  left     up        ROS bodies (REP 103)
 
 from __future__ import annotations
 
-import codecs
 import io
 import json
-import re
 from pathlib import Path
 
 import numpy as np
+from attrs import frozen
 from numpy.typing import ArrayLike
 
-from iriftrace.camera.calibration_file import is_length_unit
 from iriftrace.camera.pose_set import PoseSet, refuse_distorted
-from iriftrace.camera.pose_table import ANGLES, FRAME, MATRIX, columns_of_table, unlike_robot
-from iriftrace.camera.robot_poses import RobotName
-from iriftrace.camera.robot_programs import table_of_program
+from iriftrace.camera.pose_table import ANGLES, MATRIX, ORIGIN, StatedPoses, read_table
+from iriftrace.camera.robot_poses import ROBOTS, RobotName
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import array_in, text_in, whole_file
-from iriftrace.core.plain import TwiceError, once
+from iriftrace.core.plain import plain, structured
 from iriftrace.core.units import LENGTH_UNITS, length_factor
-from iriftrace.geometry.transform import (
-    checked_matrix,
-    nearest_rotations,
-    rigid_motion,
-    stated_direction,
-)
+from iriftrace.geometry.transform import checked_matrix, nearest_rotations, rigid_motion
 
 SCHEMA = "iriftrace.poses/1"
 
@@ -52,11 +44,21 @@ CONVENTIONS: dict[str, FloatArray] = {
 }
 """Axes of each convention in iriftrace's own camera frame, (3, 3) arrays."""
 
-_FORMATS = (".csv", ".txt", ".json", ".npy")
-_FRAME = re.compile(r"unit|convention|ax[ei]s|coord|frame|system|direction|scale", re.IGNORECASE)
-"""In names of what poses depend on."""
+_FORMATS = (".csv", ".json", ".npy")
 
 _LARGEST_ROUNDING = 1e-3  # of printed rotations, which often have four digits
+
+
+@frozen
+class _JsonFile:
+    """The content of a ``.json`` file of poses."""
+
+    schema: str
+    convention: str
+    length_unit: str
+    matrices: list[list[list[float]]]
+    azimuth_deg: list[float | None]
+    elevation_deg: list[float | None]
 
 
 def to_convention(matrices: ArrayLike, name: str) -> FloatArray:
@@ -87,27 +89,19 @@ def read_poses(
     Parameters
     ----------
     path : str or Path
-        ``.npy``: an array (n, 4, 4), (n, 16) or (4, 4), or without last rows, (n, 3, 4), (n, 12)
-        or (3, 4). ``.json``: such a list, or an object with
-        the list under ``matrices`` (and ``azimuth_deg``, ``elevation_deg``, ``convention``,
-        ``length_unit``).
-        Anything else is a text table with comma, semicolon (then also decimal commas) or blank
-        between the columns and # before comments. Without a header: 16 or 12 numbers a row, the
-        matrix row by row, or blocks of four rows of four. With a header, columns are found by name
-        and others are ignored: ``m00`` ... ``m33`` (row, column), or ``x y z qx qy qz qw`` (origin,
-        quaternion camera to world; also as ``tx``, ``x [m]``, ``pose.position.x``, ``q_w``), or
-        ``x y z target_x target_y target_z`` (no roll, see `iriftrace.camera.pose_set.aimed`);
-        or ``x y z`` with a robot's angles (see `iriftrace.camera.robot_poses`); besides,
-        ``azimuth_deg``, ``elevation_deg``, ``convention``, ``length_unit``. A robot's program is
-        the table of its positions (see `iriftrace.camera.robot_programs`).
+        ``.npy``: an array (n, 4, 4) of camera-to-world matrices. ``.json``: what `write_poses`
+        wrote. ``.csv``: a table whose first line names its columns, separated by comma, or by
+        semicolon and then also with decimal commas. The columns are ``m00`` ... ``m33`` (row,
+        column), or ``x y z qx qy qz qw`` (origin, quaternion camera to world), or
+        ``x y z target_x target_y target_z`` (no roll, see `iriftrace.camera.pose_set.aimed`), or
+        with a `robot` ``x y z`` and its own; besides, ``azimuth_deg``, ``elevation_deg`` and
+        ``convention``. A unit may follow a name, as in ``x [m]``.
     convention : str
         Axes of the camera in the file's matrices and quaternions, one of `CONVENTIONS`.
     length_unit : str
         Unit of the file's positions.
     robot : str, optional
-        Robot that states the orientations, one of `iriftrace.camera.robot_poses.ROBOTS`. Needed
-        where others may have the file's columns (``a b c``, ``rx ry rz``, ``q1`` to ``q4``);
-        columns without names are then x, y, z and its angles.
+        Robot whose orientations the table has, one of `iriftrace.camera.robot_poses.ROBOTS`.
     hand_eye : (4, 4) array, mm, optional
         Pose of the camera in the frame of the robot's flange, for files with poses of the flange:
         OpenCV's ``R_cam2gripper`` and ``t_cam2gripper`` of ``calibrateHandEye``.
@@ -124,51 +118,49 @@ def read_poses(
     Raises
     ------
     InputError
-        If the file cannot be read, is malformed, states another convention or unit, does not say
-        which robot's angles it has, or a pose is not a rigid motion.
+        If the file cannot be read, has another form, states another convention or unit, or a pose
+        is not a rigid motion.
     """
     path = Path(path)
     _axes(convention)  # An unknown one is refused also where no matrix needs it.
     factor = length_factor(length_unit)
-    columns = _columns(path, robot)
-    for name, given in (("convention", convention), ("length_unit", length_unit)):
-        stated, read = map(_folded, (columns.get(name, given), given))
-        if stated != read:
+    stated = _stated(path, robot)
+    for name, said, given in (
+        ("convention", stated.convention, convention),
+        ("length unit", stated.length_unit, length_unit),
+    ):
+        if said and _folded(said) != _folded(given):
             raise InputError(
-                f"{path} states {name} {stated!r}, but is read with {given!r}, which would "
-                f"misplace every camera; read it with its own (--{name.replace('_', '-')})."
+                f"{path} states the {name} {said!r}, but is read with {given!r}, which would "
+                "misplace every camera; read it with its own."
             )
-    if unread := columns.get("unread"):
-        warn(
-            f"{path} has entries that are not read ({unread}); a unit belongs into length_unit, "
-            "axes into convention, and matrices are from the camera to the world."
-        )
-    matrices = _stack(columns["matrices"], path)
+    matrices = np.array(stated.matrices, dtype=np.float64)
     refuse_distorted(matrices, _LARGEST_ROUNDING, f" of {path}")
     matrices[:, :3, :3] = nearest_rotations(matrices[:, :3, :3])
     matrices[:, :3, 3] *= factor
-    if columns.get("aimed", False):
-        if hand_eye is not None:
+    if hand_eye is not None:
+        if stated.is_aimed:
             raise InputError(
                 f"{path} aims cameras at targets, but a hand-eye matrix belongs to poses of a "
-                "flange; leave it out (--hand-eye)."
+                "flange; leave it out."
             )
-    else:
-        if hand_eye is not None:
-            matrices = matrices @ _hand_eye(hand_eye)
+        matrices = matrices @ _hand_eye(hand_eye)
+    if not stated.is_aimed:
         matrices = from_convention(matrices, convention)
     if base_to_part is not None:
         motion = rigid_motion(checked_matrix(base_to_part), "The motion from base to part")
         matrices = motion @ matrices
-    return PoseSet(matrices, *(_angles(columns, name, len(matrices), path) for name in ANGLES))
+    unknown = np.full(len(matrices), np.nan)
+    angles = (stated.azimuth_deg, stated.elevation_deg)
+    return PoseSet(matrices, *(unknown if angle is None else angle for angle in angles))
 
 
 def write_poses(path: str | Path, poses: PoseSet, convention: str = "opencv") -> None:
     """Write camera poses, in mm, such that `read_poses` gives them back to the last bit.
 
-    ``.csv`` (with header) and ``.json`` keep angles and state the convention, one of `CONVENTIONS`;
-    ``.npy`` and ``.txt`` (blocks of four rows) hold the matrices alone. An InputError if the ending
-    or the convention is unknown, there is no pose, or the file cannot be written.
+    ``.csv`` and ``.json`` keep angles and state the convention, one of `CONVENTIONS`; ``.npy``
+    holds the matrices alone. An InputError if the ending or the convention is unknown, there is no
+    pose, or the file cannot be written.
     """
     path = Path(path)
     matrices = to_convention(poses.matrices, convention)
@@ -179,21 +171,11 @@ def write_poses(path: str | Path, poses: PoseSet, convention: str = "opencv") ->
             buffer = io.BytesIO()
             np.save(buffer, matrices)
             content = buffer.getvalue()
-        case ".txt":
-            rows = ([" ".join(map(repr, row)) for row in matrix] for matrix in matrices.tolist())
-            blocks = map("\n".join, rows)
-            content = ("\n\n".join(blocks) + "\n").encode()
         case ".json":
             angles = (poses.azimuth_deg, poses.elevation_deg)
-            listed = [[None if np.isnan(x) else x for x in angle.tolist()] for angle in angles]
-            described = {
-                "schema": SCHEMA,
-                "convention": convention,
-                "length_unit": "mm",
-                "matrices": matrices.tolist(),
-                **dict(zip(ANGLES, listed, strict=True)),
-            }
-            content = (json.dumps(described) + "\n").encode()
+            listed = ([None if np.isnan(x) else x for x in angle.tolist()] for angle in angles)
+            described = _JsonFile(SCHEMA, convention, "mm", matrices.tolist(), *listed)
+            content = (json.dumps(plain(described)) + "\n").encode()
         case ".csv":
             lines = [",".join((*MATRIX, *ANGLES, "convention"))]
             angle_pairs = np.stack((poses.azimuth_deg, poses.elevation_deg), axis=1)
@@ -202,17 +184,19 @@ def write_poses(path: str | Path, poses: PoseSet, convention: str = "opencv") ->
                 lines.append(",".join((*map(repr, matrix.ravel().tolist()), *stated, convention)))
             content = ("\n".join(lines) + "\n").encode()
         case _:
-            raise InputError(
-                f"{path} has an ending that no format of poses has; use {', '.join(_FORMATS)}."
-            )
+            raise _unknown_ending(path)
     with whole_file(path) as temporary:
         temporary.write_bytes(content)
 
 
-def _folded(word: object) -> object:
+def _unknown_ending(path: Path) -> InputError:
+    return InputError(
+        f"{path} has an ending that no format of poses has; use {', '.join(_FORMATS)}."
+    )
+
+
+def _folded(word: str) -> str:
     """A unit by its usual name, any other word in small letters."""
-    if not isinstance(word, str):
-        return word
     return LENGTH_UNITS.get(word.strip().casefold(), word.strip().casefold())
 
 
@@ -243,90 +227,58 @@ def _hand_eye(matrix: ArrayLike) -> FloatArray:
     return motion
 
 
-def _columns(path: Path, robot: RobotName | None) -> dict[str, object]:
-    """What a file states of its poses, by name; ``aimed`` where they come from targets."""
+def _stated(path: Path, robot: RobotName | None) -> StatedPoses:
+    """What a file states of its poses, in its own convention and unit."""
+    kind = path.suffix.lower()
+    if kind not in _FORMATS:
+        raise _unknown_ending(path)
+    if robot is not None and kind != ".csv":
+        raise InputError(
+            f"{path} cannot state orientations of a robot ({robot}); give a table (.csv) with the "
+            f"columns {', '.join(ORIGIN + ROBOTS[robot].columns)}, or leave out the robot."
+        )
     try:
-        content = path.read_bytes()
+        match kind:
+            case ".npy":
+                return StatedPoses(_matrices(array_in(path.read_bytes())))
+            case ".json":
+                return _described(text_in(path))
+            case _:
+                return read_table(text_in(path), path, robot)
     except OSError as error:
         raise InputError(f"cannot read poses from {path}: {error.strerror or error}.") from error
-    kind = path.suffix.lower()
-    if robot is not None and kind in (".npy", ".json"):
-        raise unlike_robot(path, robot)
-    if kind == ".npy":
-        try:
-            return {"matrices": array_in(content)}
-        except ValueError as error:
-            raise InputError(
-                f"{path} is not a NumPy array ({error}); save one of 4x4 matrices."
-            ) from error
-    if b"\0" in content and not content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        raise InputError(f"{path} is not text; poses are read from {', '.join(_FORMATS)}.")
-    text = text_in(path)
-    if said := stated_direction(text, to_camera=True):
+    except InputError:
+        raise
+    except ValueError as error:
         raise InputError(
-            f"{path} says {said!r}, but poses lead from the camera to the world; write the "
-            "inverse matrices."
-        )
-    if kind == ".json":
-        return _object(text, path)
-    if program := table_of_program(text, path):
-        stated, text = program
-        if robot not in (None, stated):
-            raise unlike_robot(path, robot)
-        robot = stated
-    return columns_of_table(text, path, robot)
-
-
-def _object(text: str, path: Path) -> dict[str, object]:
-    try:
-        data = json.loads(text, object_pairs_hook=once)
-    except TwiceError as error:
-        raise InputError(
-            f"{path} has {error} twice; leave out the one that is not meant."
+            f"{path} holds no poses: {error}; write 4x4 camera-to-world matrices, (n, 4, 4), as "
+            ".npy, or a table (.csv)."
         ) from error
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise InputError(f"{path} is not valid JSON ({error}); write it again.") from error
-    columns = data if isinstance(data, dict) else {"matrices": data}
-    if "matrices" not in columns:
-        raise InputError(
-            f"{path} has no entry 'matrices'; give the 4x4 camera-to-world matrices there."
-        )
-    # Whether poses were aimed is nothing that a file could state.
-    known = ("matrices", "convention", *ANGLES)
-    found = {key: columns[key] for key in known if key in columns}
-    units = [key for key in columns if is_length_unit(key)]
-    for key in units:
-        found["length_unit"] = columns[key]
-    rest = (f"{key}: {columns[key]}"[:60] for key in columns if key not in (*known, *units))
-    found["unread"] = ", ".join(filter(FRAME.search, rest))
-    return found
 
 
-def _stack(values: object, path: Path) -> FloatArray:
+def _matrices(values: ArrayLike) -> FloatArray:
+    """An array (n, 4, 4); raises ValueError for anything else."""
     try:
         array = np.array(values, dtype=np.float64)
     except (ValueError, TypeError, OverflowError):
-        array = np.empty(0)
-    if array.shape[-1:] == (12,):
-        array = array.reshape(-1, 3, 4)
-    if array.shape[-2:] == (3, 4):  # without the last row
-        array = np.insert(array, 3, (0.0, 0.0, 0.0, 1.0), axis=-2)
-    if array.shape in ((4, 4), (16,)):
-        array = array[None]
-    if array.size and array.shape[1:] in ((4, 4), (16,)):
-        return array.reshape(-1, 4, 4)
-    raise InputError(
-        f"{path} holds no list of 4x4 matrices; give 16 numbers for every pose, row by row."
-    )
+        raise ValueError("it has something else than an array of numbers") from None
+    if array.ndim != 3 or array.shape[1:] != (4, 4) or len(array) == 0:
+        raise ValueError(f"its array has the shape {array.shape}")
+    return array
 
 
-def _angles(columns: dict[str, object], name: str, count: int, path: Path) -> FloatArray:
+def _described(text: str) -> StatedPoses:
+    """The content of a ``.json``; raises ValueError with the fault."""
     try:
-        angles = np.array(columns.get(name, [np.nan] * count), dtype=np.float64)
-    except (ValueError, TypeError):
-        angles = np.empty(0)
-    if angles.shape != (count,):
-        raise InputError(
-            f"{path} has {count} poses, but '{name}' is not a list of as many numbers."
-        )
-    return angles
+        data = json.loads(text)
+    except RecursionError as error:
+        raise ValueError(f"{error}") from error
+    if not isinstance(data, dict) or data.get("schema") != SCHEMA:
+        raise ValueError(f"it has no schema {SCHEMA!r}")
+    read = structured(data, _JsonFile)
+    matrices = _matrices(read.matrices)
+    azimuth, elevation = (np.array(x, dtype=float) for x in (read.azimuth_deg, read.elevation_deg))
+    for angles in (azimuth, elevation):
+        if angles.shape != (len(matrices),):
+            raise ValueError(f"it has {len(matrices)} matrices, but {angles.size} angles")
+    return StatedPoses(matrices, azimuth, elevation, read.convention, read.length_unit)

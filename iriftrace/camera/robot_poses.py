@@ -22,7 +22,6 @@ Sources: Basler, rc_cube manual, appendix "Pose formats" (docs.baslerweb.com); f
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -41,14 +40,18 @@ class RobotFormat:
     """How a robot's controller states an orientation.
 
     `rotation` is a sequence of axes of `scipy.spatial.transform.Rotation.from_euler` (capitals:
-    each about the axes that the one before has turned), "vector" or "quaternion". `alone` is true
-    if nobody else names columns so.
+    each about the axes that the one before has turned), "vector" or, by the place of its scalar
+    part, "quaternion, first" or "quaternion, last".
     """
 
     columns: tuple[str, ...]
     rotation: str
     angle_unit: str = "deg"
-    alone: bool = False
+
+    @property
+    def angles(self) -> tuple[str, ...]:
+        """Columns with angles, or the components of a rotation vector; none of a quaternion."""
+        return () if self.rotation.startswith("quaternion") else self.columns
 
     def matrices(self, values: FloatArray, angle_unit: str = "") -> FloatArray:
         """Rotations (n, 3, 3) of the values (n, 3 or 4) in the columns.
@@ -60,8 +63,9 @@ class RobotFormat:
         from scipy.spatial.transform import Rotation
 
         degrees = (angle_unit or self.angle_unit) == "deg"
-        if self.rotation == "quaternion":
-            rotations = Rotation.from_quat(np.roll(values, -1, axis=1))
+        if not self.angles:
+            first = self.rotation == "quaternion, first"
+            rotations = Rotation.from_quat(np.roll(values, -1, axis=1) if first else values)
         elif self.rotation == "vector":
             longest = np.linalg.norm(values, axis=1).max()
             if longest > (_TURN_DEG if degrees else math.radians(_TURN_DEG)):
@@ -90,9 +94,9 @@ _HALF_TURN_RAD = 3.15
 _RX_RY_RZ = ("rx", "ry", "rz")
 
 ROBOTS: dict[RobotName, RobotFormat] = {
-    "abb": RobotFormat(("q1", "q2", "q3", "q4"), "quaternion"),
-    "fanuc": RobotFormat(("w", "p", "r"), "xyz", alone=True),
-    "kawasaki": RobotFormat(("o", "a", "t"), "ZYZ", alone=True),
+    "abb": RobotFormat(("q1", "q2", "q3", "q4"), "quaternion, first"),
+    "fanuc": RobotFormat(("w", "p", "r"), "xyz"),
+    "kawasaki": RobotFormat(("o", "a", "t"), "ZYZ"),
     "kuka": RobotFormat(("a", "b", "c"), "ZYX"),
     "mitsubishi": RobotFormat(("a", "b", "c"), "xyz"),
     "staubli": RobotFormat(_RX_RY_RZ, "XYZ"),
@@ -101,7 +105,5 @@ ROBOTS: dict[RobotName, RobotFormat] = {
 }
 """Formats by the names of `RobotName`."""
 
-
-def robots_of(names: Sequence[str]) -> list[RobotName]:
-    """Robots whose orientations have their columns among some names."""
-    return [name for name, robot in ROBOTS.items() if set(robot.columns) <= set(names)]
+QUATERNION = RobotFormat(("qx", "qy", "qz", "qw"), "quaternion, last")
+"""The form of tables that are not of a robot."""

@@ -88,9 +88,9 @@ def check(
     with working("Reading the field"):
         volume = field_options.read(field, measured, flow=True)
     with working("Checking the field"):
-        from iriftrace.cfd.check.check import check_field as checked
-        from iriftrace.cfd.openfoam.bodies import bodies_beside
-        from iriftrace.cfd.openfoam.case import RECORD, recorded_wall
+        from iriftrace.flow.check.check import check_field as checked
+        from iriftrace.flow.simulate.case import RECORD, recorded_wall
+        from iriftrace.io.bodies import bodies_beside
         from iriftrace.part.region_choice import values_by_region
 
         folder = field if field.is_dir() else field.parent
@@ -147,7 +147,7 @@ def synthetic(
     not. Every result made from the file states that it is synthetic. The boundary layer falls with
     (1 - d/thickness)^2 from the wall's temperature to ambient, d being the distance to the part;
     the plume is that of a laminar line source, round above a part that is round from above (see
-    iriftrace.cfd.synthetic.model). The mesh ends on the part and is fine there.
+    iriftrace.flow.synthetic.model). The mesh ends on the part and is fine there.
 
     Example: ``iriftrace field synthetic part.ply -o field.vtu --wall-temperature "900 degC"``
 
@@ -181,9 +181,9 @@ def synthetic(
     gradient
         Add the analytic gradient as array grad_T, K/mm.
     """
-    from iriftrace.cfd.synthetic.field import write_synthetic_field
-    from iriftrace.cfd.synthetic.mesh import usual_mesh
-    from iriftrace.cfd.synthetic.model import synthetic_air
+    from iriftrace.flow.synthetic.field import write_synthetic_field
+    from iriftrace.flow.synthetic.mesh import usual_mesh
+    from iriftrace.flow.synthetic.model import synthetic_air
 
     checks.inputs(part)
     checks.output(output, "field.vtu")

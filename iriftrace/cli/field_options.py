@@ -189,7 +189,7 @@ class FieldOptions:
         Field to world: 16 numbers, a file with them, or "rotate x 90, scale 0.001".
     isosurfaces
         The file holds ready-made iso-surfaces instead of volume cells; of the options for shells,
-        only min-size, smooth, subdivide and triangles then apply.
+        only min-size and triangles then apply.
     field_time
         Kind of the field in time; stated in every result.
     field_symmetry
@@ -283,13 +283,6 @@ class ShellOptions:
         for studies.
     min_size
         Pieces of a shell smaller than this are dropped.
-    smooth
-        Number of Taubin smoothing steps; smoothed shells have facet normals, and bend rays only
-        there.
-    subdivide
-        Number of times that every triangle is split into four.
-    drop_inner
-        Number of innermost shells to leave out, as Kern et al. (2025) do; for studies.
     triangles
         Reduce the shells to about this many triangles in all; by default all are kept.
     """
@@ -300,10 +293,7 @@ class ShellOptions:
     levels: Numbers | None = None
     rule: Annotated[Rule, Parameter(name=["--rule", "--index-rule"])] = "rim"
     min_size: Length = 1.0
-    smooth: Whole = 0
-    subdivide: Whole = 0
     triangles: Whole | None = None
-    drop_inner: Whole = 0
 
     def build(self, field: IndexField) -> ShellStack:
         """Contour the field."""
@@ -317,7 +307,7 @@ class ShellOptions:
             rule=self.rule,
             min_size_mm=self.min_size,
         )
-        return self.edited(stack, self.layers if self.levels is None else len(self.levels))
+        return self._reduced(stack)
 
     def stack(
         self, path: Path, part: Part | None, member: int | None = None
@@ -343,26 +333,15 @@ class ShellOptions:
                     transform=reading.transform(),
                     min_size_mm=self.min_size,
                 )
-            return self.edited(stack), None
+            return self._reduced(stack), None
         with working("Reading the field"):
             volume = reading.read(path, part, member)
         with working("Contouring the shells"):
             return self.build(volume), volume
 
-    def notes(self) -> dict[str, str]:
-        """Remarks about field and shells for all results."""
-        notes = self.field.notes()
-        if self.drop_inner:
-            notes["shells"] = f"the {self.drop_inner} innermost left out"
-        return notes
-
-    def edited(self, stack: ShellStack, levels: int | None = None) -> ShellStack:
-        """Drop inner shells, smooth, subdivide and reduce as requested."""
+    def _reduced(self, stack: ShellStack) -> ShellStack:
         from iriftrace.shells.decimate import decimate
-        from iriftrace.shells.edit import smooth_taubin, subdivide_midpoint, without_inner
 
-        stack = without_inner(stack, self.drop_inner, levels)
-        stack = subdivide_midpoint(smooth_taubin(stack, self.smooth), self.subdivide)
         return stack if self.triangles is None else decimate(stack, self.triangles)
 
     def _range(self, air: Air) -> tuple[float, float] | None:

@@ -192,12 +192,12 @@ def refuse_given(options: Mapping[str, object], reason: str) -> None:
 def read_motion(file: Path | None) -> FloatArray | None:
     """The rigid motion in a file, (4, 4) array, mm; None without a file."""
     from iriftrace.core.files import text_in
-    from iriftrace.geometry.transform import parse_transform, rigid_motion, stated_direction
+    from iriftrace.geometry.transform import parse_transform, rigid_motion, stated_to_camera
 
     if file is None:
         return None
     checks.inputs(file)
-    if file.is_file() and (said := stated_direction(text_in(file), to_camera=True)):
+    if file.is_file() and (said := stated_to_camera(text_in(file))):
         raise InputError(
             f"{file} says {said!r}, but it has to take points the other way, from the camera's "
             "frame; write the inverse matrix, or leave out these words if it is meant."
@@ -284,8 +284,8 @@ class HotTemperatures:
         self, part: Part, field_wall: Callable[[Part], Temperatures] | None
     ) -> Temperatures:
         """Temperatures of the walls nearest to points; for a field those of `field_wall`."""
-        from iriftrace.cfd.openfoam.wall import WallTemperatures, wall_temperature
         from iriftrace.part.region_choice import values_by_region
+        from iriftrace.part.wall_temperature import WallTemperatures, wall_temperature
 
         if self.of_field or self.default is None:
             if field_wall is None:

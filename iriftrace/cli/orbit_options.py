@@ -56,7 +56,7 @@ class OrbitOptions:
     fibonacci
         Instead of angles: number of poses spread evenly over the ellipsoid.
     poses
-        Instead of an orbit: file with a list of poses.
+        Instead of an orbit: file with a list of poses, .npy, .csv or .json.
     turntable
         Instead of an orbit: the sensor stands where the scene has it, and the part turns with its
         air about a vertical axis through its centre, "z:0:360:30" (axis, start, stop and step in
@@ -66,7 +66,7 @@ class OrbitOptions:
     length_unit
         Unit of the positions in that file, mm by default; robots often write m.
     robot
-        Robot whose angles that file has, if its columns do not tell (only w, p, r and o, a, t do).
+        Robot whose orientations that file has.
     hand_eye
         For poses of a robot's flange: text file of the 4 x 4 pose of the camera in the flange's
         frame, mm, as R_cam2gripper and t_cam2gripper of OpenCV's calibrateHandEye.
@@ -107,6 +107,8 @@ class OrbitOptions:
 
     def pose_sets(self, scene: LoadedScene) -> dict[float, PoseSet]:
         """Poses by the stand-off (mm) of their orbit, NaN for any other poses."""
+        import numpy as np
+
         from iriftrace.camera.orbit import (
             Orbit,
             fibonacci_poses,
@@ -114,7 +116,7 @@ class OrbitOptions:
             parse_range,
             turntable_poses,
         )
-        from iriftrace.cli.pose_remedy import aimed_poses, distances
+        from iriftrace.camera.pose_files import read_poses
 
         self._refuse_contradictions()
         if self.poses is not None and self.turntable is not None:
@@ -126,8 +128,8 @@ class OrbitOptions:
             frames = {"hand_eye": self.hand_eye, "base_to_part": self.base_to_part}
             motions = {name: read_motion(file) for name, file in frames.items()}
             read = {name: motion for name, motion in motions.items() if motion is not None}
-            poses = aimed_poses(self.poses, scene, convention, unit, self.robot, read)
-            far = distances(poses, scene)
+            poses = read_poses(self.poses, convention, length_unit=unit, robot=self.robot, **read)
+            far = np.linalg.norm(poses.origins - scene.part.centre, axis=1)
             say(f"Poses {far.min():.4g} to {far.max():.4g} mm from the part's middle.")
             return {math.nan: poses}
         if self.turntable is not None:

@@ -1,16 +1,10 @@
-"""The commands ``iriftrace part ...``: parametric parts as meshes, and a printed board of dots.
-
-Options, defaults and help of parts are those of the functions in `iriftrace.part.shapes`.
-"""
+"""The commands ``iriftrace part ...``: standard parts, a board of dots, other triangles."""
 
 from __future__ import annotations
 
-import inspect
 import re
-from collections.abc import Callable
-from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, get_type_hints
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from cyclopts import App, Parameter
@@ -27,57 +21,122 @@ if TYPE_CHECKING:
 
 part = App(
     name="part",
-    help="Make a part's mesh from its dimensions: cylinder, hybrid cylinder, bevel gear, wishbone, "
-    "sphere, ball bar, plate, board of dots; or one with fewer or more triangles.",
+    help="Make a part's mesh from its dimensions (cylinder, sphere, ball bar, plate, board of "
+    "dots), or one with fewer or more triangles.",
     help_format="rst",
 )
 
 Mesh = Annotated[Output, Parameter(help="A .ply, which keeps the named regions, or a .stl.")]
 
-SHAPES = {
-    "cylinder": (
-        "cylinder:cylinder",
-        "Make a cylinder along x.",
-        'cylinder -o part.ply --diameter "40 mm"',
-    ),
-    "hybrid": (
-        "cylinder:hybrid_cylinder",
-        "Make a cylinder along x of two materials, with a region for each and for the transition.",
-        'hybrid -o part.ply --transition "20 mm"',
-    ),
-    "gear": (
-        "bevel_gear:bevel_gear",
-        "Make a straight bevel gear with involute teeth, hub and bore; axis z, hub below.",
-        'gear -o gear.ply --teeth 24 --module "2.5 mm" --tooth 0',
-    ),
-    "wishbone": (
-        "wishbone:wishbone",
-        "Make a free-form wishbone: a ball hub, two bushes, two arms and a brace.",
-        'wishbone -o part.ply --bush-distance "160 mm" --rise "15 mm"',
-    ),
-    "sphere": (
-        "reference:sphere",
-        "Make a sphere, for the probing error.",
-        'sphere -o sphere.ply --diameter "25 mm"',
-    ),
-    "ball-bar": (
-        "reference:ball_bar",
-        "Make two spheres, for the sphere-spacing error.",
-        'ball-bar -o part.ply --spacing "100 mm"',
-    ),
-    "plate": (
-        "reference:plate",
-        "Make a flat plate, for the flatness error.",
-        'plate -o plate.ply --width "60 mm"',
-    ),
-}
-"""Function, summary and example by the command's name."""
 
-# By name, and made by `__getattr__`, so that a shape is imported when its command is called.
-for _name in (*SHAPES, "decimate", "subdivide", "board"):
-    part.command(f"iriftrace.cli.part:{_name}", name=_name)
+@part.command
+def cylinder(
+    *,
+    output: Mesh,
+    diameter: Length = 27.0,
+    length: Length = 170.0,
+    segments: Whole = 60,
+    stations: Whole = 12,
+) -> None:
+    """Make a cylinder along x.
+
+    Example: ``iriftrace part cylinder -o part.ply --diameter "40 mm"``
+
+    Parameters
+    ----------
+    diameter
+        Diameter of the circle through the polygon's corners.
+    length
+        Length along x.
+    segments
+        Sides of the polygon.
+    stations
+        Rows of triangles along the axis.
+    """
+    from iriftrace.part import standards
+
+    check_name(output)
+    made = standards.cylinder(diameter, length, segments=segments, stations=stations)
+    save_standard(made, output)
 
 
+@part.command
+def sphere(*, output: Mesh, diameter: Length = 25.0, segments: Whole = 240) -> None:
+    """Make a sphere about the origin, for the probing error.
+
+    Example: ``iriftrace part sphere -o sphere.ply --diameter "25 mm"``
+
+    Parameters
+    ----------
+    diameter
+        Diameter of the sphere through the mesh's corners.
+    segments
+        Sides of the equator.
+    """
+    from iriftrace.part import standards
+
+    check_name(output)
+    save_standard(standards.sphere(diameter, segments=segments), output)
+
+
+@part.command
+def ball_bar(
+    *,
+    output: Mesh,
+    diameter: Length = 25.0,
+    spacing: Length = 100.0,
+    segments: Whole = 240,
+) -> None:
+    """Make two spheres along x, for the sphere-spacing error.
+
+    Example: ``iriftrace part ball-bar -o part.ply --spacing "100 mm"``
+
+    Parameters
+    ----------
+    diameter
+        Diameter of each sphere, through the mesh's corners.
+    spacing
+        Distance between the spheres' centres.
+    segments
+        Sides of each equator.
+    """
+    from iriftrace.part import standards
+
+    check_name(output)
+    save_standard(standards.ball_bar(diameter, spacing, segments=segments), output)
+
+
+@part.command
+def plate(
+    *,
+    output: Mesh,
+    length: Length = 100.0,
+    width: Length = 60.0,
+    thickness: Length = 10.0,
+    cells: Whole = 40,
+) -> None:
+    """Make a flat plate with its upper face at z = 0, for the flatness error.
+
+    Example: ``iriftrace part plate -o plate.ply --width "60 mm"``
+
+    Parameters
+    ----------
+    length
+        Length along x.
+    width
+        Width along y.
+    thickness
+        Thickness along z.
+    cells
+        Rows of triangles along x and along y.
+    """
+    from iriftrace.part import standards
+
+    check_name(output)
+    save_standard(standards.plate(length, width, thickness, cells=cells), output)
+
+
+@part.command
 def decimate(
     mesh: Path, *, output: Mesh, faces: Whole, part_options: PartOptions = PartOptions()
 ) -> None:
@@ -111,6 +170,7 @@ def decimate(
     )
 
 
+@part.command
 def subdivide(
     mesh: Path, *, output: Mesh, edge: Length, part_options: PartOptions = PartOptions()
 ) -> None:
@@ -143,44 +203,6 @@ def subdivide(
     )
 
 
-def __getattr__(name: str) -> Callable[..., None]:
-    """The command of a shape: its function's sizes as options, and the part's file."""
-    if name not in SHAPES:
-        raise AttributeError(name)
-    place, summary, example = SHAPES[name]
-    module, _, function = place.partition(":")
-    make = getattr(import_module(f"iriftrace.part.shapes.{module}"), function)
-
-    def command(*, output: Path, **sizes: float | None) -> None:
-        check_name(output)
-        with working(f"Making the {function.replace('_', ' ')}"):
-            made = make(**sizes)
-        save_made(made, output)
-        next_one = command_line("field", "synthetic", output, "-o", output.with_name("field.vtu"))
-        say(f"Part written; now run:  {next_one}")
-
-    types = get_type_hints(make)
-    keyword = inspect.Parameter.KEYWORD_ONLY
-    options = [inspect.Parameter("output", keyword, annotation=Mesh)]
-    for size in inspect.signature(make).parameters.values():
-        kind = types[size.name]
-        if size.name.endswith("_mm"):
-            kind = Length if kind is float else Length | None
-        elif kind is not float:
-            kind = Whole if kind is int else Whole | None
-        option = re.sub("(_diameter)?(_mm|_deg)$", "", size.name).replace("_", "-")
-        kind = Annotated[kind, Parameter(name=f"--{option}")]
-        options.append(size.replace(kind=keyword, annotation=kind))
-    parameters = inspect.cleandoc(make.__doc__).partition("Parameters\n")[2]
-    command.__doc__ = (
-        f"{summary}\n\nExample: ``iriftrace part {example}``\n\nParameters\n{parameters}"
-    )
-    command.__name__ = name
-    command.__annotations__ = {option.name: option.annotation for option in options}
-    command.__signature__ = inspect.Signature(options)  # type: ignore[attr-defined]
-    return command
-
-
 def check_name(path: Path) -> None:
     """Check that a part can be written under this name before starting the computation."""
     from iriftrace.part.files import check_part_name
@@ -203,6 +225,13 @@ def save_made(made: Part, path: Path) -> None:
     say(f"Regions: {regions}{'; an STL has no room for them, a .ply keeps them' if lost else ''}.")
 
 
+def save_standard(made: Part, path: Path) -> None:
+    """Write a standard part, print its properties and the command that makes a field for it."""
+    save_made(made, path)
+    next_one = command_line("field", "synthetic", path, "-o", path.with_name("field.vtu"))
+    say(f"Part written; now run:  {next_one}")
+
+
 def _read_size(text: str, option: str) -> tuple[float, float]:
     pieces = re.split(r"\s*[x,]\s*", text.strip())
     if len(pieces) != 2:
@@ -216,6 +245,7 @@ BoardSize = Annotated[
 ]
 
 
+@part.command
 def board(
     *,
     output: Output,
@@ -247,7 +277,7 @@ def board(
         Thickness of the board, behind the dots.
     """
     from iriftrace.figures.board import write_board
-    from iriftrace.part.shapes.board import Board
+    from iriftrace.part.board import Board
 
     check_name(output)
     page, table = output.with_suffix(".pdf"), output.with_suffix(".csv")

@@ -88,7 +88,7 @@ def plan(
     feature: Annotated[str | None, Parameter(group=PAIRS)] = None,
     save_poses: Annotated[Path | None, Parameter(group=POSES)] = None,
     convention: Annotated[
-        Literal["opencv", "mitsuba", "opengl", "ros", "paper"] | None, Parameter(group=POSES)
+        Literal["opencv", "mitsuba", "opengl", "ros"] | None, Parameter(group=POSES)
     ] = None,
 ) -> None:
     """Rank the poses of a sweep by the combined metric and print the best one.
@@ -125,7 +125,7 @@ def plan(
     feature
         Also print the error of this diameter, "cylinder:lateral", and rank by the larger error.
     save_poses
-        Write the poses of the printed ranking, best first, to this .csv, .json, .npy or .txt file.
+        Write the poses of the printed ranking, best first, to this .csv, .json or .npy file.
     convention
         Camera axes in that file, opencv (x right, y down, z forward) by default.
     """

@@ -12,7 +12,7 @@ from iriftrace.cli import checks
 from iriftrace.cli.camera_options import CameraOptions, Scale
 from iriftrace.cli.console import command_line, out, print_table, say, working
 from iriftrace.cli.field_options import PartOptions, ShellOptions
-from iriftrace.cli.options import Length, Output
+from iriftrace.cli.options import Output
 from iriftrace.cli.second_options import SecondOptions, StereoOptions, devices_of
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import ZERO_CELSIUS_K, counted
@@ -71,7 +71,7 @@ def shells(
             warn(message)
     with working("Measuring the shells"):
         reports = report_shells(stack, volume, measured)
-    files = save_shells(stack, output, report=reports, notes=shell_options.notes())
+    files = save_shells(stack, output, report=reports, notes=shell_options.field.notes())
     print_shells(stack, reports, fit)
     out.print(f"{counted(len(files), 'file')} in {output}", soft_wrap=True)
 
@@ -86,7 +86,6 @@ def scene(
     blocker_length_unit: str | None = None,
     normals: Literal["gradient", "facet"] = "gradient",
     inside_hit: Literal["refract", "drop"] = "refract",
-    trim: Length | None = None,
     shell_options: ShellOptions = ShellOptions(),
     part_options: PartOptions = PartOptions(),
     camera_options: CameraOptions = CameraOptions(),
@@ -124,14 +123,11 @@ def scene(
     inside_hit
         Treatment of rays that meet a shell from its inside: refracted, or dropped (status 6) as
         Kern et al. (2025) do, for studies.
-    trim
-        Leave out shells farther than this outside the camera's view, such as "10 mm"; the scene
-        can then be used with this camera only.
     """
-    from iriftrace.cfd.openfoam.bodies import bodies_beside
     from iriftrace.cli.output import print_shells
     from iriftrace.field.part_fit import refuse_expanded_board
     from iriftrace.field.readers.members import chosen_members
+    from iriftrace.io.bodies import bodies_beside
     from iriftrace.part.part import read_part
     from iriftrace.scene.hot_air import AirState
     from iriftrace.scene.save import save_scene
@@ -181,7 +177,7 @@ def scene(
             scale=scale,
             normals=normals,
             inside_hit=inside_hit,
-            notes=shell_options.notes(),
+            notes=field_options.notes(),
             blockers=(*blockers, *(bodies(volume) if volume else ())),
         )
         camera, settings = place(settings, volume, stack)
@@ -199,7 +195,7 @@ def scene(
             volume = field_options.read(one.path, measured, one.index)
             return shell_options.build(volume), volume
 
-        _ensemble(states, measured, output, devices, cut, wall_k, trim)
+        _ensemble(states, measured, output, devices, cut, wall_k)
         return
     # Without --time the reader of the file states which of several states it is.
     number = states[0].index if states and field_options.time is not None else None
@@ -207,9 +203,7 @@ def scene(
     camera, settings = devices(volume, stack)
     with working("Comparing part and field, measuring the shells"):
         state = AirState(volume, ready=stack)
-        saved = save_scene(
-            output, measured, [state], camera, settings, wall_temperature_k=wall_k, trim_mm=trim
-        )
+        saved = save_scene(output, measured, [state], camera, settings, wall_temperature_k=wall_k)
     print_shells(saved.shells, saved.reports[0], saved.fits[0])
     _print_scene(output, camera, measured, settings)
 
@@ -221,7 +215,6 @@ def _ensemble(
     devices: Callable[[IndexField | None, ShellStack], tuple[Camera, SceneSettings]],
     cut: Callable[[Member], tuple[ShellStack, IndexField]],
     wall_k: float | None,
-    trim: float | None,
 ) -> None:
     """Write the scene of several fields, each cut when it is needed, and print a summary."""
     from iriftrace.scene.hot_air import AirState
@@ -250,7 +243,6 @@ def _ensemble(
         settings,
         ensemble=True,
         wall_temperature_k=wall_k,
-        trim_mm=trim,
     )
     cut_members = zip(saved.members, saved.reports, hottest_k, strict=True)
     print_table(

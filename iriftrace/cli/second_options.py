@@ -141,7 +141,7 @@ class StereoOptions:
         """
         import numpy as np
 
-        from iriftrace.camera.stereo import read_stereo_calibration
+        from iriftrace.io.calibration import read_stereo_calibration
 
         if self.stereo_calibration is None:
             refuse_given(

@@ -23,15 +23,15 @@ from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K
 
 if TYPE_CHECKING:
-    from iriftrace.cfd.openfoam.case import Case
-    from iriftrace.cfd.openfoam.draught import Draught
-    from iriftrace.cfd.openfoam.family import Member
-    from iriftrace.cfd.openfoam.family_run import Cost, Solve, Task
-    from iriftrace.cfd.openfoam.programs import Installation
-    from iriftrace.cfd.openfoam.run import State
-    from iriftrace.cfd.openfoam.simulate import Display, Simulation
-    from iriftrace.cfd.openfoam.wall import WallTemperatures
+    from iriftrace.flow.simulate.case import Case
+    from iriftrace.flow.simulate.draught import Draught
+    from iriftrace.flow.simulate.family import Member
+    from iriftrace.flow.simulate.family_run import Cost, Solve, Task
+    from iriftrace.flow.simulate.programs import Installation
+    from iriftrace.flow.simulate.run import State
+    from iriftrace.flow.simulate.simulate import Display, Simulation
     from iriftrace.part.part import Part
+    from iriftrace.part.wall_temperature import WallTemperatures
 
 
 def simulate(
@@ -73,9 +73,9 @@ def simulate(
     write_only
         Write the case and stop; the same command without this option runs it.
     """
-    from iriftrace.cfd.openfoam.programs import find_openfoam
-    from iriftrace.cfd.openfoam.simulate import check_solver, prepare
-    from iriftrace.cfd.openfoam.simulate import simulate as run
+    from iriftrace.flow.simulate.programs import find_openfoam
+    from iriftrace.flow.simulate.simulate import check_solver, prepare
+    from iriftrace.flow.simulate.simulate import simulate as run
 
     checks.inputs(part)
     checks.folder(output)
@@ -134,8 +134,8 @@ def doctor() -> None:
 
     Example: ``iriftrace field doctor``
     """
-    from iriftrace.cfd.openfoam.programs import REPAIR, find_openfoam
-    from iriftrace.cfd.openfoam.solver_check import try_solver
+    from iriftrace.flow.simulate.programs import REPAIR, find_openfoam
+    from iriftrace.flow.simulate.solver_check import try_solver
 
     installation = find_openfoam()
     say_finding("ok", "OpenFOAM", installation.folder or "on the search path")
@@ -150,7 +150,7 @@ def doctor() -> None:
 
 
 def _print_case(case: Case) -> None:
-    from iriftrace.cfd.openfoam.case import symmetric_case
+    from iriftrace.flow.simulate.case import symmetric_case
 
     low, high = case.domain.lower, case.domain.upper
     box = " x ".join(f"{b - a:.0f}" for a, b in zip(low, high, strict=True))
@@ -226,8 +226,8 @@ def family_cases(
     part: Part, simulation: SimulationOptions, wind: DraughtOptions, processes: int
 ) -> tuple[tuple[Member, ...], dict[str, Case]]:
     """Members of a family, and the case of each by name."""
-    from iriftrace.cfd.openfoam.case import symmetric_case
-    from iriftrace.cfd.openfoam.family import plan_family
+    from iriftrace.flow.simulate.case import symmetric_case
+    from iriftrace.flow.simulate.family import plan_family
 
     if simulation.snapshots:
         raise InputError(
@@ -260,7 +260,7 @@ def simulate_family(
     wind: DraughtOptions,
 ) -> None:
     """Solve the missing members of a family, here or on workers, and print the progress."""
-    from iriftrace.cfd.openfoam.family_run import run_family, solve_elsewhere
+    from iriftrace.flow.simulate.family_run import run_family, solve_elsewhere
     from iriftrace.sweep.workers import run_tasks, scheduler_client
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -286,7 +286,7 @@ def simulate_family(
 def _solve_here(installation: Installation, tasks: Sequence[Task]) -> Iterator[JsonObject]:
     from attrs import evolve
 
-    from iriftrace.cfd.openfoam.family_run import solve_member
+    from iriftrace.flow.simulate.family_run import solve_member
 
     for task in tasks:
         with simulation_progress() as display:
@@ -324,7 +324,7 @@ def _finished(entry: JsonObject) -> str:
 @contextmanager
 def simulation_progress() -> Iterator[Display]:
     """Show the current step and, while the solver runs, the state of the flow."""
-    from iriftrace.cfd.openfoam.simulate import Display
+    from iriftrace.flow.simulate.simulate import Display
 
     bar_column = BarColumn(bar_width=20)
     columns = "{task.description}", bar_column, "{task.fields[flow]}", TimeElapsedColumn()

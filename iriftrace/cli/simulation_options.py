@@ -27,11 +27,11 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.units import ZERO_CELSIUS_K
 
 if TYPE_CHECKING:
-    from iriftrace.cfd.openfoam.bodies import Body
-    from iriftrace.cfd.openfoam.case import Case
-    from iriftrace.cfd.openfoam.draught import Draught
-    from iriftrace.cfd.openfoam.wall import WallTemperatures
+    from iriftrace.flow.simulate.bodies import Body
+    from iriftrace.flow.simulate.case import Case
+    from iriftrace.flow.simulate.draught import Draught
     from iriftrace.part.part import Part
+    from iriftrace.part.wall_temperature import WallTemperatures
 
 
 @Parameter(name="*", group=Group("Simulation", sort_key=1))
@@ -121,7 +121,7 @@ class SimulationOptions:
 
         Its mesh is also fine enough for the draughts of its `family`.
         """
-        from iriftrace.cfd.openfoam.case import natural_case
+        from iriftrace.flow.simulate.case import natural_case
         from iriftrace.part.region_choice import values_by_region
 
         wall = self.wall()
@@ -146,8 +146,8 @@ class SimulationOptions:
 
     def wall(self) -> WallTemperatures:
         """Temperatures of the part's wall."""
-        from iriftrace.cfd.openfoam.measured_wall import read_measured_wall
-        from iriftrace.cfd.openfoam.wall import WallTemperatures, measured_wall
+        from iriftrace.io.measured import read_measured_wall
+        from iriftrace.part.wall_temperature import WallTemperatures, measured_wall
 
         regions = region_temperatures(self.region_temperature)
         file = self.wall_temperature_from
@@ -181,7 +181,7 @@ class SimulationOptions:
 
     def bodies(self, length_unit: str) -> tuple[Body, ...]:
         """Bodies in the air besides the part, read in its unit."""
-        from iriftrace.cfd.openfoam.bodies import Body
+        from iriftrace.flow.simulate.bodies import Body
         from iriftrace.part.part import read_part
 
         files = self.body or []
@@ -269,7 +269,7 @@ class DraughtOptions:
 
     def single(self) -> Draught | None:
         """The draught of one simulation; None in still air."""
-        from iriftrace.cfd.openfoam.draught import check_speed, draught_from
+        from iriftrace.flow.simulate.draught import check_speed, draught_from
 
         if self.draught is None:
             refuse_given(
@@ -288,7 +288,7 @@ class DraughtOptions:
 
     def family(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Speeds, m/s, and directions, degrees, of a family; raises InputError if invalid."""
-        from iriftrace.cfd.openfoam.family import check_family
+        from iriftrace.flow.simulate.family import check_family
 
         refuse_given(
             {"--draught": self.draught}, "and --draughts cannot both be given; leave one out."

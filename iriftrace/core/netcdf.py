@@ -7,16 +7,25 @@ from __future__ import annotations
 
 import json
 from functools import cache
+from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from iriftrace.core.child import ChildError, read_in_child
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import check_readable
+from iriftrace.core.files import MOST_PACKED, check_readable
+from iriftrace.core.isolated import ChildError, read_in_child
 from iriftrace.core.plain import JsonObject
 
 if TYPE_CHECKING:
     import xarray as xr
+
+_SMALL = 1 << 28
+"""Bytes that any file may unpack to: what no pose sees packs a thousand times, but is never more.
+
+A variable over ten million faces has 80 MB.
+"""
+
+_ROWS = 1 << 20
 
 
 def json_attributes(values: JsonObject) -> dict[str, str | int | float]:
@@ -78,7 +87,30 @@ def check_netcdf(path: Path) -> None:
 def _fault(path: Path, size: int, _changed_ns: int) -> str:
     """Fault of a file in this state, from the child; "" if all of it can be read."""
     try:
-        read_in_child("iriftrace.core.netcdf_child:read_through", size, str(path), size)
+        read_in_child(f"{__name__}:read_through", size, str(path), size)
     except ChildError as error:
         return str(error)
     return ""
+
+
+def read_through(path: str, size: int) -> None:
+    """Read all attributes and variables, part by part, in the child; returns nothing."""
+    import h5py
+
+    with h5py.File(path, "r") as file:
+        dict(file.attrs)
+        # Not groups and dimensions without values.
+        variables = [
+            found
+            for found in file.values()
+            if isinstance(found, h5py.Dataset)
+            and "This is a netCDF dimension" not in str(dict(found.attrs).get("NAME", ""))
+        ]
+        stated = sum(prod(v.shape) * v.dtype.itemsize for v in variables)
+        if stated > _SMALL + MOST_PACKED * size:
+            raise ValueError(f"its {size:,} bytes would unpack to {stated:,}")
+        for variable in variables:
+            if not variable.shape:
+                variable[...]
+            for start in range(0, variable.shape[0] if variable.shape else 0, _ROWS):
+                variable[start : start + _ROWS]

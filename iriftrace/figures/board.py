@@ -11,7 +11,7 @@ from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 
 from iriftrace.core.files import whole_file
-from iriftrace.part.shapes.board import STRIP_MM, Board
+from iriftrace.part.board import STRIP_MM, Board
 
 INCH_MM = 25.4
 _BARS_MM = (1000.0, 500.0, 200.0, 100.0, 50.0, 20.0, 10.0)

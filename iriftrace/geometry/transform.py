@@ -23,19 +23,14 @@ _OTHERS = (
 _CAMERA = "(?:c|cam|camera|sensor|scanner|cloud|scan|measured|actual)"
 
 
-def leads(start: str, end: str) -> re.Pattern[str]:
-    """Words by which a text states that a motion leads from one frame to another."""
-    return re.compile(
-        rf"(?<![^\W_])(?:(?<!distance )(?<!distance from ){start}(?:'s)?(?:[\s_-]*\d"
-        rf"|[\s_-]+(?:frame|coord\w*|system))*(?:[\s_-]*(?:to|->|→)[\s_-]*|2)(?:the )?{end}"
-        rf"|{start}(?:'s)? (?:pose|position) in (?:the )?{end}"
-        rf"|(?<=pose of the ){start} in (?:the )?{end}"
-        rf"|[RT]_?{end}_?{start})(?![^\W_])",
-        re.IGNORECASE,
-    )
-
-
-_LEADS = {True: leads(_OTHERS, _CAMERA), False: leads(_CAMERA, _OTHERS)}
+_TO_CAMERA = re.compile(
+    rf"(?<![^\W_])(?:(?<!distance )(?<!distance from ){_OTHERS}(?:'s)?(?:[\s_-]*\d"
+    rf"|[\s_-]+(?:frame|coord\w*|system))*(?:[\s_-]*(?:to|->|→)[\s_-]*|2)(?:the )?{_CAMERA}"
+    rf"|{_OTHERS}(?:'s)? (?:pose|position) in (?:the )?{_CAMERA}"
+    rf"|(?<=pose of the ){_OTHERS} in (?:the )?{_CAMERA}"
+    rf"|[RT]_?{_CAMERA}_?{_OTHERS})(?![^\W_])",
+    re.IGNORECASE,
+)
 _VIEW = re.compile(
     rf"(?<![a-z])(?:(?-i:c[TM][wo])|model_?view|view[ _]?matri(?:x|ces)"
     rf"|cam(?:era)?_(?:from|T)_{_OTHERS})(?![a-z])",
@@ -84,12 +79,12 @@ def parse_transform(text: str) -> FloatArray:
     return checked_matrix(matrix, repr(text))
 
 
-def stated_direction(text: str, *, to_camera: bool) -> str:
-    """Words by which a text states that a motion leads to a camera, or from one; "" for none.
+def stated_to_camera(text: str) -> str:
+    """Words by which a text states that a motion leads to a camera; "" for none.
 
     ``T_A_B`` leads from B to A.
     """
-    match = _LEADS[to_camera].search(text) or (_VIEW.search(text) if to_camera else None)
+    match = _TO_CAMERA.search(text) or _VIEW.search(text)
     return match[0] if match else ""
 
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray
-from iriftrace.core.child import ChildError, read_in_child
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
+from iriftrace.core.isolated import ChildError, read_in_child
 
 _COLUMNS = {
     "intensity": ("intensity", np.float32),

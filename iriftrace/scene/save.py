@@ -17,7 +17,6 @@ from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.viewpoint import refuse_bad_places
 from iriftrace.scene.write import SHELLS_FOLDER, write_ensemble_scene, write_scene
 from iriftrace.scene.xml import PART_FILE, SceneSettings, refuse_edited
-from iriftrace.shells.edit import trim_to_frustum
 from iriftrace.shells.report import ShellReport, report_shells
 
 if TYPE_CHECKING:
@@ -37,7 +36,7 @@ class SavedScene(PathLike[str]):
     path : Path
         The XML file.
     shells : ShellStack
-        Those of the first state of the air as written, trimmed to the camera's view if requested.
+        Those of the first state of the air as written.
     reports : tuple of tuple of ShellReport
         Facts about each shell, for each state.
     fits : tuple of Fit or None
@@ -65,13 +64,11 @@ def save_scene(
     *,
     ensemble: bool = False,
     wall_temperature_k: float | None = None,
-    trim_mm: float | None = None,
 ) -> SavedScene:
     """Write the scene of a part in air of one state or, as an ensemble, of several.
 
-    One state is in memory at a time, if `states` makes them so. Lengths are in mm, those of
-    `trim_mm` too; see :meth:`iriftrace.Scene.save`, with its errors and warnings. Errors and
-    warnings of an ensemble have the member's label.
+    One state is in memory at a time, if `states` makes them so. See :meth:`iriftrace.Scene.save`,
+    with its errors and warnings; those of an ensemble have the member's label.
     """
     _check_place(xml, part)
     shown: list[ShellStack] = []
@@ -88,13 +85,13 @@ def save_scene(
                         told.setdefault(message, []).append(state.label)
                     else:
                         warn(message)
-                shells, report = _shells_for(camera, part, settings, state, trim_mm)
+                report = _report(camera, part, settings, state)
             fits.append(fit)
             reports.append(report)
             if not shown:
-                shown.append(shells)
+                shown.append(state.shells)
             notes = state.notes if fit is None else {**state.notes, **fit.notes}
-            yield evolve(state, ready=shells, report=report, notes=notes)
+            yield evolve(state, ready=state.shells, report=report, notes=notes)
 
     listed: tuple[FieldMember, ...] = ()
     if ensemble:
@@ -137,17 +134,11 @@ def _check_place(xml: Path, part: Part) -> None:
     refuse_edited(xml)
 
 
-def _shells_for(
-    camera: Camera, part: Part, settings: SceneSettings, state: AirState, trim_mm: float | None
-) -> tuple[ShellStack, tuple[ShellReport, ...]]:
-    """Shells for devices that stand neither in a body nor in hot air, and facts about them."""
-    if settings.second is not None and trim_mm is not None:
-        raise InputError(
-            "Trimmed shells serve one camera only, and there is a second device; leave out trim."
-        )
-    volume, shells = state.field, state.shells
+def _report(
+    camera: Camera, part: Part, settings: SceneSettings, state: AirState
+) -> tuple[ShellReport, ...]:
+    """Facts about the shells, for devices that stand neither in a body nor in hot air."""
     refuse_bad_places(camera, settings.second, (part, *settings.blockers), state)
-    if trim_mm is not None:
-        shells = trim_to_frustum(shells, camera, trim_mm)
+    volume = state.field
     hot = part if volume is None else body_in_air(volume, part, settings.blockers)
-    return shells, report_shells(shells, volume, hot)
+    return report_shells(state.shells, volume, hot)

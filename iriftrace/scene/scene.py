@@ -123,9 +123,7 @@ class Scene:
             for state in self.air.states
         )
 
-    def save(
-        self, path: str | PathLike[str], *, scale: float = SCALE, trim_mm: float | None = None
-    ) -> SavedScene:
+    def save(self, path: str | PathLike[str], *, scale: float = SCALE) -> SavedScene:
         """Write the scene's folder, as ``iriftrace scene`` does; `iriftrace.load_scene` reads it.
 
         Parameters
@@ -135,8 +133,6 @@ class Scene:
             created if it is missing.
         scale : float
             Default of the file's parameter ``scale``, a factor on the resolution.
-        trim_mm : float, mm, optional
-            Shells farther than this outside the camera's view are left out; by default none.
 
         Returns
         -------
@@ -146,8 +142,7 @@ class Scene:
         Raises
         ------
         InputError
-            As for `loaded`; or no shell is in the camera's view, shells are trimmed to one of two
-            cameras, the XML file was edited by hand, or the folder cannot be written.
+            As for `loaded`; or the XML file was edited by hand, or the folder cannot be written.
 
         Warns
         -----
@@ -173,7 +168,6 @@ class Scene:
             settings,
             ensemble=len(self.air.states) > 1,
             wall_temperature_k=self.air.wall_temperature_k,
-            trim_mm=trim_mm,
         )
 
 

@@ -1,4 +1,4 @@
-"""Iso-surfaces exported by COMSOL, ParaView and others, as shells.
+"""Iso-surfaces of COMSOL, ParaView and other programs as shells.
 
 A file's triangles are read with the refractivity of each, split by value into surfaces, and each
 surface is welded and turned towards the cooler air.
@@ -6,7 +6,6 @@ surface is welded and turned towards the cooler air.
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -79,15 +78,13 @@ def import_shells(
     ----------
     path : path
         One ``.vtu``, ``.vtm`` or ``.vtp`` with triangles (or polygons) in mm or ``length_unit``.
-    array : str, optional
-        Name of the point or cell array; chosen by its name, or because it is the only one.
-    quantity : str, optional
-        ``"temperature"``, ``"index"`` (n or n - 1) or ``"density"``. For other names
-        (COMSOL's ``Color``): temperature if all values exceed 150, otherwise index.
+    array, quantity : str, optional
+        Name of the point or cell array, and what it holds: ``"temperature"``, ``"index"`` (n or
+        n - 1) or ``"density"``; needed where the name does not tell, as COMSOL's ``Color``
+        (:func:`iriftrace.field.arrays.choose_array`).
     gradient : str, optional
-        Name of a point array with the gradient of the same quantity; by default the only array with
-        three components whose name begins with "grad". Without one the shells have no normals and
-        rays use the facets'.
+        Name of a point array with the gradient of the same quantity, along which the shells get
+        their normals; without one rays use the facets'.
     temperature_unit : str, optional
         Unit of the temperatures; by default that in brackets in the array's name, else K.
     length_unit : str
@@ -107,7 +104,7 @@ def import_shells(
     Raises
     ------
     InputError
-        The file is missing, damaged or has no triangles; no array or several could be meant; the
+        The file is missing, damaged or has no triangles; array or quantity are not declared; the
         values are those of a continuous field; a surface does not lie between ambient and vacuum.
     """
     path = Path(path)
@@ -206,8 +203,7 @@ def _read_triangles(
 ) -> Soup:
     """All triangles of a file; the parameters are those of :func:`import_shells`."""
     blocks, origin, facts = _read(path)
-    choice = _choose(blocks, array, quantity, path)
-    name = gradient or _gradient_name(blocks[0])
+    choice = arrays.choose_array(blocks[0], array, quantity, str(path))
     starts = np.cumsum([0] + [block.n_points for block in blocks])
     faces = [np.asarray(block.regular_faces, dtype=np.int64) for block in blocks]
     values = np.concatenate(
@@ -221,10 +217,10 @@ def _read_triangles(
     points = np.concatenate([np.asarray(b.points, dtype=np.float64) for b in blocks])
     points *= length_factor
     vectors = None
-    if name is not None:
+    if gradient is not None:
         # The index falls where the temperature rises.
         sign = -1.0 if choice.quantity == "temperature" else 1.0
-        vectors = sign * np.concatenate([_vectors(block, name, path) for block in blocks])
+        vectors = sign * np.concatenate([_vectors(block, gradient, path) for block in blocks])
     if transform is not None:
         matrix = np.asarray(transform, dtype=np.float64)
         points = motion.apply(matrix, points)
@@ -268,35 +264,6 @@ def _triangles(block: pv.DataSet) -> pv.PolyData | None:
         return None
     mesh = block.triangulate()
     return mesh if mesh.n_cells else None
-
-
-def _choose(
-    blocks: list[pv.PolyData], array: str | None, quantity: str | None, path: Path
-) -> arrays.Choice:
-    """The array with the surfaces' values, by option, by name or because it is the only one."""
-    first = blocks[0]
-    names = [
-        name
-        for data in (first.point_data, first.cell_data)
-        for name in data
-        if data[name].ndim == 1 and data[name].dtype.kind in "fiu" and not name.startswith("vtk")
-    ]
-    name = array if array is not None else names[0] if len(set(names)) == 1 else None
-    if name in names and quantity is None and arrays.quantity_of(str(name)) is None:
-        # Room air has some 290 K and an index near 1, so the two cannot be confused.
-        quantity = "temperature" if np.min(first[name]) > 150.0 else "index"
-    if name is not None and quantity is not None:
-        array = name
-    return arrays.choose_array(first, array, quantity, str(path))
-
-
-def _gradient_name(block: pv.PolyData) -> str | None:
-    names = [
-        name
-        for name in block.point_data
-        if re.match("grad", name, re.IGNORECASE) and block.point_data[name].shape[1:] == (3,)
-    ]
-    return names[0] if len(names) == 1 else None
 
 
 def _vectors(block: pv.PolyData, name: str, path: Path) -> FloatArray:

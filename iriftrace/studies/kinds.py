@@ -20,9 +20,9 @@ from attrs import evolve
 from iriftrace.core.errors import InputError
 from iriftrace.field.index_field import IndexField
 from iriftrace.shells.decimate import FEWEST, decimate
-from iriftrace.shells.edit import smooth_taubin, subdivide_midpoint
 from iriftrace.shells.stack import ShellStack
 from iriftrace.studies.mode import Mode, check_modes, shells_of
+from iriftrace.studies.shell_edits import smooth_taubin, subdivide_midpoint
 from iriftrace.studies.split_cells import as_tetrahedra, split_tetrahedra
 from iriftrace.studies.study import BY_CELLS, SAME_MODE, Axis, Setup, Study
 

@@ -47,7 +47,7 @@ class Projection:
         self.coefficients = None
         if camera.distortion is not None:
             self.coefficients = [opaque(value) for value in camera.distortion.coefficients]
-            self.rounds = camera.seen_field.rounds
+            self.rounds = camera.newton_steps
             self.fold_radius = opaque(fold_radius(camera.distortion))
 
     def rays64(self, x: dt.Float64, y: dt.Float64) -> tuple[dt.Point3d, dt.Vector3d]:

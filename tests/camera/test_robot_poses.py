@@ -1,6 +1,7 @@
 """Poses of robots: each maker's angles, the flange's camera, the robot's base."""
 
 import math
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,9 +10,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from iriftrace.camera.pose import look_at
 from iriftrace.camera.pose_files import read_poses
-from iriftrace.camera.robot_poses import ROBOTS
 from iriftrace.cli.orbit_options import OrbitOptions
 from iriftrace.core.errors import InputError, IriftraceWarning
+
+DATA = Path(__file__).parents[1] / "data" / "poses"
 
 FIRST, SECOND, THIRD = 31.0, -47.5, 112.25
 
@@ -71,20 +73,21 @@ def test_angles_that_are_rather_radians_are_warned_of(tmp_path):
         read_poses(written(tmp_path, f"x,y,z,{names}\n{angles}"), robot="kuka")
 
 
-def test_a_tool_that_points_down(tmp_path):
-    # KUKA's pose of a tool that looks at the table: A 90, B 0, C 180.
-    path = written(tmp_path, "X;Y;Z;A;B;C\n0;0;500;90;0;180\n")
-    axes = read_poses(path, robot="kuka").matrices[0, :3, :3]
-    assert_allclose(axes.T, ((0, 1, 0), (1, 0, 0), (0, 0, -1)), atol=1e-15)
+def test_a_tool_that_points_down():
+    """KUKA's pose of a tool that looks at the table (A 90, B 0, C 180), as Excel saves it."""
+    down, tilted = read_poses(DATA / "kuka.csv", robot="kuka").matrices
+    assert_allclose(down[:3, :3].T, ((0, 1, 0), (1, 0, 0), (0, 0, -1)), atol=1e-15)
+    assert_array_equal(down[:3, 3], (680, 0, 475))
+    assert_allclose(tilted[:3, :3], PRODUCTS["kuka"][1], atol=1e-15)
+    assert_array_equal(tilted[:3, 3], (680, -120.5, 475))
 
 
 def test_a_rotation_vector_turns_about_its_axis_by_its_length(tmp_path):
+    down, third = read_poses(DATA / "universal.csv", robot="universal", length_unit="m").matrices
+    assert_allclose(down[:3], ((0, 1, 0, 680), (1, 0, 0, 0), (0, 0, -1, 475)), atol=1e-9)
     # A third of a turn about the room's diagonal moves x to y, y to z and z to x.
-    entry = 2.0 * math.pi / 3.0 / math.sqrt(3.0)
-    path = written(tmp_path, f"x y z rx ry rz\n0 0 0 {entry} {entry} {entry}\n")
-    axes = read_poses(path, robot="universal").matrices[0, :3, :3]
-    assert_allclose(axes.T, ((0, 1, 0), (0, 0, 1), (1, 0, 0)), atol=1e-15)
-    path = written(tmp_path, "x y z rx_deg ry_deg rz_deg\n0 0 0 0 0 90\n")
+    assert_allclose(third[:3, :3].T, ((0, 1, 0), (0, 0, 1), (1, 0, 0)), atol=1e-9)
+    path = written(tmp_path, "x,y,z,rx [deg],ry [deg],rz [deg]\n0,0,0,0,0,90\n")
     axes = read_poses(path, robot="universal").matrices[0, :3, :3]
     assert_allclose(axes.T, ((0, 1, 0), (-1, 0, 0), (0, 0, 1)), atol=1e-15)
 
@@ -96,52 +99,39 @@ def test_quaternions_of_abb_have_the_scalar_first(tmp_path):
     assert_allclose(read_poses(path, robot="abb").matrices, expected, atol=1e-15)
 
 
-@pytest.mark.parametrize("robot", ["fanuc", "kawasaki"])
-def test_columns_that_one_robot_has_need_no_name(tmp_path, robot):
-    columns = ",".join(ROBOTS[robot].columns)
-    path = written(tmp_path, f"x,y,z,{columns}\n1,2,3,{FIRST},{SECOND},{THIRD}\n")
-    assert_array_equal(read_poses(path).matrices, read_poses(path, robot=robot).matrices)
-
-
-def test_columns_without_names_are_the_robots(tmp_path):
-    named = written(tmp_path, f"x,y,z,a,b,c\n1,2,3,{FIRST},{SECOND},{THIRD}\n")
-    bare = written(tmp_path, f"1 2 3 {FIRST} {SECOND} {THIRD}\n", "bare.txt")
-    expected = read_poses(named, robot="kuka").matrices
-    assert_array_equal(read_poses(bare, robot="kuka").matrices, expected)
-
-
-def test_a_quaternion_next_to_a_robots_angles_counts_without_a_robot(tmp_path):
-    path = written(tmp_path, "x,y,z,qx,qy,qz,qw,rx,ry,rz\n0,0,0,0,0,0,1,90,0,0\n")
-    assert_array_equal(read_poses(path).matrices[0], np.eye(4))
-    turned = read_poses(path, robot="yaskawa").matrices[0]
-    assert_allclose(turned[:3, :3], elementary("x", 90.0), atol=1e-15)
+@pytest.mark.parametrize(
+    ("text", "robot", "columns"),
+    [
+        # Whose angles they are is never told by the columns, nor by their number.
+        ("x,y,z,a,b,c\n0,0,0,1,2,3", None, "x,y,z,a,b,c"),
+        ("x,y,z,w,p,r\n0,0,0,1,2,3", None, "x,y,z,w,p,r"),
+        ("x,y,z,q1,q2,q3,q4\n0,0,0,0,0,0,1", None, "x,y,z,q1,q2,q3,q4"),
+        ("0,0,0,90,0,180\n0,0,0,90,0,180", "kuka", "0,0,0,90,0,180"),
+        ("x,y,z,w,p,r\n0,0,0,1,2,3", "kuka", "x,y,z,w,p,r"),
+        ("x,y,a,b,c\n0,0,1,2,3", "kuka", "x,y,a,b,c"),
+        # Of a log with the joints, and of two orientations, none is chosen.
+        ("x,y,z,rx,ry,rz,q1\n0,0,0,1,2,3,4", "universal", "x,y,z,rx,ry,rz,q1"),
+        ("x,y,z,qx,qy,qz,qw,rx,ry,rz\n0,0,0,0,0,0,1,9,0,0", "yaskawa", "x,y,z,qx,qy,qz,qw,rx"),
+        ("x,y,z,q1 [rad],q2,q3,q4\n0,0,0,1,0,0,0", "abb", r"x,y,z,q1 \[rad\]"),
+    ],
+)
+def test_other_columns_than_the_robots_are_refused_with_what_was_found(
+    tmp_path, text, robot, columns
+):
+    path = written(tmp_path, text)
+    with pytest.raises(InputError, match=f"poses.csv has the columns '{columns}"):
+        read_poses(path, robot=robot)
 
 
 @pytest.mark.parametrize(
     ("text", "robot", "message"),
     [
-        ("x,y,z,a,b,c\n0,0,0,1,2,3", None, r"orientations a, b, c, whose.*kuka or mitsubishi\)\."),
-        # The scalar part is the first of ABB's, and elsewhere often the last.
-        ("x,y,z,q1,q2,q3,q4\n0,0,0,0,0,0,1", None, r"q1, q2, q3, q4, whose.*\(--robot abb\)\."),
-        (
-            "x,y,z,rx,ry,rz\n0,0,0,1,2,3",
-            None,
-            r"orientations rx, ry, rz, whose.* \(--robot staubli or universal or yaskawa\)\.",
-        ),
-        # A log of Universal Robots with its joints.
-        (
-            "x,y,z,rx,ry,rz,q1,q2,q3,q4,q5,q6\n0,0,0,1,2,3,1,2,3,4,5,6",
-            None,
-            "orientations q1, q2, q3, q4 and rx, ry, rz",
-        ),
-        ("x,y,z,w,p,r\n0,0,0,1,2,3", "kuka", "no columns x, y, z, a, b, c, in which poses of"),
-        ("x,y,a,b,c\n0,0,1,2,3", "kuka", "no columns x, y, z, a, b, c"),
-        ("0 0 0 1 2 3 4", "kuka", "no columns x, y, z, a, b, c"),
-        ("0 0 0 90 0 180", "universal", "length 201.2 rad, which is more than a turn"),
+        ("x,y,z,rx,ry,rz\n0,0,0,90,0,180", "universal", "length 201.2 rad, which is more than"),
         ("x,y,z,a [deg],b [rad],c [rad]\n0,0,0,1,2,3", "kuka", "angles in deg and rad"),
+        ("x,y,z,a [gon],b [gon],c [gon]\n0,0,0,1,2,3", "kuka", "angles in gon"),
         ("x,y,z,q1,q2,q3,q4\n0,0,0,1,1,0,0", "abb", "line 2: the quaternion has length 1.41421"),
-        ("0 0 0 nan 0 180", "kuka", "Pose 1 of .* not finite"),
-        ("0 0 0 inf 0 180", "universal", "not finite|more than a turn"),
+        ("x,y,z,a,b,c\n0,0,0,nan,0,180", "kuka", "Pose 1 of .* not finite"),
+        ("x,y,z,rx,ry,rz\n0,0,0,inf,0,180", "universal", "not finite|more than a turn"),
     ],
 )
 def test_files_that_do_not_fit_the_robot(tmp_path, text, robot, message):
@@ -152,25 +142,26 @@ def test_files_that_do_not_fit_the_robot(tmp_path, text, robot, message):
 
 
 def test_matrices_need_no_robot(tmp_path):
-    np.save(tmp_path / "poses.npy", np.eye(4))
-    with pytest.raises(InputError, match="no columns x, y, z, w, p, r"):
+    np.save(tmp_path / "poses.npy", np.eye(4)[None])
+    with pytest.raises(InputError, match="columns x, y, z, w, p, r"):
         read_poses(tmp_path / "poses.npy", robot="fanuc")
 
 
 # The camera is 80 mm beside the flange and turned by a quarter about its axis.
+FLANGE = {"robot": "fanuc", "length_unit": "m"}
 HAND_EYE = np.array(((0, -1, 0, 80), (1, 0, 0, 0), (0, 0, 1, 25), (0, 0, 0, 1.0)))
 
 
 def test_the_camera_of_a_flange_that_looks_down(tmp_path):
     path = written(tmp_path, "x,y,z,w,p,r\n0.6,0,0.5,180,0,0\n")
-    camera = read_poses(path, length_unit="m", hand_eye=HAND_EYE).matrices[0]
+    camera = read_poses(path, **FLANGE, hand_eye=HAND_EYE).matrices[0]
     # The flange's x stays x, its y and z are turned round: 80 mm along x and 25 mm downwards.
     assert_allclose(camera[:3, 3], (680, 0, 475), atol=1e-12)
     assert_allclose(camera[:3, :3].T, ((0, -1, 0), (-1, 0, 0), (0, 0, -1)), atol=1e-15)
     # The base stands 680 mm before the part, at its height, and is turned by half.
     base_to_part = np.diag((-1.0, -1.0, 1.0, 1.0))
     base_to_part[0, 3] = 680.0
-    placed = read_poses(path, length_unit="m", hand_eye=HAND_EYE, base_to_part=base_to_part)
+    placed = read_poses(path, **FLANGE, hand_eye=HAND_EYE, base_to_part=base_to_part)
     above = look_at((0, 0, 475), (0, 0, 0), (0, -1, 0))
     assert_allclose(placed.matrices[0, :3, 2:], above[:3, 2:], atol=1e-12)
     assert_allclose(placed.matrices[0], base_to_part @ camera, atol=1e-12)
@@ -178,8 +169,9 @@ def test_the_camera_of_a_flange_that_looks_down(tmp_path):
 
 def test_the_hand_eye_matrix_has_the_cameras_axes_of_the_convention(tmp_path):
     path = written(tmp_path, "x,y,z,w,p,r\n600,10,500,180,5,0\n")
-    as_opencv = read_poses(path, hand_eye=HAND_EYE).matrices
-    as_opengl = read_poses(path, "opengl", hand_eye=HAND_EYE @ np.diag((1, -1, -1, 1))).matrices
+    as_opencv = read_poses(path, robot="fanuc", hand_eye=HAND_EYE).matrices
+    turned = HAND_EYE @ np.diag((1, -1, -1, 1))
+    as_opengl = read_poses(path, "opengl", robot="fanuc", hand_eye=turned).matrices
     assert_allclose(as_opengl, as_opencv, atol=1e-12)
 
 
@@ -187,13 +179,13 @@ def test_matrices_of_frames_that_are_wrong(tmp_path):
     path = written(tmp_path, "x,y,z,w,p,r\n600,10,500,180,5,0\n")
     for name in ("hand_eye", "base_to_part"):
         with pytest.raises(InputError, match="is not a rigid motion"):
-            read_poses(path, **{name: np.diag((2.0, 2.0, 2.0, 1.0))})
+            read_poses(path, robot="fanuc", **{name: np.diag((2.0, 2.0, 2.0, 1.0))})
         with pytest.raises(InputError, match="is the matrix transposed"):
-            read_poses(path, **{name: HAND_EYE.T})
+            read_poses(path, robot="fanuc", **{name: HAND_EYE.T})
     in_metres = HAND_EYE.copy()
     in_metres[:3, 3] /= 1000.0
     with pytest.warns(IriftraceWarning, match="camera 0.0838 mm from the flange, as if"):
-        read_poses(path, hand_eye=in_metres)
+        read_poses(path, robot="fanuc", hand_eye=in_metres)
     path = written(tmp_path, "x,y,z,target_x,target_y,target_z\n1,2,3,0,0,0\n")
     with pytest.raises(InputError, match="aims cameras at targets"):
         read_poses(path, hand_eye=HAND_EYE)
@@ -220,73 +212,3 @@ def test_options_of_a_sweep(tmp_path, capsys):
     for name, value in (("robot", "kuka"), ("hand_eye", motion), ("base_to_part", base)):
         with pytest.raises(InputError, match=f"--{name.replace('_', '-')} .* list of poses"):
             OrbitOptions(**{name: value}).pose_sets(None)
-
-
-PROGRAMS = {
-    "kuka.dat": """&ACCESS RVP
-DEFDAT SCAN PUBLIC
-;DECL E6POS XP0={X 0,Y 0,Z 0,A 0,B 0,C 0,S 2}
-DECL E6POS XP1={X 1250.50,Y -310.25,Z 1480.00,A 90.0,B 0.0,C 180.0,S 2,T 35,E1 0.0}
-DECL FDAT FP1={TOOL_NO 1,BASE_NO 0,IPO_FRAME #BASE,POINT2[] " "}
-""",
-    "kuka.src": """DEF SCAN( )
-;FOLD Prüfung
-$TOOL={X 1,Y 2,Z 3,A 0,B 0,C 0}
-PTP XHOME
-LIN {X 1250.5, Y -310.25, Z 1480, A 90, B 0, C 180} C_DIS
-LIN_REL {X 0,Y 0,Z 10,A 0,B 0,C 0}
-END
-""",
-    "fanuc.ls": """/PROG  SCAN
-/POS
-P[1]{
-   GP1:
-\tUF : 0, UT : 1,\t\tCONFIG : 'N U T, 0, 0, 0',
-\tX =  1250.500  mm,\tY =  -310.250  mm,\tZ =  1480.000  mm,
-\tW =   180.000 deg,\tP =     0.000 deg,\tR =    90.000 deg
-};
-/END
-""",
-    "abb.mod": """MODULE Scan
-  PERS tooldata head:=[TRUE,[[1,2,3],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];
-  CONST robtarget p10:=[[1250.5,-310.25,1480],[0,0.70710678,0.70710678,0],[0,0,0,0],[9E9,9E9]];
-ENDMODULE
-""",
-    "ur.script": """def scan():
-  set_tcp(p[0, 0, 0.2, 0, 0, 0])
-  global Plane_1=p[1, 2, 3, 0, 0, 0]
-  movel(p[1.2505, -0.31025, 1.48, 2.2214414691, 2.2214414691, 0], a=1.2, v=0.25)
-end
-""",
-}
-
-
-@pytest.mark.parametrize("name", PROGRAMS)
-def test_positions_in_programs(tmp_path, name):
-    """A tool that points down, turned by a quarter about z."""
-    path = tmp_path / name
-    path.write_bytes(PROGRAMS[name].encode("cp1252"))
-    with pytest.warns(IriftraceWarning, match=r"positions in .* \(1\) are those of the program's"):
-        poses = read_poses(path, length_unit="m" if name == "ur.script" else "mm")
-    expected = ((0, 1, 0, 1250.5), (1, 0, 0, -310.25), (0, 0, -1, 1480), (0, 0, 0, 1))
-    assert_allclose(poses.matrices, [expected], atol=1e-7)
-
-
-def test_frames_that_a_program_names_are_said(tmp_path):
-    first = PROGRAMS["fanuc.ls"]
-    second = first[first.index("P[1]") :].replace("UF : 0", "UF : 2")
-    path = written(tmp_path, first.replace("/END\n", second), "fanuc.ls")
-    with pytest.warns(IriftraceWarning, match=r"work object; UF 0, UT 1, UF 2\).* same for all"):
-        assert len(read_poses(path)) == 2
-
-
-def test_programs_without_positions_are_named(tmp_path):
-    path = written(tmp_path, "/JOB\n//NAME SCAN\n///POSTYPE PULSE\nC00000=1,2,3\n", "scan.jbi")
-    with pytest.raises(InputError, match=r"is a program of a robot without positions.*as a table"):
-        read_poses(path)
-    path = written(tmp_path, PROGRAMS["abb.mod"], "abb.mod")
-    with (
-        pytest.warns(IriftraceWarning, match="positions in"),
-        pytest.raises(InputError, match=r"no columns x, y, z, a, b, c.*\(kuka\)"),
-    ):
-        read_poses(path, robot="kuka")

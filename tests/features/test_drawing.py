@@ -15,8 +15,7 @@ from iriftrace.features.fitted import FittedFeature, fit_features
 from iriftrace.features.relations import Relation, relations
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part, part_of_mesh, read_part, save_part
-from iriftrace.part.shapes.cylinder import cylinder
-from iriftrace.part.shapes.rings import between_poles, circle
+from iriftrace.part.standards import between_poles, circle, cylinder
 from iriftrace.part.tessellation import subdivide_part
 from iriftrace.part.uneven_growth import grown_unevenly
 from iriftrace.triangulation.correction import Correction

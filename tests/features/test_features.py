@@ -16,7 +16,7 @@ from iriftrace.features.fitted import fit_features
 from iriftrace.features.outliers import inliers
 from iriftrace.geometry.query import Surface
 from iriftrace.part.part import Part, part_of_mesh, read_part
-from iriftrace.part.shapes.cylinder import cylinder
+from iriftrace.part.standards import cylinder
 from iriftrace.scenes import folder_of
 
 AXIS = np.array((0.2, -0.5, 0.8)) / np.linalg.norm((0.2, -0.5, 0.8))

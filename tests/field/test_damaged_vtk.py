@@ -7,7 +7,7 @@ import pytest
 import pyvista as pv
 from numpy.testing import assert_array_equal
 
-from iriftrace.core import child
+from iriftrace.core import isolated
 from iriftrace.core.errors import InputError
 from iriftrace.field.read import read_field
 from iriftrace.field.readers import vtk_child, vtk_process
@@ -55,8 +55,8 @@ def test_a_reader_that_dies_is_one_sentence(
 ) -> None:
     """The next file is read as if nothing had been."""
     air(30).save(tmp_path / "air.vtu")
-    monkeypatch.setattr(child, "_SECONDS", -1)
-    monkeypatch.setattr(child, "_POLL", 0)
+    monkeypatch.setattr(isolated, "_SECONDS", -1)
+    monkeypatch.setattr(isolated, "_POLL", 0)
     with pytest.raises(InputError, match=r"air\.vtu cannot be read \(.*\); is it a complete file"):
         read_file(tmp_path / "air.vtu")
     monkeypatch.undo()

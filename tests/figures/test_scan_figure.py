@@ -13,7 +13,7 @@ from iriftrace.figures.scan import correction_figure, scan_figure
 from iriftrace.figures.scan_report import scan_report, write_scan_report
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import part_of_mesh
-from iriftrace.part.shapes.cylinder import cylinder
+from iriftrace.part.standards import cylinder
 from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
 from iriftrace.triangulation.correct import correct

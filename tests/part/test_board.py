@@ -9,8 +9,8 @@ import pytest
 
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
+from iriftrace.part.board import LARGER, Board
 from iriftrace.part.part import read_part
-from iriftrace.part.shapes.board import LARGER, Board
 
 MM = 72.0 / 25.4
 """Points of a PDF."""

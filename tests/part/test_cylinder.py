@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part
-from iriftrace.part.shapes.cylinder import HYBRID_REGIONS, cylinder, hybrid_cylinder
+from iriftrace.part.standards import cylinder
 
 
 def prism_volume(diameter: float, length: float, segments: int) -> float:
@@ -49,22 +49,9 @@ def test_heads_and_lateral_surface_face_outward() -> None:
 
 def test_the_defaults_are_the_part_that_was_simulated() -> None:
     """Volume of the surface around which the bundled field was solved."""
-    for part in (cylinder(), hybrid_cylinder()):
-        assert part.volume == pytest.approx(97156.5936, abs=1e-3)
-    assert len(cylinder().faces) == 2040
-
-
-def test_the_hybrid_cylinder_is_cut_at_its_transition() -> None:
-    part = hybrid_cylinder(20.0, 100.0, transition_mm=12.0, interface_mm=-10.0, segments=40)
-    assert part.region_names == HYBRID_REGIONS
-    assert part.closed
-    assert part.volume == pytest.approx(prism_volume(20.0, 100.0, 40), rel=1e-12)
-    around = 40 * 20.0 * np.sin(np.pi / 40)
-    assert area_of(part, "transition") == pytest.approx(around * 12.0)
-    assert area_of(part, "lateral -x") == pytest.approx(around * 34.0)
-    assert area_of(part, "lateral +x") == pytest.approx(around * 54.0)
-    along = part.vertices[part.faces][part.region_of_face == 2][:, :, 0]
-    assert (along.min(), along.max()) == pytest.approx((-16.0, -4.0))
+    part = cylinder()
+    assert part.volume == pytest.approx(97156.5936, abs=1e-3)
+    assert len(part.faces) == 2040
 
 
 def test_sizes_that_make_no_cylinder_are_refused() -> None:
@@ -72,5 +59,3 @@ def test_sizes_that_make_no_cylinder_are_refused() -> None:
         cylinder(0.0)
     with pytest.raises(InputError, match="give 8 to 2000 segments"):
         cylinder(segments=7)
-    with pytest.raises(InputError, match="is not within its length from -85 to 85 mm"):
-        hybrid_cylinder(interface_mm=82.0)

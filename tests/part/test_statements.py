@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from iriftrace.part.shapes.cylinder import cylinder
+from iriftrace.part.standards import cylinder
 from validation.statements.finding import verdict
 from validation.statements.orbit import Swept
 from validation.statements.wishbone import curvature

@@ -9,7 +9,7 @@ import trimesh
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import part_of_mesh, read_part
-from iriftrace.part.shapes.cylinder import cylinder
+from iriftrace.part.standards import cylinder
 from iriftrace.part.tessellation import decimate_part, subdivide_part
 
 

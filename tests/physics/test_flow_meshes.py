@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from iriftrace.cfd.openfoam.part_surface import mirrored_grid
 from iriftrace.field.gradient import TETRAHEDRON_EDGES
 from iriftrace.field.polyhedra import SPLIT
 from iriftrace.field.read import read_field
 from iriftrace.field.readers.vtk_process import read_case
 from iriftrace.field.tetrahedra import OPPOSITE, Tetrahedra, tetrahedra_of
+from iriftrace.flow.simulate.part_surface import mirrored_grid
 from iriftrace.image.aov_image import Status
 from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.load import load_scene

@@ -5,7 +5,7 @@ import pytest
 
 from iriftrace.air.refractivity import Air
 from iriftrace.core.errors import InputError
-from iriftrace.scenes.plate import PlateAir
+from scenes.generators.plate import PlateAir
 from validation.flow.plate import expected, in_formula
 from validation.oracles.hot_plate import profile, similarity
 

@@ -1,4 +1,4 @@
-"""What is measured through a distorting lens: shifts, areas, the view's edges."""
+"""What is measured through a distorting lens: shifts, areas, files."""
 
 from pathlib import Path
 
@@ -12,7 +12,6 @@ from iriftrace.image.metrics import pose_metrics
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.shells.contour import contour_shells
-from iriftrace.shells.edit import trim_to_frustum
 from validation.inputs.cameras import camera_at
 from validation.inputs.lenses import LENSES, lens_camera
 from validation.inputs.shell_fields import sphere_field
@@ -84,26 +83,6 @@ def test_plate_that_leaves_the_picture_is_covered_as_far_as_it_is_seen(lens: Dis
     x, y, _ = (60 * directions / directions[:, 2:]).T
     seen = 0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
     assert metrics.coverage_area == pytest.approx(seen / 120**2, rel=1e-3)
-
-
-@lenses
-def test_trimmed_shells_reach_to_the_edges_of_the_view(lens: Distortion) -> None:
-    """A pincushion's sides bulge over the planes through its corners; nothing seen is cut off."""
-    stack = contour_shells(sphere_field(12), layers=2)
-    view = camera_at(
-        (60, 0, 0),
-        sensor_mm=(2, 1.5),
-        resolution=(40, 30),
-        distortion=evolve(lens, k1=10 * lens.k1),
-    )
-    trimmed = trim_to_frustum(stack, view, 0.0)
-    assert trimmed.triangles < stack.triangles
-    corners = stack.shells[0].vertices[stack.shells[0].faces]
-    pixels = view.project(corners.mean(axis=1))
-    inside = view.holds(pixels)
-    kept = {c.tobytes() for c in trimmed.shells[0].vertices[trimmed.shells[0].faces]}
-    assert inside.any()
-    assert {c.tobytes() for c in corners[inside]} <= kept
 
 
 @pytest.mark.usefixtures("variant")

@@ -23,9 +23,7 @@ WITHOUT_VTK = (
     "image.displacement image.metrics image.resolution part.part runtime.doctor runtime.llvm "
     "runtime.variant"
 ).split()
-WITHOUT_MITSUBA = (
-    "field.part_fit field.read shells.contour shells.edit shells.imported shells.report"
-).split()
+WITHOUT_MITSUBA = "field.part_fit field.read shells.contour shells.imported shells.report".split()
 OLD_LIBRARIES = [library.path for library in llvm.llvm_libraries() if not library.ok]
 #: Seconds after which a process that does not end says on stderr where it stands.
 TOO_LONG = 60

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 import iriftrace
-from iriftrace.cfd.openfoam.bodies import Body, floor_below, write_bodies
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
 from iriftrace.field.origin import state_origin
 from iriftrace.field.source import FieldFacts
 from iriftrace.figures.window import view
+from iriftrace.flow.simulate.bodies import Body, floor_below, write_bodies
 from iriftrace.image.aov_image import Status
+from iriftrace.part.board import Board
 from iriftrace.part.part import part_of_mesh, save_part
-from iriftrace.part.shapes.board import Board
 from iriftrace.scene.outline import blocker_surfaces
 from validation.inputs import hot_block
 from validation.inputs.cameras import camera_at

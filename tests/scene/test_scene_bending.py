@@ -15,9 +15,9 @@ from iriftrace.scene.load import load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import concentric_cylinders
 from iriftrace.shells.contour import contour_shells
-from iriftrace.shells.edit import smooth_taubin
 from iriftrace.shells.hessian import HESSIAN_AXES, PLY_COLUMNS
 from iriftrace.shells.stack import ShellStack
+from iriftrace.studies.shell_edits import smooth_taubin
 from iriftrace.trace.rays import trace_rays
 from iriftrace.trace.render import render_scene
 from validation.inputs.cameras import camera_at

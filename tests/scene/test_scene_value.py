@@ -16,6 +16,7 @@ import iriftrace
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
 from iriftrace.scenes import folder_of
+from scenes.generators.bevel_gear import bevel_gear
 from validation.inputs import hot_block
 
 pytestmark = [
@@ -151,7 +152,7 @@ def test_what_cannot_be_a_scene_is_refused(scene: iriftrace.Scene, tmp_path: Pat
 
 
 def gear_under_its_plume() -> iriftrace.Scene:
-    part = iriftrace.bevel_gear(teeth=8, module_mm=7.0)
+    part = bevel_gear(teeth=8, module_mm=7.0)
     mesh = iriftrace.AirMesh(cell_mm=6.0, sides_mm=30.0, height_mm=60.0)
     air = iriftrace.HotAir(
         iriftrace.synthetic_field(iriftrace.synthetic_air(part), mesh), layers=21

@@ -1,5 +1,7 @@
 """Iso-surfaces as other programs export them, against the spheres that they were made of."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import pyvista as pv
@@ -25,6 +27,7 @@ from validation.inputs.shell_fields import (
 # Hotter towards the centre; equal steps of n - 1 from ambient on, so that layers are known.
 RADII = (30.0, 20.0, 10.0)
 STEP = 4e-5
+SAMPLE = Path(__file__).parents[1] / "data" / "iso_surfaces" / "three_spheres.vtu"
 LEVELS = AMBIENT - STEP * (np.arange(3) + 0.5)
 KELVIN = AIR.temperature(LEVELS)
 
@@ -47,8 +50,11 @@ def merged(blocks: pv.MultiBlock) -> pv.PolyData:
     return blocks.combine().extract_surface(algorithm="geometry")
 
 
-def check(stack) -> None:
-    """The three spheres, outermost first, closed and outward, with layers at equal steps."""
+def check(stack, fullness: float = 0.9) -> None:
+    """The three spheres, outermost first, closed and outward, with layers at equal steps.
+
+    Their triangles have corners on the spheres and hold at least the fraction `fullness` of them.
+    """
     assert stack.rule == "imported"
     assert [s.layer for s in stack.shells] == [1, 2, 3]
     assert_allclose([s.refractivity for s in stack.shells], LEVELS, rtol=1e-5)
@@ -58,7 +64,8 @@ def check(stack) -> None:
         assert_allclose(np.linalg.norm(shell.vertices, axis=1), radius, rtol=1e-5)
         assert np.all(edge_counts(shell.faces)[1] == 2)
         assert is_wound_consistently(shell.faces)
-        assert 0.9 < signed_volume(shell.vertices, shell.faces) / (4 / 3 * np.pi * radius**3) < 1
+        volume = 4 / 3 * np.pi * radius**3
+        assert fullness < signed_volume(shell.vertices, shell.faces) / volume < 1
 
 
 @pytest.mark.parametrize("cells", [True, False])
@@ -80,12 +87,24 @@ def test_all_file_types_and_data_of_points_or_cells(tmp_path, name, cells):
     assert len(stack.source.sha256) == 64
 
 
+def test_comsols_export_is_read_with_its_quantity_declared():
+    stack = import_shells(SAMPLE, array="Color", quantity="temperature")
+    check(stack, 0.8)
+    assert (stack.source.array, stack.source.quantity) == ("Color", "temperature")
+    # Neither the name nor the values tell what the only array holds.
+    for declared in ({}, {"array": "Color"}, {"quantity": "temperature"}):
+        with pytest.raises(InputError, match="Color"):
+            import_shells(SAMPLE, **declared)
+
+
 @pytest.mark.parametrize(
-    "values", [KELVIN, 1.0 + LEVELS, LEVELS], ids=["kelvin", "index", "refractivity"]
+    ("quantity", "values"),
+    [("temperature", KELVIN), ("index", 1.0 + LEVELS), ("index", LEVELS)],
+    ids=["kelvin", "index", "refractivity"],
 )
-def test_comsols_nameless_array_is_told_by_its_values(tmp_path, values):
+def test_declared_quantities(tmp_path, quantity, values):
     merged(spheres("Color", values)).save(tmp_path / "s.vtp")
-    check(import_shells(tmp_path / "s.vtp"))
+    check(import_shells(tmp_path / "s.vtp", array="Color", quantity=quantity))
 
 
 def test_units_and_transform(tmp_path):
@@ -121,7 +140,8 @@ def test_gradient_of_the_file_gives_normals(tmp_path, quantity):
     surface = merged(spheres("T" if inward else "n", KELVIN if inward else LEVELS))
     surface.point_data["grad"] = surface.points * (-2.0 if inward else 1e-5)
     surface.save(tmp_path / "s.vtp")
-    stack = import_shells(tmp_path / "s.vtp")
+    assert not import_shells(tmp_path / "s.vtp").has_normals
+    stack = import_shells(tmp_path / "s.vtp", gradient="grad")
     check(stack)
     for shell in stack.shells:
         radial = shell.vertices / np.linalg.norm(shell.vertices, axis=1)[:, None]
@@ -134,7 +154,9 @@ def test_gradient_turns_as_a_gradient_does(tmp_path):
     surface = merged(spheres("n", LEVELS))
     surface.point_data["Gradient_n"] = np.asarray(surface.points)
     surface.save(tmp_path / "s.vtp")
-    stack = import_shells(tmp_path / "s.vtp", transform=np.diag([2.0, 1, 1, 1]))
+    stack = import_shells(
+        tmp_path / "s.vtp", gradient="Gradient_n", transform=np.diag([2.0, 1, 1, 1])
+    )
     expected = stack.shells[0].vertices * [0.25, 1, 1]
     expected = expected / np.linalg.norm(expected, axis=1)[:, None]
     assert_allclose(stack.shells[0].normals, expected, atol=1e-6)

@@ -8,13 +8,13 @@ import pytest
 
 from iriftrace.cli import main
 from iriftrace.part.part import read_part
-from iriftrace.part.shapes.bevel_gear import TOOTH, bevel_gear
 from iriftrace.scene.write import write_scene
 from iriftrace.scene.xml import SceneSettings
 from iriftrace.scenes import folder_of, shells_of
-from iriftrace.scenes.components import COMPONENTS, LAYERS, TOOTH_NUMBER, TOOTH_SCENE, write_tooth
 from iriftrace.shells.files import load_shells
 from iriftrace.shells.report import DATA_BOUNDARY, PART_WALL
+from scenes.generators.bevel_gear import TOOTH, bevel_gear
+from scenes.generators.components import COMPONENTS, LAYERS, TOOTH_NUMBER, TOOTH_SCENE, write_tooth
 
 MOST_BYTES = 2_600_000
 

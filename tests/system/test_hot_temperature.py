@@ -14,7 +14,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.field.read import read_field
 from iriftrace.part import uneven_growth
 from iriftrace.part.part import read_part, save_part
-from iriftrace.part.shapes.cylinder import hybrid_cylinder
+from iriftrace.part.standards import cylinder
 from validation.inputs import hot_block
 
 Printed = pytest.CaptureFixture[str]
@@ -93,8 +93,8 @@ def test_the_wall_is_as_hot_as_the_part(tmp_path: Path, capsys: Printed) -> None
 def test_a_simulated_wall_is_what_the_part_grows_by(tmp_path: Path, capsys: Printed) -> None:
     """The case's part, and the command for the scene, of two temperatures in one command."""
     file = tmp_path / "part.ply"
-    save_part(hybrid_cylinder(length_mm=60.0), file)
-    steel = read_part(file).region_names[0]
+    save_part(cylinder(length_mm=60.0), file)
+    steel = "head -x"
     words = ["field", "simulate", str(file), "-o", str(tmp_path / "case"), "--write-only"]
     words += ["--expansion", ALPHA]
     wall = ["--wall-temperature", "1000 degC", "--region-temperature", f"{steel}=600 degC"]

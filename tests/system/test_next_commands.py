@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from iriftrace.cfd.openfoam.simulate import Simulation
 from iriftrace.cli import main
 from iriftrace.cli.field_options import PartOptions
 from iriftrace.cli.simulate import _print_simulation, next_scene
 from iriftrace.cli.simulation_options import SimulationOptions
+from iriftrace.flow.simulate.simulate import Simulation
 from validation.inputs import hot_block
 
 Printed = pytest.CaptureFixture[str]

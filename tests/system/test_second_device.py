@@ -10,7 +10,7 @@ import pytest
 from iriftrace.cli import main
 from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
-from iriftrace.scenes.bundled import FRINGE_SCENE, write_fringe
+from scenes.generators.bundled import FRINGE_SCENE, write_fringe
 from validation.inputs import hot_block
 
 pytestmark = pytest.mark.usefixtures("variant")

@@ -10,19 +10,19 @@ import pyvista as pv
 import trimesh
 from attrs import frozen
 
-from iriftrace.cfd.check.heat_balance import heat_balance
-from iriftrace.cfd.check.nusselt import nusselt_horizontal_cylinder
-from iriftrace.cfd.openfoam.case import Case
-from iriftrace.cfd.openfoam.domain import mesh_size
-from iriftrace.cfd.openfoam.mesh import make_mesh, wall_patch
-from iriftrace.cfd.openfoam.programs import find_openfoam, step_times
-from iriftrace.cfd.openfoam.simulate import check_solver, prepare
-from iriftrace.cfd.openfoam.times import Times
-from iriftrace.cfd.openfoam.wall import WallTemperatures
 from iriftrace.cli import main
 from iriftrace.core.errors import SetupError
 from iriftrace.field.read import read_field
+from iriftrace.flow.check.heat_balance import heat_balance
+from iriftrace.flow.check.nusselt import nusselt_horizontal_cylinder
+from iriftrace.flow.simulate.case import Case
+from iriftrace.flow.simulate.domain import mesh_size
+from iriftrace.flow.simulate.mesh import make_mesh, wall_patch
+from iriftrace.flow.simulate.programs import find_openfoam, step_times
+from iriftrace.flow.simulate.simulate import check_solver, prepare
+from iriftrace.flow.simulate.times import Times
 from iriftrace.part.part import read_part
+from iriftrace.part.wall_temperature import WallTemperatures
 from iriftrace.scene.load import load_scene
 from validation.lost_rays import lost_in
 

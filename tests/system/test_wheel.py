@@ -69,7 +69,7 @@ def program(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_wheel_holds_code_plugins_and_whole_scenes(wheel: Path) -> None:
     """Every file of a scene is needed; of the checkout's tests and caches none is.
 
-    What somebody rendered into a scene's folder (.exr, .png) stays at home.
+    What writes the scenes stays at home, and what somebody rendered into them (.exr, .png).
     """
     names = set(zipfile.ZipFile(wheel).namelist())
     code = {path.relative_to(CHECKOUT) for path in (CHECKOUT / "iriftrace").rglob("*.py")}
@@ -79,8 +79,11 @@ def test_the_wheel_holds_code_plugins_and_whole_scenes(wheel: Path) -> None:
         for path in (CHECKOUT / "scenes").rglob("*")
         if path.is_file() and path.suffix not in (".pyc", ".exr", ".png")
     }
+    generators = {path for path in scenes if path.parts[1] == "generators"}
     assert {path.as_posix() for path in code} <= names
-    assert {f"iriftrace/{path.as_posix()}" for path in plugins | scenes} <= names
+    assert {f"iriftrace/{path.as_posix()}" for path in plugins | (scenes - generators)} <= names
+    assert generators
+    assert not [name for name in names if "generators" in name]
     templates = (CHECKOUT / "iriftrace").rglob("*.jinja")
     assert {path.relative_to(CHECKOUT).as_posix() for path in templates} <= names
     assert "iriftrace/py.typed" in names

@@ -38,7 +38,6 @@ WRONG = {
         ("--levels=3e-4,1e-4", "0.0003"),
         ("--rule=inner", "midpoint"),
         ("--min-size=-1", "-1"),
-        ("--smooth=-1", "-1"),
         ("--colour=red", "colour"),
         ("surplus", "surplus"),
         ("--field-time=now", "snapshot"),
@@ -75,7 +74,6 @@ WRONG = {
         ("--principal-point=1,2,3", "2 numbers"),
         ("--scale=0", "cale is 0"),
         ("--normals=smooth", "gradient"),
-        ("--drop-inner=2", "2 inner shells of 2 cannot be left out"),
         # Negative values need no equals sign.
         ("--origin -.5,0,3", "stands in the part"),
         ("--ambient '-300 degC'", "-300 degC"),
@@ -86,7 +84,6 @@ WRONG = {
         ("--second=60,-45,70", "Both devices stand at one place"),
         ("--second=7,0,0", r"The second device at \[7.0, 0.0, 0.0\] mm stands in the hot air"),
         ("--second=1,0,0", r"The second device at \[1.0, 0.0, 0.0\] mm stands in the part"),
-        ("--second=75,-20,70 --trim='5 mm'", "Trimmed shells serve one camera only"),
         ("--second=75,-20,70 --second-pixel-size='5 um'", "belongs to --second-calibration"),
         ("--second-calibration=none.yaml", "--second-pixel-size"),
     ],
@@ -187,8 +184,8 @@ WRONG = {
         ("--semi-axes 3,3,3", "inside the part"),
         ("--poses gone.csv", "gone.csv"),
         # As those of a file in metres that is read in millimetres.
-        ("--poses inside.csv", "do not look at the part, but all would with --length-unit"),
-        ("--poses away.csv", "No pose stands outside"),
+        ("--poses inside.csv", "No pose stands outside"),
+        ("--poses angles.csv", "angles.csv has the columns 'x,y,z,a,b,c'"),
         ("--include 99", "99"),
         ("--export a.xlsx", r"a\.xlsx.*\.csv or"),
         ("--surface a.stl", r"a\.stl.*\.vtp or"),
@@ -272,7 +269,7 @@ def names(hot: HotBlock, sweep: Path, tmp_path_factory: pytest.TempPathFactory) 
         "j.nc.partial": "{}\n",
         "far.csv": "u,v,du,dv\n" + "9000,1,0,0\n" * 5,
         "near.csv": "u,v,du,dv\n" + "1,1,0,0\n" * 5,
-        "away.csv": "x,y,z,target_x,target_y,target_z\n" + "0.006,0,0.004,9,0,0.004\n" * 2,
+        "angles.csv": "x,y,z,a,b,c\n0,0,90,0,0,180\n",
         "inside.csv": "x,y,z,target_x,target_y,target_z\n" + "0.006,0,0.004,0,0,0\n" * 2,
     }.items():
         (user / name).write_text(text)

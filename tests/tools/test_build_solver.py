@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from iriftrace.cfd.openfoam.programs import SOLVER
+from iriftrace.flow.simulate.programs import SOLVER
 from tools.openfoam import build_solver
 
 OPTIONS = """\

@@ -12,8 +12,7 @@ from iriftrace.cli import main
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.regions import Regions
-from iriftrace.part.shapes.cylinder import cylinder
-from iriftrace.part.shapes.reference import ball_bar, plate, sphere
+from iriftrace.part.standards import ball_bar, cylinder, plate, sphere
 from iriftrace.scene.write import write_scene
 from iriftrace.scene.xml import SceneSettings
 from iriftrace.scenes.analytic import slab

@@ -1,9 +1,9 @@
 """Build OpenFOAM's solver again from the source of the installed package of Debian or Ubuntu.
 
-Debian 12's OpenFOAM 1912 is miscompiled (`iriftrace.cfd.openfoam.solver_check` detects it). The one
-program that iriftrace runs is compiled with safer options into the user's data folder, where the
-package looks for it; the installed package and apt's lists stay as they are. ``make openfoam`` runs
-this where it is needed; it takes a minute.
+Debian 12's OpenFOAM 1912 is miscompiled (`iriftrace.flow.simulate.solver_check` detects it). The
+one program that iriftrace runs is compiled with safer options into the user's data folder, where
+the package looks for it; the installed package and apt's lists stay as they are. ``make openfoam``
+runs this where it is needed; it takes a minute.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ import tarfile
 import tempfile
 from pathlib import Path
 
-from iriftrace.cfd.openfoam.programs import SOLVER, find_openfoam, repaired_solver
 from iriftrace.core.errors import SetupError
+from iriftrace.flow.simulate.programs import SOLVER, find_openfoam, repaired_solver
 
 PACKAGE = "openfoam"
 _SOLVER_FOLDER = f"applications/solvers/heatTransfer/{SOLVER}"

@@ -8,13 +8,12 @@ from pathlib import Path
 
 from attrs import frozen
 
-from iriftrace.camera.calibration import read_calibration
 from iriftrace.camera.pose_files import read_poses
-from iriftrace.camera.stereo import read_stereo_calibration
 from iriftrace.field.path_data import FIELD_FILE, load_field_file
 from iriftrace.field.read import read_field
 from iriftrace.image.aov_image import read_exr
 from iriftrace.image.measured_shift import read_measured_shift
+from iriftrace.io.calibration import read_calibration, read_stereo_calibration
 from iriftrace.io.clouds import read_cloud
 from iriftrace.part.part import read_part
 from iriftrace.scene.hot_air import HotAir
@@ -179,7 +178,7 @@ DOORS = (
             samples.poses(f"poses.{ending}"),
             lambda folder, ending=ending: read_poses(folder / f"poses.{ending}"),
         )
-        for ending in ("npy", "csv", "json", "txt")
+        for ending in ("npy", "csv", "json")
     ),
     Door(
         "sweep netCDF",

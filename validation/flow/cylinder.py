@@ -8,11 +8,11 @@ import numpy as np
 
 from iriftrace.air import thermophysics as gas
 from iriftrace.air.refractivity import Air
-from iriftrace.cfd.check.nusselt import local_nusselt
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.units import ZERO_CELSIUS_K
+from iriftrace.flow.check.nusselt import local_nusselt
 from iriftrace.part.part import Part
-from iriftrace.part.shapes.cylinder import cylinder
+from iriftrace.part.standards import cylinder
 from validation.flow.simulated import Run, bent, solved_wall
 from validation.flow.table import Table, per_cent
 

@@ -16,7 +16,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.field.index_field import IndexField
 from iriftrace.part.part import Part, part_of_mesh
-from iriftrace.scenes.plate import THICKNESS_MM, WIDTH_MM, PlateAir, hot_plate
+from scenes.generators.plate import THICKNESS_MM, WIDTH_MM, PlateAir, hot_plate
 from validation.flow.simulated import Run, bent, solved_wall
 from validation.flow.table import Table, per_cent
 from validation.oracles.hot_plate import Profile, profile

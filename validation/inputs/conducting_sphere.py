@@ -8,11 +8,11 @@ from attrs import asdict
 
 from iriftrace.air import thermophysics as gas
 from iriftrace.air.refractivity import Air
-from iriftrace.cfd.check.finding import FieldCheck
-from iriftrace.cfd.synthetic.mesh import AirMesh, air_mesh
-from iriftrace.cfd.synthetic.model import SyntheticAir
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.source import FieldSource
+from iriftrace.flow.check.finding import FieldCheck
+from iriftrace.flow.synthetic.mesh import AirMesh, air_mesh
+from iriftrace.flow.synthetic.model import SyntheticAir
 from iriftrace.part.part import Part, part_of_mesh
 
 WALL, ROOM = 1373.15, 293.15

@@ -13,8 +13,8 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field
 from iriftrace.image.measured_shift import MeasuredShift
+from iriftrace.part.board import Board
 from iriftrace.part.part import Part, part_of_mesh
-from iriftrace.part.shapes.board import Board
 from iriftrace.scene.scene import Scene
 from iriftrace.trace.rays import trace_rays
 from validation.inputs.cameras import camera_at

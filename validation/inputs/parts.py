@@ -17,6 +17,23 @@ def part_from(mesh: trimesh.Trimesh, regions: Regions | None = None) -> Part:
     return part_of_mesh(mesh.vertices, mesh.faces, name="part.stl", sha256="0", regions=regions)
 
 
+def papers_cylinder() -> Part:
+    """The paper's cylinder, its axis along x, moved off the origin."""
+    mesh = trimesh.creation.cylinder(13.5, 170.0, sections=48)
+    mesh.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, (0, 1, 0)))
+    mesh.apply_translation((5.0, -3.0, 2.0))
+    return part_from(mesh)
+
+
+def bar_of_halves() -> Part:
+    """A bar along x of two materials, steel and nickel, that meet at x = 0."""
+    mesh = trimesh.creation.box(extents=(100.0, 10.0, 10.0))
+    for _ in range(3):
+        mesh = mesh.subdivide()
+    right = mesh.triangles_center[:, 0] > 0.0
+    return part_from(mesh, Regions(right.astype(np.int64), ("steel", "nickel")))
+
+
 def prism(outline: FloatArray, width: float, name: str = "prism") -> Part:
     """A closed prism about the z axis.
 

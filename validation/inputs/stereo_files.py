@@ -27,43 +27,24 @@ TRANSLATION = np.array((-229.3, 3.1, 38.7))
 """Translation from camera 1 to camera 2, mm."""
 
 NAMES = {
-    "stereoCalibrate": ("cameraMatrix{}", "distCoeffs{}", ("1", "2")),
-    "sample": ("M{}", "D{}", ("1", "2")),
-    "K": ("K{}", "D{}", ("0", "1")),
-    "sides": ("cameraMatrix{}", "distCoeffs{}", ("Left", "Right")),
-    "before": ("{}_camera_matrix", "{}_dist_coeff", ("left", "right")),
-    "short": ("mtx{}", "dist{}", ("L", "R")),
-    "projector": ("{}_K", "{}_kc", ("cam", "proj")),
+    "arguments": ("cameraMatrix{}", "distCoeffs{}"),
+    "sample": ("M{}", "D{}"),
 }
-"""Names of matrix and distortion, and of the two cameras."""
+"""Names of matrix and distortion of one camera by its number."""
 
 
 def opencv(path: Path, names: str = "sample", **changes: Any) -> Path:
     """Written by cv2.FileStorage: YAML, XML or JSON by the ending."""
-    matrix, distortion, sides = NAMES[names]
+    matrix, distortion = NAMES[names]
     values: dict[str, Any] = {"image_width": SIZE[0], "image_height": SIZE[1]}
-    for side, one, coefficients in zip(sides, MATRICES, COEFFICIENTS, strict=True):
-        values |= {matrix.format(side): one, distortion.format(side): coefficients[None]}
+    for number, (one, coefficients) in enumerate(zip(MATRICES, COEFFICIENTS, strict=True), 1):
+        values |= {matrix.format(number): one, distortion.format(number): coefficients[None]}
     values |= {"R": ROTATION, "T": TRANSLATION[:, None], **changes}
     storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
     for name, value in values.items():
         if value is not None:
             storage.write(name, value)
     storage.release()
-    return path
-
-
-def pyyaml(path: Path, **changes: Any) -> Path:
-    """Written by PyYAML of lists, as from a notebook; equal lists become aliases."""
-    size = list(SIZE)
-    cameras = {
-        side: {"K": matrix.tolist(), "D": coefficients.tolist(), "image_size": size}
-        for side, matrix, coefficients in zip(
-            ("left", "right"), MATRICES, COEFFICIENTS, strict=True
-        )
-    }
-    values = cameras | {"R": ROTATION.tolist(), "T": TRANSLATION.tolist(), **changes}
-    path.write_text(yaml.safe_dump(values), encoding="utf-8")
     return path
 
 
@@ -156,17 +137,5 @@ def matlab(path: Path, *, old: bool) -> Path:
             "R": ROTATION.tolist(),
             "Translation": shift,
         }
-    path.write_text(json.dumps(values), encoding="utf-8")
-    return path
-
-
-def from_matlab_to_opencv(path: Path) -> Path:
-    """The outputs of MATLAB's stereoParametersToOpenCV under their own names."""
-    values: dict[str, Any] = {"imageSize": [SIZE[1], SIZE[0]]}
-    for number, (matrix, coefficients) in enumerate(zip(MATRICES, COEFFICIENTS, strict=True)):
-        values[f"intrinsicMatrix{number + 1}"] = matrix.tolist()
-        values[f"distortionCoefficients{number + 1}"] = coefficients.tolist()
-    values["rotationOfCamera2"] = ROTATION.tolist()
-    values["translationOfCamera2"] = TRANSLATION.tolist()
     path.write_text(json.dumps(values), encoding="utf-8")
     return path

@@ -14,7 +14,7 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from iriftrace.air.refractivity import Air
-from iriftrace.cfd.synthetic.model import SyntheticAir
+from iriftrace.flow.synthetic.model import SyntheticAir
 from iriftrace.part.part import Part
 
 FloatArray = NDArray[np.float64]

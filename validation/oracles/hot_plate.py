@@ -1,4 +1,4 @@
-"""Rays along a hot vertical plate, by other equations and numerics than `iriftrace.scenes.plate`.
+"""Rays along a hot vertical plate, by other equations and numerics than `scenes.generators.plate`.
 
 Boundary layer of a perfect gas in the variable of L. Howarth (1948) and A. A. Dorodnitsyn (1942),
 Y = integral of rho / rho_a dy, with eta = c Y / x^(1/4)::

@@ -10,9 +10,9 @@ from attrs import evolve
 from numpy.typing import NDArray
 
 from iriftrace.air.refractivity import Air
-from iriftrace.cfd.synthetic.field import synthetic_field
-from iriftrace.cfd.synthetic.model import SyntheticAir, synthetic_air
 from iriftrace.field.index_field import IndexField
+from iriftrace.flow.synthetic.field import synthetic_field
+from iriftrace.flow.synthetic.model import SyntheticAir, synthetic_air
 from iriftrace.image.aov_image import Status
 from iriftrace.part.part import Part
 from iriftrace.scene.hot_air import AirState

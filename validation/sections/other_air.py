@@ -9,11 +9,11 @@ import numpy as np
 from attrs import evolve
 
 from iriftrace.camera.camera import Camera
-from iriftrace.cfd.synthetic.field import synthetic_field
-from iriftrace.cfd.synthetic.model import synthetic_air
 from iriftrace.core.arrays import FloatArray
 from iriftrace.features.fit import fit_feature
 from iriftrace.field.index_field import IndexField
+from iriftrace.flow.synthetic.field import synthetic_field
+from iriftrace.flow.synthetic.model import synthetic_air
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.shells.contour import contour_shells
 from iriftrace.triangulation.correct import correct

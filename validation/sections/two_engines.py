@@ -14,9 +14,9 @@ from iriftrace.part.part import Part
 from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.write import write_scene
-from iriftrace.scenes.components import COMPONENTS
 from iriftrace.shells.contour import contour_shells
 from iriftrace.trace.pose_image import pose_image
+from scenes.generators.components import COMPONENTS
 from validation.curves import draw_convergence
 from validation.inputs.solved_fields import SOLVED, VIEWS, Position, camera_at, in_tetrahedra
 from validation.line import Line, Section

@@ -6,9 +6,9 @@ import argparse
 import tempfile
 from pathlib import Path
 
-from iriftrace.part.shapes.bevel_gear import TOOTH
 from iriftrace.runtime.variant import ensure
-from iriftrace.scenes.components import TOOTH_NUMBER, TOOTH_SCENE
+from scenes.generators.bevel_gear import TOOTH
+from scenes.generators.components import TOOTH_NUMBER, TOOTH_SCENE
 from validation.statements import gear, hybrid, wishbone
 from validation.statements.orbit import sweep_around
 from validation.statements.page import Section, page_text, picture_name, write

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from iriftrace.part.shapes.bevel_gear import TOOTH, bevel_gear
 from iriftrace.planning.criteria import Criteria
 from iriftrace.planning.rank import rank_poses
-from iriftrace.scenes.components import TOOTH_NUMBER, tooth_centre
+from scenes.generators.bevel_gear import TOOTH, bevel_gear
+from scenes.generators.components import TOOTH_NUMBER, tooth_centre
 from validation.statements.finding import Finding, verdict
 from validation.statements.orbit import BoolArray, FloatArray, Swept
 

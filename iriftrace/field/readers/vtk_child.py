@@ -1,6 +1,6 @@
 """Child process that reads files with VTK, whose readers can crash on damaged files.
 
-`iriftrace.field.readers.vtk_process` calls its readers through `iriftrace.core.child`. The child
+`iriftrace.field.readers.vtk_process` calls its readers through `iriftrace.core.isolated`. The child
 does not import pyvista, which would take longer than reading most files. A data set is sent to the
 parent as plain values and arrays.
 """

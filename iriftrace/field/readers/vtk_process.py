@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from glob import glob
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,9 +16,9 @@ import numpy as np
 import pyvista as pv
 
 from iriftrace.core.arrays import AnyArray, IntArray
-from iriftrace.core.child import ChildError, read_in_child
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import text_in
+from iriftrace.core.isolated import ChildError, read_in_child
 
 if TYPE_CHECKING:
     from iriftrace.field.readers.vtk_child import Arrays, Cells, Described
@@ -57,12 +57,11 @@ for _row, _numbers in enumerate(({**_SIZES, **_FEWEST}, _SIZES)):
 
 def read_file(path: Path) -> Data:
     """Data set or blocks of a VTK file, by its suffix; raises InputError if it is damaged."""
-    size, suffix = path.stat().st_size, path.suffix.lower()
-    if suffix in (".vtm", ".pvtu"):
-        # These formats name other files, which are read too.
-        pieces = {path.parent / os.fsdecode(name) for name in _NAMED.findall(path.read_bytes())}
-        size += sum(piece.stat().st_size for piece in pieces if os.path.isfile(piece))
-    return _read(path, size, "read_file", suffix)[0]
+    suffix = path.suffix.lower()
+    # These formats name other files, which are read too.
+    named = _NAMED.findall(path.read_bytes()) if suffix in (".vtm", ".pvtu") else []
+    pieces = [path.parent / os.fsdecode(name) for name in named]
+    return _read(path, [path, *pieces], "read_file", suffix)[0]
 
 
 def read_ensight(path: Path, time: str) -> Data:
@@ -71,33 +70,35 @@ def read_ensight(path: Path, time: str) -> Data:
     words = {word.strip('"') for word in text_in(path).split()}
     names = [re.sub(r"\*+", "*", word) for word in words if re.search(r"[^*/.]", word)]
     # An absolute name replaces the folder.
-    named = {Path(file) for name in names for file in glob(str(path.parent / name))}
-    size = path.stat().st_size + sum(file.stat().st_size for file in named if file.is_file())
-    return _read(path, size, "read_ensight", time)[0]
+    named = [Path(file) for name in names for file in glob(str(path.parent / name))]
+    return _read(path, [path, *named], "read_ensight", time)[0]
 
 
 def read_times(path: Path, reader: str, which: str | int | None) -> tuple[Data, list[str]]:
     """Blocks of one state by a reader of `vtk_child`, and all times; None for these alone."""
-    return _read(path, path.stat().st_size, reader, which)
+    return _read(path, [path], reader, which)
 
 
 def read_xdmf(path: Path, step: int | None) -> tuple[Data, list[str]]:
     """Grids of one step of an XDMF file, and all times; None for these alone."""
     texts = {text.partition(b":")[0].strip() for text in _CONTENT.findall(path.read_bytes())}
     named = (path.parent / os.fsdecode(text) for text in texts)
-    size = path.stat().st_size + sum(file.stat().st_size for file in named if os.path.isfile(file))
-    return _read(path, size, "read_xdmf", step)
+    return _read(path, [path, *named], "read_xdmf", step)
 
 
 def read_case(folder: Path, time: str, region: str = "") -> tuple[Data, list[str]]:
     """Blocks of one time of an OpenFOAM case, and the names of the fields that VTK found in it."""
     parts = (folder / "constant" / region / "polyMesh", folder / time / region)
-    size = sum(file.stat().st_size for part in parts for file in part.rglob("*"))
-    return _read(folder, size, "read_case", time, region)
+    files = [file for part in parts for file in part.rglob("*")]
+    return _read(folder, files, "read_case", time, region)
 
 
-def _read(path: Path, size: int, reader: str, *options: str | int | None) -> tuple[Data, list[str]]:
-    """Answer of a reader of `vtk_child` for a file, with its data set checked."""
+def _read(
+    path: Path, files: Iterable[Path], reader: str, *options: str | int | None
+) -> tuple[Data, list[str]]:
+    """Answer of a reader of `vtk_child`, with its data set checked; it may read all `files`."""
+    # A name out of a damaged file may be too long for a path.
+    size = sum(file.stat().st_size for file in set(files) if os.path.isfile(file))
     try:
         described, names = read_in_child(
             f"iriftrace.field.readers.vtk_child:{reader}", size, str(path.absolute()), *options
