@@ -68,10 +68,11 @@ class Table:
     def columns(self) -> list[Column]:
         """Names and units of all columns; an InputError if the header does not name each."""
         if len(self.names) != self.width:
+            last = f" (the last one is {self.header!r})" if self.header else ""
             raise InputError(
-                f"{self.path} has rows of {self.width} columns, which no line above them names "
-                f"(the last one is {self.header!r}); write a name for each column, and if it is a "
-                "matrix of pixels, a table with their positions."
+                f"{self.path} has rows of {self.width} columns, which no line above them names"
+                f"{last}; write a name for each column, and if it is a matrix of pixels, a table "
+                "with their positions."
             )
         return [_column(name) for name in self.names]
 
