@@ -23,8 +23,6 @@ from .features.fit import fit_feature as fit_feature
 from .features.fitted import FittedFeature as FittedFeature
 from .features.quantity import Quantity as Quantity
 from .features.relations import Relation as Relation
-from .field.air_temperatures import AirTemperatures as AirTemperatures
-from .field.air_temperatures import read_air_temperatures as read_air_temperatures
 from .field.flow import AirFlow as AirFlow
 from .field.index_field import IndexField as IndexField
 from .field.part_fit import Fit as Fit
@@ -65,6 +63,8 @@ from .image.metrics import write_metrics as write_metrics
 from .image.sightings import FaceSightings as FaceSightings
 from .image.sightings import sightings_of as sightings_of
 from .image.surface import write_surface as write_surface
+from .io.air_temperatures import AirTemperatures as AirTemperatures
+from .io.air_temperatures import read_air_temperatures as read_air_temperatures
 from .io.calibration import read_calibration as read_calibration
 from .io.calibration import read_stereo_calibration as read_stereo_calibration
 from .part.board import Board as Board

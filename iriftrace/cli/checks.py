@@ -130,7 +130,7 @@ def parent(path: Path) -> None:
 
 def cloud_output(path: Path, example: str) -> None:
     """Refuse a cloud that cannot be written."""
-    from iriftrace.clouds.write import WRITTEN, check_cloud_name
+    from iriftrace.io.cloud_write import WRITTEN, check_cloud_name
 
     output(path, example, *WRITTEN)
     check_cloud_name(path)

@@ -72,8 +72,7 @@ def correct(
     Parameters
     ----------
     cloud
-        Measured points: .ply, .pcd, .stl, .obj, .vtp, .e57, .ptx, .xyz, .asc, .txt, .csv
-        or .pts.
+        Measured points: .ply, .pcd, .stl, .obj, .vtp, .e57, .xyz, .asc, .txt, .csv or .pts.
     scene
         The scene's XML file.
     output
@@ -85,7 +84,8 @@ def correct(
         robot is often in m).
     columns
         Columns x, y and z of a text file, .ply, .pcd or .vtp, by name or by number from 1: "Actual
-        X,Actual Y,Actual Z" or "2,3,4". By default those whose names are x, y and z.
+        X,Actual Y,Actual Z" or "2,3,4". By default those whose names are x, y and z, or the first
+        three of an .xyz, .asc or .pts without names.
     cloud_to_part
         Text file of a 4 x 4 rigid motion from the cloud's frame, in mm, to the scene's.
     in_cloud_frame
@@ -101,9 +101,9 @@ def correct(
     figures
         Draw the corrections, and the deviation from the part, into a .png next to the output.
     """
-    from iriftrace.clouds.read import read_cloud
     from iriftrace.features.choice import checked_choices
     from iriftrace.geometry.transform import apply
+    from iriftrace.io.clouds import read_cloud
     from iriftrace.triangulation.correct import correct as take_out
     from iriftrace.triangulation.placement import remedy
 

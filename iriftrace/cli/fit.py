@@ -107,7 +107,7 @@ def _fitted(
     trace: TraceOptions,
 ) -> tuple[MemberFit, LoadedScene]:
     """Weights from temperatures in the air, or from shifts of dots, and the first scene."""
-    from iriftrace.field.air_temperatures import is_air_temperatures, read_air_temperatures
+    from iriftrace.io.air_temperatures import is_air_temperatures, read_air_temperatures
     from iriftrace.trace.shift_fit import fit_members
     from iriftrace.trace.temperature_fit import fit_temperatures
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from iriftrace.field.source import FieldSource
 
 _MESHES = (".ply", ".stl", ".obj", ".glb", ".gltf", ".off")
-_OTHER_CLOUDS = (".asc", ".xyz", ".pts", ".pcd", ".ptx", ".e57")
+_OTHER_CLOUDS = (".asc", ".xyz", ".pts", ".pcd", ".e57")
 
 
 def plot(

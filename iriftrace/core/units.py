@@ -31,22 +31,8 @@ LENGTH_UNITS = {
 """Length units by the names that files give them."""
 
 _STATED_UNIT = re.compile(
-    r"(?<![^\W_])(?:length[\s_]*)?(?:units?|einheit(?:en)?)(?:\s+of\s+length)?(?:\s+(?:is|are))?"
-    r"(?:\s*[:=]\s*[\[(]?|\s+(?:in\s+)?|\s*[\[(])(?!in\s+[a-zµμ])([a-zµμ]++)(?!\s*[*/^]\s*\d)"
-    r"|(?:\b(?:coord(?:inate)?s|positions|translations?|xyz|koordinaten)"
-    r"|^\W*(?:comment\s+)?(?:all\s+)?(?:lengths?|distances|dimensions|values|data|points|vertices"
-    r"|exported|längen?|maße))(?:\s+(?:are|is|given))*(?:\s+in\s+|\s*[:=,]\s*|\s*[\[(]\s*)(?!in\b)"
-    r"([a-zµμ]+)(?![\w/^*·]|\s+\w+\^?-\d)",
-    re.IGNORECASE,
+    r"(?<![^\W_])(?:length[ _]?)?units?\s*[:=]\s*[\[(]?\s*([a-zµμ]+)", re.IGNORECASE
 )
-_NAMED_UNIT = re.compile(
-    r"(?<![^\W_])(?i:inch(?:es)?|zoll|feet|(?:centi|micro)?m[eè]t(?:er|re)s?|microns?)(?![^\W_])"
-    r"|(?:\bin |[=:(\[]\s*|\d\s*)\"?(?:m|cm|um|µm|μm|ft|mils?|in(?=\s*[\])\"]))"
-    r"(?![^\W_])"
-)
-_NAMED_MM = re.compile(r"(?i)(?<![a-z])mm(?![a-z])|millimet")
-_WORD_FOR_UNIT = re.compile(r"\bunit|\bunid|einheit|eenheid|enhe[td]|единиц|単位|单位|單位|단위")
-"""In the word for a unit in several languages."""
 
 _NAME = r"[A-Za-z°µμ%_]+(?:(?:\*\*|\^)[-+]?\d+)?"
 _QUANTITY = re.compile(
@@ -79,36 +65,24 @@ def parse_quantity(text: str | float, unit: str) -> float:
 
 
 def stated_length_unit(remark: str) -> str:
-    """Length unit that a remark states, as in ``# Unit: mm`` or ``Maßeinheit;mm``; "" for none."""
-    found = [match[1] or match[2] for match in _STATED_UNIT.finditer(remark)]
-    cells = (cell.strip(" #/%*!\"'[]()") for cell in re.split(r"[;,:\uff1a=\t]", remark))
-    match [cell for cell in cells if cell]:
-        case [name, unit] if _WORD_FOR_UNIT.search(name.casefold()):
-            found.append(unit)
-    return next(
-        (LENGTH_UNITS[name] for name in map(str.casefold, found) if name in LENGTH_UNITS), ""
-    )
-
-
-def names_length_unit(remark: str) -> bool:
-    """True for a remark with the name of a length unit other than mm, in whatever words."""
-    return bool(_NAMED_UNIT.search(remark)) and not _NAMED_MM.search(remark)
+    """Length unit that a remark states, as in ``# unit: mm`` or ``UNITS=inch``; "" for none."""
+    found = _STATED_UNIT.search(remark)
+    return LENGTH_UNITS.get(found[1].casefold(), "") if found else ""
 
 
 def length_unit_of(remarks: Iterable[str], name: str) -> str:
     """Length unit that one of the remarks in a file of some name states; "" for none.
 
-    Warned of is a remark about units without one that is read.
+    Warned of is a remark that states another unit.
     """
-    lines = list(remarks)
-    stated = next(filter(None, map(stated_length_unit, lines)), "")
-    doubtful = (line for line in lines if _WORD_FOR_UNIT.search(line.casefold()))
-    if not stated and (said := next(doubtful, "")):
+    stated = [remark for remark in remarks if _STATED_UNIT.search(remark)]
+    unit = next(filter(None, map(stated_length_unit, stated)), "")
+    if stated and not unit:
         warn(
-            f"{name} says {said.strip()!r}, of which no unit of length is read; its lengths are "
-            "taken in mm, or as stated elsewhere (--length-unit)."
+            f"{name} says {stated[0].strip()!r}, which is not a unit of length known here; its "
+            "lengths are read in mm, unless a unit is given."
         )
-    return stated
+    return unit
 
 
 def length_factor(unit: str) -> float:

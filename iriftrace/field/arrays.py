@@ -21,36 +21,16 @@ if TYPE_CHECKING:
 QUANTITIES = ("temperature", "index", "density")
 """Physical quantities from which n - 1 is computed, in the order in which they are searched."""
 
-# Names as solvers write them, in lower case and without a unit in brackets.
-_EXACT = {
-    "temperature": ("t", "temp", "temperature", "static_temperature", "static-temperature"),
-    "index": ("n", "index", "ior", "ri", "refractive_index", "index_of_refraction", "refractivity"),
+_NAMES = {
+    "temperature": ("t", "temp", "temperature", "static_temperature", "temperatur"),
+    "index": ("n", "index", "refractive_index", "refractivity"),
     "density": ("rho", "density"),
 }
-_LOOSE = {
-    "temperature": re.compile(r"t[_./]|temp|.*temperature"),
-    "index": re.compile(r"n[_.]|.*refractive|.*refractivity|.*index_of_refraction"),
-    "density": re.compile(r"rho|.*density"),
-}
-_AVERAGE = r"mean|averaged?|(?:trn)?avg"
-_OVER_TIME = {
-    # OpenFOAM's TMean, CFX's "Temperature.Trnavg", "mean_temperature", "Mean of Temperature".
-    quantity: re.compile(
-        rf"(?:{names})[_.-]?(?:{_AVERAGE})|(?:{_AVERAGE})[_-](?:of[_-])?(?:{names})"
-    )
-    for quantity, names in (
-        ("temperature", "t|temp|(?:static[_-])?temperature"),
-        ("density", "rho|density"),
-    )
-}
-"""Names of averages over time."""
-_OTHER = re.compile(
-    r"(?:^|[_./-])(?:trn)?(?:rms|std|stddev|sdv|sigma|var|variance|fluct\w*|prime\d?|max|min|old"
-    r"|prev\w*|init\w*|grad\w*|flux|rate|rise|excess|above|rel\w*|minus|diff\w*|error|uncertainty"
-    r"|dew|setpoint)(?:$|[_./-])"
-)
-"""In names of what is not the value itself: ``T_rms``, ``T_max``, ``temperature_gradient``; also as
-CFX writes them, ``Temperature.Trnmax``."""
+"""Names as OpenFOAM, COMSOL (also in German), Fluent, CFD-Post and STAR-CCM+ write them, in lower
+case, without a unit in brackets and with _ for - and blanks."""
+
+_AVERAGES = {"tmean": "temperature", "rhomean": "density"}
+"""Names of averages over time of OpenFOAM's ``fieldAverage``, in lower case."""
 
 _LEAST_BESIDE_ZERO = 5.0  # degC or degF: the outer air of a field in freezing air is cooler
 _COLDEST_K = 150.0  # room temperature in degC, read as kelvin, lies below
@@ -63,25 +43,6 @@ SI = {"temperature": "kelvin", "density": "kg/m^3", "index": "1"}
 """Unit used for each quantity, and assumed where neither file nor user states one."""
 
 _IN_BRACKETS = re.compile(r".*[\s_]*[(\[{](?P<unit>[^()\[\]{}]+)[)\]}]\s*")
-_BEHIND = re.compile(
-    r".*?[\s_./:]+(?:in[\s_]+)?"
-    r"(?P<unit>[KC]|°[CF]|(?i:deg[\s_]?[CF]|celsius|kelvin|fahrenheit))"
-)
-"""Units of temperatures without brackets: ``T_degC``, ``T_K``, ``T/°C``, ``T in C``."""
-
-# Spellings of programs other than scientific libraries.
-_SPELLINGS = {
-    "kelvin": "K",
-    "celsius": "degC",
-    "degree celsius": "degC",
-    **dict.fromkeys(("°c", "ºc", "℃", "degc", "deg c", "deg. c", "degree c", "grad c"), "degC"),
-    "degrees celsius": "degC",
-    "fahrenheit": "degF",
-    **dict.fromkeys(("°f", "degf", "deg f"), "degF"),
-    "r": "degR",
-    "kg/m3": "kg/m^3",
-    "g/cm3": "g/cm^3",
-}
 
 
 @frozen(eq=False)
@@ -96,10 +57,8 @@ def choose_array(grid: pv.DataSet, array: str | None, quantity: str | None, path
     """Find the array to use.
 
     A given name is used as it is. Otherwise temperature is searched first, then index, then
-    density, or only `quantity` when it is given. A usual name (``T``, ``rho``) takes precedence
-    over a name that only resembles one (``T_snapshot``) or is an average over time (``TMean``);
-    if there is one of these, a warning names it. Of averages alone that of the density is used.
-    Deviations, extremes and the like (``T_rms``) are used only if they are given.
+    density, or only `quantity` when it is given, by their usual names; then averages over time, of
+    which that of the density is the better one. A warning names an average next to the array.
     Raises InputError if no array is found, several are equally likely, or the quantity is not
     known.
     """
@@ -120,28 +79,25 @@ def choose_array(grid: pv.DataSet, array: str | None, quantity: str | None, path
             )
         return Choice(array, found)
     averages = [name for name in names if is_average(name)]
-    dense = [name for name in averages if _resembles(name, "density")]
+    averages.sort(key=lambda name: quantity_of(name) != "density")
     for candidate in (quantity,) if quantity else QUANTITIES:
-        usual = [name for name in names if _is_usual(name, candidate)]
-        likely = usual or [
-            name
-            for name in names
-            if _resembles(name, candidate) and not _OTHER.search(_plain(name))
-        ]
-        if likely and not quantity and dense and set(likely) <= set(averages):
-            likely, candidate = dense, "density"
+        likely = [name for name in names if _is_usual(name, candidate)]
         if len(likely) > 1:
             raise InputError(
                 f"{path} has several arrays that could be the {candidate}: {', '.join(likely)}; "
                 "name the one to use with the array option (--array)."
             )
-        if usual and averages:
-            _warn_of_averages(likely[0], dense or averages, path)
         if likely:
+            if averages:
+                _warn_of_averages(likely[0], averages, path)
             return Choice(likely[0], candidate)
+    for name in averages:
+        if quantity in (None, quantity_of(name)):
+            return Choice(name, quantity_of(name) or "")
     raise InputError(
-        f"{path} has no array that looks like {quantity or 'a temperature, index or density'}; "
-        f"its arrays are {listed}. Name one with the array option (--array)."
+        f"{path} has no array named as {quantity or 'a temperature, index or density'} usually "
+        f"is; its arrays are {listed}. Name one with the array option (--array), and what it holds "
+        "(--quantity)."
     )
 
 
@@ -152,16 +108,14 @@ def other_index(grid: pv.UnstructuredGrid) -> str | None:
 
 
 def quantity_of(name: str) -> str | None:
-    """The quantity that an array's name suggests, or None."""
-    for quantity in QUANTITIES:
-        if _is_usual(name, quantity):
-            return quantity
-    return next((q for q in QUANTITIES if _resembles(name, q)), None)
+    """The quantity that an array's name states, or None."""
+    usual = (quantity for quantity in QUANTITIES if _is_usual(name, quantity))
+    return next(usual, _AVERAGES.get(_plain(name)))
 
 
 def is_average(name: str) -> bool:
     """True for the name of a temperature's or density's average over time."""
-    return any(form.fullmatch(_plain(name)) for form in _OVER_TIME.values())
+    return _plain(name) in _AVERAGES
 
 
 def point_values(grid: pv.UnstructuredGrid, name: str, path: str) -> FloatArray:
@@ -191,14 +145,7 @@ def finite_values(data: pv.DataSetAttributes, name: str, path: str) -> FloatArra
 def _is_usual(name: str, quantity: str) -> bool:
     """True for a usual name, with or without COMSOL's scope (``comp1.T``)."""
     plain = _plain(name)
-    return plain in _EXACT[quantity] or plain.rpartition(".")[2] in _EXACT[quantity]
-
-
-def _resembles(name: str, quantity: str) -> bool:
-    """True for a name that only resembles a usual one, or is that of an average over time."""
-    plain = _plain(name)
-    average = quantity in _OVER_TIME and _OVER_TIME[quantity].fullmatch(plain)
-    return bool(average or _LOOSE[quantity].match(plain))
+    return plain.rpartition(".")[2] in _NAMES[quantity]
 
 
 def _warn_of_averages(name: str, averages: list[str], path: str) -> None:
@@ -211,7 +158,7 @@ def _warn_of_averages(name: str, averages: list[str], path: str) -> None:
 def _plain(name: str) -> str:
     """A name in lower case, without a unit in brackets: ``T_(K)`` and ``T [K]`` become ``t``."""
     bare = re.sub(r"[(\[{].*?[)\]}]", "", name)
-    return re.sub(r"[\s_]+", "_", bare).strip("_").lower()
+    return re.sub(r"[\s_-]+", "_", bare).strip("_").lower()
 
 
 def _scalar_names(grid: pv.DataSet) -> list[str]:
@@ -227,11 +174,10 @@ def _scalar_names(grid: pv.DataSet) -> list[str]:
 
 
 def stated_unit(choice: Choice, units: Mapping[str, str] | None) -> str:
-    """Unit of an array by the file's `units`, or else by its name; "" if neither states one."""
-    if stated := (units or {}).get(choice.name, ""):
-        return stated
-    in_brackets = _IN_BRACKETS.fullmatch(choice.name) if units is None else None
-    found = in_brackets or _BEHIND.fullmatch(choice.name)
+    """Unit of an array by the file's `units`, or by brackets in its name; "" for none."""
+    if units is not None:
+        return units.get(choice.name, "")
+    found = _IN_BRACKETS.fullmatch(choice.name)
     return found["unit"].strip() if found and _is_unit(found["unit"], choice.quantity) else ""
 
 
@@ -280,8 +226,7 @@ def _is_unit(text: str, quantity: str) -> bool:
 
 def _scale(unit: str, quantity: str) -> tuple[float, float]:
     """Offset and factor that convert a unit to the quantity's SI unit."""
-    words = " ".join(re.split(r"[\s_]+", unit.strip()))
-    name = _SPELLINGS.get(words.lower(), words)
+    name = unit.strip().replace("m3", "m^3")
     # Two values determine a linear unit; converting a million numbers with pint would be slow.
     zero = parse_quantity(f"0 {name}", SI[quantity])
     return zero, (parse_quantity(f"100 {name}", SI[quantity]) - zero) / 100.0

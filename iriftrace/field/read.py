@@ -68,9 +68,9 @@ def read_field(
     path : str or Path
         ``.vtu``, ``.pvtu``, ``.vtk``, ``.vti``, ``.vtr``, ``.vts``, ``.vtm``, ``.pvd`` or
         ``.series``, with point or cell data; EnSight's ``.case`` or ``.encas``; Exodus's ``.e``,
-        ``.ex2`` or ``.exo``; ``.cgns``; ``.xdmf`` or ``.xmf``; COMSOL's text exports ``.txt`` and
-        ``.csv``; an OpenFOAM case, by its folder or a ``.foam`` file in it, or one of its regions,
-        by ``constant/<region>``.
+        ``.ex2`` or ``.exo``; ``.cgns``; ``.xdmf`` or ``.xmf``; COMSOL's text exports and
+        tables of other programs, ``.txt``, ``.csv`` or ``.dat``; an OpenFOAM case, by its folder or
+        a ``.foam`` file in it, or one of its regions, by ``constant/<region>``.
     array : str, optional
         Name of the array; chosen by the usual names if omitted.
     quantity : str, optional

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import text_in
-from iriftrace.core.number_table import MISSING, with_exponents
 from iriftrace.core.units import length_factor, length_unit_of
 
 _AXES = {"x": 0, "y": 1, "z": 2}
@@ -151,8 +150,8 @@ def checked_matrix(matrix: ArrayLike, name: str = "") -> FloatArray:
     called = f"The transform {name}".rstrip()
     if affine.shape != (4, 4):
         raise InputError(f"{called} has the shape {affine.shape}; give a 4 x 4 matrix.")
-    if not np.isfinite(affine).all() or (affine == MISSING).any():
-        raise InputError(f"{called} holds a number that is not finite or {MISSING:g}; correct it.")
+    if not np.isfinite(affine).all():
+        raise InputError(f"{called} holds a number that is not finite; correct it.")
     if not np.array_equal(affine[3], (0.0, 0.0, 0.0, 1.0)):
         raise InputError(f"{called} does not end with the row 0 0 0 1; is the matrix transposed?")
     scale = float(np.abs(affine[:3, :3]).max())
@@ -177,7 +176,7 @@ def _bare(text: str) -> str:
 def _numbers(text: str) -> list[float] | None:
     """The numbers in a text, without brackets; None if it holds anything else."""
     try:
-        words = re.split(r"[\s,;\[\](){}]+", with_exponents(text))
+        words = re.split(r"[\s,;\[\](){}]+", text)
         return [float(word) for word in words if word] or None
     except ValueError:
         return None

@@ -9,27 +9,26 @@ Correlation programs write a row for each point and mark those that they did not
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from attrs import evolve, frozen
 
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import array_in, sha256_of
-from iriftrace.core.number_table import without_statistics
 from iriftrace.image.exr_entries import exr_content
+from iriftrace.io.table import listed, read_table
 
 COLUMNS = ("u", "v", "du", "dv")
 PAIRS = (("x", "y"), ("u", "v"), ("du", "dv"), ("dx", "dy"), ("r", "g"))
 """Names of the two channels of a map, in any case, also after a dot (``shift.px.X``)."""
 
-MARKS: dict[str, Callable[[float], bool]] = {
-    "valid": lambda value: value == 0.0,
-    "flags": lambda value: value != 0.0,  # OpenPIV
-    "sigma": lambda value: value < 0.0,  # VIC-3D
+MARKS: dict[str, Callable[[FloatArray], BoolArray]] = {
+    "valid": lambda values: values == 0.0,
+    "flags": lambda values: values != 0.0,  # OpenPIV
+    "sigma": lambda values: values < 0.0,  # VIC-3D
 }
 """Columns of markers, in any case, with the values that mark a place as not found."""
 
@@ -37,7 +36,6 @@ MOST_ZEROS = 0.02
 """Fraction of shifts of exactly (0, 0) above which they are taken for places not found."""
 
 _SHIFT = ("shift.px.X", "shift.px.Y")
-_WORDS = {"true": 1.0, "false": 0.0}
 
 
 @frozen(eq=False)
@@ -187,58 +185,16 @@ def _npy_map(file: Path) -> FloatArray:
 
 def _markers(file: Path) -> tuple[FloatArray, FloatArray, int]:
     """Places and shifts of the rows that were found, and the number of those that were not."""
-    try:
-        text = file.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{file} is not text in UTF-8 ({error.reason}).") from error
-    table = enumerate(without_statistics(text.splitlines(), file), 1)
-    lines = [(k, line) for k, line in table if line.split("#")[0].strip()]
-    delimiter = next((d for d in ";,\t" if lines and d in lines[0][1]), None)
-    rows = [
-        (k, [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))])
-        if delimiter
-        else (k, line.split())
-        for k, line in lines
-    ]
-    names = [name.lower() for name in rows[0][1]] if rows else []
-    if not set(COLUMNS) <= set(names):
-        has = f"has the columns {', '.join(names)}" if names else "is empty"
+    table = read_table(file)
+    names = [column.name.casefold() for column in table.columns]
+    if any(names.count(name) != 1 for name in COLUMNS):
         raise InputError(
-            f"{file} {has}, but the first line of a list of "
-            "markers names u, v, du, dv: position and shift, px, (0, 0) the first pixel's centre."
+            f"{file} has the columns {listed(table.names)}, but a list of markers has one each of "
+            "u, v, du, dv: position and shift, px, (0, 0) the first pixel's centre."
         )
-    selected = [names.index(name) for name in COLUMNS]
-    marks = {name: names.index(name) for name in MARKS if name in names}
-    values, failed = [], 0
-    for k, cells in rows[1:]:
-        if len(cells) != len(names):
-            raise InputError(
-                f"{file}, line {k} has {len(cells)} columns, but the first one has {len(names)}."
-            )
-        if delimiter == ";":
-            cells = [cell.replace(",", ".") for cell in cells]
-        if any(MARKS[name](_mark(cells[place], name, k, file)) for name, place in marks.items()):
-            failed += 1
-            continue
-        chosen = [cells[column] for column in selected]
-        try:
-            values.append([float(cell) if cell else np.nan for cell in chosen])
-        except ValueError:
-            raise InputError(
-                f"{file}, line {k}: {', '.join(chosen)} are not four numbers; correct them."
-            ) from None
-    found = np.array(values, dtype=np.float64).reshape(-1, 4)
+    failed = np.zeros(len(table.cells), dtype=bool)
+    for name in (name for name in MARKS if name in names):
+        failed |= MARKS[name](table.numbers([names.index(name)])[:, 0])
+    found = table.where(~failed).numbers([names.index(name) for name in COLUMNS])
     found = found[np.isfinite(found).all(axis=1)]
-    return found[:, :2], found[:, 2:], failed
-
-
-def _mark(cell: str, name: str, line: int, file: Path) -> float:
-    """The number in a column of `MARKS`; NaN where it is empty."""
-    word = cell.casefold()
-    try:
-        return _WORDS[word] if word in _WORDS else float(word or "nan")
-    except ValueError:
-        raise InputError(
-            f"{file}, line {line}: {name} is {cell}, neither a number nor true or false, so it "
-            "does not say whether the place was found; write 1 or 0, or remove the column."
-        ) from None
+    return found[:, :2], found[:, 2:], int(failed.sum())

@@ -12,12 +12,10 @@ from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import check_readable, sha256_of
 from iriftrace.core.units import ZERO_CELSIUS_K, counted, length_factor
 from iriftrace.field.arrays import choose_array, finite_values, stated_unit, to_si
-from iriftrace.field.readers.comsol import length_unit_of
-from iriftrace.field.readers.comsol_text import AXES, spreadsheet_columns, text_file
 from iriftrace.field.readers.scattered import merged
-from iriftrace.field.readers.states import Column
 from iriftrace.field.readers.vtk_process import read_file
 from iriftrace.geometry.triangles import used_vertices
+from iriftrace.io.table import read_table
 from iriftrace.part.wall_temperature import MeasuredWall
 
 _TABLES, _SURFACES = (".csv", ".txt"), (".vtp", ".vtu", ".vtk")
@@ -38,7 +36,7 @@ def read_measured_wall(
     Temperatures below `above_k`, K, such as those of a thermogram's background, are left out, with
     the triangles that they belong to. A warning states the fraction that is as cool as a room.
 
-    From a table (.csv, .txt) of x, y, z and T with or without a header that may state units, as in
+    From a table (.csv, .txt) with the columns x, y, z and T, whose names may state units, as in
     ``x [m]`` and ``T (degC)``; or from a file of VTK (.vtp, .vtk, .vtu) with a temperature: its
     triangles, its volume's surface, or its points where it has no faces. Raises InputError if the
     file is missing, damaged, or has no temperatures (of `above_k` or more), or if a unit
@@ -124,28 +122,19 @@ def _warn_of_background(kelvins: FloatArray, path: Path) -> None:
 
 def _table(path: Path) -> tuple[pv.PolyData, str | None, dict[str, str]]:
     """Points with the columns of a table, the unit of their coordinates, and those of columns."""
-    file = text_file(path)
-    rows = [row for section in file.sections for row in section.rows]
-    values = file.numbers(rows, "temperatures")
-    named = bool(file.sections[0].titles)
-    columns = [Column(name, None, "") for name in (*AXES, "T")]
-    columns = spreadsheet_columns(file) if named else columns
-    if values.shape[1] != len(columns):
-        raise InputError(
-            f"{path} has {values.shape[1]} columns without names; give x, y, z and T, or a header "
-            "that names them."
-        )
+    table = read_table(path)
+    columns, axes = table.columns, table.coordinates
     names = [column.name for column in columns]
     if twice := {name for name in names if names.count(name) > 1}:
         raise InputError(
             f"{path} has several columns {min(twice)}, as of several times; leave the one to use."
         )
-    data = pv.PolyData(values[:, [names.index(axis) for axis in AXES]])
+    data = pv.PolyData(table.numbers(axes))
     for number, name in enumerate(names):
-        if name not in AXES:
-            data.point_data[name] = values[:, number]
+        if number not in axes and not table.has_words(number):
+            data.point_data[name] = table.numbers([number])[:, 0]
     stated = {column.name: column.unit for column in columns if column.unit}
-    return data, length_unit_of(file) if named else None, stated
+    return data, table.length_unit(axes) or None, stated
 
 
 def _without_gaps(data: pv.DataSet, name: str, path: Path) -> pv.DataSet:

@@ -13,7 +13,7 @@ from attrs import frozen
 from iriftrace.core.arrays import AnyArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of, whole_file
-from iriftrace.core.units import names_length_unit, stated_length_unit
+from iriftrace.core.units import length_unit_of
 from iriftrace.geometry.ply import HEADER_LIMIT, PlyMesh, check_corners, read_ply, write_ply
 from iriftrace.part.growth import Growth
 from iriftrace.part.regions import Regions
@@ -47,7 +47,6 @@ class MeshFile:
     sha256: str
     growth: Growth | None = None
     drawing: FloatArray | None = None  # (n, 3), vertices of the cold part in the file's unit
-    remark: str = ""  # that names a unit of length in words that are not understood
 
 
 def load_mesh_file(path: Path) -> MeshFile:
@@ -109,14 +108,8 @@ def load_mesh_file(path: Path) -> MeshFile:
     except ValueError as error:
         raise InputError(f"{path} is damaged: {error}; export it again.") from error
     regions = _regions(path, region_columns[0], len(faces)) if region_columns else None
-    unit = unit or remarked_unit(path)
-    remark = "" if unit else next(filter(names_length_unit, remarks_of(path)), "").strip()
-    return MeshFile(vertices, faces, regions, unit, sha256_of(path), growth, drawing, remark)
-
-
-def remarked_unit(path: Path) -> str | None:
-    """Length unit that the comments of a mesh file state."""
-    return next(filter(None, map(stated_length_unit, remarks_of(path))), None)
+    unit = unit or length_unit_of(remarks_of(path), path.name) or None
+    return MeshFile(vertices, faces, regions, unit, sha256_of(path), growth, drawing)
 
 
 def remarks_of(path: Path) -> list[str]:

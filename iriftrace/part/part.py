@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError, warn
-from iriftrace.core.number_table import MISSING
 from iriftrace.core.units import LENGTH_UNITS, length_factor
 from iriftrace.geometry.query import Places, Surface
 from iriftrace.geometry.topology import weld
@@ -239,11 +238,6 @@ def read_part(
         path, file.growth, expansion, reference_temperature_k, hot_temperature_k
     )
     stated = file.unit and LENGTH_UNITS.get(file.unit, file.unit)
-    if file.remark and length_unit is None:
-        warn(
-            f"{path} is read in mm, but its comment {file.remark!r} names another unit of length; "
-            "if its coordinates are in that, give it with length_unit (--length-unit)."
-        )
     length_unit = length_unit or stated or "mm"
     scale = length_factor(length_unit) * factor
     vertices = file.vertices * scale
@@ -352,10 +346,8 @@ def _refuse_unusable(name: str, points: FloatArray, triangles: IntArray) -> None
             f"{name} has {len(triangles)} triangles, but at most {MOST_FACES} can be numbered "
             "in the EXR; simplify the mesh."
         )
-    if not np.isfinite(points).all() or (points[triangles] == MISSING).any():
-        raise InputError(
-            f"{name} has vertices that are NaN, infinite or {MISSING:g}; export the part again."
-        )
+    if not np.isfinite(points).all():
+        raise InputError(f"{name} has vertices that are NaN or infinite; export the part again.")
     if np.abs(points).max(initial=0.0) > FARTHEST_MM:
         raise InputError(
             f"{name} has a vertex {np.abs(points).max():.3g} mm from the origin, farther than any "

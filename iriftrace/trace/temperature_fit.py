@@ -6,8 +6,8 @@ import numpy as np
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.statistics import rms
-from iriftrace.field.air_temperatures import AirTemperatures
 from iriftrace.image.shift_mixture import ShiftMixture
+from iriftrace.io.air_temperatures import AirTemperatures
 from iriftrace.scene.scene import AnyScene, loaded_scene
 from iriftrace.trace.member_fit import (
     INDISTINCT,

@@ -11,8 +11,6 @@ from attrs import asdict, evolve, field, frozen
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from iriftrace.clouds.read import Cloud
-from iriftrace.clouds.write import by_axis, save_cloud
 from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.plain import JsonObject, plain
@@ -26,6 +24,8 @@ from iriftrace.features.quantity import DRAWING, Quantity, Uncertainty
 from iriftrace.features.relations import Relation, relations
 from iriftrace.field.source import FieldKind
 from iriftrace.geometry.transform import apply
+from iriftrace.io.cloud_write import by_axis, save_cloud
+from iriftrace.io.clouds import Cloud
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
 from iriftrace.scene.hot_air import OUTSIDE
@@ -343,7 +343,7 @@ class Correction:
         Raises
         ------
         InputError
-            If the name ends in none of `iriftrace.clouds.write.WRITTEN`.
+            If the name ends in none of `iriftrace.io.cloud_write.WRITTEN`.
         """
         moved = np.eye(4) if motion is None else motion
         unit = cloud.unit if cloud is not None and in_cloud_frame else "mm"

@@ -10,7 +10,6 @@ from attrs import Factory, asdict, evolve, frozen
 from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
-from iriftrace.clouds.write import by_axis, save_cloud
 from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.plain import JsonObject, plain
@@ -27,6 +26,7 @@ from iriftrace.image.coverage import (
     places_in_view,
     seen_fractions,
 )
+from iriftrace.io.cloud_write import by_axis, save_cloud
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
 from iriftrace.triangulation.acceptance import AcceptanceError
@@ -292,7 +292,7 @@ class Scan:
         Raises
         ------
         InputError
-            If the name ends in none of `iriftrace.clouds.write.WRITTEN`.
+            If the name ends in none of `iriftrace.io.cloud_write.WRITTEN`.
         """
         values = self.as_dict() | {
             "features": [each.as_dict() for each in features],

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 import trimesh
 
-from iriftrace.clouds.read import read_cloud
 from iriftrace.core.errors import IriftraceWarning
+from iriftrace.io.clouds import read_cloud
 from iriftrace.part.part import part_of_mesh
 from iriftrace.scene.hot_air import HotAir
 from iriftrace.scene.scene import Scene

@@ -102,7 +102,7 @@ def _with(values: float | None, name: str = "T"):
         (_with(None), "f.vtu", {"array": "Q"}, "no array 'Q'.*it has T"),
         (_with(None, "Q"), "f.vtu", {"array": "Q"}, "quantity option"),
         (_with(None), "f.vtu", {"quantity": "heat"}, "'heat' is not a quantity"),
-        (_with(None), "f.vtu", {"quantity": "density"}, "looks like density"),
+        (_with(None), "f.vtu", {"quantity": "density"}, "no array named as density"),
         (_with(np.inf), "f.vtu", {}, "not a finite number at 1 of 27"),
         (_with(-5.0), "f.vtu", {}, "-5 K; it must be positive"),
         (_with(20.0), "f.vtu", {}, "goes down to 20 K.*degC"),

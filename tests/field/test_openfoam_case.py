@@ -336,7 +336,7 @@ DAMAGE = {
         "in processors2_0-1, in OpenFOAM's collated format.*reconstructPar",
     ),
     "no times": (no_times, "no time folder with results"),
-    "no temperature": (remove("2.5/T"), "no array that looks like a temperature.*are p"),
+    "no temperature": (remove("2.5/T"), "no array named as a temperature.*are p"),
     "cut temperature": (cut("2.5/T"), r"2\.5/T cannot be read.*--time"),
     "empty temperature": (lambda case: (case / "2.5/T").write_text(""), r"2\.5/T cannot be read"),
     "damaged archive": (wrong_gz, r"2\.5/T cannot be read"),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from iriftrace.clouds.read import read_cloud
+from iriftrace.io.clouds import read_cloud
 from iriftrace.part.part import read_part
 
 BOX = trimesh.creation.box(extents=(40.12345, 30.12345, 20.12345))

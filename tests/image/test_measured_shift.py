@@ -66,6 +66,9 @@ def test_numpy_arrays_in_both_orders(tmp_path: Path) -> None:
         "# markers\nname; DV ;U;V;dU\na;-0,25;10;20;0,5\nb;1e-3;0;1,5;0\n",
         "u v du dv\n10 20 0.5 -0.25\n0 1.5 0 1e-3\n5 5 nan nan\n",
         "du,dv,u,v\n0.5,-0.25,10,20\n\n0,1e-3,0,1.5\n,,9,9\n",
+        "u [px],v [px],du [px],dv [px]\n10,20,0.5,-0.25\n0,1.5,0,1e-3\n",
+        "u (px),v (px),du (px),dv (px)\n10,20,0.5,-0.25\n0,1.5,0,1e-3\n",
+        '"u [px]";"v [px]";"du [px]";"dv [px]"\n"10";"20";"0,5";"-0,25"\n"0";"1,5";"0";"1e-3"\n',
     ],
 )
 def test_markers(tmp_path: Path, text: str) -> None:
@@ -101,7 +104,7 @@ def test_marked_markers_were_not_measured(tmp_path: Path, column: str, good: str
 def test_other_marks_are_refused_or_no_marks(tmp_path: Path) -> None:
     file = tmp_path / "m.csv"
     file.write_text("u,v,du,dv,valid\n1,2,3,4,perhaps\n")
-    with pytest.raises(InputError, match=r"line 2: valid is perhaps, neither a number nor"):
+    with pytest.raises(InputError, match=r"line 2: 'perhaps' is not a number"):
         read_measured_shift(file)
     file.write_text("u,v,du,dv,valid\n1,2,3,4,0\n")
     with pytest.raises(InputError, match=r"no measured shift.* 1 rows are marked"):
@@ -140,11 +143,11 @@ def test_zeros_of_a_rendering_are_no_doubt(tmp_path: Path) -> None:
     ("name", "text", "message"),
     [
         ("a.csv", "x,y\n1,2\n", "has the columns x, y, but"),
-        ("a.csv", "", "is empty, but"),
-        ("a.csv", "u,v,du,dv\n", "has no measured shift"),
+        ("a.csv", "", "no row of numbers"),
+        ("a.csv", "u,v,du,dv\n", "no row of numbers"),
         ("a.csv", "u,v,du,dv\n1,2,,\n", "has no measured shift"),
-        ("a.csv", "u,v,du,dv\n1,2,3\n", "line 2 has 3 columns"),
-        ("a.csv", "u,v,du,dv\n1,2,3,4\n1,2,3,far\n", "line 3: 1, 2, 3, far are not four numbers"),
+        ("a.csv", "u,v,du,dv\n1,2,3\n", "has rows of 3 columns"),
+        ("a.csv", "u,v,du,dv\n1,2,3,4\n1,2,3,far\n", "line 3: 'far' is not a number"),
         ("a.exr", "no picture", "not an OpenEXR file"),
         ("a.npy", "no array", "is not a NumPy array"),
         ("a.tif", "", "is not a file of measured shifts"),
@@ -172,9 +175,3 @@ def test_wrong_maps_are_refused(tmp_path: Path) -> None:
     (tmp_path / "b.exr").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(InputError, match=r"damaged or incomplete .*; write the map again"):
         read_measured_shift(tmp_path / "b.exr")
-
-
-def test_rows_of_statistics_are_not_markers(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_text("id,u,v,du,dv\n1,5,6,0.1,0.2\nMean,5,6,0.1,0.2\n")
-    with pytest.warns(IriftraceWarning, match="1 row of statistics"):
-        assert len(read_measured_shift(tmp_path / "a.csv").shifts) == 1

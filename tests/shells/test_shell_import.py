@@ -208,7 +208,7 @@ def wrong_meshes() -> dict[str, pv.DataObject]:
     del blocks[1].point_data["T"]
     return {
         "no triangles; volume data": volume,
-        "no array that looks like": two,
+        "no array named as": two,
         "change along the triangles": rising,
         "of 'T' in .* change along the triangles": rising_cells,
         "not finite": gaps,

@@ -12,9 +12,9 @@ import trimesh
 from failing import Failing
 
 from iriftrace.cli import main
-from iriftrace.clouds.read import read_cloud
 from iriftrace.core.errors import InputError
 from iriftrace.geometry.ply import write_ply_points
+from iriftrace.io.clouds import read_cloud
 from iriftrace.scenes import folder_of
 from validation.oracles.html_page import read_page
 
@@ -53,7 +53,7 @@ def test_a_cloud_its_numbers_and_picture_are_written(scan: Path) -> None:
 def test_its_correction_gives_the_diameter_back(
     scan: Path, scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Of points alone; kinds of files are in tests/clouds."""
+    """Of points alone; kinds of files are in tests/io."""
     cloud = tmp_path / "cloud.xyz"
     np.savetxt(cloud, np.asarray(pv.read(scan).points), header="x y z")
     target = tmp_path / "corrected.vtp"
@@ -89,7 +89,9 @@ def test_rounded_coordinates_are_warned_of(
     scan: Path, scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     cloud = tmp_path / "rounded.csv"
-    np.savetxt(cloud, np.asarray(pv.read(scan).points).round(3), delimiter=",", fmt="%.3f")
+    np.savetxt(
+        cloud, np.asarray(pv.read(scan).points).round(3), delimiter=",", fmt="%.3f", header="x,y,z"
+    )
     words = ["correct", str(cloud), str(scene), "-o", str(tmp_path / "out.vtp")]
     assert main([*words, "-D", "scale=0.05"]) == 0
     assert "rounded to 0.001 mm" in capsys.readouterr().err
@@ -98,10 +100,10 @@ def test_rounded_coordinates_are_warned_of(
 @pytest.mark.parametrize(
     ("rows", "said"),
     [
-        ("no numbers at all\n", "holds no points"),
-        ("1,2\n3,4\n", "has 2 columns"),
-        ("1.5,2,3\n4,x,6\n", "far|cannot be read|mm from the part"),
-        ("0.001,0.002,0.0135\n" * 9, "mm from the part"),
+        ("no numbers at all\n", "no row of numbers"),
+        ("1,2\n3,4\n", "rows of 2 columns"),
+        ("x,y,z\n1.5,2,3\n4,x,6\n", "line 3: 'x' is not a number"),
+        ("x,y,z\n" + "0.001,0.002,0.0135\n" * 9, "mm from the part"),
     ],
 )
 def test_wrong_clouds_end_in_one_sentence(

@@ -151,7 +151,7 @@ WRONG = {
         ("gone.csv", "gone.csv"),
         ("here", "here is a folder"),
         ("{scene}", "not a file of measured shifts"),
-        ("words.csv", "u, v, du, dv"),
+        ("words.csv", "no row of numbers"),
         ("far.csv", "5 of 5 places.*outside the rendering of 120 x 100"),
         ("near.csv", "Only 0 of 5 measured"),
         ("near.csv --include=3", "status 3"),

@@ -9,12 +9,12 @@ from pathlib import Path
 from attrs import frozen
 
 from iriftrace.camera.pose_files import read_poses
-from iriftrace.clouds.read import read_cloud
 from iriftrace.field.path_data import FIELD_FILE, load_field_file
 from iriftrace.field.read import read_field
 from iriftrace.image.aov_image import read_exr
 from iriftrace.image.measured_shift import read_measured_shift
 from iriftrace.io.calibration import read_calibration, read_stereo_calibration
+from iriftrace.io.clouds import read_cloud
 from iriftrace.part.part import read_part
 from iriftrace.scene.hot_air import HotAir
 from iriftrace.scene.load import load_scene

@@ -17,8 +17,8 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose_files import write_poses
 from iriftrace.camera.pose_set import PoseSet
 from iriftrace.cli import main
-from iriftrace.clouds.write import save_cloud
 from iriftrace.field.read import read_field
+from iriftrace.io.cloud_write import save_cloud
 from iriftrace.part.part import read_part, save_part
 from iriftrace.scene.hot_air import HotAir
 from iriftrace.scene.scene import Scene

@@ -16,8 +16,9 @@ from attrs import evolve, frozen
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import check_readable
-from iriftrace.field.readers import cgns, comsol, ensight, exodus, openfoam, vtk_files, xdmf
+from iriftrace.field.readers import cgns, ensight, exodus, openfoam, vtk_files, xdmf
 from iriftrace.field.readers.states import Contents, State
+from iriftrace.io import comsol
 
 
 class Reader(Protocol):

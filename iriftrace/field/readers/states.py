@@ -18,16 +18,8 @@ from iriftrace.field.source import FieldFacts
 # In .vtu files COMSOL replaces every space by an underscore: ``Temperature_@_t=0.5``.
 _STATE = re.compile(r"(?P<name>.*?\S)[\s_]*@[\s_]*(?P<state>\S.*)")
 _UNIT = re.compile(r"(?P<name>.*?\S)[\s_]+\((?P<unit>(?:[^()]|\([^()]*\))+)\)")
-# As in files of CFD-Post and others; a function's argument is not in such brackets.
+# As in files of CFD-Post and others.
 _UNIT_IN_SQUARES = re.compile(r"(?P<name>.*?\S)[\s_]*\[(?P<unit>[^\[\]]+)\]")
-_GLUED_UNIT = re.compile(r"(?P<name>[^()]+)\((?P<unit>K|°[CF]|deg[CF]|um|mm|cm|m|kg/m\^?3)\)")
-"""Units of other programs; ``aveop1(T)`` is a function."""
-
-_UNIT_BEHIND = re.compile(
-    r"(?P<name>[^\s/]+)(?:\s*/\s*|\s+in\s+)(?P<unit>K|°[CF]|deg[CF]|[uµμ]m|[mc]?m|in|kg/m(?:\^?3|³))"
-)
-"""As in ``T/K`` and ``x in mm``."""
-
 _TIME = re.compile(r"(?:^|[\s,])t\s*=\s*(?P<time>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
 
 State = tuple[str, float | None]
@@ -82,8 +74,7 @@ def column_of(text: str) -> Column:
         name = found["name"]
         state = re.sub(r"([,:;])[\s_]*", r"\1 ", found["state"]).strip()
     unit = None
-    forms = (_UNIT, _UNIT_IN_SQUARES, _GLUED_UNIT, _UNIT_BEHIND)
-    if found := next(filter(None, (form.fullmatch(name) for form in forms)), None):
+    if found := _UNIT.fullmatch(name) or _UNIT_IN_SQUARES.fullmatch(name):
         name, unit = found["name"], found["unit"].strip()
     return Column(name, unit, state)
 

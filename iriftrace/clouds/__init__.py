@@ -1,1 +1,0 @@
-"""Clouds of measured points: files of other programs, read and written."""
