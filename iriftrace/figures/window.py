@@ -206,12 +206,9 @@ def _pose(path: Path) -> Draw:
 
 def _sweep(path: Path) -> Draw:
     from iriftrace.planning.summary import summarise
-    from iriftrace.studies.study import is_study
     from iriftrace.sweep.reload import surroundings_of
     from iriftrace.sweep.store import attribute, read_sweep
 
-    if is_study(path):
-        raise InputError(f"{path} is a study, which has nothing in space; draw it: iriftrace plot.")
     dataset = read_sweep(path)
     summary = summarise(dataset)
     around = surroundings_of(dataset)

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 from iriftrace.core.errors import InputError
-from iriftrace.studies.study import SCHEMA, read_study
+from validation.paper.study import SCHEMA, read_study
 from iriftrace.sweep.journal import Journal, Piece, Progress, Work, journal_of, open_journal
 from iriftrace.sweep.pose import fingerprint
 

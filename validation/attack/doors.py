@@ -21,7 +21,7 @@ from iriftrace.scene.load import load_scene
 from iriftrace.scene.scene import Scene
 from iriftrace.shells.files import load_shells
 from iriftrace.shells.imported import import_shells
-from iriftrace.studies.study import read_study
+from validation.paper.study import read_study
 from iriftrace.sweep.journal import journal_of, open_journal
 from iriftrace.sweep.store import read_sweep
 from validation.attack import samples

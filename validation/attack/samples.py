@@ -22,7 +22,7 @@ from iriftrace.field.read import read_field
 from iriftrace.part.part import read_part, save_part
 from iriftrace.scene.hot_air import HotAir
 from iriftrace.scene.scene import Scene
-from iriftrace.studies.study import SCHEMA as STUDY_SCHEMA
+from validation.paper.study import SCHEMA as STUDY_SCHEMA
 from iriftrace.sweep.journal import Piece, Work, open_journal
 from validation.field_files import comsol, ensight
 from validation.field_files.openfoam import write_case

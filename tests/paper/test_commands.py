@@ -16,8 +16,8 @@ from failing import Run
 from rich.console import Console
 
 from iriftrace.cli import console, main
-from iriftrace.cli.study import study
-from iriftrace.studies.study import read_study
+from validation.paper.__main__ import study
+from validation.paper.study import read_study
 from validation.inputs import hot_block
 from validation.inputs.hot_block import HotBlock
 from validation.inputs.journals import pieces_done

@@ -56,7 +56,7 @@ def times(scene: Scene) -> dict[str, float | int]:
         for stage in ("load", "build", "straight", "metrics", "write")
     }
     # Mitsuba is imported once a variant is needed.
-    from iriftrace.trace.query_replay import Recording
+    from bench.queries import Recording
 
     recording = Recording(scene.loaded)
     pairs = recording.time_pairs(REPEATS)

@@ -15,12 +15,12 @@ from iriftrace.cli.camera_options import CameraOptions, Scale
 from iriftrace.cli.console import drawn, pose_progress, say, working
 from iriftrace.cli.field_options import FieldOptions, PartOptions, Rule
 from iriftrace.cli.options import Flag, Numbers, Output, Whole
-from iriftrace.cli.study_tables import print_comparison, print_timing
+from validation.paper.tables import print_comparison, print_timing
 from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
-    from iriftrace.studies.mode import Mode
-    from iriftrace.studies.study import Setup, Study
+    from validation.paper.mode import Mode
+    from validation.paper.study import Setup, Study
 
 
 StudiedField = Annotated[Path, Parameter(help="Volume mesh with temperature, density or index.")]
@@ -62,7 +62,7 @@ class ModeOptions:
         """Ours, the second one, and those between them if requested."""
         from attrs import evolve
 
-        from iriftrace.studies.mode import OURS, PAPERS, one_change_each
+        from validation.paper.mode import OURS, PAPERS, one_change_each
 
         second = evolve(
             PAPERS,
@@ -125,12 +125,12 @@ def _run(
     *more: Mode,
 ) -> None:
     """Run a study behind a progress bar, print its tables and draw its figure."""
-    from iriftrace.figures.studies import study_figure
+    from validation.paper.figures import study_figure
     from iriftrace.runtime import variant
     from iriftrace.scene.hot_air import HotAir
     from iriftrace.scene.scene import Scene
     from iriftrace.scene.viewpoint import refuse_camera_inside
-    from iriftrace.studies.study import Setup, run_study
+    from validation.paper.study import Setup, run_study
 
     modes = [*options.mode.modes(), *more]
     if options.field.isosurfaces:
@@ -197,7 +197,7 @@ def layers(
         cell: the limit of facet normals), or a number of shells of the finest field in the same
         mode; repeatable. By default 20, as in the paper, and cells.
     """
-    from iriftrace.studies.kinds import layers_study
+    from validation.paper.kinds import layers_study
 
     counts = whole_numbers(layers, "--layers")
     made = partial(layers_study, layers=counts, references=reference)
@@ -235,8 +235,8 @@ def smoothing(
         "same mode" (shells of the fine field) or "cells" (the cells engine on it);
         repeatable, by default both.
     """
-    from iriftrace.studies.kinds import smoothing_study
-    from iriftrace.studies.mode import Mode
+    from validation.paper.kinds import smoothing_study
+    from validation.paper.mode import Mode
 
     counts = whole_numbers(iterations, "--iterations")
     made = partial(smoothing_study, iterations=counts, layers=layers, references=reference)
@@ -275,7 +275,7 @@ def mesh(
         "same mode" (shells of the finest field) or "cells" (the cells engine on it);
         repeatable, by default both.
     """
-    from iriftrace.studies.kinds import mesh_study
+    from validation.paper.kinds import mesh_study
 
     paths = [field, *finer]
     twice = [path for path in paths if paths.count(path) > 1]
@@ -309,7 +309,7 @@ def rays(
     scales
         Factors on the camera's resolution.
     """
-    from iriftrace.studies.kinds import rays_study
+    from validation.paper.kinds import rays_study
 
     made = partial(rays_study, scales=scales, layers=layers)
     _run([field], part, output, options, scale, made)
@@ -339,7 +339,7 @@ def polygons(
         Midpoint subdivision ends before shells have more triangles; the paper's 4.8 million need
         over 9 GB of memory.
     """
-    from iriftrace.studies.kinds import polygons_study
+    from validation.paper.kinds import polygons_study
 
     made = partial(polygons_study, layers=layers, smallest=smallest, largest=largest)
     _run([field], part, output, options, scale, made)

@@ -6,7 +6,7 @@ import pytest
 from iriftrace.field.index_field import IndexField
 from iriftrace.geometry.triangles import area_vectors
 from iriftrace.shells.contour import contour_shells
-from iriftrace.studies.split_cells import as_tetrahedra, split_tetrahedra
+from validation.paper.split_cells import as_tetrahedra, split_tetrahedra
 from validation.inputs.shell_fields import sphere_field
 
 

@@ -11,8 +11,8 @@ from iriftrace.image.aov_image import Status, read_exr
 from iriftrace.part.part import read_part
 from iriftrace.scene.hot_air import HotAir
 from iriftrace.scene.scene import Scene
-from iriftrace.studies.mode import Mode, shells_of, through_shells
-from iriftrace.studies.study import picture
+from validation.paper.mode import Mode, shells_of, through_shells
+from validation.paper.study import picture
 from validation.inputs import hot_block
 from validation.inputs.hot_block import HotBlock
 

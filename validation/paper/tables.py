@@ -16,7 +16,7 @@ STAGES = ("straight", "metrics", "write", "load", "build")
 
 def print_comparison(dataset: xr.Dataset) -> None:
     """Print a table for each reference: differences of the hits in micrometres."""
-    from iriftrace.studies.study import reference_words
+    from validation.paper.study import reference_words
 
     (axis,) = map(str, set(dataset["rmse"].dims) - {"mode", "reference"})
     for reference in dataset["reference"].values:
