@@ -11,7 +11,6 @@ from attrs import asdict
 from rich.table import Table
 
 from iriftrace.cli.console import out, print_table, say
-from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K, counted
 from iriftrace.image.aov_image import Status
 

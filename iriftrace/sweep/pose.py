@@ -122,9 +122,7 @@ def render_pose(task: PoseTask, scene: LoadedScene) -> Piece:
     with without_warnings():
         # Warned of once for the sweep, and not for every pose.
         try:
-            rendering = render_scene(
-                scene, camera=task.camera, include=task.include, empty=True
-            )
+            rendering = render_scene(scene, camera=task.camera, include=task.include, empty=True)
         except InputError as error:
             return Piece(task.number, {"metrics": None, "failure": str(error)})
     if task.exr:

@@ -5,16 +5,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench.queries import Recording
 from iriftrace.core.errors import InputError
-from validation.paper.figures import timing_figure
 from iriftrace.shells.contour import contour_shells
+from validation.inputs.study_inputs import field_and_scene
 from validation.paper import times
+from validation.paper.figures import timing_figure
 from validation.paper.kinds import polygons_study, rays_study
 from validation.paper.mode import OURS, PAPERS, Mode, through_shells
 from validation.paper.study import Setup, run_study
 from validation.paper.times import STAGES
-from bench.queries import Recording
-from validation.inputs.study_inputs import field_and_scene
 
 
 @pytest.fixture(autouse=True)

@@ -18,15 +18,15 @@ from iriftrace.core.files import whole_file
 from iriftrace.core.netcdf import check_netcdf, json_attributes, read_netcdf
 from iriftrace.core.plain import JsonObject, plain
 from iriftrace.field.index_field import IndexField
-from validation.paper.differences import Hits, compare, displacement_statistics, hits_of
 from iriftrace.image.ray_statistics import FEWEST_RAYS
 from iriftrace.runtime.variant import free_memory
 from iriftrace.scene.scene import Scene
 from iriftrace.shells.stack import ShellStack
-from validation.paper.mode import Mode, check_modes, shells_of, through_cells, through_shells
-from validation.paper.times import COUNTS, REPEATS, STAGES, rendered, times
 from iriftrace.sweep.journal import Journal, Piece, Progress, Work
 from iriftrace.sweep.pose import fingerprint
+from validation.paper.differences import Hits, compare, displacement_statistics, hits_of
+from validation.paper.mode import Mode, check_modes, shells_of, through_cells, through_shells
+from validation.paper.times import COUNTS, REPEATS, STAGES, rendered, times
 
 if TYPE_CHECKING:
     import xarray as xr
