@@ -126,7 +126,7 @@ def test_times_are_printed_as_ratios(files: Files, tmp_path: Path, run: Run) -> 
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("layers {field}", "PART"),
+        ("layers {field}", "--part"),
         ("layers gone.vtu {part}", "gone.vtu"),
         ("layers {part} {field}", "field and part may be exchanged"),
         ("layers {field} {part} -o a.csv", r"\.nc"),
@@ -144,7 +144,7 @@ def test_times_are_printed_as_ratios(files: Files, tmp_path: Path, run: Run) -> 
             "--scale=0.05",
             r"of the 30 rays .* at least 100",
         ),
-        ("smoothing {field} {part}", "FINEST"),
+        ("smoothing {field} {part}", "--finest"),
         ("smoothing {field} {part} {field} --iterations=-3", "-3"),
         ("mesh {field} {part} {field}", "given twice"),
         ("mesh {field} {part} finer.vtu --split gone.vtu", "gone.vtu"),

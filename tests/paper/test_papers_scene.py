@@ -25,7 +25,8 @@ def block(variant: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[Index
 def test_a_file_in_the_papers_mode_gives_the_studies_hits(
     block: tuple[IndexField, Scene], tmp_path: Path
 ) -> None:
-    field, scene = block
+    field, coarse = block
+    scene = evolve(coarse, camera=evolve(coarse.camera, resolution=(120, 100)))
     stack = shells_of(field, 6, PAPERS)
     assert stack is not None
     xml = tmp_path / "paper" / "scene.xml"
