@@ -239,27 +239,6 @@ def default_stand_off(part: Part, focus_mm: tuple[float, float]) -> float:
     return float(round(max(whole, 0.5 * (near + far))))
 
 
-def paper_semi_axes(part: Part, largest_mm: float) -> FloatArray:
-    """Semi-axes (3,), mm, in the ratio of the part's dimensions, the rule of Kern et al. (2025).
-
-    The largest one lies along the part's largest dimension. An InputError if the part is flat or
-    the ellipsoid would lie within it.
-    """
-    extents = np.ptp(part.bounds, axis=0)
-    longest = float(extents.max())
-    if not extents.min() > 0:
-        raise InputError(
-            f"The part is flat (dimensions {extents.tolist()} mm), so its ratios give no "
-            "ellipsoid; give the semi-axes or a stand-off."
-        )
-    if not (np.isfinite(largest_mm) and largest_mm > 0.5 * longest):
-        raise InputError(
-            f"A largest semi-axis of {largest_mm:g} mm puts cameras into the part, which extends "
-            f"{0.5 * longest:g} mm from its centre; give more."
-        )
-    return np.asarray(extents / longest * largest_mm)
-
-
 def turntable_poses(matrix: ArrayLike, table: str, centre: ArrayLike) -> PoseSet:
     """Poses of a camera as a part sees them that turns before it.
 

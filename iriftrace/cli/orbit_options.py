@@ -12,7 +12,6 @@ from cyclopts import Group, Parameter
 from iriftrace.camera.robot_poses import RobotName
 from iriftrace.cli.console import say
 from iriftrace.cli.options import (
-    Length,
     Lengths,
     Vector,
     Whole,
@@ -48,8 +47,6 @@ class OrbitOptions:
         middle of the focus interval if that is farther.
     semi_axes
         Semi-axes of the ellipsoid in mm, "310,240,240".
-    paper_axes
-        Largest semi-axis in mm of an ellipsoid with the ratio of the part's dimensions.
     angles
         Whether angles are the ellipsoid's parameters, as by default, or directions from its
         centre.
@@ -79,7 +76,6 @@ class OrbitOptions:
     target: Vector | None = None
     stand_off: Lengths | None = None
     semi_axes: Vector | None = None
-    paper_axes: Length | None = None
     angles: Literal["parameter", "geocentric"] | None = None
     fibonacci: Whole | None = None
     poses: Path | None = None
@@ -93,8 +89,7 @@ class OrbitOptions:
     @property
     def is_default(self) -> bool:
         """True if no option states how far from the part the cameras stand."""
-        given = (self.stand_off, self.semi_axes, self.paper_axes)
-        return self.is_orbit and not any(given)
+        return self.is_orbit and not (self.stand_off or self.semi_axes)
 
     @property
     def is_orbit(self) -> bool:
@@ -176,7 +171,6 @@ class OrbitOptions:
             **grid,
             "--stand-off": self.stand_off,
             "--semi-axes": self.semi_axes,
-            "--paper-axes": self.paper_axes,
             "--angles": self.angles,
             "--fibonacci": self.fibonacci,
         }
@@ -188,15 +182,12 @@ class OrbitOptions:
 
     def _axes(self, scene: LoadedScene) -> list[tuple[float, ArrayLike]]:
         """Stand-off and semi-axes, mm, of each orbit."""
-        from iriftrace.camera.orbit import default_stand_off, paper_semi_axes, semi_axes
+        from iriftrace.camera.orbit import default_stand_off, semi_axes
 
-        given = [self.stand_off, self.semi_axes, self.paper_axes]
-        if sum(option is not None for option in given) > 1:
-            raise InputError("Give only one of --stand-off, --semi-axes and --paper-axes.")
         if self.semi_axes is not None:
+            if self.stand_off is not None:
+                raise InputError("Give only one of --stand-off and --semi-axes.")
             return [(math.nan, self.semi_axes)]
-        if self.paper_axes is not None:
-            return [(math.nan, paper_semi_axes(scene.part, self.paper_axes))]
         if self.stand_off is not None:
             return [(length, semi_axes(scene.part, length)) for length in self.stand_off]
         if not math.isfinite(scene.camera.focus_mm[1]):

@@ -11,7 +11,6 @@ from attrs import asdict
 from rich.table import Table
 
 from iriftrace.cli.console import out, print_table, say
-from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K, counted
 from iriftrace.image.aov_image import Status
 
@@ -151,7 +150,7 @@ def print_default_orbit(stand_off_mm: float, poses: PoseSet, part: Part, camera:
 
 def print_summary(metrics: PoseMetrics) -> None:
     """Print the metrics of one pose and the assumptions behind them."""
-    from iriftrace.image.resolution import FRONTAL, seen_frontally
+    from iriftrace.image.resolution import FRONTAL, STEP, seen_frontally
 
     table = Table(title="Displacement by hot air", title_justify="left", show_header=False)
     table.add_column(style="bold", no_wrap=True)
@@ -165,8 +164,6 @@ def print_summary(metrics: PoseMetrics) -> None:
     table.add_row("shift in the picture", _in_pixels(asdict(metrics.shift_px)))
     if metrics.ensemble is not None:
         _add_ensemble(table, metrics.ensemble)
-    if metrics.shells_against_field is not None:
-        _add_shell_error(table, metrics.shells_against_field, metrics.engine_test)
     table.add_row(
         "coverage",
         f"{_percent(metrics.coverage_area)} of the part's area seen (faces hit: "
@@ -176,8 +173,7 @@ def print_summary(metrics: PoseMetrics) -> None:
     frontal = lateral is not None and axial is not None and seen_frontally(lateral, axial)
     table.add_row(
         "resolution",
-        f"lateral {_um(lateral)}, axial {f'0 ({FRONTAL})' if frontal else _um(axial)} (step to the "
-        "next pixel)",
+        f"lateral {_um(lateral)}, axial {f'0 ({FRONTAL})' if frontal else _um(axial)} ({STEP})",
     )
     full = metrics.full_camera
     if full is not None:
@@ -240,23 +236,6 @@ def _add_ensemble(table: Table, values: EnsembleMetrics) -> None:
     table.add_row(
         "", f"{values.rays_in_all:,} rays count in all fields, {values.rays_in_some:,} only in some"
     )
-
-
-def _add_shell_error(table: Table, values: JsonObject, engine_test: JsonObject | None) -> None:
-    """Difference between the shells and the field they were cut from, with a remedy if large."""
-    table.add_row(
-        "shells against field",
-        f"median {_um(values['median_mm'])} ({values['median_share']:.1%} of the displacement's "
-        f"without shells), p95 {_um(values['p95_mm'])} ({values['p95_share']:.1%}); sample of "
-        f"{values['rays']:,} rays",
-    )
-    if (engine_test or {}).get("through_cells"):
-        table.add_row("", "so the picture was traced through the field data")
-    elif not values["suffice"]:
-        # From 30 on, more shells hardly bring a picture closer to the field.
-        more = "cut more shells (--layers 40), or " if values["shells"] < 30 else ""
-        table.add_row("", f"closer: {more}trace with --engine cells")
-        table.add_row("", "if they were thinned out, leave --triangles out first")
 
 
 def _in_um(statistics_mm: Mapping[str, float | None]) -> str:

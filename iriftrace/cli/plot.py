@@ -33,20 +33,20 @@ def plot(
     component: Literal["norm", "along", "right", "down"] = "norm",
     wavelength: LightOf = None,
 ) -> None:
-    """Draw a sweep, a study or one pose.
+    """Draw a sweep or one pose.
 
     For a sweep: the poses in space, coloured by each metric; maps over azimuth and elevation;
     histograms; rays of each pose; the Pareto front; the views of smallest and largest
-    displacement; the faces of the part, coloured by how well they are seen. For a study: its
-    figure. For a pose: the displacement picture, and for an ensemble also that of the scatter.
+    displacement; the faces of the part, coloured by how well they are seen. For a pose: the
+    displacement picture, and for an ensemble also that of the scatter.
 
     Example: ``iriftrace plot sweep.nc -o figures``
 
     Parameters
     ----------
     file
-        A sweep (.nc) that ``iriftrace sweep`` wrote; or a study (.nc) or an AOV image (.exr), to
-        which the options for the ranking do not apply.
+        A sweep (.nc) that ``iriftrace sweep`` wrote; or an AOV image (.exr), to which the options
+        for the ranking do not apply.
     output
         Folder for the pictures (PNG, and PDF for vector graphics).
     component

@@ -204,7 +204,6 @@ for _module, _names in {
     "correct": ("correct",),
     "compare": ("compare",),
     "fit": ("fit",),
-    "study": ("study",),
     "field": ("field",),
     "part": ("part",),
 }.items():

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 from iriftrace.cli import checks
 from iriftrace.cli.console import command_line, say, working
-from iriftrace.cli.options import Flag, LightOf, Output
+from iriftrace.cli.options import LightOf, Output
 from iriftrace.cli.trace_options import Statuses, TraceOptions, check_light, statuses
 from iriftrace.core.errors import warn
 
@@ -31,7 +31,6 @@ def render(
     surface: Path | None = None,
     rgb: Literal["displacement", "shift", "refracted"] | None = None,
     include: Statuses = None,
-    check_shells: Flag = False,
 ) -> None:
     """Trace a scene: AOV EXR, metrics JSON and displacement picture.
 
@@ -54,9 +53,6 @@ def render(
         CloudCompare (.ply).
     rgb
         Repeat these channels of the EXR as R, G and B, for programs that show no others.
-    check_shells
-        Also trace a sample of the rays through the field data, and print how far the shells are
-        from it; also needs the field.npz.
     """
     from iriftrace.image.surface import write_surface
 
@@ -69,7 +65,7 @@ def render(
     used = statuses(include)
     loaded = trace.load(scene)
     checks.kept(surface, loaded.part.path)
-    rendering, files = _render(loaded, exr, used, figures, check_shells, rgb)
+    rendering, files = _render(loaded, exr, used, figures, rgb)
     if surface is not None:
         write_surface(surface, rendering.image, loaded.part)
         files.append(surface)
@@ -82,7 +78,6 @@ def metrics(
     part: Path | None = None,
     output: Output | None = None,
     include: Statuses = None,
-    nearest: Flag = False,
     wavelength: LightOf = None,
 ) -> None:
     """Reduce an AOV EXR to metrics again.
@@ -97,8 +92,6 @@ def metrics(
         The part's mesh, if it is no longer where the EXR states.
     output
         The JSON file; by default next to the EXR.
-    nearest
-        Add the two nearest-neighbour readings of the resolution, which takes longer.
     """
     from iriftrace.cli.output import print_summary
     from iriftrace.image.aov_image import read_exr
@@ -114,7 +107,7 @@ def metrics(
     shown = pixels.part_from(part)
     started = time.perf_counter()
     with working("Reducing"):
-        result = pose_metrics(pixels, shown, include=statuses(include), nearest=nearest)
+        result = pose_metrics(pixels, shown, include=statuses(include))
     result.time_s["metrics"] = time.perf_counter() - started
     with suppress(OSError, ValueError, AttributeError):
         # There may be no report of this image yet.
@@ -166,14 +159,13 @@ def _render(
     exr: Path,
     include: tuple[int, ...] = (0,),
     figures: bool = True,
-    check_field: bool = False,
     rgb: str | None = None,
 ) -> tuple[Rendering, list[Path]]:
     """Render a scene and write all its files except that of the surface."""
     from iriftrace.trace.render import render_scene
 
     with working("Tracing"):
-        rendering = render_scene(loaded, include=include, check_field=check_field)
+        rendering = render_scene(loaded, include=include)
     pictures = []
     if figures:
         from iriftrace.figures.pose import pose_figures

@@ -85,7 +85,6 @@ def scene(
     blocker: list[Path] | None = None,
     blocker_length_unit: str | None = None,
     normals: Literal["gradient", "facet"] = "gradient",
-    inside_hit: Literal["refract", "drop"] = "refract",
     shell_options: ShellOptions = ShellOptions(),
     part_options: PartOptions = PartOptions(),
     camera_options: CameraOptions = CameraOptions(),
@@ -120,9 +119,6 @@ def scene(
         Unit of the blockers' coordinates; by default that of their files (glTF: m), else mm.
     normals
         Origin of the shells' normals: the field's gradient, or their own triangles.
-    inside_hit
-        Treatment of rays that meet a shell from its inside: refracted, or dropped (status 6) as
-        Kern et al. (2025) do, for studies.
     """
     from iriftrace.cli.output import print_shells
     from iriftrace.field.part_fit import refuse_expanded_board
@@ -176,7 +172,6 @@ def scene(
         settings = SceneSettings(
             scale=scale,
             normals=normals,
-            inside_hit=inside_hit,
             notes=field_options.notes(),
             blockers=(*blockers, *(bodies(volume) if volume else ())),
         )

@@ -28,7 +28,6 @@ def sweep(
     orbit: OrbitOptions = OrbitOptions(),
     focal_length: Lengths | None = None,
     trace: TraceOptions = TraceOptions(),
-    nearest: bool = False,
     exr: bool = False,
     include: Statuses = None,
     export: Path | None = None,
@@ -54,8 +53,6 @@ def sweep(
         The netCDF file.
     focal_length
         Used instead of the sensor's focal length: one or several, "8mm,10mm".
-    nearest
-        Add the two nearest-neighbour readings of the resolution, which takes longer.
     exr
         Keep each pose's AOV image in a folder next to the result.
     export
@@ -107,7 +104,7 @@ def sweep(
             focal_lengths_mm=focal_length or (),
             move_out=orbit.is_orbit,
             target=orbit.look_at(loaded[0]),
-            options=SweepOptions(nearest, statuses(include), exr),
+            options=SweepOptions(statuses(include), exr),
             progress=report,
             render=render,
         )

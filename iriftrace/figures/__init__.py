@@ -1,4 +1,4 @@
-"""Figures: pictures of poses, scenes, sweeps, studies and comparisons, and the HTML report.
+"""Figures: pictures of poses, scenes, sweeps and comparisons, and the HTML report.
 
 Functions take results and return Matplotlib figures; ``write_figure`` writes them as PNG or PDF.
 Everything shown is already part of a result; nothing is computed here.

@@ -1,4 +1,4 @@
-"""Figures of any result: a pose, a sweep or a study, as an object or as its file."""
+"""Figures of any result: a pose or a sweep, as an object or as its file."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from iriftrace.core.errors import InputError
 from iriftrace.figures.style import write_figure
 from iriftrace.image.aov_image import AovImage, read_exr
 from iriftrace.planning.criteria import STANDARD, Criteria
-from iriftrace.studies.study import is_study, read_study
 from iriftrace.sweep.store import read_sweep
 
 if TYPE_CHECKING:
@@ -67,13 +66,11 @@ def plot(
     Parameters
     ----------
     result
-        A pose (an AOV image, a rendering, or an ``.exr``), a sweep or a study (a dataset or an
-        ``.nc``).
+        A pose (an AOV image, a rendering, or an ``.exr``), or a sweep (a dataset or an ``.nc``).
     criteria
         Criteria by which a sweep's poses are ranked.
     name
-        Name of the figure of a pose or study; by default that of the file, else "displacement" or
-        the study's.
+        Name of the figure of a pose; by default that of the file, else "displacement".
     component
         Component of a pose's displacement, see `displacement_figure`.
 
@@ -93,12 +90,8 @@ def plot(
     if component != "norm":
         raise InputError(
             f"A component of the displacement ({component}) can be drawn for one pose, but this is "
-            "a sweep or a study; give the EXR of a pose."
+            "a sweep; give the EXR of a pose."
         )
-    if "study" in result.attrs:
-        from iriftrace.figures.studies import study_figure
-
-        return Plots({name or str(result.attrs["study"]): study_figure(result)})
     from iriftrace.figures.sweep import sweep_charts, sweep_pictures
     from iriftrace.planning.summary import summarise
 
@@ -109,7 +102,7 @@ def plot(
 
 
 def read_result(path: str | Path) -> AovImage | xr.Dataset:
-    """Read an AOV image (.exr), or a sweep or study (.nc); raises InputError for other files."""
+    """Read an AOV image (.exr) or a sweep (.nc); raises InputError for other files."""
     suffix = Path(path).suffix.lower()
     if suffix == ".exr":
         return read_exr(path)
@@ -118,4 +111,4 @@ def read_result(path: str | Path) -> AovImage | xr.Dataset:
             f"{path} ends in neither .nc nor .exr; give a sweep or the AOV image of a "
             "pose (`iriftrace view` shows clouds, fields and parts)."
         )
-    return read_study(path) if is_study(path) else read_sweep(path)
+    return read_sweep(path)

@@ -25,7 +25,7 @@ from iriftrace.image.ray_statistics import (
     ensemble_metrics,
 )
 from iriftrace.image.rays import PoseRays, bending, rays_that_count
-from iriftrace.image.resolution import nearest_spacing, step_spacing
+from iriftrace.image.resolution import step_spacing
 from iriftrace.part.part import Part
 
 SCHEMA = "iriftrace.pose/2"
@@ -53,14 +53,10 @@ class ViewMetrics:
     displacement_lateral_mm: float | None = None
     displacement_axial_mm: float | None = None
     shift_px: Statistics = UNKNOWN  # of the shift in the picture
-    # Mean step to the next pixel's hit, across and along the optical axis; with ``_nn3d`` and
-    # ``_nnxy`` to the nearest neighbour, see `iriftrace.image.resolution`.
+    # Mean step to the next pixel's hit, across and along the optical axis; see
+    # `iriftrace.image.resolution`.
     lateral_resolution_mm: float | None = None
     axial_resolution_mm: float | None = None
-    lateral_resolution_mm_nn3d: float | None = None
-    axial_resolution_mm_nn3d: float | None = None
-    lateral_resolution_mm_nnxy: float | None = None
-    axial_resolution_mm_nnxy: float | None = None
     incidence_angle_deg: float | None = None  # mean
     coverage_area: float | None = None  # area seen, over the whole area
     coverage: float | None = None  # the paper's: area of the faces that rays hit, over the whole
@@ -115,8 +111,8 @@ class PoseMetrics(ViewMetrics):
         Numbers of each region of the part.
     full_resolution
         Pixels of the camera before the picture was scaled, if the image states it.
-    engine_test, shells_against_field
-        Results of a check of the shells, plain values; None if there was none.
+    engine_test
+        Result of the check of the shells, plain values; None if there was none.
     """
 
     hits_at_border: int
@@ -127,7 +123,6 @@ class PoseMetrics(ViewMetrics):
     assumptions: JsonObject
     regions: dict[str, ViewMetrics]
     full_resolution: tuple[int, int] | None = None
-    shells_against_field: JsonObject | None = None
     engine_test: JsonObject | None = None
 
     @property
@@ -159,7 +154,7 @@ class PoseMetrics(ViewMetrics):
         whole = super().as_dict()
         whole["rays"] = {"launched": self.rays.launched, **whole["rays"]}
         whole["rays"]["open_boundary"] = self.rays.open_boundary
-        checks = {key: getattr(self, key) for key in ("shells_against_field", "engine_test")}
+        test = {} if self.engine_test is None else {"engine_test": self.engine_test}
         return {
             "schema": SCHEMA,
             **whole,
@@ -175,7 +170,7 @@ class PoseMetrics(ViewMetrics):
             },
             "assumptions": dict(self.assumptions),
             "regions": {name: view.as_dict() for name, view in self.regions.items()},
-            **{key: value for key, value in checks.items() if value is not None},
+            **test,
         }
 
 
@@ -184,7 +179,6 @@ def pose_metrics(
     part: Part | None = None,
     *,
     include: Collection[int] = (Status.GOOD,),
-    nearest: bool = False,
 ) -> PoseMetrics:
     """Reduce the image of one pose to metrics.
 
@@ -196,9 +190,6 @@ def pose_metrics(
         The part in the image; by default the file that the image names.
     include
         Status codes of the rays that count; 0 and 5 are possible.
-    nearest
-        Search nearest neighbours for the resolutions ``*_nn3d`` and ``*_nnxy``, which takes
-        longer than all the rest; without, they are None.
 
     Raises
     ------
@@ -220,7 +211,7 @@ def pose_metrics(
     rays = rays_that_count(image, include)
     coverage = pose_coverage(part, rays, places_seen(image, part, include))
     _check_sampling(len(rays.face), coverage.visible_faces)
-    values = _values(image, part, rays, nearest) if len(rays.face) >= FEWEST_RAYS else None
+    values = _values(image, part, rays) if len(rays.face) >= FEWEST_RAYS else None
 
     def view(members: IntArray, own_hits: IntArray, regions: slice) -> JsonObject:
         numbers = {} if values is None or len(members) < FEWEST_RAYS else _numbers(values, members)
@@ -274,17 +265,15 @@ def write_metrics(path: str | Path, metrics: PoseMetrics) -> None:
     write_json(path, metrics.as_dict())
 
 
-def _values(image: AovImage, part: Part, rays: PoseRays, nearest: bool) -> dict[str, FloatArray]:
+def _values(image: AovImage, part: Part, rays: PoseRays) -> dict[str, FloatArray]:
     """Values of each ray that counts, (n,) arrays, by the names of the metrics."""
     points, group = rays.position.T, part.smooth_group[rays.face]
-    spacing = {"": step_spacing(points, rays.pixels, image.resolution, group)}
-    if nearest:
-        spacing |= {"_nn3d": nearest_spacing(points, 3), "_nnxy": nearest_spacing(points, 2)}
-    values = bending(image, rays) | {"incidence_angle_deg": np.degrees(rays.incidence)}
-    for reading, (lateral, axial) in spacing.items():
-        values[f"lateral_resolution_mm{reading}"] = lateral
-        values[f"axial_resolution_mm{reading}"] = axial
-    return values
+    lateral, axial = step_spacing(points, rays.pixels, image.resolution, group)
+    return bending(image, rays) | {
+        "incidence_angle_deg": np.degrees(rays.incidence),
+        "lateral_resolution_mm": lateral,
+        "axial_resolution_mm": axial,
+    }
 
 
 def _numbers(values: dict[str, FloatArray], members: IntArray) -> JsonObject:

@@ -1,18 +1,18 @@
-"""Sampling of the part by the rays of one pose: three definitions of "resolution".
+"""Sampling of the part by the rays of one pose: its resolution.
 
-The method's paper uses the distance to the nearest neighbour among the hit points, across and
-along the optical axis. Nearest can mean in three dimensions (``nn3d``) or in the plane across the
-axis (``nnxy``). On a plane tilted about a pixel axis the nearest point in either sense lies at the
-same depth, so that the axial value is 0. The main definition is therefore the larger step to the
-next pixel's hit on the same smooth patch of the surface.
+That is the larger step to the next pixel's hit on the same smooth patch of the surface, across and
+along the optical axis. The distance to the nearest neighbour among the hits would be none: on a
+plane tilted about a pixel axis the nearest point lies at the same depth, whatever the tilt.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import FloatArray, IntArray
+
+STEP = "step to the next pixel"
+"""What it is, for files, axes and messages."""
 
 FRONTAL = "plane seen frontally"
 """Reason for an axial resolution of 0, for messages."""
@@ -55,21 +55,6 @@ def step_spacing(
     lateral[lateral < 0] = np.nan
     axial[axial < 0] = np.nan
     return lateral, axial
-
-
-def nearest_spacing(points: FloatArray, dimensions: int) -> Spacing:
-    """Step from each of (n, 3) hit points, mm, camera frame, to the nearest other one.
-
-    In space (3 dimensions) or across the optical axis (2); there are at least two points.
-    """
-    places = points[:, :dimensions]
-    # An unbalanced tree is built twice as fast and is searched as fast.
-    tree = cKDTree(places, balanced_tree=False, compact_nodes=False)
-    found = tree.query(places, k=2, workers=-1)[1]
-    # Of two equal points either may come first.
-    nearest = np.where(found[:, 0] == np.arange(len(points)), found[:, 1], found[:, 0])
-    x, y, z = (row[nearest] - row for row in np.ascontiguousarray(points.T))
-    return np.sqrt(x * x + y * y), np.abs(z)
 
 
 def seen_frontally(lateral: float, axial: float) -> bool:

@@ -81,21 +81,15 @@ def in_force(criteria: Criteria, dataset: xr.Dataset) -> Criteria:
     )
 
 
-def reading_of(criteria: Criteria) -> str:
-    """One of `iriftrace.sweep.measures.READINGS`."""
-    return "" if criteria.resolution == "step" else f"_{criteria.resolution}"
-
-
 def metric_variables(criteria: Criteria) -> dict[str, str]:
     """Names of the variables of a sweep for each of `METRICS`, by criteria in force."""
-    reading = reading_of(criteria)
     return {
         "displacement": ranked_error(criteria).variable,
         "coverage": "coverage_area"
         if criteria.criterion == "displacement"
         else "coverage_measured",
-        "axial": f"axial_resolution{reading}",
-        "lateral": f"lateral_resolution{reading}",
+        "axial": "axial_resolution",
+        "lateral": "lateral_resolution",
     }
 
 

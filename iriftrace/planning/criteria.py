@@ -16,7 +16,6 @@ METRICS = ("displacement", "coverage", "axial", "lateral")
 """Names of the metrics; a larger coverage is better, smaller values of the others are."""
 
 Statistic = Literal["mean", "median", "p95"]
-Resolution = Literal["step", "nn3d", "nnxy"]
 Outside = Literal["clip", "discard"]
 Criterion = Literal["displacement", "normal", "features"]
 
@@ -72,9 +71,6 @@ class Criteria:
         Weight of the resolution across the line of sight.
     statistic
         Displacement of a pose: the 95th percentile of its rays, the median, or the paper's mean.
-    resolution
-        Reading of the resolution: step to the next pixel, or nearest neighbour in space or in the
-        picture's plane.
     region
         Region of the part; "part" is all of it.
     percentile
@@ -106,7 +102,6 @@ class Criteria:
     axial: float | None = field(default=None, validator=_is_weight)
     lateral: float | None = field(default=None, validator=_is_weight)
     statistic: Statistic = field(default="p95", validator=_one_of(Statistic))
-    resolution: Resolution = field(default="step", validator=_one_of(Resolution))
     region: str = "part"
     percentile: float = 95.0
     criterion: Criterion | None = field(default=None, validator=optional(_one_of(Criterion)))

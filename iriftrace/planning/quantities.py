@@ -8,10 +8,11 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray
-from iriftrace.planning.candidates import ranked_error, reading_of
+from iriftrace.image.resolution import STEP
+from iriftrace.planning.candidates import ranked_error
 from iriftrace.planning.criteria import Criteria
 from iriftrace.planning.rank import Plan
-from iriftrace.sweep.measures import READINGS, Limits
+from iriftrace.sweep.measures import Limits
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -77,7 +78,7 @@ def metric_quantity(plan: Plan, key: str, enough: BoolArray) -> PoseQuantity:
     return PoseQuantity(
         key=key,
         title=name,
-        name=f"{name}, {READINGS[reading_of(plan.criteria)]}" if resolution else name,
+        name=f"{name}, {STEP}" if resolution else name,
         unit=unit,
         values=factor * values,
         limits=(factor * low, factor * high),

@@ -300,7 +300,7 @@ def _metrics(swept: SweptScene, matrix: FloatArray, plan: Plan) -> dict[str, flo
     """The four metrics of a pose; None if the camera cannot stand there or sees too little."""
     criteria = plan.criteria
     try:
-        view = swept.metrics(matrix, nearest=criteria.resolution != "step")
+        view = swept.metrics(matrix)
     except InputError:
         return None
     if criteria.region != WHOLE_PART:

@@ -139,10 +139,9 @@ class SweepSummary:
         return "0" if frontal else f"{quantity.values[pose]:#.4g}".rstrip(".")
 
     def sees_frontally(self, pose: int) -> bool:
-        """True if a pose sees only a plane across its axis, which only steps can show."""
+        """True if a pose sees only a plane across its axis, which steps show."""
         lateral, axial = (float(self.plan.metrics[key][pose]) for key in ("lateral", "axial"))
-        known = bool(self.axial.known[pose]) and self.plan.criteria.resolution == "step"
-        return known and seen_frontally(lateral, axial)
+        return bool(self.axial.known[pose]) and seen_frontally(lateral, axial)
 
     @property
     def origins(self) -> FloatArray:

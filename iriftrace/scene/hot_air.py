@@ -81,8 +81,8 @@ class HotAir:
     ----------
     states : tuple of AirState
         One state, or several of an ensemble.
-    normals, inside_hit : str
-        Parameters of ``first_hit`` for the shells.
+    normals : str
+        Parameter of ``first_hit`` for the shells.
     notes : mapping of str
         Facts about the field, such as ``{"time": "snapshot"}``; stated in every result.
     wall_temperature_k : float or None, K
@@ -91,7 +91,6 @@ class HotAir:
 
     states: tuple[AirState, ...]
     normals: str
-    inside_hit: str
     notes: Mapping[str, str]
     wall_temperature_k: float | None
 
@@ -105,7 +104,6 @@ class HotAir:
         labels: Sequence[str] = (),
         weights: Sequence[float] | MemberWeights = (),
         normals: str = "gradient",
-        inside_hit: str = "refract",
         notes: Mapping[str, str] | None = None,
         wall_temperature_k: float | None = None,
     ) -> None:
@@ -126,7 +124,7 @@ class HotAir:
         weights : sequence of float or MemberWeights
             Relative weights of several fields, 0 or more; equal by default. Means and scatter
             of results are weighted. Those of :func:`iriftrace.fit_members` have a covariance.
-        normals, inside_hit, notes, wall_temperature_k
+        normals, notes, wall_temperature_k
             See the attributes.
 
         Raises
@@ -164,7 +162,7 @@ class HotAir:
         )
         outside = {OUTSIDE: weights.outside} if weights.outside else {}
         known = {**outside, **(notes or {})}
-        self.__attrs_init__(states, normals, inside_hit, known, wall_temperature_k)
+        self.__attrs_init__(states, normals, known, wall_temperature_k)
 
     def __repr__(self) -> str:
         return f"HotAir({', '.join(repr(s.field or s.shells) for s in self.states)})"

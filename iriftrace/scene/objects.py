@@ -78,12 +78,11 @@ def mitsuba_scene(
     devices: Mapping[str, Camera],
     *,
     normals: str,
-    inside_hit: str,
     blockers: Sequence[Part] = (),
 ) -> mi.Scene:
     """A scene of a part, shells, devices by their ids, and bodies that only block the view.
 
-    `normals` and `inside_hit` are parameters of ``first_hit``.
+    `normals` is a parameter of ``first_hit``.
     """
     import mitsuba as mi
 
@@ -93,7 +92,7 @@ def mitsuba_scene(
         {
             "type": "scene",
             "embree_use_robust_intersections": True,
-            "integrator": {"type": "first_hit", "normals": normals, "inside_hit": inside_hit},
+            "integrator": {"type": "first_hit", "normals": normals},
             **{name: sensor_of(camera) for name, camera in devices.items()},
             "part": _body("part", part),
             **{f"blocker_{k}": _body(f"blocker_{k}", body) for k, body in enumerate(blockers, 1)},

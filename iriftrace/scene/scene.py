@@ -154,7 +154,6 @@ class Scene:
         settings = SceneSettings(
             scale=scale,
             normals=self.air.normals,
-            inside_hit=self.air.inside_hit,
             notes=self.air.notes,
             second=self.second,
             second_id=self.second_id,
@@ -189,7 +188,6 @@ def _one_state(scene: Scene, number: int) -> LoadedScene:
         state.shells,
         devices,
         normals=air.normals,
-        inside_hit=air.inside_hit,
         blockers=[kept_part(body) for body in scene.blockers],
     )
     if scene.wavelength_nm is not None:

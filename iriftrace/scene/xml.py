@@ -37,8 +37,6 @@ class SceneSettings:
         Default of the file's parameter ``scale``, a factor on the resolution.
     normals : str
         Default of the file's parameter ``normals``: ``"gradient"`` or ``"facet"``.
-    inside_hit : str
-        ``"drop"`` gives up rays that meet a shell from its inside; see ``first_hit``.
     notes : mapping of str
         Facts about the field, such as ``{"time": "snapshot"}``; stated in every result.
     second : Camera or None
@@ -53,7 +51,6 @@ class SceneSettings:
 
     scale: float = SCALE
     normals: str = "gradient"
-    inside_hit: str = "refract"
     notes: Mapping[str, str] = Factory(dict)
     second: Camera | None = None
     second_id: str = "projector"
@@ -92,11 +89,6 @@ def scene_xml(
         '    <integrator type="first_hit">',
         '        <string name="normals" value="$normals"/>',
         '        <string name="bending" value="$bending"/>',
-        *(
-            [f'        <string name="inside_hit" value={quoteattr(settings.inside_hit)}/>']
-            if settings.inside_hit != "refract"
-            else []
-        ),
         "    </integrator>",
         "",
         *sensor_lines(camera, "camera"),

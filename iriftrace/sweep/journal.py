@@ -29,7 +29,7 @@ Progress = Callable[[int, int], None]
 
 @frozen(eq=False)
 class Piece:
-    """One finished piece of a work: a pose of a sweep, a case of a study.
+    """One finished piece of a work: a pose of a sweep, for example.
 
     Its entry is plain JSON values; its rows are of numbers, or structured.
     """

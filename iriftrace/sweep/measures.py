@@ -11,6 +11,7 @@ from attrs import frozen
 from iriftrace.core.arrays import Variables
 from iriftrace.core.plain import JsonObject
 from iriftrace.image.aov_image import Status
+from iriftrace.image.resolution import STEP
 from iriftrace.trace.engine import CHANGE
 
 Limits = tuple[float, float]
@@ -54,13 +55,6 @@ _STATISTICS = (
     ("max", "largest"),
     ("rms", "root mean square"),
 )
-READINGS = {
-    "": "step to the next pixel",
-    "_nn3d": "nearest neighbour in space",
-    "_nnxy": "nearest neighbour in the picture's plane",
-}
-"""Readings of a resolution, by the ends of their variables' names."""
-
 MEASURES: dict[str, Measure] = {
     **{
         f"displacement_{key}": Measure(("displacement_mm", key), "mm", f"{text} displacement")
@@ -83,11 +77,10 @@ MEASURES: dict[str, Measure] = {
         for key in ("mean", "median", "p95", "max")
     },
     **{
-        f"{direction}_resolution{reading}": Measure(
-            (f"{direction}_resolution_mm{reading}",), "mm", f"{direction} resolution, {text}"
+        f"{direction}_resolution": Measure(
+            (f"{direction}_resolution_mm",), "mm", f"{direction} resolution, {STEP}"
         )
         for direction in ("lateral", "axial")
-        for reading, text in READINGS.items()
     },
     "incidence_angle": Measure(("incidence_angle_deg",), "degree", "mean angle of incidence"),
     "coverage_area": Measure(("coverage_area",), "1", "area seen over the area"),

@@ -50,16 +50,15 @@ class SceneSource:
 class PoseTask:
     """A pose to render; small, and usable by every process that sees the scene's files.
 
-    `include` has the status codes of the rays that the metrics use; `nearest` is that of
-    :func:`iriftrace.image.metrics.pose_metrics`; `exr` is the AOV image's absolute path, or empty;
-    `second` is the other device of a sensor that measures by triangulation.
+    `include` has the status codes of the rays that the metrics use; `exr` is the AOV image's
+    absolute path, or empty; `second` is the other device of a sensor that measures by
+    triangulation.
     """
 
     number: int
     source: SceneSource
     camera: Camera
     include: tuple[int, ...]
-    nearest: bool
     exr: str
     second: Camera | None = None
 
@@ -123,9 +122,7 @@ def render_pose(task: PoseTask, scene: LoadedScene) -> Piece:
     with without_warnings():
         # Warned of once for the sweep, and not for every pose.
         try:
-            rendering = render_scene(
-                scene, camera=task.camera, include=task.include, nearest=task.nearest, empty=True
-            )
+            rendering = render_scene(scene, camera=task.camera, include=task.include, empty=True)
         except InputError as error:
             return Piece(task.number, {"metrics": None, "failure": str(error)})
     if task.exr:

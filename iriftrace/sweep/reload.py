@@ -35,7 +35,7 @@ class SweptScene:
     camera: Camera  # intrinsics and focus interval
     include: tuple[int, ...]  # status codes of the rays that the metrics use
 
-    def render(self, matrix: ArrayLike, *, nearest: bool = False) -> Rendering:
+    def render(self, matrix: ArrayLike) -> Rendering:
         """Render from a pose ((4, 4) array, camera to world, mm) as the sweep did.
 
         Raises InputError if the camera stands in the hot air or in the part.
@@ -48,14 +48,13 @@ class SweptScene:
                 self.scene,
                 camera=self.camera.at(matrix),
                 include=self.include,
-                nearest=nearest,
                 empty=True,
             )
 
-    def metrics(self, matrix: ArrayLike, *, nearest: bool = False) -> JsonObject:
+    def metrics(self, matrix: ArrayLike) -> JsonObject:
         """Metrics of a pose as the sweep stored them; raises as `render`."""
         camera = self.camera.at(matrix)
-        found = self.render(matrix, nearest=nearest).metrics.as_dict()
+        found = self.render(matrix).metrics.as_dict()
         rig = rig_of(self.scene)
         if rig is not None:
             add_measured(found, self.scene, camera, rig.placed(camera.matrix))

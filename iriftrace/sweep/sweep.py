@@ -53,15 +53,12 @@ class SweepOptions:
 
     Attributes
     ----------
-    nearest : bool
-        Also search nearest neighbours for the resolutions ``*_nn3d`` and ``*_nnxy``.
     include : tuple of int
         Status codes of the rays that the metrics use.
     exr : bool
         Keep each pose's AOV image in a folder next to the result.
     """
 
-    nearest: bool = False
     include: tuple[int, ...] = (0,)
     exr: bool = False
 
@@ -211,7 +208,7 @@ class _Sweep:
             ]
             for source, one in zip(self.sources, self.series, strict=True)
         ]
-        settings = [self.options.nearest, list(self.options.include), self.options.exr]
+        settings = [list(self.options.include), self.options.exr]
         # A journal's rows have these columns.
         return fingerprint(version("iriftrace"), content, settings, list(COLUMNS))
 
@@ -236,7 +233,6 @@ class _Sweep:
                         source=source,
                         camera=one.camera.at(matrix),
                         include=options.include,
-                        nearest=options.nearest,
                         exr=str(folder / _exr_name(number)) if options.exr else "",
                         second=None if one.rig is None else one.rig.placed(matrix),
                     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from importlib.metadata import version
 from pathlib import Path
 
@@ -53,7 +53,7 @@ def provenance(scene: LoadedScene, camera: Camera) -> JsonObject:
             "engine": ENGINES[scene.engine],
             **rules,
             "bending": scene.bending.text,
-            **_for_studies(scene, notes),
+            **_for_studies(scene),
             "field_source": _listed(
                 f"{weight}{one.quantity} from {one.path}" for weight, one in known
             ),
@@ -76,14 +76,11 @@ def provenance(scene: LoadedScene, camera: Camera) -> JsonObject:
     }
 
 
-def _for_studies(scene: LoadedScene, notes: Mapping[str, str]) -> dict[str, str]:
+def _for_studies(scene: LoadedScene) -> dict[str, str]:
     """Choices made to study findings of another program."""
-    if scene.engine != "shells":
+    if scene.engine != "shells" or scene.integrator.inside_hit != "drop":
         return {}
-    stated = {"shells": notes["shells"]} if "shells" in notes else {}
-    if scene.integrator.inside_hit == "drop":
-        stated["inside_hit"] = "rays that meet a shell from its inside are given up"
-    return stated
+    return {"inside_hit": "rays that meet a shell from its inside are given up"}
 
 
 def _weighted(ensemble: LoadedEnsemble) -> list[tuple[str, FieldSource]]:

@@ -16,7 +16,6 @@ from iriftrace.image.aov_image import AovImage, Status, write_exr
 from iriftrace.image.metrics import PoseMetrics, pose_metrics, write_metrics
 from iriftrace.scene.scene import AnyScene, loaded_scene
 from iriftrace.trace.engine import choose
-from iriftrace.trace.field_reference import shell_error
 from iriftrace.trace.lost import warn_of_lost_rays
 from iriftrace.trace.pose_image import pose_image
 
@@ -51,9 +50,7 @@ def render_scene(
     *,
     camera: Camera | None = None,
     include: Collection[int] = (0,),
-    nearest: bool = False,
     empty: bool = False,
-    check_field: bool = False,
 ) -> Rendering:
     """Trace a camera's straight and refracted rays through a scene, and reduce the hits to metrics.
 
@@ -70,13 +67,8 @@ def render_scene(
         Used instead of the scene's own sensor.
     include : collection of int
         Status codes whose rays the metrics use.
-    nearest : bool
-        See :func:`iriftrace.image.metrics.pose_metrics`.
     empty : bool
         Accept a picture without a good ray as a result instead of raising an error.
-    check_field : bool
-        Also trace a sample of the rays through the field data (``shells_against_field``); see
-        :func:`iriftrace.trace.field_reference.shell_error`.
 
     Raises
     ------
@@ -92,8 +84,6 @@ def render_scene(
     loaded = loaded_scene(scene)
     camera = camera or loaded.other_camera
     began = time.perf_counter()
-    seen = loaded if camera is None else evolve(loaded, camera=camera)
-    against_field = shell_error(seen).as_dict() if check_field else None
     choice = choose(loaded, camera)
     check_s = time.perf_counter() - began - choice.straight_s
     image = pose_image(choice.scene, camera, include, choice.straight)
@@ -104,7 +94,7 @@ def render_scene(
     if not empty:
         _refuse_empty(image)
     reduced = time.perf_counter()
-    metrics = pose_metrics(image, loaded.part, include=tuple(include), nearest=nearest)
+    metrics = pose_metrics(image, loaded.part, include=tuple(include))
     warn_of_lost_rays(metrics.rays)
     done = time.perf_counter()
     times: dict[str, float | None] = {
@@ -116,10 +106,7 @@ def render_scene(
         # Further members of an ensemble are loaded after the start.
         "total": loaded.load_s + loaded.build_s + done - began,
     }
-    checked = evolve(
-        metrics, time_s=times, shells_against_field=against_field, engine_test=choice.as_dict()
-    )
-    return Rendering(image, checked)
+    return Rendering(image, evolve(metrics, time_s=times, engine_test=choice.as_dict()))
 
 
 def keep_checks(metrics: PoseMetrics, earlier: JsonObject) -> PoseMetrics:
@@ -135,7 +122,6 @@ def keep_checks(metrics: PoseMetrics, earlier: JsonObject) -> PoseMetrics:
         time_s={
             key: known.get(key) if value is None else value for key, value in metrics.time_s.items()
         },
-        shells_against_field=earlier.get("shells_against_field"),
         engine_test=earlier.get("engine_test"),
     )
 

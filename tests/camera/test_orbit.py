@@ -13,13 +13,12 @@ from iriftrace.camera.orbit import (
     default_stand_off,
     fibonacci_poses,
     orbit_poses,
-    paper_semi_axes,
     parse_range,
     semi_axes,
 )
 from iriftrace.camera.pose import look_at
 from iriftrace.camera.pose_set import aimed, offset_outward
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError
 from iriftrace.part.part import part_of_mesh
 
 CENTRE = np.array((3.0, -7.0, 11.0))
@@ -324,24 +323,6 @@ def test_by_default_all_of_a_part_is_in_focus_from_everywhere_or_cameras_stand_i
     distances = np.linalg.norm(poses.origins[:, None] - part.vertices, axis=-1)
     assert 50.0 < distances.min() < 240.0 < distances.max() < 250.0
     assert default_stand_off(box(170.0, 27.0, 27.0), (50.0, 250.0)) == 150.0
-
-
-def test_the_papers_semi_axes_have_the_ratio_of_the_parts_dimensions():
-    part = box(170.0, 27.0, 30.0)
-    assert_allclose(
-        paper_semi_axes(part, 225.0), (225.0, 225.0 * 27 / 170, 225.0 * 30 / 170), rtol=1e-12
-    )
-    for largest in (85.0, 0.0, np.nan):
-        with pytest.raises(InputError, match="puts cameras into the part"):
-            paper_semi_axes(part, largest)
-
-
-def test_a_flat_part_has_no_ratio():
-    corners = np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)])
-    with pytest.warns(IriftraceWarning, match="closed"):
-        part = part_of_mesh(corners, [(0, 1, 2)], name="flat")
-    with pytest.raises(InputError, match="flat"):
-        paper_semi_axes(part, 100.0)
 
 
 def ball(radius):

@@ -1,14 +1,14 @@
-"""Resolution of tilted planes against closed forms, nearest neighbours against brute force."""
+"""Resolution of tilted planes against closed forms, steps against brute force."""
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.image.metrics import pose_metrics
-from iriftrace.image.resolution import nearest_spacing, step_spacing
+from iriftrace.image.resolution import step_spacing
 from validation.oracles.aov_by_hand import make_image, make_part, plate
 
 FloatArray = NDArray[np.float64]
@@ -42,7 +42,7 @@ def test_plane_in_a_parallel_camera(angle: float, axis: tuple[float, float]) -> 
     """
     gx, gy = slopes(angle, axis)
     part = plate((2, 0, 2 * gx), (0, 2, 2 * gy), (0, 0, 20))
-    metrics = pose_metrics(make_image(PARALLEL, part), part, nearest=True)
+    metrics = pose_metrics(make_image(PARALLEL, part), part)
     px, py = PITCH
     tolerance = 1e-4 * px
     # The larger of the steps to the right and down; pixels in the last row have only the right one
@@ -55,20 +55,6 @@ def test_plane_in_a_parallel_camera(angle: float, axis: tuple[float, float]) -> 
     axial = (inner * max(right, down) + row * right + column * down) / count
     assert metrics.lateral_resolution_mm == pytest.approx(lateral, abs=tolerance)
     assert metrics.axial_resolution_mm == pytest.approx(axial, abs=tolerance)
-
-    steps = np.array([(i * px, j * py) for i in range(-9, 10) for j in range(-9, 10) if i or j])
-    depth = steps @ (gx, gy)
-    in_space = np.argmin((steps**2).sum(axis=1) + depth**2)
-    in_plane = np.argmin((steps**2).sum(axis=1))
-    for reading, nearest in (("_nn3d", in_space), ("_nnxy", in_plane)):
-        # At the border the nearest neighbour may be missing; that concerns few points.
-        found = getattr(metrics, f"lateral_resolution_mm{reading}")
-        border = 0.0 if reading == "_nnxy" or abs(gx * gy) < 1e-9 else 0.06
-        assert found == pytest.approx(np.hypot(*steps[nearest]), rel=border, abs=tolerance)
-        found = getattr(metrics, f"axial_resolution_mm{reading}")
-        assert found == pytest.approx(
-            abs(depth[nearest]), rel=0, abs=tolerance + border * np.hypot(px, py) * 4
-        )
 
 
 @pytest.mark.parametrize(("angle", "axis"), TILTS)
@@ -109,42 +95,6 @@ def test_steps_from_one_patch_to_another_do_not_count() -> None:
     assert jump == pytest.approx(5 * SIZE[1] / (SIZE[0] * SIZE[1] - 1), rel=1e-3)
 
 
-@settings(max_examples=40)
-@given(
-    seed=st.integers(0, 10_000),
-    roughness=st.floats(0, 3),
-    holes=st.floats(0, 0.95),
-    parallel=st.booleans(),
-)
-def test_nearest_spacing_finds_the_nearest_point(
-    seed: int, roughness: float, holes: float, parallel: bool
-) -> None:
-    """Rough, steep and sparse surfaces, where the nearest point is not the next pixel's."""
-    rng = np.random.default_rng(seed)
-    width, height = 17, 13
-    camera = Camera(
-        focal_length_mm=10,
-        sensor_mm=(width * 0.1, height * 0.13),
-        resolution=(width, height),
-        projection="orthographic" if parallel else "pinhole",
-    )
-    good = rng.random((height, width)) >= holes
-    if good.sum() < 2:
-        good[0, :2] = True
-    origins, directions = (rays[good.ravel()] for rays in camera.rays())
-    slope = rng.normal(size=2) * 2
-    depth = 15 + roughness * rng.random(len(directions))
-    distance = depth / np.maximum(0.2, 1 - directions[:, :2] @ slope)
-    points = origins + distance[:, None] * directions
-    lateral, axial = nearest_spacing(points, 3)
-    offset = points[:, None] - points[None]
-    squared = np.where(np.eye(len(points), dtype=bool), np.inf, (offset**2).sum(axis=2))
-    np.testing.assert_allclose(np.hypot(lateral, axial), np.sqrt(squared.min(axis=1)), rtol=1e-12)
-    lateral, _ = nearest_spacing(points, 2)
-    across = np.where(np.eye(len(points), dtype=bool), np.inf, (offset[..., :2] ** 2).sum(axis=2))
-    np.testing.assert_allclose(lateral, np.sqrt(across.min(axis=1)), rtol=1e-12)
-
-
 @given(seed=st.integers(0, 10_000), holes=st.floats(0, 0.9))
 def test_step_is_the_larger_one_to_the_right_and_below(seed: int, holes: float) -> None:
     """Pixel by pixel, on pictures with holes and patches."""
@@ -162,8 +112,3 @@ def test_step_is_the_larger_one_to_the_right_and_below(seed: int, holes: float) 
     found = step_spacing(place[good], np.flatnonzero(good), (7, 6), patch[good])
     np.testing.assert_allclose(found[0], lateral[good], rtol=1e-12)
     np.testing.assert_allclose(found[1], axial[good], rtol=1e-12)
-
-
-def test_equal_points_are_each_others_nearest() -> None:
-    points = np.array([[0.0, 0, 10], [0, 0, 10], [3, 0, 10]])
-    np.testing.assert_allclose(nearest_spacing(points, 2)[0], [0, 0, 3])

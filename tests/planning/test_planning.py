@@ -103,14 +103,11 @@ def test_robust_statistics_take_their_own_values(statistic: str) -> None:
     assert plan.order.tolist() == [D, E, A, C, B]
 
 
-@pytest.mark.parametrize("resolution", ["nn3d", "nnxy"])
-def test_readings_of_the_resolution_take_their_own_values(resolution: str) -> None:
-    table = changed(five(), f"axial_resolution_{resolution}", [5, 4, 3, 2, 1])
-    table = changed(table, f"lateral_resolution_{resolution}", [1, 1, 2, 1, 1])
-    axial = rank_poses(table, Criteria(0, 0, 1, 0, resolution=resolution))
-    assert axial.order.tolist() == [E, D, C, B, A]
-    lateral = rank_poses(table, Criteria(0, 0, 0, 1, resolution=resolution))
-    assert lateral.order[-1] == C
+def test_resolutions_take_their_own_values() -> None:
+    table = changed(five(), "axial_resolution", [5, 4, 3, 2, 1])
+    table = changed(table, "lateral_resolution", [1, 1, 2, 1, 1])
+    assert rank_poses(table, Criteria(0, 0, 1, 0)).order.tolist() == [E, D, C, B, A]
+    assert rank_poses(table, Criteria(0, 0, 0, 1)).order[-1] == C
 
 
 def test_a_region_is_ranked_by_its_own_numbers() -> None:
@@ -247,7 +244,6 @@ def test_impossible_weights_are_refused(given_weights: dict[str, float], words: 
     ("options", "words"),
     [
         ({"statistic": "max"}, "Unknown statistic 'max'; use one of mean, median, p95"),
-        ({"resolution": "nn"}, "Unknown resolution 'nn'"),
         ({"outside": "keep"}, "Unknown outside 'keep'; use one of clip, discard"),
         ({"region": "head +x"}, "no region 'head \\+x'; it has part"),
         ({"percentile": 0}, "percentile is 0"),

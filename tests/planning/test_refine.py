@@ -37,7 +37,7 @@ class Hill:
     def coverage(self, matrix: np.ndarray) -> float:
         return 0.3
 
-    def metrics(self, matrix: Any, *, nearest: bool = False) -> dict[str, Any]:
+    def metrics(self, matrix: Any) -> dict[str, Any]:
         pose = np.array(matrix)
         self.rendered.append(pose)
         if pose[2, 3] > self.forbidden_z:

@@ -17,11 +17,11 @@ from iriftrace.scenes.analytic import concentric_cylinders
 from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.hessian import HESSIAN_AXES, PLY_COLUMNS
 from iriftrace.shells.stack import ShellStack
-from iriftrace.studies.shell_edits import smooth_taubin
 from iriftrace.trace.rays import trace_rays
 from iriftrace.trace.render import render_scene
 from validation.inputs.cameras import camera_at
 from validation.inputs.shell_fields import sphere_field
+from validation.paper.shell_edits import smooth_taubin
 
 pytestmark = pytest.mark.usefixtures("variant")
 

@@ -10,11 +10,16 @@ import pytest
 import xarray as xr
 
 from iriftrace.core.errors import InputError
-from iriftrace.studies.study import SCHEMA, read_study
+from iriftrace.core.netcdf import read_netcdf
 from iriftrace.sweep.journal import Journal, Piece, Progress, Work, journal_of, open_journal
 from iriftrace.sweep.pose import fingerprint
 
 REQUEST = {"study": "squares", "count": 5}
+SCHEMA = "squares/1"
+
+
+def read_study(path: Path) -> xr.Dataset:
+    return read_netcdf(path, "study", SCHEMA)
 
 
 def run_cases(

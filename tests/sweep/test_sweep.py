@@ -163,7 +163,7 @@ def test_other_sweep_is_not_overwritten(
         run_sweep(scene, poses.take([0, 1]), path)
     assert path.read_bytes() == before
     with pytest.raises(InputError, match="other options"):
-        run_sweep(scene, poses, path, options=SweepOptions(nearest=True))
+        run_sweep(scene, poses, path, options=SweepOptions(include=(0, 5)))
 
 
 def test_failed_and_empty_poses_do_not_stop_the_rest(

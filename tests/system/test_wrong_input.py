@@ -224,30 +224,6 @@ WRONG = {
         ("words.csv -o figures", "neither .nc nor .exr"),
         ("{sweep} -o gone/figures", "does not exist"),
     ],
-    "study layers": [
-        ("{field}", "PART"),
-        ("gone.vtu {part}", "gone.vtu"),
-        ("{part} {field}", "field and part may be exchanged"),
-    ],
-    "study layers {field} {part}": [
-        ("-o a.csv", r"\.nc"),
-        ("--layers many", "many"),
-        ("--layers 20:1", "20:1"),
-        ("--layers 0", "0 shells"),
-        ("--layers 2,2", "each once"),
-        ("--normals smooth", "smooth"),
-        ("--drop-inner=-1", "-1"),
-        ("--isosurfaces", "volume field"),
-        ("--variant scalar_rgb", "scalar_rgb"),
-    ],
-    "study": [
-        ("smoothing {field} {part}", "FINEST"),
-        ("smoothing {field} {part} {field} --iterations=-3", "-3"),
-        ("mesh {field} {part} {field}", "given twice"),
-        ("mesh {field} {part} finer.vtu --split gone.vtu", "gone.vtu"),
-        ("rays {field} {part} --scales big", "big"),
-        ("polygons {field} {part} --smallest 5", "at least 400"),
-    ],
 }
 LINES = [
     (f"{command} {options}", words) for command, cases in WRONG.items() for options, words in cases

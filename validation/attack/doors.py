@@ -21,7 +21,6 @@ from iriftrace.scene.load import load_scene
 from iriftrace.scene.scene import Scene
 from iriftrace.shells.files import load_shells
 from iriftrace.shells.imported import import_shells
-from iriftrace.studies.study import read_study
 from iriftrace.sweep.journal import journal_of, open_journal
 from iriftrace.sweep.store import read_sweep
 from validation.attack import samples
@@ -186,7 +185,6 @@ DOORS = (
         lambda folder: read_sweep(folder / "sweep.nc").load(),
         ("*.nc",),
     ),
-    Door("study netCDF", samples.study, lambda folder: read_study(folder / "study.nc")),
     *(_cloud_door(ending) for ending in ("ply", "stl", "asc", "vtp", "e57", "pcd")),
     Door("measured shift, EXR", samples.shift_map, _shift("shift.exr")),
     Door("measured shift, npy", samples.shift_array, _shift("shift.npy")),

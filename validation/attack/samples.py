@@ -22,7 +22,6 @@ from iriftrace.io.cloud_write import save_cloud
 from iriftrace.part.part import read_part, save_part
 from iriftrace.scene.hot_air import HotAir
 from iriftrace.scene.scene import Scene
-from iriftrace.studies.study import SCHEMA as STUDY_SCHEMA
 from iriftrace.sweep.journal import Piece, Work, open_journal
 from validation.field_files import comsol, ensight
 from validation.field_files.openfoam import write_case
@@ -168,14 +167,6 @@ def sweep(folder: Path) -> None:
     places = ("--poses", folder / "poses.csv")
     run("sweep", folder / "scene/scene.xml", "-o", folder / "sweep.nc", *places)
     shutil.rmtree(folder / "scene")
-
-
-def study(folder: Path) -> None:
-    import xarray as xr
-
-    values = ("layers", np.linspace(0.0, 1.0, 4))
-    content = xr.Dataset({"displacement_mean": values}, attrs={"schema": STUDY_SCHEMA})
-    content.to_netcdf(folder / "study.nc", engine="h5netcdf")
 
 
 def run(*words: object) -> None:

@@ -166,7 +166,7 @@ SECTION = Section(
     "has streaks along the shells' outlines; means over many rays are right. What is expected "
     "there is the closed form for tubes. Bent all along the layers, which is the default, their "
     "errors fall with an order of 1.4 to 2.5, until the tubes' facets are what is left. Such lines "
-    "of sight are those through a plume, and along a wall at a distance; `iriftrace render "
-    "--check-shells` says how far off a view is from the cells engine.",
+    "of sight are those through a plume, and along a wall at a distance; rendered "
+    "with `--engine cells` too, a view shows how far off it is.",
     _lines,
 )

@@ -8,7 +8,6 @@ import numpy as np
 from attrs import evolve
 
 from iriftrace.field.read import read_field
-from iriftrace.image.differences import Hits
 from iriftrace.part.part import read_part
 from iriftrace.runtime.variant import ensure
 from iriftrace.scene.hot_air import HotAir
@@ -17,10 +16,11 @@ from iriftrace.scene.scene import Scene
 from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.levels import RULES
-from iriftrace.studies.mode import OURS, through_shells
-from iriftrace.studies.study import picture
 from validation.line import Line, Section
 from validation.oracles.closed_forms import CYLINDER_UM
+from validation.paper.differences import Hits
+from validation.paper.mode import OURS, through_shells
+from validation.paper.study import picture
 from validation.sections.exact_shells import cylinder_hits, displacements_um
 
 USUAL, FINEST = 13, 80

@@ -15,7 +15,6 @@ from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field
 from iriftrace.geometry.triangles import polydata
 from iriftrace.image.aov_image import Status
-from iriftrace.image.differences import Differences, Hits, compare, displacement_statistics, hits_of
 from iriftrace.image.ray_statistics import RayCounts
 from iriftrace.part.part import read_part
 from iriftrace.runtime.variant import ensure
@@ -25,10 +24,17 @@ from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import CYLINDER_RADIUS_MM
 from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.stack import ShellStack
-from iriftrace.studies.mode import Mode, through_cells, through_shells
-from iriftrace.studies.times import rendered
 from validation.inputs.cameras import camera_at
 from validation.line import Line, Section
+from validation.paper.differences import (
+    Differences,
+    Hits,
+    compare,
+    displacement_statistics,
+    hits_of,
+)
+from validation.paper.mode import Mode, through_cells, through_shells
+from validation.paper.times import rendered
 
 LAYERS = (40, 80)
 NORMALS = ("gradient", "facet")

@@ -7,6 +7,7 @@ import tempfile
 from pathlib import Path
 from statistics import median
 
+from bench.queries import Recording
 from iriftrace.core.errors import without_warnings
 from iriftrace.scene.scene import Scene
 from iriftrace.trace.render import Rendering, render_scene
@@ -55,9 +56,6 @@ def times(scene: Scene) -> dict[str, float | int]:
         f"time_{stage}": min(metrics.time_s[stage] or 0.0 for metrics in pictures[1:])
         for stage in ("load", "build", "straight", "metrics", "write")
     }
-    # Mitsuba is imported once a variant is needed.
-    from iriftrace.trace.query_replay import Recording
-
     recording = Recording(scene.loaded)
     pairs = recording.time_pairs(REPEATS)
     fraction = median(pair.queries_s / pair.trace_s for pair in pairs)

@@ -113,9 +113,12 @@ def shells_of(
 
 
 def through_shells(scene: Scene, stack: ShellStack, mode: Mode) -> Scene:
-    """Return the scene with shells as its air."""
-    air = HotAir(shells=stack, normals=mode.normals, inside_hit=mode.inside_hit)
-    return evolve(scene, air=air, engine="shells")
+    """Return the scene with shells as its air, loaded."""
+    made = evolve(scene, air=HotAir(shells=stack, normals=mode.normals), engine="shells")
+    with without_warnings():
+        # Only the plugin knows rays that give up where they meet a shell from its inside.
+        made.loaded.integrator.inside_hit = mode.inside_hit
+    return made
 
 
 def through_cells(scene: Scene, field: IndexField, normals: str = "gradient") -> Scene:

@@ -7,8 +7,8 @@ import pytest
 from attrs import asdict, evolve
 
 from iriftrace.core.errors import InputError
-from iriftrace.studies.mode import OURS, PAPERS, Mode, check_modes, one_change_each, shells_of
 from validation.inputs.shell_fields import AMBIENT, HOTTEST, sphere_field
+from validation.paper.mode import OURS, PAPERS, Mode, check_modes, one_change_each, shells_of
 
 
 def test_rules_place_the_shells_where_they_say() -> None:

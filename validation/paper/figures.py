@@ -21,7 +21,7 @@ from iriftrace.figures.style import (
     number,
     round_ticks,
 )
-from iriftrace.studies.study import reference_words
+from validation.paper.study import reference_words
 
 _MARKERS = ("o", "s", "^", "v", "D", "P")
 
@@ -56,13 +56,13 @@ _STAGES = {
 
 
 def study_figure(dataset: xr.Dataset) -> Figure:
-    """Draw a result of :func:`iriftrace.studies.study.read_study`."""
+    """Draw a result of :func:`validation.paper.study.read_study`."""
     compares = dataset.attrs["study"] in _COMPARISONS
     return comparison_figure(dataset) if compares else timing_figure(dataset)
 
 
 def comparison_figure(dataset: xr.Dataset) -> Figure:
-    """Draw a result of `iriftrace.studies.study.run_study` that compares hits."""
+    """Draw a result of `validation.paper.study.run_study` that compares hits."""
     (axis,) = set(dataset["rmse"].dims) - {"mode", "reference"}
     references = [str(name) for name in dataset["reference"].values]
     title = _COMPARISONS[dataset.attrs["study"]]
@@ -137,7 +137,7 @@ def _line(mode: int, hollow: bool = False) -> Look:
 
 
 def timing_figure(dataset: xr.Dataset) -> Figure:
-    """Draw a result of `iriftrace.studies.study.run_study` that measures times."""
+    """Draw a result of `validation.paper.study.run_study` that measures times."""
     title, across, label = _TIMINGS[dataset.attrs["study"]]
     subtitle = (
         f"Fastest of {dataset.attrs['repeats']} pictures, {dataset.attrs['variant']}; times depend "

@@ -10,13 +10,13 @@ from attrs import evolve
 
 from iriftrace.core.errors import InputError
 from iriftrace.field.index_field import IndexField
-from iriftrace.figures.studies import comparison_figure
 from iriftrace.scene.scene import Scene
 from iriftrace.shells.contour import contour_shells
-from iriftrace.studies.kinds import layers_study, mesh_study, smoothed, smoothing_study
-from iriftrace.studies.mode import OURS, PAPERS, Mode, through_cells, through_shells
-from iriftrace.studies.study import DIFFERENCES, SIZES, Setup, picture, run_study
 from validation.inputs.study_inputs import field_and_scene
+from validation.paper.figures import comparison_figure
+from validation.paper.kinds import layers_study, mesh_study, smoothed, smoothing_study
+from validation.paper.mode import OURS, PAPERS, Mode, through_cells, through_shells
+from validation.paper.study import DIFFERENCES, SIZES, Setup, picture, run_study
 
 FACETS = Mode("facets", normals="facet")
 

@@ -1,6 +1,5 @@
-"""The studies as a user runs them: files, tables, going on after a kill, and wrong input."""
+"""The studies as they are run: files, tables, going on after a kill, and wrong input."""
 
-import io
 import os
 import re
 import shlex
@@ -8,22 +7,40 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from failing import Run
-from rich.console import Console
 
-from iriftrace.cli import console, main
-from iriftrace.cli.study import study
-from iriftrace.studies.study import read_study
 from validation.inputs import hot_block
-from validation.inputs.hot_block import HotBlock
 from validation.inputs.journals import pieces_done
+from validation.paper.__main__ import main, study
+from validation.paper.study import read_study
 
 CAMERA = [word for word in hot_block.CAMERA if not word.startswith(("--resolution", "--scale"))]
 SMALL = [*CAMERA, "--resolution=60,50", "--scale=1"]
+
+ROOT = Path(__file__).parents[2]
+
+Files = tuple[Path, Path]
+Run = Callable[..., str]
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """Run a study in a fresh folder; returns its output."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "80")
+
+    def program(*words: str | Path) -> str:
+        capsys.readouterr()
+        code = main([str(word) for word in words])
+        said = capsys.readouterr()
+        assert code == 0, said.err
+        return said.out
+
+    return program
 
 
 @pytest.mark.parametrize(
@@ -37,12 +54,11 @@ def test_moving_the_camera_does_not_change_the_resolution(name: str, scale: floa
     assert bound.arguments["scale"] == scale
 
 
-@pytest.mark.slow
 def test_layers_write_a_file_and_a_figure_and_print_a_table(
-    hot: HotBlock, tmp_path: Path, run: Run
+    files: Files, tmp_path: Path, run: Run
 ) -> None:
     out = tmp_path / "layers.nc"
-    words = ["study", "layers", hot.field, hot.part, "-o", out, "--layers=2:3", "--drop-inner=1"]
+    words = ["layers", *files, "-o", out, "--layers=2:3", "--drop-inner=1"]
     words += ["--reference=3", "--explain", *SMALL]
     said = run(*words)
     assert "Difference from 3 shells of the same mode / um" in said
@@ -60,9 +76,6 @@ def test_layers_write_a_file_and_a_figure_and_print_a_table(
     # One of two, and of three, is left out; the last level of the outer rule has no surface anyway.
     np.testing.assert_array_equal(found["shells"][:2], [[2, 3], [1, 2]])
     assert "sha256" in found.attrs["fields"]
-    pictures = tmp_path / "figures"
-    assert "layers.png" in run("plot", out, "-o", pictures)
-    assert (pictures / "layers.png").read_bytes() == out.with_suffix(".png").read_bytes()
     # The same command again only reads what is there.
     written = out.stat().st_mtime_ns
     assert run(*words) == said
@@ -78,7 +91,7 @@ def test_layers_write_a_file_and_a_figure_and_print_a_table(
     ],
 )
 def test_studies_over_several_fields(
-    hot: HotBlock,
+    files: Files,
     tmp_path: Path,
     run: Run,
     line: str,
@@ -87,10 +100,10 @@ def test_studies_over_several_fields(
 ) -> None:
     other = tmp_path / "finer.vtu"
     hot_block.air(12).save(other)
-    words = shlex.split(line.format(field=hot.field, part=hot.part, other=other))
+    words = shlex.split(line.format(field=files[0], part=files[1], other=other))
     out = tmp_path / "study.nc"
     extra = ["-o", out, "--reference=same mode", "--inside-hit=refract", *SMALL]
-    said = run("study", *words, *extra)
+    said = run(*words, *extra)
     assert "Difference from the finest field, same mode / um" in said
     found = read_study(out)
     assert found.sizes[dimension] == length
@@ -99,10 +112,9 @@ def test_studies_over_several_fields(
 
 
 @pytest.mark.slow
-def test_times_are_printed_as_ratios(hot: HotBlock, tmp_path: Path, run: Run) -> None:
+def test_times_are_printed_as_ratios(files: Files, tmp_path: Path, run: Run) -> None:
     out = tmp_path / "rays.nc"
-    words = ["--scales=0.5,1", "--layers=2", *SMALL]
-    said = run("study", "rays", hot.field, hot.part, "-o", out, *words)
+    said = run("rays", *files, "-o", out, "--scales=0.5,1", "--layers=2", *SMALL)
     assert "times over that of the refracted trace" in said
     first, second = _rows(said)
     assert (first[0], second[0]) == ("750", "3,000")
@@ -111,29 +123,48 @@ def test_times_are_printed_as_ratios(hot: HotBlock, tmp_path: Path, run: Run) ->
     assert out.with_suffix(".png").is_file()
 
 
-@pytest.mark.parametrize("width", [40, 80])
-def test_numbers_of_a_table_are_never_cut(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Many digits, long names of modes and fields, and a narrow terminal: words may wrap."""
-    narrow = Console(width=width, file=io.StringIO())
-    monkeypatch.setattr(console, "out", narrow)
-    row = ("plume_refined_twice", "paper's but inside hits refracted", *["12345.678"] * 7)
-    texts = ("field", "mode")
-    console.print_table("Differences", (*texts, *"abcdefg"), [row, row], texts)
-    said = narrow.file.getvalue()
-    assert said.split().count("12345.678") == 14
-    assert "refracted" in said
-    assert "…" not in said
-
-
-def test_a_picture_of_few_rays_is_refused(
-    hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("layers {field}", "--part"),
+        ("layers gone.vtu {part}", "gone.vtu"),
+        ("layers {part} {field}", "field and part may be exchanged"),
+        ("layers {field} {part} -o a.csv", r"\.nc"),
+        ("layers {field} {part} --layers many", "many"),
+        ("layers {field} {part} --layers 20:1", "20:1"),
+        ("layers {field} {part} --layers 0", "0 shells"),
+        ("layers {field} {part} --layers 2,2", "each once"),
+        ("layers {field} {part} --normals smooth", "smooth"),
+        ("layers {field} {part} --drop-inner=-1", "-1"),
+        ("layers {field} {part} --isosurfaces", "volume field"),
+        ("layers {field} {part} --variant scalar_rgb", "scalar_rgb"),
+        # Statistics of less than 100 rays are none, as in the metrics of a picture.
+        (
+            f"layers {{field}} {{part}} --layers=2 {shlex.join(CAMERA)} --resolution=120,100 "
+            "--scale=0.05",
+            r"of the 30 rays .* at least 100",
+        ),
+        ("smoothing {field} {part}", "--finest"),
+        ("smoothing {field} {part} {field} --iterations=-3", "-3"),
+        ("mesh {field} {part} {field}", "given twice"),
+        ("mesh {field} {part} finer.vtu --split gone.vtu", "gone.vtu"),
+        ("rays {field} {part} --scales big", "big"),
+        ("polygons {field} {part} --smallest 5", "at least 400"),
+    ],
+)
+def test_wrong_input_is_refused_and_writes_nothing(
+    files: Files,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    line: str,
+    words: str,
 ) -> None:
-    """Statistics of less than 100 rays are none, as in the metrics of a picture."""
-    words = ["study", "layers", hot.field, hot.part, "-o", tmp_path / "a.nc", "--layers=2"]
-    small = ["--resolution=120,100", "--scale=0.05"]
-    assert main([str(word) for word in (*words, *CAMERA, *small)]) == 2
-    assert re.search(r"of the 30 rays .* at least 100", capsys.readouterr().err)
-    assert list(tmp_path.iterdir()) == []
+    monkeypatch.chdir(tmp_path)
+    hot_block.air(6).save("finer.vtu")
+    assert main(shlex.split(line.format(field=files[0], part=files[1]))) == 2
+    assert re.search(words, capsys.readouterr().err)
+    assert [path.name for path in tmp_path.iterdir()] == ["finer.vtu"]
 
 
 def _rows(said: str) -> list[list[str]]:
@@ -144,16 +175,16 @@ def _rows(said: str) -> list[list[str]]:
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL")
-def test_a_killed_study_goes_on(hot: HotBlock, tmp_path: Path, run: Run) -> None:
+def test_a_killed_study_goes_on(files: Files, tmp_path: Path, run: Run) -> None:
     out = tmp_path / "layers.nc"
-    words = ["study", "layers", str(hot.field), str(hot.part), "-o", str(out), "--layers=1:4"]
+    words = ["layers", *map(str, files), "-o", str(out), "--layers=1:4"]
     words += ["--reference=3", *SMALL]
     journal = tmp_path / "layers.nc.partial"
     program = subprocess.Popen(
-        [sys.executable, "-m", "iriftrace", *words],
+        [sys.executable, "-m", "validation.paper", *words],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
-        env={**os.environ},
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
     )
     try:
         while program.poll() is None and pieces_done(journal) < 1:

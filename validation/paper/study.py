@@ -15,18 +15,18 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import AnyArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
-from iriftrace.core.netcdf import check_netcdf, json_attributes, read_netcdf
+from iriftrace.core.netcdf import json_attributes, read_netcdf
 from iriftrace.core.plain import JsonObject, plain
 from iriftrace.field.index_field import IndexField
-from iriftrace.image.differences import Hits, compare, displacement_statistics, hits_of
 from iriftrace.image.ray_statistics import FEWEST_RAYS
 from iriftrace.runtime.variant import free_memory
 from iriftrace.scene.scene import Scene
 from iriftrace.shells.stack import ShellStack
-from iriftrace.studies.mode import Mode, check_modes, shells_of, through_cells, through_shells
-from iriftrace.studies.times import COUNTS, REPEATS, STAGES, rendered, times
 from iriftrace.sweep.journal import Journal, Piece, Progress, Work
 from iriftrace.sweep.pose import fingerprint
+from validation.paper.differences import Hits, compare, displacement_statistics, hits_of
+from validation.paper.mode import Mode, check_modes, shells_of, through_cells, through_shells
+from validation.paper.times import COUNTS, REPEATS, STAGES, rendered, times
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -360,18 +360,6 @@ def read_study(path: str | Path) -> xr.Dataset:
         If the file is missing, not netCDF, or of another program.
     """
     return read_netcdf(Path(path), "study", SCHEMA)
-
-
-def is_study(path: str | Path) -> bool:
-    """True if a file is a study's and not another netCDF file."""
-    import h5netcdf
-
-    try:
-        check_netcdf(Path(path))
-        with h5netcdf.File(path, "r") as file:
-            return "study" in file.attrs
-    except (OSError, ValueError, KeyError):
-        return False
 
 
 def reference_words(reference: str) -> str:

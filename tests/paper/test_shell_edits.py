@@ -11,13 +11,13 @@ from iriftrace.geometry.topology import open_edges
 from iriftrace.geometry.triangles import area_vectors
 from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.stack import ShellStack
-from iriftrace.studies.shell_edits import smooth_taubin, subdivide_midpoint
 from validation.inputs.shell_fields import (
     edge_counts,
     is_wound_consistently,
     signed_volume,
     sphere_field,
 )
+from validation.paper.shell_edits import smooth_taubin, subdivide_midpoint
 
 
 @pytest.fixture(scope="module")

@@ -1,27 +1,37 @@
-"""The commands ``iriftrace study ...``: effects of parameters on accuracy or time."""
+"""The studies of Kern et al. (2025): ``python -m validation.paper STUDY FIELD PART [OPTIONS]``."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
-from attrs import frozen
-from cyclopts import App, Group, Parameter
+from attrs import evolve, frozen
+from cyclopts import App, CycloptsError, Group, Parameter
 
 from iriftrace.cli import checks
 from iriftrace.cli.camera_options import CameraOptions, Scale
 from iriftrace.cli.console import drawn, pose_progress, say, working
 from iriftrace.cli.field_options import FieldOptions, PartOptions, Rule
 from iriftrace.cli.options import Flag, Numbers, Output, Whole
-from iriftrace.cli.study_tables import print_comparison, print_timing
-from iriftrace.core.errors import InputError
-
-if TYPE_CHECKING:
-    from iriftrace.studies.mode import Mode
-    from iriftrace.studies.study import Setup, Study
-
+from iriftrace.core.errors import InputError, IriftraceError
+from iriftrace.runtime import variant
+from iriftrace.scene.hot_air import HotAir
+from iriftrace.scene.scene import Scene
+from iriftrace.scene.viewpoint import refuse_camera_inside
+from validation.paper.figures import study_figure
+from validation.paper.kinds import (
+    layers_study,
+    mesh_study,
+    polygons_study,
+    rays_study,
+    smoothing_study,
+)
+from validation.paper.mode import OURS, PAPERS, Mode, one_change_each
+from validation.paper.study import Setup, Study, run_study
+from validation.paper.tables import print_comparison, print_timing
 
 StudiedField = Annotated[Path, Parameter(help="Volume mesh with temperature, density or index.")]
 StudiedPart = Annotated[Path, Parameter(help="The part's surface mesh.")]
@@ -60,10 +70,6 @@ class ModeOptions:
 
     def modes(self) -> list[Mode]:
         """Ours, the second one, and those between them if requested."""
-        from attrs import evolve
-
-        from iriftrace.studies.mode import OURS, PAPERS, one_change_each
-
         second = evolve(
             PAPERS,
             normals=self.normals,
@@ -125,13 +131,6 @@ def _run(
     *more: Mode,
 ) -> None:
     """Run a study behind a progress bar, print its tables and draw its figure."""
-    from iriftrace.figures.studies import study_figure
-    from iriftrace.runtime import variant
-    from iriftrace.scene.hot_air import HotAir
-    from iriftrace.scene.scene import Scene
-    from iriftrace.scene.viewpoint import refuse_camera_inside
-    from iriftrace.studies.study import Setup, run_study
-
     modes = [*options.mode.modes(), *more]
     if options.field.isosurfaces:
         raise InputError(
@@ -167,10 +166,22 @@ def names_of(fields: Sequence[Path]) -> list[str]:
 
 
 study = App(
-    name="study",
+    name="python -m validation.paper",
     help="Show what rays, shells, triangles, smoothing and cells change, in hits or in time.\n\n"
-    "Example: ``iriftrace study layers field.vtu part.ply -o layers.nc``",
+    "Example: ``python -m validation.paper layers field.vtu part.ply -o layers.nc``",
+    help_format="rst",
+    default_parameter=Parameter(negative_iterable=()),
 )
+
+
+def main(words: list[str] | None = None) -> int:
+    """Run a study; returns the exit status, 2 for wrong input."""
+    try:
+        study(words, exit_on_error=False, print_error=False, result_action="return_value")
+    except (IriftraceError, CycloptsError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return 0
 
 
 @study.command
@@ -186,7 +197,7 @@ def layers(
 ) -> None:
     """Compare numbers of shells with references.
 
-    Example: ``iriftrace study layers field.vtu part.ply -o layers.nc --layers 1:20,40,80``
+    Example: ``python -m validation.paper layers field.vtu part.ply --layers 1:20,40,80``
 
     Parameters
     ----------
@@ -197,8 +208,6 @@ def layers(
         cell: the limit of facet normals), or a number of shells of the finest field in the same
         mode; repeatable. By default 20, as in the paper, and cells.
     """
-    from iriftrace.studies.kinds import layers_study
-
     counts = whole_numbers(layers, "--layers")
     made = partial(layers_study, layers=counts, references=reference)
     _run([field], part, output, options, scale, made)
@@ -221,7 +230,7 @@ def smoothing(
 
     Taubin smoothing with lambda 0.20 and mu -0.21. Our mode is also compared with facet normals.
 
-    Example: ``iriftrace study smoothing coarse.vtu part.ply fine.vtu -o smoothing.nc``
+    Example: ``python -m validation.paper smoothing coarse.vtu part.ply fine.vtu -o smoothing.nc``
 
     Parameters
     ----------
@@ -235,9 +244,6 @@ def smoothing(
         "same mode" (shells of the fine field) or "cells" (the cells engine on it);
         repeatable, by default both.
     """
-    from iriftrace.studies.kinds import smoothing_study
-    from iriftrace.studies.mode import Mode
-
     counts = whole_numbers(iterations, "--iterations")
     made = partial(smoothing_study, iterations=counts, layers=layers, references=reference)
     facets = Mode("ours but facet normals", normals="facet")
@@ -259,7 +265,7 @@ def mesh(
 ) -> None:
     """Compare flow solutions of several resolutions with the finest one, at the same levels.
 
-    Example: ``iriftrace study mesh A.vtu part.ply B.vtu C.vtu D.vtu -o mesh.nc --split B.vtu``
+    Example: ``python -m validation.paper mesh A.vtu part.ply B.vtu C.vtu D.vtu --split B.vtu``
 
     Parameters
     ----------
@@ -275,8 +281,6 @@ def mesh(
         "same mode" (shells of the finest field) or "cells" (the cells engine on it);
         repeatable, by default both.
     """
-    from iriftrace.studies.kinds import mesh_study
-
     paths = [field, *finer]
     twice = [path for path in paths if paths.count(path) > 1]
     if twice:
@@ -302,15 +306,13 @@ def rays(
 ) -> None:
     """Time each stage of a picture against the number of rays.
 
-    Example: ``iriftrace study rays field.vtu part.ply -o rays.nc --scales 0.1,0.2,0.5,1``
+    Example: ``python -m validation.paper rays field.vtu part.ply --scales 0.1,0.2,0.5,1``
 
     Parameters
     ----------
     scales
         Factors on the camera's resolution.
     """
-    from iriftrace.studies.kinds import rays_study
-
     made = partial(rays_study, scales=scales, layers=layers)
     _run([field], part, output, options, scale, made)
 
@@ -329,7 +331,7 @@ def polygons(
 ) -> None:
     """Time each stage of a picture against the number of triangles of each shell.
 
-    Example: ``iriftrace study polygons field.vtu part.ply -o polygons.nc --largest 1200000``
+    Example: ``python -m validation.paper polygons field.vtu part.ply --largest 1200000``
 
     Parameters
     ----------
@@ -339,7 +341,9 @@ def polygons(
         Midpoint subdivision ends before shells have more triangles; the paper's 4.8 million need
         over 9 GB of memory.
     """
-    from iriftrace.studies.kinds import polygons_study
-
     made = partial(polygons_study, layers=layers, smallest=smallest, largest=largest)
     _run([field], part, output, options, scale, made)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

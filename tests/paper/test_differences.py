@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from iriftrace.core.errors import InputError
-from iriftrace.image.differences import Hits, compare, displacement_statistics
+from validation.paper.differences import Hits, compare, displacement_statistics
 
 
 def hits(displacement: np.ndarray, good: np.ndarray, hit: np.ndarray | None = None) -> Hits:

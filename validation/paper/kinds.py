@@ -21,10 +21,10 @@ from iriftrace.core.errors import InputError
 from iriftrace.field.index_field import IndexField
 from iriftrace.shells.decimate import FEWEST, decimate
 from iriftrace.shells.stack import ShellStack
-from iriftrace.studies.mode import Mode, check_modes, shells_of
-from iriftrace.studies.shell_edits import smooth_taubin, subdivide_midpoint
-from iriftrace.studies.split_cells import as_tetrahedra, split_tetrahedra
-from iriftrace.studies.study import BY_CELLS, SAME_MODE, Axis, Setup, Study
+from validation.paper.mode import Mode, check_modes, shells_of
+from validation.paper.shell_edits import smooth_taubin, subdivide_midpoint
+from validation.paper.split_cells import as_tetrahedra, split_tetrahedra
+from validation.paper.study import BY_CELLS, SAME_MODE, Axis, Setup, Study
 
 THE_PAPERS = "20"
 """Shells of the reference of Kern et al. (2025)."""

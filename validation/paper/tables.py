@@ -1,23 +1,19 @@
-"""Tables that ``iriftrace study`` prints."""
+"""Tables of the studies."""
 
 from __future__ import annotations
 
 from itertools import product
-from typing import TYPE_CHECKING
+
+import xarray as xr
 
 from iriftrace.cli.console import out, print_table
-
-if TYPE_CHECKING:
-    import xarray as xr
-
+from validation.paper.study import reference_words
 
 STAGES = ("straight", "metrics", "write", "load", "build")
 
 
 def print_comparison(dataset: xr.Dataset) -> None:
     """Print a table for each reference: differences of the hits in micrometres."""
-    from iriftrace.studies.study import reference_words
-
     (axis,) = map(str, set(dataset["rmse"].dims) - {"mode", "reference"})
     for reference in dataset["reference"].values:
         rows = []

@@ -6,8 +6,8 @@ import pytest
 from iriftrace.field.index_field import IndexField
 from iriftrace.geometry.triangles import area_vectors
 from iriftrace.shells.contour import contour_shells
-from iriftrace.studies.split_cells import as_tetrahedra, split_tetrahedra
 from validation.inputs.shell_fields import sphere_field
+from validation.paper.split_cells import as_tetrahedra, split_tetrahedra
 
 
 def volume(field: IndexField) -> np.ndarray:

@@ -5,16 +5,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench.queries import Recording
 from iriftrace.core.errors import InputError
-from iriftrace.figures.studies import timing_figure
 from iriftrace.shells.contour import contour_shells
-from iriftrace.studies import times
-from iriftrace.studies.kinds import polygons_study, rays_study
-from iriftrace.studies.mode import OURS, PAPERS, Mode, through_shells
-from iriftrace.studies.study import Setup, run_study
-from iriftrace.studies.times import STAGES
-from iriftrace.trace.query_replay import Recording
 from validation.inputs.study_inputs import field_and_scene
+from validation.paper import times
+from validation.paper.figures import timing_figure
+from validation.paper.kinds import polygons_study, rays_study
+from validation.paper.mode import OURS, PAPERS, Mode, through_shells
+from validation.paper.study import Setup, run_study
+from validation.paper.times import STAGES
 
 
 @pytest.fixture(autouse=True)
