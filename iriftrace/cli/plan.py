@@ -153,7 +153,7 @@ def plan(
     check_light(wavelength, dataset.attrs, sweep)
     if pairs:
         from iriftrace.planning.pairs import ANGLES_DEG, plan_pairs
-        from iriftrace.planning.refine_pair import refine_pair, write_refined_pair
+        from iriftrace.planning.refine import refine_pair, write_refined_pair
 
         with working("Ranking pairs of poses"):
             paired = plan_pairs(

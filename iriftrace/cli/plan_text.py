@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     from iriftrace.core.arrays import FloatArray
     from iriftrace.planning.cover import ViewLimits, ViewSet
     from iriftrace.planning.pairs import PairPlan
-    from iriftrace.planning.refine import Refinement
-    from iriftrace.planning.refine_pair import PairRefinement
+    from iriftrace.planning.refine import PairRefinement, Refinement
     from iriftrace.planning.summary import SweepSummary
     from iriftrace.planning.texts import RankingTable
     from iriftrace.triangulation.devices import System

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from iriftrace.cli import checks
 from iriftrace.cli.console import notes, say, working
@@ -13,6 +14,15 @@ from iriftrace.cli.plan import Ranking, ViewOptions
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
 from iriftrace.planning.criteria import STANDARD
+
+if TYPE_CHECKING:
+    import pyvista as pv
+
+    from iriftrace.core.plain import JsonObject
+    from iriftrace.field.source import FieldSource
+
+_MESHES = (".ply", ".stl", ".obj", ".glb", ".gltf", ".off")
+_OTHER_CLOUDS = (".asc", ".xyz", ".pts", ".pcd", ".e57")
 
 
 def plot(
@@ -93,11 +103,82 @@ def view(file: Path, *, picture: Path | None = None, length_unit: str | None = N
     from iriftrace.figures.window import view as show
 
     checks.output(picture, "view.png")
+    checks.inputs(file)
     with working("Reading"):
-        checks.inputs(file)
-    show(file, picture, length_unit=length_unit)
+        shown, source = _shown(file, length_unit)
+    show(shown, picture, source=source, title=f"iriftrace: {file}")
     if picture is not None:
         say(f"Picture: {picture}")
+
+
+def _shown(file: Path, length_unit: str | None) -> tuple[Any, FieldSource | None]:
+    """What a file holds, and the source of its field if it is a cloud."""
+    if not file.exists():
+        raise InputError(f"There is no file {file}; give an existing one.")
+    suffix = file.suffix.lower()
+    if length_unit is not None and suffix not in _MESHES:
+        raise InputError(
+            f"A length unit is for the mesh of a part, and {file} is not one "
+            f"({', '.join(_MESHES)}); leave it out (--length-unit)."
+        )
+    if suffix in _OTHER_CLOUDS:
+        raise InputError(f"{file} is a cloud; one is shown from a .vtp or .ply: write it as that.")
+    cloud = _cloud(file) if suffix in (".vtp", ".ply") else None
+    if cloud is not None:
+        return cloud, _source_beside(file)
+    if suffix in _MESHES:
+        from iriftrace.part.part import read_part
+
+        return read_part(file, length_unit=length_unit), None
+    if suffix == ".xml":
+        from iriftrace.scene.load import load_scene
+
+        return load_scene(file), None
+    if suffix in (".exr", ".nc"):
+        from iriftrace.figures.result import read_result
+
+        result = read_result(file)
+        if "study" in getattr(result, "attrs", {}):
+            raise InputError(
+                f"{file} is a study, which has nothing in space; draw it: iriftrace plot."
+            )
+        return result, None
+    from iriftrace.field.read import read_field
+
+    return read_field(file), None
+
+
+def _cloud(file: Path) -> pv.PolyData | None:
+    """The points of a file with their columns; None for a mesh in a PLY file."""
+    import pyvista as pv
+
+    if file.suffix.lower() == ".vtp":
+        from iriftrace.field.readers.vtk_process import read_file
+
+        return pv.wrap(read_file(file))
+    from iriftrace.geometry.ply import read_ply
+
+    try:
+        mesh = read_ply(file)
+    except Exception as error:  # its reader lets any through that a damaged file causes
+        raise InputError(f"{file} is damaged ({error}); write it again.") from error
+    if len(mesh.faces):
+        return None
+    points = pv.PolyData(mesh.vertices)
+    for name, values in mesh.vertex_columns.items():
+        points.point_data[name] = values
+    return points
+
+
+def _source_beside(cloud: Path) -> FieldSource | None:
+    """Source of the field from the numbers next to a cloud; None if they do not exist."""
+    from iriftrace.field.source import stated_source
+
+    try:
+        values = json.loads(cloud.with_suffix(".json").read_text(encoding="utf-8"))
+        return stated_source(values["field"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
 
 
 def report(
@@ -139,9 +220,9 @@ def report(
                 output, file, dataset, summary, top=top, views=several.views, limits=limits
             )
     elif (ranking, top, wavelength, several) == (STANDARD, 10, None, ViewOptions()):
-        from iriftrace.figures.scan_report import write_scan_report
+        from iriftrace.figures.report import write_scan_report
 
-        missing = write_scan_report(output, file)
+        missing = write_scan_report(output, *_numbers(file))
     else:
         raise InputError(
             f"Options of rankings, views and light are for a sweep (.nc), and {file} is none; "
@@ -149,6 +230,36 @@ def report(
         )
     _print_missing(missing)
     say(f"Report in {output}")
+
+
+def _numbers(path: Path) -> tuple[Path, JsonObject]:
+    """The JSON file of a scan or correction, which may be given by its cloud, and its values."""
+    from iriftrace.figures.report import TRUE_CLOUDS
+
+    file = path if path.suffix.lower() == ".json" else path.with_suffix(".json")
+    if not file.is_file():
+        raise InputError(
+            f"The file {file} does not exist; give a sweep (.nc), or what iriftrace measure or "
+            "correct wrote."
+        )
+    try:
+        values = json.loads(file.read_text(encoding="utf-8"))
+        schema = str(values["schema"])
+    except (OSError, ValueError, LookupError, TypeError):
+        schema = ""
+    kinds = {known.partition("/")[0]: known for known in TRUE_CLOUDS}
+    current = kinds.get(schema.partition("/")[0])
+    if current is not None and schema != current:
+        raise InputError(
+            f"{file} has schema {schema!r} instead of {current!r}, so it was written by another "
+            "version of iriftrace; measure or correct again with this one."
+        )
+    if current is None:
+        raise InputError(
+            f"{file} holds no numbers of iriftrace measure or correct for a report; "
+            "give a sweep (.nc), or a cloud that lies next to its .json."
+        )
+    return file, values
 
 
 def _print_missing(sentences: tuple[str, ...]) -> None:

@@ -1,36 +1,39 @@
-"""The report of a sweep: one HTML page that works offline and without Python."""
+"""The report of a result: one HTML page that works offline and without Python."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable
+import base64
+from collections.abc import Iterable, Mapping
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
-import numpy as np
+from matplotlib.figure import Figure
 
 from iriftrace.camera.pose import pose_text
-from iriftrace.core.plain import JsonObject
-from iriftrace.core.units import counted
-from iriftrace.field.source import stated_source, synthetic_mark
-from iriftrace.figures import page
+from iriftrace.core.errors import InputError
+from iriftrace.core.files import sha256_of, write_whole
+from iriftrace.core.plain import JsonObject, structured
+from iriftrace.core.units import ZERO_CELSIUS_K, counted
+from iriftrace.figures import describe
 from iriftrace.figures.style import figure_bytes
 from iriftrace.figures.sweep import sweep_charts, sweep_pictures
-from iriftrace.image.aov_image import Status
-from iriftrace.image.ray_statistics import percent
 from iriftrace.image.resolution import FRONTAL
 from iriftrace.planning import texts
 from iriftrace.planning.candidates import name_of as metric_name
 from iriftrace.planning.cover import NO_LIMITS, ViewLimits, plan_views
 from iriftrace.planning.stability import stability
-from iriftrace.sweep.store import attribute, scene_of, traced_through_cells
+from iriftrace.sweep.store import attribute
+from iriftrace.triangulation import correction, scan
+from iriftrace.triangulation.statistics import RegionValues
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from iriftrace.planning.summary import SweepSummary
 
+TRUE_CLOUDS = {scan.SCHEMA: "cold", correction.SCHEMA: "corrected"}
+"""Schemas of the results of one cloud, and the names of their features' clouds without air."""
 
 # In the order of the page; a picture that is not listed comes last, under its file's name.
 # {error} is the ranked one, of a rig the error along the normal.
@@ -66,237 +69,55 @@ _SUMMARY_ROWS = 5
 
 _MOST_REASONS = 200
 
-
-def report_content(
-    dataset: xr.Dataset,
-    summary: SweepSummary,
-    top: int,
-    views: int | None = None,
-    limits: ViewLimits = NO_LIMITS,
-) -> dict[str, object]:
-    """Texts and tables of the page, with `top` rows of the ranking and a set of `views`."""
-    plan = summary.plan
-    chosen = None if views is None else plan_views(dataset, views, limits, plan.criteria)
-    ranking = texts.ranking_table(summary, top)
-    part = page.name_of(attribute(dataset, "part"))
-    device = "camera" if summary.devices is None else "sensor"
-    best, varied = plan.best, stability(plan)
-    second = summary.second_at(summary.matrices[best])
-    return dict(
-        title=f"Where to put the {device}: {part}",
-        question=_question(summary, device, part),
-        answer=_answer(summary),
-        rests_on=_rests_on(dataset, summary),
-        unclear=texts.alternative_text(summary),
-        setting=_setting_rows(dataset, summary),
-        assumptions=_assumptions(dataset),
-        ranking=ranking,
-        error=texts.in_words(summary.displacement),
-        front=texts.front_table(summary),
-        best=pose_text(summary.matrices[best], summary.distance[best]),
-        best_pose=best,
-        second=None if second is None else pose_text(second, summary.distance[best]),
-        device=summary.rig.get("device", ""),
-        stability=texts.stability_text(summary),
-        varied_weights=[
-            (
-                metric_name(name, plan.criteria),
-                *map(str, chain.from_iterable(zip(ranks, varied.winners[name], strict=True))),
-            )
-            for name, ranks in varied.ranks.items()
-        ],
-        rays=_rays(dataset),
-        limits=_limits(dataset, summary),
-        unranked=tuple(
-            (str(pose), reason) for pose, reason in list(plan.unranked.items())[:_MOST_REASONS]
-        ),
-        views=None if chosen is None else texts.views_table(summary, chosen),
-        views_title=texts.views_title(summary, limits),
-        views_text="" if chosen is None else texts.views_text(summary, chosen),
-    )
+Kind = Literal["text", "answer", "doubt", "list", "lines", "numbers", "names", "pictures"]
 
 
-def _question(summary: SweepSummary, device: str, part: str) -> str:
-    region, weights = summary.plan.criteria.region, summary.plan.criteria.weights
-    of_it = "" if region == "part" else f", and of it the region {region},"
-    score = " + ".join(
-        f"{weights[metric.key]:g} times "
-        + ("(1 - coverage)" if metric.key == "coverage" else texts.in_words(metric))
-        for metric in summary.metrics
-        if weights[metric.key]
-    )
-    return (
-        f"From where should the {device} look at {part}{of_it} to measure it best through the hot "
-        f"air around it? Every pose of a sweep was traced through the hot air; the score is {score}"
-        ", each normalised to 0 to 1, the smaller the better."
-    )
+class Page:
+    """A page that is composed from top to bottom; what is empty is left out.
 
+    Its question stands below the title; `version` is that of the package that wrote the result.
+    """
 
-def _answer(summary: SweepSummary) -> str:
-    plan, best = summary.plan, summary.plan.best
-    values = ", ".join(
-        f"{texts.in_words(quantity)} "
-        + (
-            f"0 ({FRONTAL})"
-            if quantity is summary.axial and summary.sees_frontally(best)
-            else f"{quantity.values[best]:.4g} {quantity.unit}"
+    def __init__(self, title: str, version: object, question: str = "") -> None:
+        self.title, self.version, self.question = title, str(version), question
+        self.sections: list[JsonObject] = []
+
+    def section(self, name: str, title: str = "") -> None:
+        """Begin a section."""
+        self.sections.append({"name": name, "title": title, "blocks": []})
+
+    def add(
+        self, kind: Kind, *content: object, title: str = "", headings: Iterable[str] = ()
+    ) -> None:
+        """Add a block to the last section: sentences, lines, rows (cells), or pictures.
+
+        Sentences are text, an answer or a doubt in a box, or a list; rows have numbers, or texts
+        after a name; pictures are those of `_picture`. The title stands above the block, and
+        headings above the columns of rows.
+        """
+        if found := tuple(filter(None, content)):
+            block = {"kind": kind, "content": found, "title": title, "headings": tuple(headings)}
+            self.sections[-1]["blocks"].append(block)
+
+    def write(self, path: Path, source: Path) -> None:
+        """Write the page about a file, complete or not at all; its folder must exist."""
+        from jinja2 import Environment, PackageLoader, StrictUndefined
+
+        environment = Environment(
+            loader=PackageLoader("iriftrace.figures"),
+            autoescape=True,
+            undefined=StrictUndefined,
+            trim_blocks=True,
+            lstrip_blocks=True,
         )
-        for quantity in summary.metrics
-    )
-    return (
-        f"Pose {best}{summary.setting(best)} is the best of "
-        f"{counted(len(plan.order), 'ranked pose')}, with the score {plan.score[best]:.3f}: "
-        f"{values}."
-    )
+        template = environment.get_template("report.html.jinja")
+        about = {"source": source.name, "sha256": sha256_of(source)}
+        write_whole(path, template.render(page=self, **about))
 
 
-def _assumptions(dataset: xr.Dataset) -> page.Rows:
-    """Assumptions that hold for all poses, and engines of the poses."""
-    rows = {key: page.value_text(value) for key, value in attribute(dataset, "assumptions").items()}
-    if other := _engines_text(dataset):
-        rows["engine"] = "; ".join(filter(None, (rows.get("engine"), other)))
-    return tuple((key.replace("_", " "), text) for key, text in rows.items())
-
-
-def _rays(dataset: xr.Dataset) -> page.Rows:
-    whole = dataset.sel(region="part")
-    counts = {
-        status: int(np.maximum(whole[f"rays_{status.key}"].values, 0).sum()) for status in Status
-    }
-    met = max(1, sum(counts.values()) - counts[Status.MISSED])
-    fractions = {status: percent(count, met) for status, count in counts.items()}
-    fractions[Status.MISSED] = ""
-    return tuple(
-        (status.text.capitalize(), f"{count:,}", fractions[status])
-        for status, count in counts.items()
-        if count
-    )
-
-
-def _limits(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
-    plan = summary.plan
-    whole = dataset.sel(region="part")
-    good = np.asarray(whole["rays_good"].values)
-    total = len(good)
-    failed = sum(bool(str(text)) for text in dataset["failure"].values)
-    empty = int(np.count_nonzero((good >= 0) & (good < plan.criteria.min_hits)))
-    sentences = [
-        f"{len(plan.unranked)} of {total} poses are not ranked; {failed} failed and {empty} see "
-        f"fewer than {plan.criteria.min_hits} good rays of the part."
-    ]
-    passed = int(np.maximum(dataset["rays_open_boundary"].values, 0).sum())
-    seen = max(1, int(np.maximum(good, 0).sum()))
-    area = dataset["face_area"].values
-    unseen = area[dataset["face_times_seen"].values == 0].sum() / area.sum()
-    sentences += [
-        f"{passed:,} good rays ({100 * passed / seen:.3g} %) pass an open end of the data, where "
-        "the plume beyond is not modelled.",
-        f"{100 * unseen:.1f} % of the part's area is seen by no pose.",
-        *plan.warnings,
-        "The ranking compares the poses of this sweep only; a pose between them may be better "
-        "(iriftrace plan --refine).",
-    ]
-    return tuple(sentences)
-
-
-def _engines_text(dataset: xr.Dataset) -> str:
-    """Number of poses that were traced through the field, because shells are too few."""
-    through = traced_through_cells(dataset)
-    if through.all() or not through.any():
-        return ""
-    return (
-        f"{through.sum()} of {len(through)} poses were traced through the field data, as the "
-        "shells are too few."
-    )
-
-
-def _rests_on(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
-    """Facts that limit the reliability of the answer, a sentence each."""
-    fields = _fields(dataset)
-    origins = _distinct(one.get("origin") or "not stated" for one in fields)
-    marks = (synthetic_mark(stated_source(one)) for one in fields)
-    mark = next(filter(None, marks), None)
-    assumed = attribute(dataset, "assumptions")
-    time = assumed.get("field_time", "not stated")
-    sentences = (
-        f"{page.origin_text(mark, '; '.join(origins))}. Time of the field: {time}.",
-        assumed.get("field_fit", ""),
-        _engines_text(dataset),
-        summary.devices,
-        texts.warned_text(summary),
-        texts.least_error_text(summary),
-        texts.other_statistics_text(summary),
-    )
-    return tuple(filter(None, sentences))
-
-
-def _setting_rows(dataset: xr.Dataset, summary: SweepSummary) -> page.Rows:
-    scene, sha256 = scene_of(dataset)
-    variables = attribute(dataset, "scene").get("variables") or {}
-    focal = np.unique(dataset["focal_length"].values)
-    criteria = summary.plan.criteria
-    least = f" and a coverage of {criteria.min_coverage:g}" if criteria.min_coverage else ""
-    return (
-        ("Part", page.file_text(attribute(dataset, "part"))),
-        ("Field", _field(dataset)),
-        ("Scene", page.file_text({"path": scene, "sha256": sha256}) if scene else "not stated"),
-        ("Scene parameters", ", ".join(f"{k} = {v}" for k, v in variables.items()) or "as written"),
-        ("Camera", page.camera_text(attribute(dataset, "camera"), varied=len(focal) > 1)),
-        ("Poses", _orbit(summary)),
-        *((f"Varied: {one.name}", ", ".join(_distinct(one.values))) for one in summary.varied),
-        ("Region ranked", "whole part" if criteria.region == "part" else criteria.region),
-        (
-            "Normalisation",
-            f"minimum to {criteria.percentile:g}th percentile; beyond it: {criteria.outside}; at "
-            f"least {criteria.min_hits} good rays{least}",
-        ),
-        (
-            "Traced with",
-            f"iriftrace {dataset.attrs.get('version', 'of unknown version')}, Mitsuba variant "
-            f"{dataset.attrs.get('variant', 'not stated')}",
-        ),
-    )
-
-
-def _fields(dataset: xr.Dataset) -> list[JsonObject]:
-    """Fields of all scenes; that of the sweep's own attribute if they do not state it."""
-    try:
-        scenes = json.loads(dataset.attrs.get("scenes", "[]"))
-    except ValueError:
-        scenes = []
-    several: list[JsonObject] = []
-    for scene in scenes:
-        if isinstance(scene, dict):
-            members = [member.get("source") or {} for member in scene.get("members") or []]
-            several += members or [scene.get("field") or {}]
-    return several if len(several) > 1 else [attribute(dataset, "field")]
-
-
-def _field(dataset: xr.Dataset) -> str:
-    texts = [
-        page.file_text(one) + (f", {one['quantity']}" if one.get("quantity") else "")
-        for one in _fields(dataset)
-    ]
-    wavelength = dataset.attrs.get("wavelength_nm")
-    light = f"; light of {float(wavelength):g} nm" if isinstance(wavelength, int | float) else ""
-    return "; ".join(_distinct(texts)) + light
-
-
-def _distinct(values: Iterable[str]) -> list[str]:
-    return list(dict.fromkeys(values))
-
-
-def _orbit(summary: SweepSummary) -> str:
-    azimuth = np.quantile(summary.azimuth_on_maps, (0.0, 1.0)) % 360.0
-    ranges = [
-        f"{name} {' to '.join(dict.fromkeys(f'{end:.4g}' for end in ends))}{unit}"
-        for name, ends, unit in (
-            ("azimuth", azimuth, "°"),
-            ("elevation", np.quantile(summary.elevation, (0.0, 1.0)), "°"),
-            ("distance to the target", np.quantile(summary.distance, (0.0, 1.0)), " mm"),
-        )
-    ]
-    return f"{len(summary.distance)}, {', '.join(ranges)}; angles {summary.angles_of}"
+def _picture(name: str, caption: str, png: bytes) -> tuple[str, str, str] | None:
+    """Anchor, caption and content of a PNG as the page has them; None if there is none."""
+    return (name, caption, base64.b64encode(png).decode("ascii")) if png else None
 
 
 def write_report(
@@ -334,28 +155,236 @@ def write_report(
     InputError
         The file cannot be written, or no row is requested.
     """
-    content = report_content(dataset, summary, top, views, limits)
-    pictures, missing = sweep_pictures(dataset, summary)
-    figures = {**sweep_charts(summary), **pictures}
-    names = [name for name in {**_CAPTIONS, **figures} if name in figures]
-    page.write_page(
-        path,
-        "report.html.jinja",
-        sweep,
-        str(dataset.attrs.get("version", "")),
-        content=content,
-        figures=[
-            {
-                "name": name,
-                "caption": _CAPTIONS.get(name, name).format(
-                    error=content["error"], title=summary.displacement.title
-                ),
-                "png": page.in_page(figure_bytes(figures[name])),
-            }
-            for name in names
-        ],
-        missing=missing,
-        summary_figures=_SUMMARY_FIGURES,
-        summary_rows=_SUMMARY_ROWS,
-    )
+    figures, missing = sweep_pictures(dataset, summary)
+    figures = sweep_charts(summary) | figures
+    page = sweep_page(dataset, summary, figures, missing, top=top, views=views, limits=limits)
+    page.write(path, sweep)
     return missing
+
+
+def sweep_page(
+    dataset: xr.Dataset,
+    summary: SweepSummary,
+    figures: Mapping[str, Figure],
+    missing: Iterable[str] = (),
+    *,
+    top: int = 10,
+    views: int | None = None,
+    limits: ViewLimits = NO_LIMITS,
+) -> Page:
+    """The page of a sweep with these figures; parameters as of `write_report`."""
+    plan, error = summary.plan, texts.in_words(summary.displacement)
+    ranking, front = texts.ranking_table(summary, top), texts.front_table(summary)
+    best = pose_text(summary.matrices[plan.best], summary.distance[plan.best])
+    words = {"error": error, "title": summary.displacement.title}
+    pictures = {
+        name: _picture(name, _CAPTIONS.get(name, name).format(**words), figure_bytes(figures[name]))
+        for name in {**_CAPTIONS, **figures}
+        if name in figures
+    }
+    device = "camera" if summary.devices is None else "sensor"
+    part = describe.name_of(attribute(dataset, "part"))
+    version = dataset.attrs.get("version", "")
+    page = Page(f"Where to put the {device}: {part}", version, _question(summary, device, part))
+
+    page.section("summary")
+    page.add("answer", _best_text(summary), *_rests_on(dataset, summary))
+    page.add("doubt", texts.alternative_text(summary))
+    page.add("text", f"Pose {plan.best}: {best.look_at}.")
+    page.add("numbers", *ranking.rows[:_SUMMARY_ROWS], headings=ranking.headings)
+    page.add("pictures", *(pictures[name] for name in pictures if name in _SUMMARY_FIGURES))
+
+    page.section("setting", "Setting")
+    page.add("names", *describe.sweep_setting(dataset, summary))
+
+    page.section("best", "Best pose")
+    page.add("lines", *best.matrix, title="Camera to world (x right, y down, z forward; mm)")
+    second = summary.second_at(summary.matrices[plan.best])
+    first = "" if second is None else "first "
+    page.add("lines", *best.xml, title=f"For the scene file, inside the {first}sensor")
+    if second is not None:
+        title = "The second device with it, inside the second sensor"
+        other = pose_text(second, summary.distance[plan.best])
+        page.add("lines", *other.xml, title=f'{title} (id="{summary.rig["device"]}")')
+
+    if views is not None:
+        chosen = plan_views(dataset, views, limits, plan.criteria)
+        table = texts.views_table(summary, chosen)
+        page.section("views", "Several views")
+        page.add("text", f"{texts.views_title(summary, limits)}.")
+        page.add("numbers", *table.rows, headings=table.headings)
+        page.add("text", texts.views_text(summary, chosen))
+
+    page.section("ranking", "Ranking")
+    page.add("numbers", *ranking.rows, headings=ranking.headings)
+    page.add("text", ranking.note, texts.stability_text(summary))
+    if len(plan.criteria.needed) > 1:
+        _add_stability(page, summary)
+
+    page.section("front", "Poses that none beats")
+    text = (
+        f"No other pose is at least as good as one of these in {error}, coverage, axial and "
+        "lateral resolution and better in one of them (Pareto front): for any weights, the best "
+        "pose is among them."
+    )
+    page.add("text", text)
+    page.add("numbers", *front.rows, headings=front.headings)
+    page.add("text", front.note)
+
+    page.section("figures", "Figures")
+    page.add("pictures", *(pictures[name] for name in pictures if name not in _SUMMARY_FIGURES))
+    page.add("text", *missing)
+
+    page.section("limits", "Limits")
+    page.add("list", *describe.sweep_limits(dataset, summary))
+    page.add("names", *describe.sweep_assumptions(dataset), title="Assumptions in force")
+    headings = ("outcome", "rays", "fraction of all that did not miss")
+    page.add("numbers", *describe.sweep_rays(dataset), title="Rays of all poses", headings=headings)
+    unranked = [(str(pose), reason) for pose, reason in plan.unranked.items()][:_MOST_REASONS]
+    page.add("names", *unranked, title="Poses without a rank", headings=("pose", "reason"))
+    return page
+
+
+def _question(summary: SweepSummary, device: str, part: str) -> str:
+    region, weights = summary.plan.criteria.region, summary.plan.criteria.weights
+    of_it = "" if region == "part" else f", and of it the region {region},"
+    score = " + ".join(
+        f"{weights[metric.key]:g} times "
+        + ("(1 - coverage)" if metric.key == "coverage" else texts.in_words(metric))
+        for metric in summary.metrics
+        if weights[metric.key]
+    )
+    return (
+        f"From where should the {device} look at {part}{of_it} to measure it best through the hot "
+        f"air around it? Every pose of a sweep was traced through the hot air; the score is {score}"
+        ", each normalised to 0 to 1, the smaller the better."
+    )
+
+
+def _best_text(summary: SweepSummary) -> str:
+    plan, best = summary.plan, summary.plan.best
+    values = ", ".join(
+        f"{texts.in_words(quantity)} "
+        + (
+            f"0 ({FRONTAL})"
+            if quantity is summary.axial and summary.sees_frontally(best)
+            else f"{quantity.values[best]:.4g} {quantity.unit}"
+        )
+        for quantity in summary.metrics
+    )
+    return (
+        f"Pose {best}{summary.setting(best)} is the best of "
+        f"{counted(len(plan.order), 'ranked pose')}, with the score {plan.score[best]:.3f}: "
+        f"{values}."
+    )
+
+
+def _rests_on(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str | None, ...]:
+    """Facts that limit the reliability of the answer, a sentence each."""
+    fields, assumed = describe.fields_of(dataset), attribute(dataset, "assumptions")
+    origins = describe.distinct(one.get("origin") or "not stated" for one in fields)
+    time = assumed.get("field_time", "not stated")
+    return (
+        f"{describe.origin_text(fields, '; '.join(origins))}. Time of the field: {time}.",
+        assumed.get("field_fit"),
+        describe.engines_text(dataset),
+        summary.devices,
+        texts.warned_text(summary),
+        texts.least_error_text(summary),
+        texts.other_statistics_text(summary),
+    )
+
+
+def _add_stability(page: Page, summary: SweepSummary) -> None:
+    """Ranks of the best pose with other weights, one varied at a time."""
+    varied = stability(summary.plan)
+    rows = [
+        (
+            metric_name(name, summary.plan.criteria),
+            *map(str, chain.from_iterable(zip(ranks, varied.winners[name], strict=True))),
+        )
+        for name, ranks in varied.ranks.items()
+    ]
+    best = summary.plan.best
+    title = f"Rank of pose {best}, and the best pose then, when one weight varies by ±50 %"
+    low, high = (f"rank at {sign}50 %" for sign in "\N{MINUS SIGN}+")
+    headings = ("weight of", low, "best pose", high, "best pose")
+    page.add("numbers", *rows, title=title, headings=headings)
+
+
+def write_scan_report(path: Path, result: Path, values: JsonObject) -> tuple[str, ...]:
+    """Write the report of a scan or correction from its JSON file and the values in it.
+
+    Returns why the picture is missing, a sentence, if it is. Raises InputError if the values are
+    not those of such a result, or the file cannot be written.
+    """
+    picture = result.with_suffix(".png")
+    png = picture.read_bytes() if picture.is_file() else b""
+    try:
+        page = scan_page(values, png)
+    except (LookupError, TypeError, ValueError) as error:
+        raise InputError(f"{result} is damaged ({error!r}); compute the result again.") from error
+    page.write(path, result)
+    return () if png else (f"There is no picture {picture}: compute the result with figures.",)
+
+
+def scan_page(values: JsonObject, png: bytes = b"") -> Page:
+    """The page of the JSON values of a scan or correction, with its picture."""
+    true = TRUE_CLOUDS[values["schema"]]
+    simulated, growth = true == "cold", values["growth"]
+    at = f"at {growth['reference_k'] - ZERO_CELSIUS_K:g} °C" if growth else ""
+    measured = structured(values.get("regions", ()), tuple[RegionValues, ...])
+    one_line = any(region.measured is None for region in measured)
+    what = "What hot air adds to a measurement" if simulated else "Measured cloud, corrected"
+    page = Page(f"{what}: {describe.name_of(values['part'])}", values.get("version", ""))
+
+    page.section("answer")
+    page.add("answer", describe.scan_text(values, simulated))
+    page.add("doubt", *describe.scan_doubts(values, simulated))
+    shown = "error along the normal" if simulated else "refraction error that was removed"
+    caption = f"Left: the camera's picture, coloured by the {shown}."
+    page.add("pictures", _picture("picture", caption, png))
+
+    page.section("features", "Sizes")
+    features = [describe.feature_row(row, true, at) for row in values["features"]]
+    related = [describe.relation_row(row, true, at) for row in values.get("relations", ())]
+    _add_rows(page, features)
+    page.add("text", _feature_note(bool(at)) if features else _no_feature(one_line))
+    _add_rows(page, related, "Distances and angles of planes")
+
+    page.section("regions", "Regions")
+    regions = [describe.region_row(region) for region in measured if region.points]
+    _add_rows(page, regions)
+    what = "error" if simulated else "correction"
+    note = f"Along the part's outward normal: the {what} of the points."
+    area = "" if one_line else " Area measured: that of the triangles with a point."
+    page.add("text", note + area if regions else "")
+    points = [(key.replace("_", " "), f"{count:,}") for key, count in values["points"].items()]
+    page.add("numbers", *points, title="Points", headings=("outcome", "points"))
+
+    assumed = describe.assumption_rows(values["assumptions"])
+    page.section("setting", "Setting")
+    page.add("names", *describe.scan_setting(values))
+    page.add("names", *assumed, title="Assumptions in force")
+    return page
+
+
+def _feature_note(expanded: bool) -> str:
+    text = (
+        "Diameters, of a cone at the stated point of its axis; for planes the form deviation. "
+        "U is expanded (k = 2, larger for few fields)"
+    )
+    return f"{text}{' and holds for the size on the drawing, at its temperature' * expanded}."
+
+
+def _no_feature(one_line: bool) -> str:
+    return (
+        "No region of the part has enough points that determine a plane, cylinder, cone or sphere"
+        f"{'; those of one line of a laser lie in a plane' * one_line}."
+    )
+
+
+def _add_rows(page: Page, rows: list[dict[str, str]], title: str = "") -> None:
+    """Add a table of numbers, whose rows name their columns."""
+    cells = (tuple(row.values()) for row in rows)
+    page.add("numbers", *cells, title=title, headings=rows[0] if rows else ())

@@ -25,7 +25,6 @@ from iriftrace.shells.stack import Shell, ShellStack
 _PICTURE_PX = (1390, 1080)
 
 _MOST_SHELLS = 20
-_CAMERA_COLOUR = "#3a3f47"
 SIGHT_COLOUR = "#0f6b8f"
 SECOND_COLOUR = "#a8541b"
 COLOUR_MAP = "plasma"
@@ -62,37 +61,29 @@ def scene_figure(
         This machine has no OpenGL that draws without a display.
     """
     towards, side = space.view_direction(camera.forward, -camera.matrix[:3, 1])
-    sight = sight_lines(camera, part)
-    lines = [(points, SIGHT_COLOUR) for _, points in sight]
-    bodies = [camera_body(camera, part)]
+    sight, body = sight_lines(camera, part), camera_body(camera, part)
+    seen = [part.bounds, body.points, *(points for _, points in sight)]
+    seen += [shell.vertices for shell in shells.shells]
     if second is not None:
-        edges = (points for name, points in sight_lines(second, part) if not name)
-        lines += [(points, SECOND_COLOUR) for points in edges]
-        bodies.append(camera_body(second, part))
-    seen = [part.bounds, *(points for points, _ in lines)]
-    seen += [shell.vertices.astype(np.float64) for shell in shells.shells]
-    box = space.box_around(
-        np.concatenate((*seen, *(body.points.astype(np.float64) for body in bodies)))
-    )
+        other = camera_body(second, part)
+        seen += [other.points, *(points for name, points in sight_lines(second, part) if not name)]
+    box = space.box_around(np.concatenate([points.astype(np.float64) for points in seen]))
     view = space.fitting_view(towards, box, _PICTURE_PX)
 
     def draw(plotter: pv.Plotter) -> None:
         space.add_part(plotter, part)
-        for body in bodies:
-            plotter.add_mesh(body, color=_CAMERA_COLOUR, ambient=0.3)
-        for points, colour in lines:
-            line = pv.lines_from_points(points)
-            plotter.add_mesh(line, color=colour, line_width=3, lighting=False)
+        add_device(plotter, camera, part, SIGHT_COLOUR)
+        if second is not None:
+            add_device(plotter, second, part, SECOND_COLOUR, focus=False)
         add_shells(plotter, shells, part.centre, side)
 
     devices = " and camera" if second is None else f", camera and {second_name}"
     figure = space.titled_figure(*_titles(shells, camera, devices))
     axes = space.add_picture(figure, view, box, draw)
-    for text, points, place in _names(camera, view, sight, bodies[0].points):
+    for text, points, place in _names(camera, view, sight, body.points):
         _name(axes, view.pixels(points), text, place)
-    for body in bodies[1:]:
-        name = second_name.capitalize()
-        _name(axes, view.pixels(body.points), name, "above", SECOND_COLOUR)
+    if second is not None:
+        _name(axes, view.pixels(other.points), second_name.capitalize(), "above", SECOND_COLOUR)
     norm = temperature_norm(shells)
     bar = figure.colorbar(
         ScalarMappable(norm, COLOUR_MAP),
@@ -177,6 +168,17 @@ def sight_lines(camera: Camera, part: Part) -> list[tuple[str, FloatArray]]:
             # The focus interval is measured along the ray, so the outline lies on a sphere.
             lines.append((f"{name} {distance:g} mm", starts + distance * directions))
     return lines
+
+
+def add_device(
+    plotter: pv.Plotter, camera: Camera, part: Part, colour: str, *, focus: bool = True
+) -> None:
+    """Add a camera or projector, the edges of its view and the outlines of its focus interval."""
+    plotter.add_mesh(camera_body(camera, part), color=colour, ambient=0.3)
+    for name, points in sight_lines(camera, part):
+        if focus or not name:
+            line = pv.lines_from_points(points)
+            plotter.add_mesh(line, color=colour, line_width=3, lighting=False)
 
 
 def drawn_shells(shells: tuple[Shell, ...]) -> list[int]:

@@ -30,7 +30,7 @@ from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
 from iriftrace.core.units import counted
-from iriftrace.planning.quantities import Quantity
+from iriftrace.planning.quantities import PoseQuantity
 from iriftrace.planning.summary import SweepSummary
 from iriftrace.sweep.measures import Limits
 
@@ -221,7 +221,7 @@ _MOST_BEYOND = 0.1
 """Largest fraction of the poses that may have the colour of the scale's end."""
 
 
-def scale_of(quantity: Quantity) -> ColourScale:
+def scale_of(quantity: PoseQuantity) -> ColourScale:
     """The colours of a metric over the poses of a sweep: the same in every figure."""
     low, high = quantity.limits if np.isfinite(quantity.limits[0]) else (0.0, 1.0)
     logarithmic = quantity.logarithmic

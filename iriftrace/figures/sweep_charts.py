@@ -39,7 +39,7 @@ from iriftrace.figures.style import (
     wrapped,
 )
 from iriftrace.image.aov_image import Status
-from iriftrace.planning.quantities import Quantity
+from iriftrace.planning.quantities import PoseQuantity
 from iriftrace.planning.summary import SweepSummary
 
 _BAR_COLOUR = "#31688e"
@@ -129,7 +129,7 @@ def _finish_histogram(axes: Axes, label: str) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def _unknown(quantities: tuple[Quantity, ...]) -> list[Line2D]:
+def _unknown(quantities: tuple[PoseQuantity, ...]) -> list[Line2D]:
     """Legend entry for the poses that are in no histogram."""
     count = len(set().union(*(np.flatnonzero(~q.known).tolist() for q in quantities)))
     return count_entry("Without a number", count, UNKNOWN, ", not shown")
@@ -252,7 +252,7 @@ _MOST_TICKS = 9
 _MOST_PANELS = 12
 
 
-def map_figure(summary: SweepSummary, quantity: Quantity) -> Figure:
+def map_figure(summary: SweepSummary, quantity: PoseQuantity) -> Figure:
     """A metric over azimuth and elevation: cells for a grid of poses, dots for others.
 
     Poses with another field, focal length or distance have a panel of their own. Poses that differ
@@ -282,7 +282,7 @@ def map_figure(summary: SweepSummary, quantity: Quantity) -> Figure:
     return figure
 
 
-def _distance_figure(summary: SweepSummary, quantity: Quantity) -> Figure:
+def _distance_figure(summary: SweepSummary, quantity: PoseQuantity) -> Figure:
     title = f"{quantity.title} over the camera's distance"
     figure, body = new_figure(7.0, 5.0, title, summary.subtitle)
     axes = body.add_subplot()
@@ -307,7 +307,9 @@ def _distance_figure(summary: SweepSummary, quantity: Quantity) -> Figure:
     return figure
 
 
-def _draw_panel(axes: Axes, summary: SweepSummary, quantity: Quantity, members: IntArray) -> None:
+def _draw_panel(
+    axes: Axes, summary: SweepSummary, quantity: PoseQuantity, members: IntArray
+) -> None:
     grid = summary.grid(members)
     if grid is None:
         _draw_dots(axes, summary, quantity, members)
@@ -348,7 +350,7 @@ def _ticks(angles: FloatArray) -> FloatArray | None:
     return angles[:: rounds[0] if rounds else fewest]
 
 
-def _draw_cells(axes: Axes, summary: SweepSummary, quantity: Quantity, grid: IntArray) -> None:
+def _draw_cells(axes: Axes, summary: SweepSummary, quantity: PoseQuantity, grid: IntArray) -> None:
     azimuths = np.unique(summary.azimuth_on_maps[grid])
     elevations = np.unique(summary.elevation[grid])
     rows = np.clip(_edges(elevations), -90.0, 90.0)
@@ -374,7 +376,9 @@ def _edges(centres: FloatArray) -> FloatArray:
     return np.concatenate(([2 * centres[0] - between[0]], between, [2 * centres[-1] - between[-1]]))
 
 
-def _draw_dots(axes: Axes, summary: SweepSummary, quantity: Quantity, members: IntArray) -> None:
+def _draw_dots(
+    axes: Axes, summary: SweepSummary, quantity: PoseQuantity, members: IntArray
+) -> None:
     known, unknown = members[quantity.known[members]], members[~quantity.known[members]]
     azimuth, elevation = summary.azimuth_on_maps, summary.elevation
     axes.scatter(

@@ -27,7 +27,7 @@ from iriftrace.figures.style import (
 )
 from iriftrace.geometry.triangles import polydata
 from iriftrace.part.part import Part
-from iriftrace.planning.quantities import Quantity
+from iriftrace.planning.quantities import PoseQuantity
 from iriftrace.planning.summary import SweepSummary
 from iriftrace.sweep.faces import FaceMap
 from iriftrace.sweep.reload import Surroundings
@@ -50,7 +50,7 @@ _FAR_SIZE = 0.65
 
 
 def sweep_scene_figure(
-    summary: SweepSummary, quantity: Quantity, surroundings: Surroundings
+    summary: SweepSummary, quantity: PoseQuantity, surroundings: Surroundings
 ) -> Figure:
     """Draw the poses of a sweep in space, coloured by a metric, 1600 x 1200 pixels.
 
@@ -85,9 +85,6 @@ def sweep_scene_figure(
     scale = scale_of(quantity)
 
     def draw(plotter: pv.Plotter) -> None:
-        if part:
-            space.add_part(plotter, part)
-        space.add_blockers(plotter, surroundings.blockers)
         ball = pv.Sphere(radius=1.0, theta_resolution=24, phi_resolution=24)
         spheres = _marks(ball, summary.origins[known], radii[known])
         colours = scale.rgb(quantity.values[known])
@@ -96,16 +93,7 @@ def sweep_scene_figure(
         rings = _marks(ring, summary.origins[unknown], radii[unknown])
         if rings.n_cells:
             plotter.add_mesh(rings, color=_UNKNOWN_COLOUR, lighting=False)
-        if shell:
-            # Last, because it is blended with what lies behind it.
-            plotter.add_mesh(
-                space.thinned(polydata(*shell)),
-                color=_SHELL_COLOUR,
-                opacity=_SHELL_OPACITY,
-                culling="back",
-                smooth_shading=True,
-                ambient=0.5,
-            )
+        add_surroundings(plotter, surroundings)
 
     hidden = "" if shown.all() else "  ·  the best at each place"
     entries = [*marks(summary, ~quantity.known, BEST_RING), *_surroundings_entries(surroundings)]
@@ -116,6 +104,22 @@ def sweep_scene_figure(
     axes.plot(*view.pixels(warned).T, **WARNED)
     axes.plot(*view.pixels(summary.origins[summary.plan.best])[0], **BEST_RING)
     return figure
+
+
+def add_surroundings(plotter: pv.Plotter, surroundings: Surroundings) -> None:
+    """Add part and blockers, and the hot air, which is blended with what was added before."""
+    if surroundings.part:
+        space.add_part(plotter, surroundings.part)
+    space.add_blockers(plotter, surroundings.blockers)
+    if surroundings.hot_air:
+        plotter.add_mesh(
+            space.thinned(polydata(*surroundings.hot_air)),
+            color=_SHELL_COLOUR,
+            opacity=_SHELL_OPACITY,
+            culling="back",
+            smooth_shading=True,
+            ambient=0.5,
+        )
 
 
 def _surroundings_entries(surroundings: Surroundings) -> list[Artist]:

@@ -2,34 +2,37 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
+from functools import singledispatch
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyvista as pv
+import xarray as xr
 from matplotlib import colormaps
 from matplotlib.colors import to_rgb
 
-from iriftrace.camera.camera import Camera
-from iriftrace.core.arrays import AnyArray, FloatArray
+from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, SetupError
 from iriftrace.core.units import ZERO_CELSIUS_K, counted
+from iriftrace.field.index_field import IndexField
 from iriftrace.field.source import FieldSource, stated_source, synthetic_mark
 from iriftrace.figures import space
 from iriftrace.figures.scene import (
     COLOUR_MAP,
     SECOND_COLOUR,
     SIGHT_COLOUR,
+    add_device,
     add_shells,
-    camera_body,
     celsius_of,
-    sight_lines,
 )
 from iriftrace.figures.style import even_ticks
+from iriftrace.figures.sweep_space import add_surroundings
 from iriftrace.geometry.triangles import polydata
+from iriftrace.image.aov_image import AovImage
 from iriftrace.part.part import Part
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.sweep.faces import displacement_limits
 
 Draw = Callable[[pv.Plotter], None]
@@ -47,46 +50,54 @@ SCALAR_BAR: Any = {
 }
 """Next to the drawn objects, not over its axes."""
 
-_MESHES = (".ply", ".stl", ".obj", ".glb", ".gltf", ".off")
-_OTHER_CLOUDS = (".asc", ".xyz", ".pts", ".pcd", ".e57")
 _WITHOUT_DISPLAY = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
 
 
 def view(
-    path: str | Path, picture: str | Path | None = None, *, length_unit: str | None = None
+    shown: LoadedScene | AovImage | xr.Dataset | pv.PolyData | IndexField | Part,
+    picture: str | Path | None = None,
+    *,
+    source: FieldSource | None = None,
+    title: str = "iriftrace",
 ) -> None:
-    """Show a file in space, in a window that stays open until it is closed.
-
-    Scenes (.xml) with part, shells cut open and devices; poses (.exr) with their hits, coloured by
-    displacement; sweeps (.nc) with their cameras, coloured by score; clouds (.vtp, .ply) of
-    `measure`, `correct` and ``render --surface``, coloured by the error; fields (.vtu and others
-    that `iriftrace.read_field` reads), cut open; parts (.ply .stl .obj .glb) with their regions.
+    """Show a scene, a result, a field or a part, in a window that stays open until it is closed.
 
     Parameters
     ----------
-    path
+    shown
+        A scene with part, shells cut open and devices; the image of a pose with its hits, coloured
+        by displacement; a sweep with its cameras, coloured by score; the points of a cloud with
+        the columns of `measure`, `correct` or `write_surface`, coloured by the error; a field, cut
+        open; a part with its regions.
     picture
         Draw without a window into this .png.
-    length_unit
-        Unit of a part's coordinates; by default the unit that its file states, else mm.
+    source
+        Source of the field of a cloud, which cannot state its own.
+    title
+        Title of the window.
 
     Raises
     ------
     InputError
-        The file cannot be read, or is of another kind.
+        There is nothing to show, or files of the scene or sweep cannot be read.
     SetupError
         There is no display for a window, or no OpenGL for drawing without one.
     """
-    if not Path(path).exists():
-        raise InputError(f"There is no file {path}; give an existing one.")
+    draw, stated = _drawing(shown)
+    mark = synthetic_mark(source or stated)
+
+    def draw_marked(plotter: pv.Plotter) -> None:
+        draw(plotter)
+        if mark:
+            plotter.add_text(mark, position="lower_edge", font_size=10)
+
     if picture is not None:
-        draw = _drawing(Path(path), length_unit)
         with space.off_screen(space.SIZE_PX) as plotter:
-            _set_up(plotter, draw)
+            _set_up(plotter, draw_marked)
             plotter.screenshot(str(picture))
         return
-    window = _window(f"iriftrace: {path}")
-    _set_up(window, _drawing(Path(path), length_unit))
+    window = _window(title)
+    _set_up(window, draw_marked)
     # Here nested transparent shells are seen from all sides.
     window.enable_depth_peeling()
     window.show()
@@ -124,33 +135,26 @@ def _set_up(plotter: Any, draw: Draw) -> None:
     plotter.camera.zoom(0.9)
 
 
-def _drawing(path: Path, length_unit: str | None) -> Draw:
-    """The function that draws a file, once all of it has been read."""
-    suffix = path.suffix.lower()
-    if length_unit is not None and suffix not in _MESHES:
-        raise InputError(
-            f"A length unit is for the mesh of a part, and {path} is not one "
-            f"({', '.join(_MESHES)}); leave it out (--length-unit)."
-        )
-    known = {".xml": _scene, ".exr": _pose, ".nc": _sweep, ".vtp": _cloud}
-    if suffix in known:
-        return known[suffix](path)
-    if suffix in _MESHES:
-        return _part(path, length_unit)
-    if suffix in _OTHER_CLOUDS:
-        raise InputError(f"{path} is a cloud; one is shown from a .vtp or .ply: write it as that.")
-    return _field(path)
+@singledispatch
+def _drawing(shown: object) -> tuple[Draw, FieldSource | None]:
+    """The function that draws a result, and the source of its field."""
+    raise InputError(
+        f"An object of the type {type(shown).__name__} cannot be shown; give what load_scene, "
+        "read_exr, read_sweep, read_field or read_part returns."
+    )
 
 
-def _scene(path: Path) -> Draw:
+@_drawing.register
+def _scene(scene: LoadedScene) -> tuple[Draw, FieldSource | None]:
     from iriftrace.scene.file import read_scene_file
-    from iriftrace.scene.load import load_scene
     from iriftrace.scene.outline import blocker_surfaces
     from iriftrace.shells.files import load_shells
 
-    scene, blockers = load_scene(path), blocker_surfaces(path)
+    if scene.path is None:
+        raise InputError("A scene that is not in a folder cannot be shown; save it and load that.")
     first = scene if scene.ensemble is None else next(iter(scene.ensemble.scenes()))
-    files = read_scene_file(path, first.variables).shell_paths
+    blockers = blocker_surfaces(scene.path)
+    files = read_scene_file(scene.path, first.variables).shell_paths
     shells = load_shells(files[0].parent) if files else None
     named = {"part": space.PART_COLOUR, "camera": SIGHT_COLOUR}
     if scene.second is not None:
@@ -176,61 +180,48 @@ def _scene(path: Path) -> Draw:
             f"{celsius[-1]:.0f} degC (yellow)",
             font_size=10,
         )
-        _add_mark(plotter, shells.source)
 
-    return draw
+    return draw, None if shells is None else shells.source
 
 
-def _pose(path: Path) -> Draw:
-    from iriftrace.image.aov_image import read_exr
+@_drawing.register
+def _pose(image: AovImage) -> tuple[Draw, FieldSource | None]:
     from iriftrace.image.displacement import good_mask
 
-    image = read_exr(path)
     part, good = image.part, good_mask(image)
     if not good.any():
-        raise InputError(f"{path} has no good ray, so there is nothing to show.")
+        raise InputError("The image has no good ray, so there is nothing to show.")
     hits = pv.PolyData(image.vector("straight", good).astype(np.float64))
     moved = 1e3 * image.channels["displacement.norm"][good].astype(np.float64)
+    named = {"part without a displacement": space.PART_COLOUR, "camera": SIGHT_COLOUR}
 
     def draw(plotter: pv.Plotter) -> None:
-        _add_legend(
-            plotter, {"part without a displacement": space.PART_COLOUR, "camera": SIGHT_COLOUR}
-        )
+        _add_legend(plotter, named)
         space.add_part(plotter, part)
         _add_points(plotter, hits, moved, CLOUD_COLUMNS["displacement"])
-        _add_mark(plotter, stated_source(image.header.get("field")))
         add_device(plotter, image.camera, part, SIGHT_COLOUR)
 
-    return draw
+    return draw, stated_source(image.header.get("field"))
 
 
-def _sweep(path: Path) -> Draw:
+@_drawing.register
+def _sweep(dataset: xr.Dataset) -> tuple[Draw, FieldSource | None]:
     from iriftrace.planning.summary import summarise
-    from iriftrace.studies.study import is_study
     from iriftrace.sweep.reload import surroundings_of
-    from iriftrace.sweep.store import attribute, read_sweep
+    from iriftrace.sweep.store import attribute
 
-    if is_study(path):
-        raise InputError(f"{path} is a study, which has nothing in space; draw it: iriftrace plot.")
-    dataset = read_sweep(path)
     summary = summarise(dataset)
-    around = surroundings_of(dataset)
+    surroundings = surroundings_of(dataset)
     length = 0.05 * float(summary.distance.max())
 
     def draw(plotter: pv.Plotter) -> None:
-        if around.part is not None:
-            space.add_part(plotter, around.part)
-        if around.hot_air is not None:
-            air = space.thinned(polydata(*around.hot_air))
-            plotter.add_mesh(air, color="#7fb0d6", opacity=0.2, smooth_shading=True)
         cones = pv.PolyData(summary.origins)
         cones["aim"] = summary.matrices[:, :3, 2]
         cones[summary.score.title] = summary.score.values
         shape = pv.Cone(center=(0.5 * length, 0.0, 0.0), height=length, radius=0.4 * length)
         shape.rotate_y(180.0, point=shape.center, inplace=True)
-        poses = cones.glyph(orient="aim", scale=False, geom=shape)
         plotter.add_mesh(
-            poses,
+            cones.glyph(orient="aim", scale=False, geom=shape),
             scalars=summary.score.title,
             cmap="viridis",
             nan_color="#b3b3b3",
@@ -239,22 +230,16 @@ def _sweep(path: Path) -> Draw:
         best = summary.plan.best
         ends = summary.origins[best], summary.targets[best]
         plotter.add_mesh(pv.Line(*ends), color=SIGHT_COLOUR, line_width=4)
+        add_surroundings(plotter, surroundings)
         plotter.add_text(f"line of sight of pose {best}, the best by score", font_size=10)
-        _add_mark(plotter, stated_source(attribute(dataset, "field")))
 
-    return draw
-
-
-def _cloud(path: Path) -> Draw:
-    from iriftrace.field.readers.vtk_process import read_file
-
-    cloud = pv.wrap(read_file(path))
-    columns = {name: np.asarray(cloud.point_data[name]) for name in cloud.point_data}
-    return _coloured(path, np.asarray(cloud.points, dtype=np.float64), columns)
+    return draw, stated_source(attribute(dataset, "field"))
 
 
-def _coloured(path: Path, places: FloatArray, columns: Mapping[str, AnyArray]) -> Draw:
+@_drawing.register
+def _cloud(cloud: pv.PolyData) -> tuple[Draw, FieldSource | None]:
     """Points in the colours of the first known column, or of a vector's length."""
+    columns = {name: np.asarray(cloud.point_data[name]) for name in cloud.point_data}
     known = dict(columns)
     for vector in CLOUD_COLUMNS:
         parts = [columns[key] for key in (f"{vector}_{axis}" for axis in "xyz") if key in columns]
@@ -263,66 +248,37 @@ def _coloured(path: Path, places: FloatArray, columns: Mapping[str, AnyArray]) -
     name = next((name for name in CLOUD_COLUMNS if name in known), None)
     if name is None:
         raise InputError(
-            f"{path} has no column {', '.join(CLOUD_COLUMNS)}; give a cloud of iriftrace measure, "
+            f"The cloud has no column {', '.join(CLOUD_COLUMNS)}; give one of iriftrace measure, "
             "correct or render --surface."
         )
     values, title = known[name], CLOUD_COLUMNS[name]
     um = 1e3 * (values if values.ndim == 1 else np.linalg.norm(values, axis=1)).astype(np.float64)
-    if "status" in columns:
-        # Nothing is known of other points, which does not mean 0.
-        good = np.asarray(columns["status"]) == 0
-        places, um = places[good], um[good]
-    if len(um) == 0:
-        raise InputError(f"{path} has no point of status 0, so there is nothing to show.")
-    points, source = pv.PolyData(places), _source_beside(path)
-
-    def draw(plotter: pv.Plotter) -> None:
-        _add_points(plotter, points, um, title)
-        _add_mark(plotter, source)
-
-    return draw
+    # Nothing is known of points of another status, which does not mean 0.
+    good = columns.get("status", np.zeros(len(um))) == 0
+    if not good.any():
+        raise InputError("The cloud has no point of status 0, so there is nothing to show.")
+    points = pv.PolyData(np.asarray(cloud.points, dtype=np.float64)[good])
+    return lambda plotter: _add_points(plotter, points, um[good], title), None
 
 
-def _source_beside(path: Path) -> FieldSource | None:
-    """Source of the field from the numbers next to a cloud; None if they do not exist."""
-    try:
-        values = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
-        return stated_source(values["field"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
-
-
-def _field(path: Path) -> Draw:
-    from iriftrace.field.read import read_field
-
-    field = read_field(path)
-    grid, title = field.grid, "air (degC)"
+@_drawing.register
+def _field(field: IndexField) -> tuple[Draw, FieldSource | None]:
+    grid, title = field.grid.copy(deep=False), "air (degC)"
     grid.point_data[title] = field.temperature_k - ZERO_CELSIUS_K
     half = grid.clip(normal="y", origin=grid.center)
 
     def draw(plotter: pv.Plotter) -> None:
-        plotter.add_mesh(
-            half, scalars=title, cmap=colormaps[COLOUR_MAP], scalar_bar_args=SCALAR_BAR
-        )
+        colours = colormaps[COLOUR_MAP]
+        plotter.add_mesh(half, scalars=title, cmap=colours, scalar_bar_args=SCALAR_BAR)
         plotter.add_mesh(grid.outline(), color="#666666")
-        _add_mark(plotter, field.source)
 
-    return draw
+    return draw, field.source
 
 
-def _part(path: Path, length_unit: str | None) -> Draw:
-    from iriftrace.geometry.ply import read_ply
-    from iriftrace.part.part import read_part
+@_drawing.register
+def _part(part: Part) -> tuple[Draw, FieldSource | None]:
     from iriftrace.part.region_choice import placed_regions
 
-    if path.suffix.lower() == ".ply" and path.is_file():
-        try:
-            mesh = read_ply(path)
-        except Exception as error:  # its reader lets any through that a damaged file causes
-            raise InputError(f"{path} is damaged ({error}); write it again.") from error
-        if not len(mesh.faces):
-            return _coloured(path, mesh.vertices, mesh.vertex_columns)
-    part = read_part(path, length_unit=length_unit)
     colours = colormaps["tab20"](np.arange(len(part.region_names)) % 20)
     names = placed_regions(part)
 
@@ -332,7 +288,7 @@ def _part(path: Path, length_unit: str | None) -> Draw:
             plotter.add_mesh(of_region, color=colour, ambient=0.3)
         _add_legend(plotter, dict(zip(names, colours, strict=True)))
 
-    return draw
+    return draw, None
 
 
 def _add_legend(plotter: pv.Plotter, colours: Mapping[str, Any]) -> None:
@@ -349,20 +305,6 @@ def _add_legend(plotter: pv.Plotter, colours: Mapping[str, Any]) -> None:
         symbol.point_data.set_array(np.tile(rgb, (symbol.n_points, 1)), "rgb")
         symbol.GetPointData().SetActiveScalars("rgb")
         legend.SetEntrySymbol(number, symbol)
-
-
-def add_device(plotter: pv.Plotter, camera: Camera, part: Part, colour: str) -> None:
-    """Add a camera or projector, the edges of its view and the outlines of its focus interval."""
-    plotter.add_mesh(camera_body(camera, part), color=colour, ambient=0.3)
-    for _, points in sight_lines(camera, part):
-        plotter.add_mesh(pv.lines_from_points(points), color=colour, line_width=2, lighting=False)
-
-
-def _add_mark(plotter: pv.Plotter, source: FieldSource | None) -> None:
-    """Mark a result that does not come from a simulation."""
-    mark = synthetic_mark(source)
-    if mark:
-        plotter.add_text(mark, position="lower_edge", font_size=10)
 
 
 def _add_points(plotter: pv.Plotter, points: pv.PolyData, um: FloatArray, title: str) -> None:

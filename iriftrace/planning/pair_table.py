@@ -1,8 +1,8 @@
-"""Pairs of a sweep's poses to first order: error, bias, coverage and angle of each."""
+"""Pairs of a sweep's poses to first order: error, bias, coverage, angle and score of each."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations, permutations
 from typing import TYPE_CHECKING
 
@@ -17,6 +17,8 @@ from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.image.sightings import FaceSightings, sightings_of
 from iriftrace.part.part import Part
 from iriftrace.planning.criteria import Criteria
+from iriftrace.planning.objective import Objective
+from iriftrace.sweep.measures import Limits
 from iriftrace.sweep.reload import swept_camera
 from iriftrace.sweep.store import WHOLE_PART
 from iriftrace.triangulation.devices import Sensor, System
@@ -68,6 +70,33 @@ class PairRequest:
     @areas.default
     def _areas(self) -> FloatArray:
         return np.where(self.inside, self.part.face_areas, 0.0)
+
+    def quantities(self, values: FloatArray) -> dict[str, FloatArray]:
+        """What ranks n pairs, the smaller the better: error, mm, unseen fraction, noise.
+
+        The values are `PairPlan.error_mm`, `bias_mm`, `coverage` and `angle_deg`, (4, n) array.
+        """
+        size, bias, coverage, angle_deg = values
+        return {
+            # A diameter that is right because large errors cancel is wrong in other air.
+            "error": np.maximum(np.abs(bias), size) if self.feature else size,
+            "unseen": 1.0 - coverage,
+            "noise": 1.0 / np.sin(np.radians(angle_deg)),
+        }
+
+    def objective(self, limits: Mapping[str, Limits], *, clipped: bool = True) -> Objective:
+        """Score of pairs by the limits of their quantities; one whose limits coincide counts 0."""
+        weights = self.criteria.weights
+        return Objective(
+            weights={
+                "error": weights["displacement"],
+                "unseen": weights["coverage"],
+                "noise": weights["axial"] + weights["lateral"],
+            },
+            limits=limits,
+            constant=[name for name, (low, high) in limits.items() if low == high],
+            clipped=clipped,
+        )
 
 
 def _feature_region(feature: str, criteria: Criteria, part: Part) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,8 +13,9 @@ from iriftrace.core.errors import InputError
 from iriftrace.planning.candidates import ranked_region
 from iriftrace.planning.cover import warn_of_large_faces
 from iriftrace.planning.criteria import STANDARD, Criteria
+from iriftrace.planning.objective import limits_of
 from iriftrace.planning.pair_table import PairRequest, PoseView, pair_table, statistic_of, views_of
-from iriftrace.planning.rank import limits_of
+from iriftrace.sweep.measures import Limits
 from iriftrace.sweep.reload import load_swept_scene, swept_part
 from iriftrace.triangulation.devices import System
 from iriftrace.triangulation.measure import measure
@@ -83,7 +84,7 @@ class PairPlan:
     feature: str
     criteria: Criteria
     angles_deg: tuple[float, float]
-    limits: dict[str, tuple[float, float]]
+    limits: dict[str, Limits]
 
 
 def plan_pairs(
@@ -158,11 +159,10 @@ def plan_pairs(
             "poses, or give another --angle."
         )
     values = table[:, 2:].T
-    limits = {
-        name: limits_of(each, criteria.percentile)
-        for name, each in _quantities(values, request).items()
-    }
-    score = score_of_pairs(values, limits, request, clipped=True)
+    quantities = request.quantities(values)
+    limits = {name: limits_of(each, criteria.percentile) for name, each in quantities.items()}
+    objective = request.objective(limits)
+    score = objective.score(quantities)
     order = np.argsort(score, kind="stable")
     exact: list[float] = []
     engine = ""
@@ -175,7 +175,7 @@ def plan_pairs(
         # The measured pairs are ordered by their measured errors.
         measured = values[:, best]
         measured[1 if feature else 0] = exact
-        known = score_of_pairs(measured, limits, request, clipped=True)
+        known = objective.score(request.quantities(measured))
         again = np.argsort(known, kind="stable")
         order[: len(exact)], exact = best[again], [exact[k] for k in again]
         score[best] = known
@@ -210,7 +210,7 @@ def _measured(
             scan = measure(scene, views[i].camera, views[j].camera, system=request.system)
             engines.add(scan.provenance["engine"])
             exact.append(
-                size_error(scan, request)
+                _size_error(scan, request)
                 if request.feature
                 else statistic_along(scan, request.inside[scan.face], request.criteria)
             )
@@ -219,43 +219,6 @@ def _measured(
                 f"Poses {i} and {j} cannot be measured: {reason} Or {LEAVE_OUT}"
             ) from reason
     return exact, " and ".join(sorted(engines))
-
-
-def _quantities(values: FloatArray, request: PairRequest) -> dict[str, FloatArray]:
-    """What ranks n pairs, the smaller the better: error, mm, unseen fraction, noise."""
-    size, bias, coverage, angle_deg = values
-    return {
-        # A diameter that is right because large errors cancel is wrong in other air.
-        "error": np.maximum(np.abs(bias), size) if request.feature else size,
-        "unseen": 1.0 - coverage,
-        "noise": 1.0 / np.sin(np.radians(angle_deg)),
-    }
-
-
-def score_of_pairs(
-    values: FloatArray,
-    limits: Mapping[str, tuple[float, float]],
-    request: PairRequest,
-    *,
-    clipped: bool,
-) -> FloatArray:
-    """Scores (n,) of pairs as `PairPlan.score`, by the limits of its quantities.
-
-    The values are `PairPlan.error_mm`, `bias_mm`, `coverage` and `angle_deg`, (4, n) array. With
-    clipping, no quantity counts less than its minimum or more than its percentile.
-    """
-    weights = request.criteria.weights
-    factors = {
-        "error": weights["displacement"],
-        "unseen": weights["coverage"],
-        "noise": weights["axial"] + weights["lateral"],
-    }
-    total = np.zeros(values.shape[1])
-    for name, found in _quantities(values, request).items():
-        low, high = limits[name]
-        fraction = (found - low) / (high - low) if high > low else 0.0 * found
-        total += factors[name] * (np.clip(fraction, 0.0, 1.0) if clipped else fraction)
-    return total
 
 
 def scene_of_pairs(dataset: xr.Dataset, pose: int) -> LoadedScene:
@@ -269,7 +232,26 @@ def scene_of_pairs(dataset: xr.Dataset, pose: int) -> LoadedScene:
         ) from error
 
 
-def size_error(scan: Scan, request: PairRequest) -> float:
+def measured_values(scan: Scan, request: PairRequest) -> FloatArray | None:
+    """What a measured pair has of `error_mm`, `bias_mm`, `coverage` and `angle_deg`, (4,) array.
+
+    Of all points at an angle in the range; None if they are too few.
+    """
+    angle = np.degrees(scan.angle)
+    low, high = request.angles_deg
+    chosen = request.inside[scan.face] & (angle >= low) & (angle <= high)
+    seen = scan.seen_fractions(request.part, chosen)
+    coverage = float(request.areas @ seen / request.areas.sum())
+    criteria = request.criteria
+    if chosen.sum() < criteria.min_hits or coverage < criteria.min_coverage:
+        return None
+    along = np.median(scan.error_normal[chosen])
+    bias = _size_error(scan, request) if request.feature else along
+    error = statistic_along(scan, chosen, criteria)
+    return np.array((error, bias, coverage, np.median(angle[chosen])))
+
+
+def _size_error(scan: Scan, request: PairRequest) -> float:
     """Error of the feature's diameter, mm."""
     (fitted,) = scan.features(request.part, [request.feature])
     error = fitted.size.difference("measured", "cold")

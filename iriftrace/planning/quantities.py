@@ -23,7 +23,7 @@ _WIDE = 20.0
 
 
 @frozen(eq=False)
-class Quantity:
+class PoseQuantity:
     """One metric of all n poses.
 
     Limits are the ends of the normalisation; for the score, which is not normalised again, its
@@ -50,7 +50,7 @@ class Quantity:
         return np.isfinite(self.values)
 
 
-def metric_quantity(plan: Plan, key: str, enough: BoolArray) -> Quantity:
+def metric_quantity(plan: Plan, key: str, enough: BoolArray) -> PoseQuantity:
     """One of `METRICS` of a ranking; `enough` masks the poses with values from enough rays."""
     if key == "displacement":
         name = ranked_error(plan.criteria).name
@@ -74,7 +74,7 @@ def metric_quantity(plan: Plan, key: str, enough: BoolArray) -> Quantity:
         factor, unit = 1.0, "mm"
     # Only the displacement spans orders of magnitude; zero has no place on its scale.
     wide = key == "displacement" and bool(np.nanmin(values) > 0.0)
-    return Quantity(
+    return PoseQuantity(
         key=key,
         title=name,
         name=f"{name}, {READINGS[reading_of(plan.criteria)]}" if resolution else name,
@@ -86,7 +86,9 @@ def metric_quantity(plan: Plan, key: str, enough: BoolArray) -> Quantity:
     )
 
 
-def scatter_quantity(view: xr.Dataset, criteria: Criteria, enough: BoolArray) -> Quantity | None:
+def scatter_quantity(
+    view: xr.Dataset, criteria: Criteria, enough: BoolArray
+) -> PoseQuantity | None:
     """Standard deviation over an ensemble's members in one region; None for a single field.
 
     The statistic is that of the standard deviations in one view; `enough` as in `metric_quantity`.
@@ -101,7 +103,7 @@ def scatter_quantity(view: xr.Dataset, criteria: Criteria, enough: BoolArray) ->
     title = "Scatter of diameters"
     if criteria.criterion != "features":
         title = f"{_STATISTICS[criteria.statistic]} scatter"
-    return Quantity(
+    return PoseQuantity(
         key="scatter",
         title=title,
         name=f"{title}, standard deviation over the members",
@@ -113,8 +115,8 @@ def scatter_quantity(view: xr.Dataset, criteria: Criteria, enough: BoolArray) ->
     )
 
 
-def score_quantity(plan: Plan) -> Quantity:
+def score_quantity(plan: Plan) -> PoseQuantity:
     """The combined score of a ranking."""
     name, unit = "Combined score", "dimensionless, the smaller the better"
     limits = float(np.nanmin(plan.score)), float(np.nanmax(plan.score))
-    return Quantity("score", name, name, unit, plan.score, limits, plan.score, False)
+    return PoseQuantity("score", name, name, unit, plan.score, limits, plan.score, False)

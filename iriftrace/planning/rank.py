@@ -1,14 +1,12 @@
 """Ranking of the poses of a sweep by one score of four metrics, and their Pareto front.
 
-Every metric is scaled to 0..1 between its minimum and a high percentile over the ranked poses, so
-that metrics of different units can be weighted against each other. The score is a sum of costs; the
-smallest is the best.
+The score is that of `iriftrace.planning.objective`; its quantities are `METRICS`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +16,8 @@ from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn, without_warnings
 from iriftrace.planning.candidates import in_force, name_of, rankable, scatter_added
 from iriftrace.planning.criteria import METRICS, STANDARD, Criteria
+from iriftrace.planning.objective import Objective, limits_of
+from iriftrace.sweep.measures import Limits
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 
 # Differences, as fractions of a metric's size: due to rounding, and too small to rank by.
 _ROUNDING, _LITTLE = 1e-9, 0.01
+
+# Metrics of which a larger value is better.
+_GAINS = ("coverage",)
 
 
 @frozen(eq=False)
@@ -41,7 +44,7 @@ class Plan:
     metrics: dict[str, FloatArray]  # (n,) each
     normalised: dict[str, FloatArray]  # (n,) each; NaN for unranked poses
     costs: dict[str, FloatArray]  # as normalised, but 1 - that for a coverage that differs
-    limits: dict[str, tuple[float, float]]  # minimum and percentile, without the added scatter
+    limits: dict[str, Limits]  # minimum and percentile, without the added scatter
     unranked: dict[int, str]  # number of each unranked pose and the reason
     constant: tuple[str, ...]  # metrics that are the same in all ranked poses; they count 0
     criteria: Criteria
@@ -51,6 +54,11 @@ class Plan:
     def best(self) -> int:
         """Number of the best pose."""
         return int(self.order[0])
+
+    @property
+    def objective(self) -> Objective:
+        """Score of any pose by the sweep's normalisation."""
+        return Objective(self.criteria.weights, self.limits, self.constant, _GAINS)
 
 
 def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
@@ -87,12 +95,13 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
 
     spreads = {name: _spread(values[ranked]) for name, values in metrics.items()}
     constant = tuple(name for name in METRICS if spreads[name] <= _ROUNDING)
-    normalised, costs = {}, {}
-    for name, values in metrics.items():
-        scaled = 0 * values if name in constant else _normalise(values, *limits[name])
-        normalised[name] = np.where(ranked, scaled, np.nan)
-        costs[name] = _cost(name, normalised[name], constant)
-    score = weighted(costs, {name: criteria.weights[name] for name in needed})
+    objective = Objective(criteria.weights, limits, constant, _GAINS)
+    normalised = {
+        name: np.where(ranked, objective.normalised(name, values), np.nan)
+        for name, values in metrics.items()
+    }
+    costs = {name: objective.cost(name, values) for name, values in normalised.items()}
+    score = objective.weighted(costs)
     order = np.argsort(score, kind="stable")[: np.count_nonzero(ranked)]
 
     messages = _of_spreads(spreads, needed, criteria, len(order))
@@ -115,19 +124,17 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
 def _above_percentile(
     metrics: Mapping[str, FloatArray],
     eligible: BoolArray,
-    limits: Mapping[str, tuple[float, float]],
+    limits: Mapping[str, Limits],
     criteria: Criteria,
 ) -> dict[int, str]:
     """Poses above the percentile in a metric that is needed, with the reason."""
     reasons: dict[int, str] = {}
     for name in criteria.needed:
-        upper = limits[name][1]
-        above = eligible & (metrics[name] > upper + _ROUNDING * abs(upper))
-        for pose in np.flatnonzero(above).tolist():
+        for pose in np.flatnonzero(eligible & _above(metrics[name], limits[name])).tolist():
             reasons.setdefault(
                 pose,
                 f"{name} {metrics[name][pose]:.4g} is above the {criteria.percentile:g}th "
-                f"percentile, {upper:.4g}",
+                f"percentile, {limits[name][1]:.4g}",
             )
     return reasons
 
@@ -172,16 +179,13 @@ def score_of(plan: Plan, metrics: Mapping[str, float]) -> float:
     `metrics` are its values of those of `METRICS` that have a positive weight; mm, and 0..1 for the
     coverage. NaN if one is unknown, or above the percentile if the plan discards such poses.
     """
-    total = 0.0
-    for name, weight in plan.criteria.weights.items():
-        if weight == 0 or name in plan.constant:
-            continue
-        value = np.array([metrics[name]], dtype=np.float64)
-        lower, upper = plan.limits[name]
-        if plan.criteria.outside == "discard" and value[0] > upper + _ROUNDING * abs(upper):
-            return math.nan
-        total += weight * float(_cost(name, _normalise(value, lower, upper), plan.constant)[0])
-    return total
+    counted = [name for name in plan.criteria.needed if name not in plan.constant]
+    values = {name: np.asarray(metrics[name], dtype=np.float64) for name in counted}
+    if plan.criteria.outside == "discard" and any(
+        _above(value, plan.limits[name]) for name, value in values.items()
+    ):
+        return math.nan
+    return float(plan.objective.score(values))
 
 
 def pareto_front(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> IntArray:
@@ -207,23 +211,9 @@ def pareto_front(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> IntArray
     return np.sort(poses[front]).astype(np.int64)
 
 
-def limits_of(values: FloatArray, percentile: float) -> tuple[float, float]:
-    """Minimum and percentile of the known values."""
-    known = values[np.isfinite(values)]
-    if len(known) == 0:
-        return math.nan, math.nan
-    return float(known.min()), float(np.percentile(known, percentile))
-
-
-def _normalise(values: FloatArray, lower: float, upper: float) -> FloatArray:
-    if upper > lower:
-        return np.clip((values - lower) / (upper - lower), 0.0, 1.0)
-    # The limit of a vanishing interval: nearly all poses have the minimum.
-    return np.where(np.isfinite(values), np.where(values > lower, 1.0, 0.0), np.nan)
-
-
-def _cost(name: str, normalised: FloatArray, constant: Collection[str]) -> FloatArray:
-    return 1 - normalised if name == "coverage" and name not in constant else normalised
+def _above(values: FloatArray, limits: Limits) -> BoolArray:
+    """True where values are above the percentile, and not only by rounding."""
+    return np.asarray(values > limits[1] + _ROUNDING * abs(limits[1]))
 
 
 def _spread(values: FloatArray) -> float:
@@ -231,9 +221,3 @@ def _spread(values: FloatArray) -> float:
     known = values[np.isfinite(values)]
     largest = np.abs(known).max(initial=0.0)
     return float(np.ptp(known) / largest) if largest > 0 else 0.0
-
-
-def weighted(costs: dict[str, FloatArray], weights: dict[str, float]) -> FloatArray:
-    """Weighted sum of costs."""
-    total: FloatArray = np.sum([weight * costs[name] for name, weight in weights.items()], axis=0)
-    return total

@@ -1,4 +1,4 @@
-"""From the best pose of a sweep to the best pose near it: position, distance and roll are free.
+"""From the best pose or pair of a sweep to the best near it: position, distance and roll are free.
 
 The score is that of the plan, with the normalisation of the sweep, so that scores can be compared.
 It has small steps (a pixel comes onto the part or leaves it) and no derivatives.
@@ -7,40 +7,45 @@ It has small steps (a pixel comes onto the part or leaves it) and no derivatives
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-from attrs import frozen
+from attrs import asdict, frozen
 from scipy.optimize import minimize
-from scipy.spatial.transform import Rotation
 
 from iriftrace.camera.pose import look_at_of
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.errors import InputError, warn
+from iriftrace.core.errors import InputError, warn, without_warnings
 from iriftrace.core.files import write_json
+from iriftrace.core.plain import JsonObject
+from iriftrace.planning.around import around_pose
 from iriftrace.planning.candidates import metric_variables, ranked_error
+from iriftrace.planning.pair_table import PairRequest
+from iriftrace.planning.pairs import PairPlan, measured_values, scene_of_pairs
 from iriftrace.planning.rank import Plan, score_of
-from iriftrace.sweep.measures import ENSEMBLE, MEASURES, RIG
+from iriftrace.sweep.measures import ENSEMBLE, MEASURES, RIG, Limits
+from iriftrace.sweep.reload import swept_camera
 from iriftrace.sweep.store import WHOLE_PART, attribute
+from iriftrace.trace.rays import is_inside
+from iriftrace.triangulation.measure import measure
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from iriftrace.camera.camera import Camera
+    from iriftrace.scene.loaded import LoadedScene
     from iriftrace.sweep.reload import SweptScene
 
 
 SCHEMA = "iriftrace.refined/1"
+PAIR_SCHEMA = "iriftrace.refined_pair/1"
 
 FEWEST_EVALUATIONS = 10
 
-# Range of the search: as far as the next pose of the sweep, within these limits.
-_REACH_DEG = (2.0, 30.0)
-# Range of the distance, a factor in both directions, and of the roll, an angle in both directions.
-_FACTOR, _ROLL_DEG = 1.25, 45.0
-# As a fraction of these ranges.
+# Steps of the search, as fractions of the ranges of `Around`.
 _FIRST_STEP, _LAST_STEP = 0.4, 1e-3
 
 # Smaller differences are rounding, or no more than a ray at an edge.
@@ -48,6 +53,9 @@ _LEAST_GAIN = 1e-4
 
 # Rendering the pose again gives the sweep's own score, except for a few rays on other processors.
 _SAME_SCORE = 0.01
+
+# Score of a pair that cannot be measured: larger than any other.
+_NOTHING = 1e3
 
 
 @frozen(eq=False)
@@ -95,10 +103,50 @@ class Refinement:
 
 
 @frozen(eq=False)
+class PairValue:
+    """Measurement of a pair: `error_mm` to `angle_deg` as in `PairPlan`, of all measured points.
+
+    The score uses the normalisation of the sweep's pairs, and is less than 0 if it is better than
+    all of them.
+    """
+
+    matrices: FloatArray  # (2, 4, 4), of the camera and the second device, camera to world, mm
+    distances_mm: FloatArray  # (2,), from each to its target
+    score: float
+    error_mm: float = math.nan
+    bias_mm: float = math.nan
+    coverage: float = math.nan
+    angle_deg: float = math.nan
+
+    def as_dict(self) -> JsonObject:
+        """Plain JSON values."""
+        values = asdict(self)
+        matrices, distances = values.pop("matrices"), values.pop("distances_mm")
+        devices = {
+            name: {"matrix": matrices[row].tolist(), "distance_mm": float(distances[row])}
+            for row, name in enumerate(("camera", "second"))
+        }
+        return {**devices, **values}
+
+
+@frozen(eq=False)
+class PairRefinement:
+    """The best pair found near the best one of a sweep; never worse than that."""
+
+    start: PairValue
+    best: PairValue
+    evaluations: int  # number of measured pairs
+    converged: bool  # the search ended before the evaluations did
+
+
+@frozen(eq=False)
 class _Trial:
     score: float
     metrics: dict[str, float]
     place: FloatArray
+
+
+_T = TypeVar("_T", _Trial, PairValue)
 
 
 def check_evaluations(evaluations: int) -> None:
@@ -135,105 +183,117 @@ def refine_pose(
     around = around_pose(dataset, plan.best)
     # Larger than any other score.
     without_score = 1.0 + sum(plan.criteria.weights.values())
-    trials: list[_Trial] = []
 
-    def evaluate(place: FloatArray) -> float:
-        metrics = _metrics(swept, around.matrix(place), plan)
-        score = math.nan if metrics is None else score_of(plan, metrics)
-        known = without_score if math.isnan(score) else score
-        trials.append(_Trial(known, metrics or {}, np.array(place)))
-        if progress is not None:
-            progress(len(trials), min(trial.score for trial in trials))
-        return known
+    def trial(place: FloatArray) -> _Trial:
+        metrics = _metrics(swept, around.matrix(place), plan) or {}
+        score = score_of(plan, metrics) if metrics else math.nan
+        return _Trial(without_score if math.isnan(score) else score, metrics, np.array(place))
 
-    start_score = evaluate(np.zeros(4))
-    swept_score = plan.score[plan.best]
-    if start_score >= without_score:
-        raise InputError(
-            f"Pose {plan.best} cannot be scored when it is rendered again, so the scene "
-            "has changed since the sweep; run the sweep again."
-        )
-    if abs(start_score - swept_score) > _SAME_SCORE:
-        warn(
-            f"The scene gives pose {plan.best} the score {start_score:.3f} and the sweep had "
-            f"{swept_score:.3f}, so its air is not that of the sweep; run it again."
-        )
-    converged = search(evaluate, 4, evaluations - 1)
-    best = min(trials, key=lambda trial: trial.score)
-    if start_score - best.score < _LEAST_GAIN:
-        best = trials[0]
+    def check(start: _Trial) -> None:
+        swept_score = plan.score[plan.best]
+        if start.score >= without_score:
+            raise InputError(
+                f"Pose {plan.best} cannot be scored when it is rendered again, so the scene "
+                "has changed since the sweep; run the sweep again."
+            )
+        if abs(start.score - swept_score) > _SAME_SCORE:
+            warn(
+                f"The scene gives pose {plan.best} the score {start.score:.3f} and the sweep had "
+                f"{swept_score:.3f}, so its air is not that of the sweep; run it again."
+            )
+
+    start, best, count, converged = _search(trial, check, 4, evaluations, progress)
+    if start.score - best.score < _LEAST_GAIN:
+        best = start
     return Refinement(
         start=plan.best,
         matrix=around.matrix(best.place),
         distance_mm=around.distance(best.place),
         score=best.score,
-        start_score=start_score,
+        start_score=start.score,
         metrics=best.metrics,
-        start_metrics=trials[0].metrics,
+        start_metrics=start.metrics,
         turn_deg=float(np.degrees(np.linalg.norm(around.turn(best.place)))),
-        roll_deg=_ROLL_DEG * float(best.place[3]),
-        evaluations=len(trials),
+        roll_deg=around.roll_deg(best.place),
+        evaluations=count,
         converged=converged,
     )
 
 
-def search(evaluate: Callable[[FloatArray], float], count: int, evaluations: int) -> bool:
-    """Search for the place, `count` numbers in -1..1 from 0 on, where a value is the smallest.
+def refine_pair(
+    dataset: xr.Dataset,
+    plan: PairPlan,
+    *,
+    evaluations: int = 80,
+    progress: Callable[[int, float], None] | None = None,
+) -> PairRefinement:
+    """Search for a better pair around the best one of a sweep, with at most so many measurements.
 
-    Uses SciPy's COBYQA, see `refine_pose`. True if it ended before the evaluations did.
+    Direction, distance and roll of both devices are free, each as in `refine_pose`; every pair is
+    measured (`iriftrace.measure`) through the field data if they lie next to the scene. `progress`
+    is called after each with their number and the best score so far.
+
+    Raises InputError for fewer than 10 evaluations, if the scene is missing or has changed, or if
+    the best pair cannot be measured.
     """
+    check_evaluations(evaluations)
+    first, second = plan.pairs[0].tolist()
+    around = [around_pose(dataset, pose) for pose in (first, second)]
+    cameras = [swept_camera(dataset, pose) for pose in (first, second)]
+    scene = scene_of_pairs(dataset, first)
+    request = PairRequest(scene.part, plan.criteria, plan.system, plan.feature, plan.angles_deg)
+
+    def trial(place: FloatArray) -> PairValue:
+        moves = list(zip(cameras, around, place.reshape(2, 4), strict=True))
+        devices = [camera.at(poses.matrix(move)) for camera, poses, move in moves]
+        distances = np.array([poses.distance(move) for _, poses, move in moves])
+        return _value(scene, devices, distances, request, plan.limits)
+
+    def check(start: PairValue) -> None:
+        if start.score >= _NOTHING:
+            raise InputError(
+                f"Poses {first} and {second} measure too little together to search around them; "
+                "give another --angle or --min-coverage."
+            )
+
+    return PairRefinement(*_search(trial, check, 8, evaluations, progress))
+
+
+def _search(
+    trial: Callable[[FloatArray], _T],
+    check: Callable[[_T], None],
+    count: int,
+    evaluations: int,
+    progress: Callable[[int, float], None] | None,
+) -> tuple[_T, _T, int, bool]:
+    """Search for the place, `count` numbers in -1..1, of the smallest score, by SciPy's COBYQA.
+
+    The start, all zeros, is checked before the search. Returns the trial there, the best trial, the
+    number of trials, and True if the search ended before the evaluations did.
+    """
+    trials: list[_T] = []
+
+    def evaluate(place: FloatArray) -> float:
+        trials.append(trial(place))
+        if progress is not None:
+            progress(len(trials), min(each.score for each in trials))
+        return trials[-1].score
+
+    evaluate(np.zeros(count))
+    check(trials[0])
     found = minimize(
         evaluate,
         np.zeros(count),
         method="COBYQA",
         bounds=[(-1.0, 1.0)] * count,
         options={
-            "maxfev": evaluations,
+            "maxfev": evaluations - 1,
             "initial_tr_radius": _FIRST_STEP,
             "final_tr_radius": _LAST_STEP,
         },
     )
-    return bool(found.success)
-
-
-@frozen(eq=False)
-class Around:
-    """Poses around a pose, by four numbers in -1..1: turns about two axes, distance, roll."""
-
-    start: FloatArray
-    start_mm: float
-    reach_deg: float
-
-    def turn(self, place: FloatArray) -> FloatArray:
-        """Rotation vector, rad, world, about the camera's x- and y-axis through its target."""
-        return math.radians(self.reach_deg) * (self.start[:3, :2] @ place[:2])
-
-    def distance(self, place: FloatArray) -> float:
-        """From camera to target, mm."""
-        return self.start_mm * float(_FACTOR ** place[2])
-
-    def matrix(self, place: FloatArray) -> FloatArray:
-        """(4, 4) array, camera to world, mm."""
-        target = self.start[:3, 3] + self.start_mm * self.start[:3, 2]
-        roll = Rotation.from_rotvec((0.0, 0.0, math.radians(_ROLL_DEG) * place[3]))
-        pose = np.eye(4)
-        turn = Rotation.from_rotvec(self.turn(place))
-        pose[:3, :3] = turn.as_matrix() @ self.start[:3, :3] @ roll.as_matrix()
-        pose[:3, 3] = target - self.distance(place) * pose[:3, 2]
-        return pose
-
-
-def around_pose(dataset: xr.Dataset, pose: int) -> Around:
-    """Poses around one of a sweep, as far as its next direction."""
-    matrices = np.asarray(dataset["matrix"].values, dtype=np.float64)
-    cosines = np.delete(matrices[:, :3, 2], pose, axis=0) @ matrices[pose, :3, 2]
-    angles = np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
-    # Other cameras of the same direction do not show how far the next direction is.
-    others = angles[angles > _REACH_DEG[0]]
-    reach = float(others.min()) if len(others) else _REACH_DEG[1]
-    return Around(
-        matrices[pose], float(dataset["distance"].values[pose]), float(np.clip(reach, *_REACH_DEG))
-    )
+    best = min(trials, key=lambda each: each.score)
+    return trials[0], best, len(trials), bool(found.success)
 
 
 def _metrics(swept: SweptScene, matrix: FloatArray, plan: Plan) -> dict[str, float] | None:
@@ -257,6 +317,31 @@ def _metrics(swept: SweptScene, matrix: FloatArray, plan: Plan) -> dict[str, flo
     return found
 
 
+def _value(
+    scene: LoadedScene,
+    devices: list[Camera],
+    distances: FloatArray,
+    request: PairRequest,
+    limits: dict[str, Limits],
+) -> PairValue:
+    """What devices measure together; the score is `_NOTHING` if that is too little."""
+    matrices = np.array([device.matrix for device in devices])
+    nothing = PairValue(matrices, distances, _NOTHING)
+    if is_inside(scene, matrices[:, :3, 3]).any():
+        return nothing
+    try:
+        with without_warnings():
+            # Limits of a scene were warned of when it was swept.
+            scan = measure(scene, *devices, system=request.system)
+    except InputError:
+        return nothing
+    values = measured_values(scan, request)
+    if values is None:
+        return nothing
+    score = request.objective(limits, clipped=False).score(request.quantities(values))
+    return PairValue(matrices, distances, float(score), *values.tolist())
+
+
 def write_refined(path: Path, refined: Refinement, plan: Plan, dataset: xr.Dataset) -> None:
     """Write the refined pose, its starting pose and its score."""
     origin, target, up = look_at_of(refined.matrix, refined.distance_mm)
@@ -278,15 +363,27 @@ def write_refined(path: Path, refined: Refinement, plan: Plan, dataset: xr.Datas
         "evaluations": refined.evaluations,
         "converged": refined.converged,
     }
-    write_search(path, SCHEMA, content, {**plan.criteria.as_dict(), "limits": plan.limits}, dataset)
+    _write(path, SCHEMA, content, {**plan.criteria.as_dict(), "limits": plan.limits}, dataset)
 
 
-def write_search(
-    path: Path,
-    schema: str,
-    found: Mapping[str, object],
-    ranking: Mapping[str, object],
-    dataset: xr.Dataset,
+def write_refined_pair(
+    path: Path, refined: PairRefinement, plan: PairPlan, dataset: xr.Dataset
+) -> None:
+    """Write a refined pair and its score (.json)."""
+    content = {
+        "system": plan.system,
+        "feature": plan.feature or None,
+        **refined.best.as_dict(),
+        "start": {"poses": plan.pairs[0].tolist(), **refined.start.as_dict()},
+        "evaluations": refined.evaluations,
+        "converged": refined.converged,
+    }
+    ranking = {"angles_deg": plan.angles_deg, "limits": plan.limits}
+    _write(path, PAIR_SCHEMA, content, {**plan.criteria.as_dict(), **ranking}, dataset)
+
+
+def _write(
+    path: Path, schema: str, found: JsonObject, ranking: JsonObject, dataset: xr.Dataset
 ) -> None:
     """Write the result of a search (.json), with the ranking of the sweep where it started."""
     content = {

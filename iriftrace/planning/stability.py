@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
-from iriftrace.planning.rank import Plan, weighted
+from iriftrace.planning.rank import Plan
 
 _VARIED = 0.5
 """Fraction by which weights vary."""
@@ -50,11 +50,14 @@ def stability(plan: Plan) -> Stability:
     weights = {name: weight for name, weight in plan.criteria.weights.items() if weight > 0}
     equal = _EQUAL_SCORES * sum(weights.values())
     costs = {name: plan.costs[name][plan.order] for name in weights}
-    ranks, winners = {}, {}
+    objective, ranks, winners = plan.objective, {}, {}
     lead = np.zeros(len(plan.order))
     for name, weight in weights.items():
         factors = (1 - _VARIED, 1 + _VARIED)
-        scores = [weighted(costs, {**weights, name: weight * factor}) for factor in factors]
+        scores = [
+            evolve(objective, weights={**weights, name: weight * factor}).weighted(costs)
+            for factor in factors
+        ]
         smaller, larger = (1 + int(np.count_nonzero(s < s[0] - equal)) for s in scores)
         ranks[name] = smaller, larger
         smaller, larger = (int(plan.order[np.argmin(s)]) for s in scores)

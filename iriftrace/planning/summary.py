@@ -20,7 +20,7 @@ from iriftrace.image.aov_image import AovImage, Status, read_exr
 from iriftrace.image.resolution import seen_frontally
 from iriftrace.planning.criteria import METRICS, STANDARD, Criteria, Statistic
 from iriftrace.planning.quantities import (
-    Quantity,
+    PoseQuantity,
     metric_quantity,
     scatter_quantity,
     score_quantity,
@@ -46,7 +46,7 @@ class SweepSummary:
 
     Attributes
     ----------
-    displacement, coverage, axial, lateral, score : Quantity
+    displacement, coverage, axial, lateral, score : PoseQuantity
     matrices : (n, 4, 4) array, mm, world
     distance : (n,) array, mm
         From the camera to its target.
@@ -74,7 +74,7 @@ class SweepSummary:
         error.
     other_winners : dict of int
         Number of the best pose by each other statistic of the displacement that the sweep has.
-    scatter : Quantity or None
+    scatter : PoseQuantity or None
         Standard deviation over the members of an ensemble; None for a single field.
     devices : str or None
         Number of devices that the ranking is for, a sentence; None for one camera.
@@ -83,11 +83,11 @@ class SweepSummary:
         camera's; empty for one camera.
     """
 
-    displacement: Quantity
-    coverage: Quantity
-    axial: Quantity
-    lateral: Quantity
-    score: Quantity
+    displacement: PoseQuantity
+    coverage: PoseQuantity
+    axial: PoseQuantity
+    lateral: PoseQuantity
+    score: PoseQuantity
     matrices: FloatArray
     distance: FloatArray
     azimuth: FloatArray
@@ -103,12 +103,12 @@ class SweepSummary:
     warned: BoolArray
     quartiles: FloatArray | None
     other_winners: dict[str, int]
-    scatter: Quantity | None = None
+    scatter: PoseQuantity | None = None
     devices: str | None = None
     rig: JsonObject = Factory(dict)
 
     @property
-    def metrics(self) -> tuple[Quantity, ...]:
+    def metrics(self) -> tuple[PoseQuantity, ...]:
         """The metrics of which the score consists."""
         return self.displacement, self.coverage, self.axial, self.lateral
 
@@ -122,7 +122,7 @@ class SweepSummary:
         return np.asarray(matrix) @ np.array(self.rig["to_first"]) if self.rig else None
 
     @property
-    def quantities(self) -> tuple[Quantity, ...]:
+    def quantities(self) -> tuple[PoseQuantity, ...]:
         """The metrics, for an ensemble the scatter, and the score."""
         scatter = () if self.scatter is None else (self.scatter,)
         return *self.metrics, *scatter, self.score
@@ -132,7 +132,7 @@ class SweepSummary:
         text = setting_of(self.varied, pose)
         return f" ({text})" if text else ""
 
-    def value_text(self, quantity: Quantity, pose: int) -> str:
+    def value_text(self, quantity: PoseQuantity, pose: int) -> str:
         """A metric of a pose with four digits; 0 if a resolution is only rounding."""
         frontal = quantity is self.axial and self.sees_frontally(pose)
         # With zeros at the end, so that the numbers of a column are alike.

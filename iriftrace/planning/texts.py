@@ -13,7 +13,7 @@ from iriftrace.core.units import counted
 from iriftrace.image.resolution import FRONTAL
 from iriftrace.planning.candidates import ranked_error
 from iriftrace.planning.cover import ViewLimits, ViewSet
-from iriftrace.planning.quantities import Quantity
+from iriftrace.planning.quantities import PoseQuantity
 from iriftrace.planning.stability import close_alternative, far_apart, stability
 from iriftrace.planning.summary import STATISTICS, SweepSummary
 from iriftrace.sweep.store import WHOLE_PART
@@ -81,7 +81,7 @@ def ranked_by(summary: SweepSummary) -> str:
     return ", ".join(in_words(metric) for metric in summary.metrics if metric.key in needed)
 
 
-def in_words(metric: Quantity) -> str:
+def in_words(metric: PoseQuantity) -> str:
     """Name of a metric for the middle of a sentence."""
     return f"{metric.title[0].lower()}{metric.title[1:]}"
 

@@ -20,7 +20,8 @@ from iriftrace.air import thermophysics as gas
 from iriftrace.air.refractivity import Air
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
-from iriftrace.field.index_field import FieldSource, IndexField
+from iriftrace.field.index_field import IndexField
+from iriftrace.field.source import FieldFacts, FieldKind, FieldSource
 from iriftrace.part.board import Board
 from iriftrace.part.part import Part, part_of_mesh
 
@@ -173,6 +174,7 @@ def plate_field(air: PlateAir) -> IndexField:
         quantity="temperature",
         length_unit="mm",
         origin="steady boundary layer of a vertical plate, similarity solution",
+        facts=FieldFacts(FieldKind.STEADY),
     )
     whole = grid.cast_to_unstructured_grid()
     return IndexField(whole, air.air.refractivity(kelvin), air.air, source)

@@ -13,12 +13,12 @@ from iriftrace.camera.orbit import Orbit, orbit_poses
 from iriftrace.camera.pose import pose_text
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import plain
-from iriftrace.field.source import FieldSource
+from iriftrace.field.source import FieldFacts, FieldKind, FieldSource
 from iriftrace.figures import report as report_module
-from iriftrace.figures.report import report_content, write_report
+from iriftrace.figures.report import Kind, sweep_page, write_report
 from iriftrace.image.aov_image import Status
 from iriftrace.planning.criteria import Criteria
-from iriftrace.planning.summary import summarise
+from iriftrace.planning.summary import SweepSummary, summarise
 from iriftrace.planning.texts import front_text, ranking_table, stability_text
 from validation.inputs.sweep_tables import sweep_table, with_faces
 from validation.oracles.html_page import Page, read_page
@@ -80,6 +80,13 @@ def with_rig(table: xr.Dataset) -> xr.Dataset:
     return table
 
 
+def content(table: xr.Dataset, summary: SweepSummary, section: str, kind: Kind) -> list[Any]:
+    """Contents of the blocks of a kind in a section of the page without figures."""
+    page = sweep_page(table, summary, {})
+    (found,) = (each["blocks"] for each in page.sections if each["name"] == section)
+    return [block["content"] for block in found if block["kind"] == kind]
+
+
 @pytest.fixture
 def page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Page:
     """The report with one dot in place of the figures, which are tested elsewhere."""
@@ -124,8 +131,7 @@ def test_the_numbers_are_those_of_the_plan(page: Page) -> None:
     assert stability_text(summary) in page.text
     best = summary.plan.best
     text = pose_text(summary.matrices[best], summary.distance[best])
-    assert page.by_id["matrix"].splitlines() == list(text.matrix)
-    assert page.by_id["xml"].splitlines() == list(text.xml)
+    assert [lines.splitlines() for lines in page.listings] == [list(text.matrix), list(text.xml)]
     assert text.look_at in page.by_id["summary"]
     assert (
         "weight of",
@@ -166,7 +172,8 @@ def test_every_field_of_an_ensemble_is_named() -> None:
     sources = [{"path": f"air_{k}.vtu", "sha256": f"{k}", "quantity": "density"} for k in (1, 2)]
     members = [{"number": k, "source": source} for k, source in enumerate(sources, start=1)]
     table.attrs["scenes"] = json.dumps([{"field": sources[0], "members": members}])
-    named = dict(report_content(table, summarise(table), 2)["setting"])["Field"]
+    (setting,) = content(table, summarise(table), "setting", "names")
+    named = dict(setting)["Field"]
     assert "air_1.vtu" in named
     assert "air_2.vtu" in named
 
@@ -185,32 +192,33 @@ def test_texts_name_the_ranked_error(
     file = tmp_path / "sweep.nc"
     file.write_bytes(b"content")
     write_report(tmp_path / "report.html", file, table, summarise(table))
-    text = " ".join((tmp_path / "report.html").read_text(encoding="utf-8").split())
+    page = read_page(tmp_path / "report.html")
     error = "error along the normal" if rig else "displacement"
     for said in (
         f"Coverage against 95th-percentile {error}, coloured",
         f"95th-percentile {error} over the direction",
         f"the pose with the smallest 95th-percentile {error} sees",
         f"as one of these in 95th-percentile {error}, coverage",
-        f"<td>{error}</td>",
         "Scatter over the fields, over the direction",
         "coloured by scatter over the fields",
     ):
-        assert said in text, said
-    assert ('inside the second sensor (id="camera_2")' in text) is rig
+        assert said in page.text, said
+    (weights,) = (table for table in page.tables if table[0][0] == "weight of")
+    assert weights[1][0] == error
+    assert ('inside the second sensor (id="camera_2")' in page.text) is rig
 
 
 def test_a_winner_that_is_not_clear_is_said() -> None:
     """Pose 0 sees a tenth of pose 1; with these weights both score the same."""
     table = sweep()
     summary = summarise(table, Criteria(1, 0.5, 0, 0, percentile=100))
-    unclear = report_content(table, summary, 3)["unclear"]
+    ((unclear,),) = content(table, summary, "summary", "doubt")
     assert "pose 0 scores" in unclear or "pose 1 scores" in unclear
-    little = report_content(table, summarise(table, Criteria(1, 0, 0, 0)), 1)["unclear"]
+    ((little,),) = content(table, summarise(table, Criteria(1, 0, 0, 0)), "summary", "doubt")
     assert little.startswith("The best pose sees")
-    assert report_content(table, summarise(table, Criteria(0, 1, 0, 0)), 1)["unclear"] is None
+    assert content(table, summarise(table, Criteria(0, 1, 0, 0)), "summary", "doubt") == []
     with pytest.raises(InputError, match="0 rows"):
-        report_content(table, summary, 0)
+        sweep_page(table, summary, {}, top=0)
 
 
 @pytest.mark.parametrize(
@@ -228,38 +236,43 @@ def test_rounding_of_a_plane_seen_frontally_is_0(resolution: Any, frontal: bool)
     table[lateral][:, 0] = [3e-2, 2e-2, 1e-2, 3e-2]
     summary = summarise(table, Criteria(resolution=resolution))
     assert summary.plan.best == 0
-    content = report_content(table, summary, 2)
-    assert ("axial resolution 0 (plane seen frontally)" in content["answer"]) == frontal
-    assert (content["ranking"].note == "Axial resolution 0: plane seen frontally.") == frontal
-    column = content["ranking"].headings.index(summary.axial.label)
-    assert (content["ranking"].rows[0][column] == "0") == frontal
-    assert content["ranking"].rows[1][column] in ("20.00", "10.00")
+    ((answer, *_),) = content(table, summary, "summary", "answer")
+    assert ("axial resolution 0 (plane seen frontally)" in answer) == frontal
+    notes = [sentence for text in content(table, summary, "ranking", "text") for sentence in text]
+    assert ("Axial resolution 0: plane seen frontally." in notes) == frontal
+    (rows, _) = content(table, summary, "ranking", "numbers")
+    column = ranking_table(summary, 2).headings.index(summary.axial.label)
+    assert (rows[0][column] == "0") == frontal
+    assert rows[1][column] in ("20.00", "10.00")
 
 
 def test_what_decides_stands_in_the_first_box() -> None:
     """The field is made up, and the sweep warned of the best pose."""
     table = sweep()
     origin = "synthetic: formulas, no simulation; synthetic: others"
-    field = FieldSource("air.vtu", "12", "T", "temperature", "mm", origin)
+    facts = FieldFacts(FieldKind.SYNTHETIC)
+    field = FieldSource("air.vtu", "12", "T", "temperature", "mm", origin, facts=facts)
     table.attrs["field"] = json.dumps(plain(field))
     table.attrs["part"] = json.dumps({"path": "/a/part.ply", "source": "flange.stl"})
     best = summarise(table).plan.best
     table["warned"] = ("pose", np.where(np.arange(4) == best, 1 + 8, 0).astype("i1"))
     table["through_cells"] = ("pose", np.array([0.0, 1.0, 0.0, np.nan]))
     summary = summarise(table)
-    content = report_content(table, summary, 4)
-    assert content["title"] == "Where to put the camera: flange.stl"
-    field_text, engines, warned = content["rests_on"]
+    assert sweep_page(table, summary, {}).title == "Where to put the camera: flange.stl"
+    ((_, field_text, engines, warned),) = content(table, summary, "summary", "answer")
     assert engines.startswith("1 of 4 poses were traced through the field data")
-    assert dict(content["assumptions"])["engine"].endswith(engines)
+    (assumptions, _) = content(table, summary, "limits", "names")
+    assert dict(assumptions)["engine"].endswith(engines)
     assert field_text.startswith("SYNTHETIC FIELD: formulas, no simulation; others.")
     assert "shells too few" in warned
     assert "part reaches beyond the picture" in warned
-    column = content["ranking"].headings.index("warned")
-    letters = {row[1]: row[column] for row in content["ranking"].rows}
+    (rows, _) = content(table, summary, "ranking", "numbers")
+    ((note, _),) = content(table, summary, "ranking", "text")
+    column = ranking_table(summary, 4).headings.index("warned")
+    letters = {row[1]: row[column] for row in rows}
     assert letters.pop(str(best)) == "sb"
     assert set(letters.values()) == {""}
-    assert "s shells too few" in content["ranking"].note
+    assert "s shells too few" in note
 
 
 def test_several_views_and_the_best_pose_are_shown(

@@ -1,5 +1,6 @@
 """The figures of a scan and a correction, what colours and bins mean, and their reports."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,9 @@ from scipy.spatial import cKDTree
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
+from iriftrace.core.plain import JsonObject
+from iriftrace.figures.report import scan_page, write_scan_report
 from iriftrace.figures.scan import correction_figure, scan_figure
-from iriftrace.figures.scan_report import scan_report, write_scan_report
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import part_of_mesh
 from iriftrace.part.standards import cylinder
@@ -27,6 +29,19 @@ CAMERA = Camera(
     resolution=(612, 512),
     matrix=look_at((0.0, -300.0, 0.0), (0.0, 0.0, 0.0)),
 )
+
+
+def setting_of(values: JsonObject) -> dict[str, str]:
+    """The rows of the report that say what the numbers come from."""
+    (blocks,) = (each["blocks"] for each in scan_page(values).sections if each["name"] == "setting")
+    return dict(blocks[0]["content"])
+
+
+def report_of(numbers: Path) -> Path:
+    """The written report of a result's JSON file."""
+    page = numbers.with_suffix(".html")
+    write_scan_report(page, numbers, json.loads(numbers.read_text()))
+    return page
 
 
 def test_colours_are_the_removed_error_and_say_that_they_end() -> None:
@@ -92,10 +107,9 @@ def test_a_laser_line_is_drawn_on_the_part_as_measured_and_corrected(
         off, _ = cKDTree(scan.pixel).query(cells.get_offsets())
         assert off.max() < 0.01 * np.ptp(axes.get_xlim())
         assert count / 4 < len(cells.get_offsets()) <= count
-    cloud, _ = scan.save(tmp_path / "line.xyz", regions=scan.regions(scene.part))
-    write_scan_report(tmp_path / "r.html", cloud)
-    page = read_page(tmp_path / "r.html")
-    assert "those of one line of a laser lie in a plane" in (tmp_path / "r.html").read_text()
+    _, numbers = scan.save(tmp_path / "line.xyz", regions=scan.regions(scene.part))
+    page = read_page(report_of(numbers))
+    assert "those of one line of a laser lie in a plane" in page.text
     (regions,) = (table for table in page.tables if table[0][0] == "region")
     assert regions[0][1:3] == ["points", "median (µm)"]
     assert regions[1][:2] == ["lateral", str(len(scan.points))]
@@ -115,9 +129,8 @@ def test_a_report_has_distances_at_the_drawings_temperature(tmp_path: Path) -> N
         growth=part.growth,
     )
     features = found.features(part)
-    cloud, _ = found.save(tmp_path / "c.xyz", features, related=found.relations(features))
-    write_scan_report(tmp_path / "r.html", cloud)
-    tables = read_page(tmp_path / "r.html").tables
+    _, numbers = found.save(tmp_path / "c.xyz", features, related=found.relations(features))
+    tables = read_page(report_of(numbers)).tables
     rows = [row for table in tables for row in table if row[0] == "distance"]
     headings = next(table[0] for table in tables if "planes" in table[0])
     column = headings.index("at 20 °C")
@@ -130,7 +143,7 @@ def test_a_report_says_where_the_devices_stand_and_how_fields_count(variant: str
     scene = load_scene(folder_of("fringe_cylinder") / "scene.xml", {"scale": 0.05}, variant=variant)
     scan = measure(scene)
     values = scan.as_dict() | {"features": []}
-    setting = dict(scan_report(values)["setting"])
+    setting = setting_of(values)
     assert scene.second is not None
     for name, device in (("Camera", scene.camera), ("Second device", scene.second)):
         place = ", ".join(f"{x:.1f}" for x in device.origin)
@@ -141,5 +154,5 @@ def test_a_report_says_where_the_devices_stand_and_how_fields_count(variant: str
     assert setting["Angle of both lines of sight"].startswith(f"{angle:.3g}°")
     assert setting["Field"].startswith("field.vtu")
     members = [{"weight": weight, "label": f"{weight}.vtu"} for weight in (0.06, 0.94)]
-    setting = dict(scan_report(values | {"ensemble": {"members": members}})["setting"])
+    setting = setting_of(values | {"ensemble": {"members": members}})
     assert setting["Fields by weight"] == "0.940 0.94.vtu; 0.060 0.06.vtu"

@@ -13,6 +13,7 @@ import pyvista as pv
 from matplotlib.colors import LogNorm, to_rgb
 
 from iriftrace.cli import main
+from iriftrace.cli.plot import view
 from iriftrace.core.errors import InputError, SetupError
 from iriftrace.field.origin import state_origin
 from iriftrace.field.source import FieldFacts, FieldKind, FieldSource
@@ -20,7 +21,6 @@ from iriftrace.figures import window
 from iriftrace.figures.result import plot
 from iriftrace.figures.scene import SECOND_COLOUR, SIGHT_COLOUR
 from iriftrace.figures.space import PART_COLOUR
-from iriftrace.figures.window import view
 from iriftrace.scenes import folder_of
 
 SCALE = ("-D", "scale=0.05")
@@ -86,15 +86,16 @@ def test_files_are_drawn_and_marked(
     request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     """The origin of the air decides on a mark; a part has none, and this field states none."""
-    marked: list[FieldSource] = []
+    marked: list[FieldSource | None] = []
     monkeypatch.setattr(window, "synthetic_mark", marked.append)
     folder, _, bundled = name.rpartition("/")
     place = folder_of(folder) if folder else request.getfixturevalue("results")
     picture = drawn(place / bundled, tmp_path)
     for hue, share in HUES[name].items():
         assert share_like(picture, hue) > share
-    origins = {"part.ply": [], "field.vtu": [""]}.get(bundled, ["OpenFOAM"])
-    assert [source.origin.partition(",")[0] for source in marked] == origins
+    (source,) = marked
+    origin = {"part.ply": None, "field.vtu": ""}.get(bundled, "OpenFOAM")
+    assert (source and source.origin.partition(",")[0]) == origin
     if bundled == "part.ply":
         # Names of the regions' colours.
         assert share_of(picture, "black") > 0.0003
@@ -138,22 +139,25 @@ def test_a_field_of_formulas_is_marked(tmp_path: Path) -> None:
 def test_what_cannot_be_shown_says_why(tmp_path: Path) -> None:
     other = tmp_path / "cloud.vtp"
     pv.PolyData(np.zeros((3, 3))).save(other)
+    picture = tmp_path / "view.png"
     with pytest.raises(InputError, match="no column"):
-        view(other, tmp_path / "view.png")
+        view(other, picture=picture)
     damaged = tmp_path / "cloud.ply"
     damaged.write_bytes((folder_of("cylinder") / "part.ply").read_bytes()[:500])
     with pytest.raises(InputError, match="damaged"):
-        view(damaged, tmp_path / "view.png")
+        view(damaged, picture=picture)
     with pytest.raises(InputError, match="There is no file"):
-        view(tmp_path / "gone.vtp", tmp_path / "view.png")
+        view(tmp_path / "gone.vtp", picture=picture)
     (tmp_path / "cloud.asc").write_text("0 0 0")
     with pytest.raises(InputError, match=r"shown from a \.vtp or \.ply"):
-        view(tmp_path / "cloud.asc", tmp_path / "view.png")
+        view(tmp_path / "cloud.asc", picture=picture)
     text = tmp_path / "notes.md"
     text.write_text("x")
     with pytest.raises(InputError, match="not a field file"):
-        view(text, tmp_path / "view.png")
-    assert not (tmp_path / "view.png").exists()
+        view(text, picture=picture)
+    with pytest.raises(InputError, match="type str cannot be shown"):
+        window.view(str(other), picture)  # type: ignore[arg-type]
+    assert not picture.exists()
 
 
 def test_without_a_display_a_file_is_proposed(monkeypatch: pytest.MonkeyPatch) -> None:

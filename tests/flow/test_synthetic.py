@@ -18,7 +18,7 @@ from iriftrace.core.plain import structured
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.origin import origin_of
 from iriftrace.field.read import read_field
-from iriftrace.field.source import FieldSource
+from iriftrace.field.source import FieldKind, FieldSource
 from iriftrace.flow.synthetic import mesh
 from iriftrace.flow.synthetic.field import synthetic_field
 from iriftrace.flow.synthetic.mesh import AirMesh, air_mesh, usual_mesh
@@ -251,6 +251,11 @@ def test_field_at_the_points_is_the_model(air: SyntheticAir, field: IndexField) 
     size = np.linalg.norm(gradient[near], axis=1)
     error = np.linalg.norm(found[near] - gradient[near], axis=1)
     assert np.median(error[size > 50] / size[size > 50]) < 0.15
+
+
+def test_the_value_says_that_it_is_synthetic(field: IndexField) -> None:
+    """Without a file, too: what is measured in it has no uncertainty of the air."""
+    assert field.source.facts.kind is FieldKind.SYNTHETIC
 
 
 def test_finer_cells_come_closer_to_the_part() -> None:

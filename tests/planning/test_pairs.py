@@ -15,7 +15,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.features.choice import FeatureChoice
 from iriftrace.planning.criteria import Criteria
 from iriftrace.planning.pairs import plan_pairs
-from iriftrace.planning.refine_pair import refine_pair
+from iriftrace.planning.refine import refine_pair
 from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.reload import swept_camera

@@ -135,10 +135,10 @@ def test_command_takes_blockers_and_finds_bodies_of_the_field(
     drawn = [np.ptp(vertices, axis=0) for vertices, _ in blocker_surfaces(scene)]
     np.testing.assert_allclose(drawn, [np.ptp(body.bounds, axis=0) for body in bodies], atol=1e-5)
     pictures = [tmp_path / f"{name}.png" for name in ("with", "without")]
-    view(scene, pictures[0])
+    view(iriftrace.load_scene(scene), pictures[0])
     hidden = scene.with_name("hidden.xml")
     hidden.write_text(scene.read_text().replace('id="blocker_', 'id="body_'))
-    view(hidden, pictures[1])
+    view(iriftrace.load_scene(hidden), pictures[1])
     shown, bare = map(matplotlib.image.imread, pictures)
     grey = np.ptp(shown[..., :3], axis=2) < 0.1
     assert np.mean(grey & (np.abs(shown - bare).max(axis=2) > 0.1)) > 0.005

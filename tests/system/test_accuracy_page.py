@@ -90,6 +90,7 @@ def test_no_ray_is_lost_where_shells_cut_the_part_or_end_open() -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("variant")
+@pytest.mark.filterwarnings("ignore:Mitsuba's own integrators show no true displacement")
 def test_a_renderers_own_loop_is_wrong_by_many_times_the_signal(tmp_path: Path) -> None:
     (section,) = (section for section in SECTIONS if section.name == "naive")
     *_, times = section.compute(tmp_path)

@@ -168,9 +168,9 @@ def test_the_report_holds_what_plan_prints(
     rows = [line.split() for line in text.splitlines() if re.match(r"\s+\d+ +\d+ ", line)]
     ranking = next(table for table in page.tables if table[0][0] == "rank")
     assert rows[:4] == ranking[1:]
-    for line in page.by_id["matrix"].splitlines():
-        assert line.strip() in text
-    for line in page.by_id["xml"].splitlines():
+    matrix, xml = (lines.splitlines() for lines in page.listings)
+    assert (len(matrix), xml[0].strip()) == (4, '<transform name="to_world">')
+    for line in (*matrix, *xml):
         assert line.strip() in text
     assert list(tmp_path.iterdir()) == [file]
 

@@ -19,6 +19,7 @@ class Page(HTMLParser):
         self.tags: set[str] = set()
         self.texts: list[str] = []
         self.tables: list[list[list[str]]] = []
+        self.listings: list[str] = []
         self.by_id: dict[str, str] = {}
         self.styles: list[str] = []
         self.policy = ""
@@ -34,7 +35,9 @@ class Page(HTMLParser):
         self.styles += [str(value) for name, value in attrs if name == "style"]
         if given.get("http-equiv") == "Content-Security-Policy":
             self.policy = str(given["content"])
-        if tag == "table":
+        if tag == "pre":
+            self.listings.append("")
+        elif tag == "table":
             self.tables.append([])
         elif tag == "tr":
             self.tables[-1].append([])
@@ -55,6 +58,8 @@ class Page(HTMLParser):
         self.texts.append(data)
         if names and names[-1] in ("td", "th"):
             self.tables[-1][-1][-1] += data
+        if names and names[-1] == "pre":
+            self.listings[-1] += data
         for _, name in self._open:
             if name:
                 self.by_id[name] = self.by_id.get(name, "") + data

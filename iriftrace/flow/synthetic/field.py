@@ -19,6 +19,8 @@ from iriftrace.flow.synthetic.model import SyntheticAir
 from iriftrace.geometry.vtk_files import write_vtk
 from iriftrace.part.wall_temperature import wall_temperature
 
+_FACTS = FieldFacts(FieldKind.SYNTHETIC)
+
 
 def synthetic_grid(
     air: SyntheticAir, size: AirMesh | None = None, *, gradient: bool = False
@@ -34,7 +36,7 @@ def synthetic_grid(
     grid.point_data["T"] = temperature
     if gradient:
         grid.point_data["grad_T"] = slope
-    state_origin(grid, air.origin, FieldFacts(FieldKind.SYNTHETIC))
+    state_origin(grid, air.origin, _FACTS)
     return grid
 
 
@@ -57,7 +59,7 @@ def synthetic_field(
 def _field_of(grid: pv.UnstructuredGrid, air: SyntheticAir, ambient: Air, name: str) -> IndexField:
     temperature = np.asarray(grid.point_data["T"], dtype=np.float64)
     digest = hashlib.sha256(np.asarray(grid.points).tobytes() + temperature.tobytes()).hexdigest()
-    source = FieldSource(name, digest, "T", "temperature", "mm", air.origin)
+    source = FieldSource(name, digest, "T", "temperature", "mm", air.origin, facts=_FACTS)
     return IndexField(grid, ambient.refractivity(temperature), ambient, source)
 
 

@@ -1,0 +1,344 @@
+"""What results state about themselves, as rows of tables and as sentences of the report."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from iriftrace.core.plain import JsonObject
+from iriftrace.features.fitted import cone_place
+from iriftrace.features.quantity import DRAWING, Quantity
+from iriftrace.field.source import stated_source, synthetic_mark
+from iriftrace.image.aov_image import Status
+from iriftrace.image.ray_statistics import percent
+from iriftrace.scene.hot_air import OUTSIDE
+from iriftrace.sweep.store import attribute, scene_of, traced_through_cells
+from iriftrace.triangulation.statistics import RegionValues
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from iriftrace.planning.summary import SweepSummary
+
+Rows = tuple[tuple[str, ...], ...]
+"""Cells of a table, row by row."""
+
+
+def name_of(file: JsonObject) -> str:
+    """Name of a part's or field's file from its provenance."""
+    return file.get("source") or (Path(file["path"]).name if file.get("path") else "the part")
+
+
+def file_text(named: JsonObject) -> str:
+    """Name of a file and the beginning of its SHA-256, or that it is not stated."""
+    if not named.get("path"):
+        return "not stated"
+    sha256 = str(named.get("sha256") or "")
+    return name_of(named) + (f" (SHA-256 {sha256[:12]}\N{HORIZONTAL ELLIPSIS})" if sha256 else "")
+
+
+def camera_text(camera: JsonObject, *, varied: bool = False) -> str:
+    """Lens, sensor and focus of a device, without a focal length that is `varied`."""
+    if not camera:
+        return "not stated"
+    focal = camera.get("focal_length_mm")
+    lens = "" if focal is None or varied else f"focal length {focal:g} mm, "
+    near, far = camera["focus_mm"]
+    depth = f"{near:g} mm to {'infinity' if far is None else f'{far:g} mm'}"
+    distorted = ", lens distortion" if camera.get("distortion") else ""
+    (width, height), (columns, rows) = camera["sensor_mm"], camera["resolution"]
+    return (
+        f"{camera['projection']}, {lens}sensor {width:g} \N{MULTIPLICATION SIGN} {height:g} mm, "
+        f"{columns} \N{MULTIPLICATION SIGN} {rows} pixels, in focus from {depth}{distorted}"
+    )
+
+
+def origin_text(fields: Iterable[JsonObject | None], origin: str) -> str:
+    """Origin of one field or several, without full stop; the mark of synthetic ones comes first."""
+    marks = (synthetic_mark(stated_source(one)) for one in fields)
+    mark = next(filter(None, marks), None)
+    return f"{mark}: {origin.replace('synthetic: ', '')}" if mark else f"Field: {origin}"
+
+
+def assumption_rows(assumed: JsonObject) -> Rows:
+    """Assumptions in force and their texts."""
+    return tuple(
+        (key.replace("_", " "), ", ".join(map(str, text)) if isinstance(text, list) else str(text))
+        for key, text in assumed.items()
+    )
+
+
+def sweep_setting(dataset: xr.Dataset, summary: SweepSummary) -> Rows:
+    """Part, field, scene and camera of a sweep, its poses, and how they are ranked."""
+    scene, sha256 = scene_of(dataset)
+    variables = attribute(dataset, "scene").get("variables") or {}
+    focal = np.unique(dataset["focal_length"].values)
+    fields = distinct(
+        file_text(one) + (f", {one['quantity']}" if one.get("quantity") else "")
+        for one in fields_of(dataset)
+    )
+    wavelength = dataset.attrs.get("wavelength_nm")
+    light = f"; light of {float(wavelength):g} nm" if isinstance(wavelength, int | float) else ""
+    criteria = summary.plan.criteria
+    least = f" and a coverage of {criteria.min_coverage:g}" if criteria.min_coverage else ""
+    return (
+        ("Part", file_text(attribute(dataset, "part"))),
+        ("Field", "; ".join(fields) + light),
+        ("Scene", file_text({"path": scene, "sha256": sha256})),
+        ("Scene parameters", ", ".join(f"{k} = {v}" for k, v in variables.items()) or "as written"),
+        ("Camera", camera_text(attribute(dataset, "camera"), varied=len(focal) > 1)),
+        ("Poses", _orbit(summary)),
+        *((f"Varied: {one.name}", ", ".join(distinct(one.values))) for one in summary.varied),
+        ("Region ranked", "whole part" if criteria.region == "part" else criteria.region),
+        (
+            "Normalisation",
+            f"minimum to {criteria.percentile:g}th percentile; beyond it: {criteria.outside}; at "
+            f"least {criteria.min_hits} good rays{least}",
+        ),
+        (
+            "Traced with",
+            f"iriftrace {dataset.attrs.get('version', 'of unknown version')}, Mitsuba variant "
+            f"{dataset.attrs.get('variant', 'not stated')}",
+        ),
+    )
+
+
+def fields_of(dataset: xr.Dataset) -> list[JsonObject]:
+    """Fields of all scenes of a sweep; that of its own attribute if they do not state it."""
+    try:
+        scenes = json.loads(dataset.attrs.get("scenes", "[]"))
+    except ValueError:
+        scenes = []
+    several: list[JsonObject] = []
+    for scene in scenes:
+        if isinstance(scene, dict):
+            members = [member.get("source") or {} for member in scene.get("members") or []]
+            several += members or [scene.get("field") or {}]
+    return several if len(several) > 1 else [attribute(dataset, "field")]
+
+
+def distinct(values: Iterable[str]) -> list[str]:
+    """Each value once, in their order."""
+    return list(dict.fromkeys(values))
+
+
+def _orbit(summary: SweepSummary) -> str:
+    azimuth = np.quantile(summary.azimuth_on_maps, (0.0, 1.0)) % 360.0
+    ranges = [
+        f"{name} {' to '.join(distinct(f'{end:.4g}' for end in ends))}{unit}"
+        for name, ends, unit in (
+            ("azimuth", azimuth, "°"),
+            ("elevation", np.quantile(summary.elevation, (0.0, 1.0)), "°"),
+            ("distance to the target", np.quantile(summary.distance, (0.0, 1.0)), " mm"),
+        )
+    ]
+    return f"{len(summary.distance)}, {', '.join(ranges)}; angles {summary.angles_of}"
+
+
+def engines_text(dataset: xr.Dataset) -> str:
+    """Number of poses of a sweep traced through the field, because shells are too few; or ""."""
+    through = traced_through_cells(dataset)
+    if through.all() or not through.any():
+        return ""
+    return (
+        f"{through.sum()} of {len(through)} poses were traced through the field data, as the "
+        "shells are too few."
+    )
+
+
+def sweep_assumptions(dataset: xr.Dataset) -> Rows:
+    """Assumptions that hold for all poses, and engines of the poses."""
+    assumed = attribute(dataset, "assumptions")
+    if engines := engines_text(dataset):
+        assumed["engine"] = "; ".join(filter(None, (assumed.get("engine"), engines)))
+    return assumption_rows(assumed)
+
+
+def sweep_rays(dataset: xr.Dataset) -> Rows:
+    """Rays of all poses by outcome, and fractions of those that did not miss."""
+    whole = dataset.sel(region="part")
+    counts = {
+        status: int(np.maximum(whole[f"rays_{status.key}"].values, 0).sum()) for status in Status
+    }
+    met = max(1, sum(counts.values()) - counts[Status.MISSED])
+    return tuple(
+        (
+            status.text.capitalize(),
+            f"{count:,}",
+            "" if status is Status.MISSED else percent(count, met),
+        )
+        for status, count in counts.items()
+        if count
+    )
+
+
+def sweep_limits(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
+    """What poses of a sweep do not see, and what is not known of others."""
+    plan = summary.plan
+    good = np.asarray(dataset.sel(region="part")["rays_good"].values)
+    failed = sum(bool(str(text)) for text in dataset["failure"].values)
+    empty = int(np.count_nonzero((good >= 0) & (good < plan.criteria.min_hits)))
+    passed = int(np.maximum(dataset["rays_open_boundary"].values, 0).sum())
+    seen = max(1, int(np.maximum(good, 0).sum()))
+    area = dataset["face_area"].values
+    unseen = area[dataset["face_times_seen"].values == 0].sum() / area.sum()
+    return (
+        f"{len(plan.unranked)} of {len(good)} poses are not ranked; {failed} failed and {empty} "
+        f"see fewer than {plan.criteria.min_hits} good rays of the part.",
+        f"{passed:,} good rays ({100 * passed / seen:.3g} %) pass an open end of the data, where "
+        "the plume beyond is not modelled.",
+        f"{100 * unseen:.1f} % of the part's area is seen by no pose.",
+        *plan.warnings,
+        "The ranking compares the poses of this sweep only; a pose between them may be better "
+        "(iriftrace plan --refine).",
+    )
+
+
+def scan_text(values: JsonObject, simulated: bool) -> str:
+    """What was measured or corrected, and by how much, from JSON values."""
+    counts, error = values["points"], values["error_mm"]
+    if simulated:
+        error, left = values["error_normal_mm"], values["best_fit"]["error_normal_mm"]
+        return (
+            f"{counts['measured']:,} points were measured. Error along the normal: median "
+            f"{um_text(error['median'])} µm, rms {um_text(error['rms'])} µm, after a rigid best "
+            f"fit rms {um_text(left['rms'])} µm."
+        )
+    u = values.get("u_normal_mm")
+    u = "" if u is None else f", with a standard uncertainty of {um_text(u['median'])} µm (median)"
+    return (
+        f"{counts['corrected']:,} of {counts['measured']:,} points are corrected, by "
+        f"{um_text(error['median'])} µm (median; 95th percentile {um_text(error['p95'])} µm){u}."
+    )
+
+
+def scan_doubts(values: JsonObject, simulated: bool) -> list[str]:
+    """Facts that limit the reliability of these numbers, a sentence each."""
+    assumed = values["assumptions"]
+    said = [f"{origin_text([values.get('field')], assumed['field_origin'])}."]
+    said += [str(assumed[key]) for key in ("field_fit", OUTSIDE) if key in assumed]
+    if larger := values.get("larger"):
+        by = 100 * (larger["scale"] - 1.0)
+        said.append(
+            f"The cloud is {abs(by):.2f} % {'larger' if by > 0 else 'smaller'} than the part."
+        )
+    if not simulated and "u_normal_mm" not in values:
+        said.append(
+            "No uncertainty of the correction is stated, as that of the field is not known."
+        )
+    return said
+
+
+def scan_setting(values: JsonObject) -> Rows:
+    """Part, field, scene and devices of a scan or correction, from its JSON values."""
+    if "ensemble" in values:
+        members = sorted(values["ensemble"]["members"], key=lambda member: -member["weight"])
+        listed = "; ".join(f"{member['weight']:.3f} {member['label']}" for member in members)
+        field = ("Fields by weight", listed)
+    else:
+        field = ("Field", file_text(values["field"] or {}))
+    return (
+        ("Part", file_text(values["part"])),
+        field,
+        ("Scene", file_text(values["scene"])),
+        ("Sensor", values["system"]),
+        *_devices(values),
+        ("Mitsuba variant", str(values["variant"])),
+    )
+
+
+def _devices(values: JsonObject) -> Rows:
+    """Where the devices of a simulated measurement stand, and the angle of their lines."""
+    if "devices" not in values:
+        return ()
+    both = [values["devices"][name] for name in ("camera", "second")]
+    places = [[row[3] for row in device["matrix"][:3]] for device in both]
+    texts = [
+        f"at ({', '.join(f'{x:.1f}' for x in place)}) mm; {camera_text(device)}"
+        for place, device in zip(places, both, strict=True)
+    ]
+    texts.append(f"{math.dist(*places):.1f} mm")
+    texts.append(f"{values['angle_deg']['median']:.3g}° (median of the points)")
+    names = ("Camera", "Second device", "Distance of both", "Angle of both lines of sight")
+    return tuple(zip(names, texts, strict=True))
+
+
+def feature_row(row: JsonObject, true: str, at: str) -> dict[str, str]:
+    """Cells by heading; `true` is the cloud without air, `at` the drawing's temperature or ""."""
+    size = Quantity.of(row)
+    sized = size.by_cloud["measured"] is not None
+    values = row["size_mm"] if sized else row["form_mm"]
+    measured, cold = values["measured"], values[true]
+    place = cone_place(row["kind"], row["position_mm"][true])
+    return {
+        "feature": row["kind"],
+        "region": " at ".join(filter(None, (row["region"] or "all points", place))),
+        "points": f"{row['points']:,}",
+        "measured (mm)": f"{measured:.4f}",
+        f"{true} (mm)": f"{cold:.4f}",
+        "air (µm)": um_text(measured - cold),
+        **({f"{at} (mm)": f"{values[DRAWING]:.4f}"} if at else {}),
+        **({} if true == "cold" else {"U": _expanded(size)}),
+    }
+
+
+def relation_row(row: JsonObject, true: str, at: str) -> dict[str, str]:
+    """Distance or angle of two planes, as `feature_row`."""
+    value = Quantity.of(row)
+    angle = value.unit == "deg"
+    names = ("measured", true, DRAWING) if at else ("measured", true)
+    measured, cold, *drawn = (
+        f"{value.by_cloud[name]:.4f}{'°' if angle else ' mm'}" for name in names
+    )
+    return {
+        "": row["kind"],
+        "planes": " and ".join(str(region or "all points") for region in row["regions"]),
+        "measured": measured,
+        true: cold,
+        "air": _difference(value.difference("measured", true), angle),
+        **({at: drawn[0]} if at else {}),
+        **({} if true == "cold" else {"U": _expanded(value)}),
+    }
+
+
+def _expanded(value: Quantity) -> str:
+    """The whole uncertainty of a value, and its parts; "" of a feature without a size."""
+    u = value.uncertainty
+    if u is None:
+        return ""
+    angle = value.unit == "deg"
+    parts = [f"{name} {_difference(u.coverage_factor * x, angle)}" for name, x in u.parts.items()]
+    parts += [f"{name} not known" for name in u.missing]
+    return f"{_difference(u.expanded, angle)} ({', '.join(parts)})"
+
+
+def _difference(value: float | None, angle: bool) -> str:
+    """A difference of angles, deg, in minutes, or of lengths, mm, in micrometres."""
+    if value is None:
+        return "not known"
+    return f"{60 * value:.2g}\N{PRIME}" if angle else f"{um_text(value)} µm"
+
+
+def um_text(millimetres: float | None) -> str:
+    """A length in micrometres, without the unit."""
+    return "not known" if millimetres is None else f"{1e3 * millimetres:.3g}"
+
+
+def region_row(region: RegionValues) -> dict[str, str]:
+    """Cells by heading, of a region with a point."""
+    values = region.along_normal_mm
+    assert values is not None
+    area = {} if region.measured is None else {"area measured": f"{region.measured:.0%}"}
+    return {
+        "region": region.region,
+        "points": f"{region.points:,}",
+        **area,
+        "median (µm)": um_text(values["median"]),
+        "rms (µm)": um_text(values["rms"]),
+        "95 % below (µm)": um_text(region.size_p95_mm),
+    }
