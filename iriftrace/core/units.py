@@ -26,7 +26,7 @@ LENGTH_UNITS = {
     **dict.fromkeys(("mm", "millimeter", "millimetre", "millimeters", "millimetres"), "mm"),
     **dict.fromkeys(("cm", "centimeter", "centimetre", "centimeters", "centimetres"), "cm"),
     **dict.fromkeys(("m", "meter", "metre", "meters", "metres"), "m"),
-    **dict.fromkeys(("in", "inch", "inches", '"', "″"), "inch"),
+    **dict.fromkeys(("in", "inch", "inches"), "inch"),
 }
 """Length units by the names that files give them."""
 

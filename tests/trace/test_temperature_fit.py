@@ -82,7 +82,7 @@ def test_table_of_temperatures(tmp_path: Path) -> None:
     for text, words in (
         ("x,y,z\n1,2,3\n", "no column T"),
         ("x,y,z,T\n", "no row of numbers"),
-        ("x,y,z,T (K)\n1,2,3\n", "names 4 columns, but its rows have 3"),
+        ("x,y,z,T (K)\n1,2,3\n", "rows of 3 columns, which no line above them names"),
         ("x,y,z,T (K),U\n1,2,3,400,0\n", "uncertainties U of 0 K"),
     ):
         file.write_text(text)
