@@ -137,12 +137,7 @@ def _shown(file: Path, length_unit: str | None) -> tuple[Any, FieldSource | None
     if suffix in (".exr", ".nc"):
         from iriftrace.figures.result import read_result
 
-        result = read_result(file)
-        if "study" in getattr(result, "attrs", {}):
-            raise InputError(
-                f"{file} is a study, which has nothing in space; draw it: iriftrace plot."
-            )
-        return result, None
+        return read_result(file), None
     from iriftrace.field.read import read_field
 
     return read_field(file), None
