@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from statistics import median
 
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.trace.query_replay import Recording
 
 
-def trace_over_queries(scene: LoadedScene, repeats: int) -> tuple[float, int]:
+def trace_over_queries(scene: Scene, repeats: int) -> tuple[float, int]:
     """Median over pairs of runs of trace time / replay time, and the number of rays."""
     recording = Recording(scene)
     pairs = recording.time_pairs(repeats)

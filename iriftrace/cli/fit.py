@@ -14,7 +14,7 @@ from iriftrace.core.errors import warn
 from iriftrace.core.units import counted
 
 if TYPE_CHECKING:
-    from iriftrace.scene.loaded import LoadedScene
+    from iriftrace.scene.scene import Scene
     from iriftrace.trace.member_fit import MemberFit
 
 
@@ -105,7 +105,7 @@ def _fitted(
     camera_motion: bool,
     without_zeros: bool,
     trace: TraceOptions,
-) -> tuple[MemberFit, LoadedScene]:
+) -> tuple[MemberFit, Scene]:
     """Weights from temperatures in the air, or from shifts of dots, and the first scene."""
     from iriftrace.field.air_temperatures import is_air_temperatures, read_air_temperatures
     from iriftrace.trace.shift_fit import fit_members

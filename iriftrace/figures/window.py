@@ -149,7 +149,7 @@ def _scene(path: Path) -> Draw:
     from iriftrace.shells.files import load_shells
 
     scene, blockers = load_scene(path), blocker_surfaces(path)
-    first = scene if scene.ensemble is None else next(iter(scene.ensemble.scenes()))
+    first = next(scene.alone())
     files = read_scene_file(path, first.variables).shell_paths
     shells = load_shells(files[0].parent) if files else None
     named = {"part": space.PART_COLOUR, "camera": SIGHT_COLOUR}

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from iriftrace.camera.camera import Camera
-    from iriftrace.scene.loaded import LoadedScene
+    from iriftrace.scene.scene import Scene
 
 
 SCHEMA = "iriftrace.refined_pair/1"
@@ -137,7 +137,7 @@ def refine_pair(
 
 
 def _value(
-    scene: LoadedScene,
+    scene: Scene,
     devices: list[Camera],
     distances: FloatArray,
     request: PairRequest,

@@ -58,7 +58,7 @@ def times(scene: Scene) -> dict[str, float | int]:
     # Mitsuba is imported once a variant is needed.
     from iriftrace.trace.query_replay import Recording
 
-    recording = Recording(scene.loaded)
+    recording = Recording(scene.ready)
     pairs = recording.time_pairs(REPEATS)
     fraction = median(pair.queries_s / pair.trace_s for pair in pairs)
     trace = min(pair.trace_s for pair in pairs)

@@ -19,7 +19,7 @@ from iriftrace.image.sightings import sight_faces
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.ensemble import MEMBER, is_ensemble, member_files, member_folder, members_of
 from iriftrace.scene.file import read_scene_file
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.sweep.journal import Piece
 from iriftrace.sweep.rig import add_measured
 from iriftrace.trace.render import render_scene
@@ -113,7 +113,7 @@ def fingerprint(*pieces: object) -> str:
     return sha256(json.dumps(pieces, sort_keys=True).encode()).hexdigest()
 
 
-def render_pose(task: PoseTask, scene: LoadedScene) -> Piece:
+def render_pose(task: PoseTask, scene: Scene) -> Piece:
     """Render one pose of a scene loaded from the task's source; the same in every process.
 
     The piece's entry has ``metrics`` (None if the pose failed) and ``failure`` (why, else empty);

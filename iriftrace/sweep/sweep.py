@@ -18,7 +18,7 @@ from iriftrace.core.arrays import BoolArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.image.ray_statistics import FEWEST_RAYS
 from iriftrace.image.sightings import COLUMNS, NOTHING_SEEN, ROW, FaceSightings, face_maps
-from iriftrace.scene.scene import AnyScene, loaded_scene
+from iriftrace.scene.scene import Scene, ready_scene
 from iriftrace.sweep.journal import Journal, Piece, Progress, Work
 from iriftrace.sweep.measures import metric_variables
 from iriftrace.sweep.pose import PoseTask, SceneSource, fingerprint, render_pose
@@ -70,7 +70,7 @@ STANDARD = SweepOptions()
 
 
 def run_sweep(
-    scenes: AnyScene | Sequence[AnyScene],
+    scenes: Scene | Sequence[Scene],
     poses: PoseSet | Mapping[float, PoseSet],
     path: str | Path | None = None,
     *,
@@ -97,7 +97,7 @@ def run_sweep(
 
     Parameters
     ----------
-    scenes : Scene, LoadedScene or path, or several
+    scenes : Scene, or several
         Scenes of the same part, with the same sensor, which gives the intrinsics.
     poses : PoseSet, or mapping from float to PoseSet
         Camera poses, or those of several orbits by their stand-offs, mm.
@@ -136,7 +136,7 @@ def run_sweep(
         and about poses as :func:`iriftrace.trace.engine.choose` warns.
     """
     several = scenes if isinstance(scenes, Sequence) and not isinstance(scenes, str) else [scenes]
-    loaded = [loaded_scene(one) for one in several]
+    loaded = [ready_scene(one) for one in several]
     series = all_series(loaded, poses, focal_lengths_mm, move_out=move_out)
     return run_series(
         series, path, target=target, options=options, progress=progress, render=render
@@ -254,7 +254,7 @@ class _Sweep:
             map(journal.entry, numbers),
             len(poses),
             part.region_names,
-            ensemble=any(one.scene.ensemble is not None for one in series),
+            ensemble=any(bool(one.scene.members) for one in series),
             rig=rig is not None,
         )
         folder = self.out.with_suffix("").name

@@ -8,7 +8,7 @@ from attrs import asdict, frozen
 
 from iriftrace.core.errors import InputError
 from iriftrace.image.differences import Hits, compare, displacement_statistics, hits_of
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.trace.engine import FEWEST
 from iriftrace.trace.pose_image import pose_image
 
@@ -45,24 +45,25 @@ class ShellError:
         return {**asdict(self), "suffice": self.suffice}
 
 
-def shell_error(scene: LoadedScene, sample: int = SAMPLE) -> ShellError:
+def shell_error(scene: Scene, sample: int = SAMPLE) -> ShellError:
     """Trace a coarser picture through the shells and through the field data, and compare.
 
     The scene's engine must be ``"shells"``, and the field file that `Scene.save` puts next to the
     XML must exist. The pictures have about `sample` pixels.
     """
-    if scene.engine != "shells":
+    if scene.compiled.engine != "shells":
         raise InputError(
             f"{scene.name} is traced through the field data, so there are no shells to check; "
             "choose the engine shells."
         )
-    if scene.ensemble is not None:
+    if scene.members:
         raise InputError(
-            f"{scene.name} is an ensemble of {len(scene.ensemble)} fields, and the shells of one "
+            f"{scene.name} is an ensemble of {len(scene.members)} fields, and the shells of one "
             'are checked at a time; choose one, "-D member=1" for example.'
         )
     cells = scene.with_cells()
-    if not scene.same_field(cells):
+    compiled = scene.compiled
+    if not compiled.same_field(cells.compiled):
         raise InputError(
             f"The shells of {scene.name} were cut from another field than its field file, so their "
             "difference is not their error; write the scene again."
@@ -81,7 +82,7 @@ def shell_error(scene: LoadedScene, sample: int = SAMPLE) -> ShellError:
             "check the field."
         )
     return ShellError(
-        shells=len(scene.integrator.prepare(scene.mitsuba_scene).tables.shell_shapes),
+        shells=len(compiled.tables.shell_shapes),
         rays=differences.matched,
         unmatched=differences.only_here + differences.only_reference,
         median_mm=differences.median,
@@ -91,7 +92,7 @@ def shell_error(scene: LoadedScene, sample: int = SAMPLE) -> ShellError:
     )
 
 
-def _sampled(scene: LoadedScene, sample: int) -> Hits:
+def _sampled(scene: Scene, sample: int) -> Hits:
     width, height = scene.camera.resolution
     camera = scene.camera.scaled(min(1.0, math.sqrt(sample / (width * height))))
     return hits_of(pose_image(scene, camera))

@@ -10,7 +10,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.sightings import seen_by_pose, sight_faces, sightings_of
 from iriftrace.scene.load import load_scene
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.sweep import run_sweep
 from iriftrace.trace.render import render_scene
@@ -20,14 +20,14 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*every second shell")
 
 
 @pytest.fixture(scope="module")
-def scene(variant: str) -> LoadedScene:
+def scene(variant: str) -> Scene:
     """Of the shells in every pose, as the images below are."""
     xml = folder_of("cylinder") / "scene.xml"
     return load_scene(xml, {"scale": 0.15}, variant=variant, engine="shells")
 
 
 @pytest.fixture(scope="module")
-def poses(scene: LoadedScene) -> PoseSet:
+def poses(scene: Scene) -> PoseSet:
     """The last one stands in the part and sees nothing, the one before looks away."""
     orbit = Orbit(centre=scene.part.centre, semi_axes_mm=(310.0, 238.5, 238.5))
     matrices = np.array(orbit_poses(orbit, (0.0, 45.0, 90.0), (0.0, 40.0)).matrices)
@@ -37,7 +37,7 @@ def poses(scene: LoadedScene) -> PoseSet:
 
 
 @pytest.fixture(scope="module")
-def images(scene: LoadedScene, poses: PoseSet) -> list[AovImage]:
+def images(scene: Scene, poses: PoseSet) -> list[AovImage]:
     """Of all poses but the one in the part."""
     return [
         render_scene(scene, camera=scene.camera.at(matrix), empty=True).image
@@ -46,9 +46,7 @@ def images(scene: LoadedScene, poses: PoseSet) -> list[AovImage]:
 
 
 @pytest.fixture(scope="module")
-def swept(
-    scene: LoadedScene, poses: PoseSet, tmp_path_factory: pytest.TempPathFactory
-) -> xr.Dataset:
+def swept(scene: Scene, poses: PoseSet, tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     return run_sweep(scene, poses, tmp_path_factory.mktemp("sweep") / "sweep.nc")
 
 
@@ -97,7 +95,7 @@ def test_sweep_keeps_what_each_pose_sees(swept: xr.Dataset, images: list[AovImag
     assert len(sightings_of(swept, len(images))) == 0
 
 
-def test_area_of_the_faces_seen_is_the_coverage(swept: xr.Dataset, scene: LoadedScene) -> None:
+def test_area_of_the_faces_seen_is_the_coverage(swept: xr.Dataset, scene: Scene) -> None:
     """By face numbers and areas of the file alone, whole part and region by region."""
     area, region = swept["face_area"].values, swept["face_region"].values
     assert area.sum() == pytest.approx(scene.part.area)
