@@ -143,15 +143,12 @@ def _drawing(path: Path, length_unit: str | None) -> Draw:
 
 
 def _scene(path: Path) -> Draw:
-    from iriftrace.scene.file import read_scene_file
     from iriftrace.scene.load import load_scene
-    from iriftrace.scene.outline import blocker_surfaces
-    from iriftrace.shells.files import load_shells
 
-    scene, blockers = load_scene(path), blocker_surfaces(path)
-    first = next(scene.alone())
-    files = read_scene_file(path, first.variables).shell_paths
-    shells = load_shells(files[0].parent) if files else None
+    scene = load_scene(path)
+    state = scene.air.states[0]
+    shells = state.shells if state.files and state.files.shells else None
+    blockers = [(body.vertices, body.faces) for body in scene.blockers]
     named = {"part": space.PART_COLOUR, "camera": SIGHT_COLOUR}
     if scene.second is not None:
         named[scene.second_id.replace("_", " ")] = SECOND_COLOUR

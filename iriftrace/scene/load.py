@@ -28,7 +28,7 @@ from iriftrace.scene.compiled import (
     set_shells,
     set_wavelength,
 )
-from iriftrace.scene.ensemble import MEMBER, is_ensemble, member_folder, members_of
+from iriftrace.scene.ensemble import MEMBER, is_ensemble, member_files, member_folder, members_of
 from iriftrace.scene.file import (
     WAVELENGTH,
     SceneFile,
@@ -167,6 +167,19 @@ def field_file(path: Path, values: Mapping[str, str]) -> Path:
     """The cells engine's field next to a scene, or that of its member."""
     folder = member_folder(path, values.get(MEMBER, "1")) if is_ensemble(path) else path.parent
     return folder / FIELD_FILE
+
+
+def scene_files(path: Path, values: Mapping[str, str], *, field: bool) -> tuple[Path, ...]:
+    """Every file that a scene names, for an ensemble those of all members that are traced.
+
+    With `field` also those for the cells engine next to it, which the XML need not name.
+    """
+    members = members_of(path, values)
+    each = [{**values, MEMBER: str(m.number)} for m in members] or [{**values}]
+    named = [file for one in each for file in read_scene_file(path, one).file_paths]
+    fields = [field_file(path, one) for one in each] if field else []
+    listed = member_files(path) if is_ensemble(path) else ()
+    return tuple(dict.fromkeys((*listed, *named, *filter(Path.is_file, fields))))
 
 
 @frozen(eq=False)

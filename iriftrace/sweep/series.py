@@ -106,10 +106,10 @@ def _placed(scene: Scene, poses: PoseSet, move_out: bool) -> PoseSet:
     return free
 
 
-def check_comparable(series: Sequence[Series], *, resumable: bool) -> None:
+def check_comparable(series: Sequence[Series], *, of_files: bool) -> None:
     """Raise InputError if the poses of the series could not be ranked together.
 
-    They have no pose, no file although a sweep is to be resumable, an orthographic camera, or
+    They have no pose, a scene in memory although files are needed, an orthographic camera, or
     different parts, variants, wavelengths or cameras; only focal length and pose of the camera may
     differ.
     """
@@ -147,10 +147,11 @@ def check_comparable(series: Sequence[Series], *, resumable: bool) -> None:
                 f"{names} have cameras that differ in more than pose and focal length, so that "
                 "their poses could not be compared; give both the same sensor."
             )
-    if resumable and any(one.scene.path is None for one in series):
+    if of_files and any(one.scene.path is None for one in series):
         raise InputError(
-            "A sweep with a file can continue after a break, so it needs the files of its scenes; "
-            "write the scene first (Scene.save) and sweep that, or leave the sweep's file out."
+            "A sweep with a file can continue after a break, and workers read scenes themselves, "
+            "so both need the files of the scenes; write the scene first (Scene.save) and sweep "
+            "that, or leave the sweep's file and the workers out."
         )
 
 
@@ -159,12 +160,11 @@ def _sensor(camera: Camera) -> JsonObject:
     return {key: value for key, value in camera.as_dict().items() if key not in varied}
 
 
-def sources_of(series: Sequence[Series]) -> list[SceneSource]:
-    """Source of each series' scene; each scene is read once."""
+def sources_of(series: Sequence[Series]) -> list[SceneSource | None]:
+    """Source of each series' scene, None for one in memory; each scene is read once."""
     scenes = {id(one.scene): one.scene for one in series}
     known = {
-        # A scene in memory is known in this process alone.
-        key: SceneSource("", {}, scene.compiled.variant, str(key), "", {})
+        key: None
         if scene.path is None
         else source_of(scene.path, scene.variables, scene.compiled.variant, scene.engine)
         for key, scene in scenes.items()
@@ -186,7 +186,9 @@ def series_variables(series: Sequence[Series]) -> Variables:
     }
 
 
-def scenes_attribute(series: Sequence[Series], sources: Sequence[SceneSource]) -> list[JsonObject]:
+def scenes_attribute(
+    series: Sequence[Series], sources: Sequence[SceneSource | None]
+) -> list[JsonObject]:
     """Each scene once: path as given, absolute path, SHA-256, files, parameters and field.
 
     A scene in memory has neither paths nor files.
@@ -195,7 +197,7 @@ def scenes_attribute(series: Sequence[Series], sources: Sequence[SceneSource]) -
     for one, source in zip(series, sources, strict=True):
         scene, name = one.scene, one.scene.name
         files = {}
-        if scene.path is not None:
+        if scene.path is not None and source is not None:
             sha256 = sha256_of(scene.path)
             files = {"path": source.path, "sha256": sha256, "files": source.files}
         scenes[name] = {

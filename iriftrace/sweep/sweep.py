@@ -153,7 +153,7 @@ def run_series(
     render: RenderPoses | None = None,
 ) -> xr.Dataset:
     """Sweep any series that can be compared, as `run_sweep` does."""
-    check_comparable(series, resumable=path is not None)
+    check_comparable(series, of_files=path is not None or render is not None)
     if path is not None:
         return _Sweep(series, Path(path), target, options).run(progress, render)
     if options.exr:
@@ -171,10 +171,10 @@ class _Sweep:
     out: Path
     target: ArrayLike | None
     options: SweepOptions
-    sources: Sequence[SceneSource] = field(init=False)
+    sources: Sequence[SceneSource | None] = field(init=False)
 
     @sources.default
-    def _sources(self) -> Sequence[SceneSource]:
+    def _sources(self) -> Sequence[SceneSource | None]:
         return sources_of(self.series)
 
     def run(self, progress: Progress | None, render: RenderPoses | None) -> xr.Dataset:
@@ -204,7 +204,7 @@ class _Sweep:
         """Fingerprint of everything that the result depends on."""
         content = [
             [
-                source.fingerprint,
+                source and source.fingerprint,
                 one.camera.as_dict(),
                 one.stand_off_mm,
                 one.poses.matrices.tolist(),
@@ -217,10 +217,8 @@ class _Sweep:
 
     def render_here(self, tasks: Iterable[PoseTask]) -> Iterator[Piece]:
         """Render in this process, one pose after the other."""
-        pairs = zip(self.sources, self.series, strict=True)
-        scenes = {source.fingerprint: one.scene for source, one in pairs}
         for task in tasks:
-            yield render_pose(task, scenes[task.source.fingerprint])
+            yield render_pose(task, self.series[task.series].scene)
 
     def tasks(self, done: Collection[int]) -> Iterator[PoseTask]:
         """Poses that are not finished, scene by scene: a worker needs one scene at a time."""
@@ -228,11 +226,13 @@ class _Sweep:
         if options.exr:
             folder.mkdir(exist_ok=True)
         number = 0
-        for source, one in zip(self.sources, self.series, strict=True):
+        pairs = zip(self.sources, self.series, strict=True)
+        for series, (source, one) in enumerate(pairs):
             for matrix in one.poses.matrices:
                 if number not in done:
                     yield PoseTask(
                         number=number,
+                        series=series,
                         source=source,
                         camera=one.camera.at(matrix),
                         include=options.include,

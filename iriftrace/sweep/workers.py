@@ -246,6 +246,7 @@ def _result(future: Future[Result]) -> Result:
 def render_on_worker(sent: tuple[PoseTask, Sequence[str]]) -> Piece:
     """Render one pose in this worker, one of those with the addresses that come with the task."""
     task, addresses = sent
+    assert task.source is not None
     with _one_at_a_time:
         _limit_cores(task.source.variant, addresses)
         return render_pose(task, _scene(task.source))

@@ -123,7 +123,7 @@ def test_workers_that_see_another_scene_are_refused(
         (evolve(source, version="0.0.1", fingerprint="3"), "instead of 0.0.1"),
     ):
         with pytest.raises(InputError, match=words):
-            list(local([PoseTask(0, wrong, camera, (0,), False, "")]))
+            list(local([PoseTask(0, 0, wrong, camera, (0,), False, "")]))
 
 
 @pytest.mark.slow
