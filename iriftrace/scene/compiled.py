@@ -4,27 +4,33 @@ from __future__ import annotations
 
 import time
 import weakref
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from operator import is_
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from attrs import evolve, field, frozen
 
 from iriftrace.air.refractivity import dispersion
 from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import FloatArray
 from iriftrace.core.engines import AUTO, ENGINES, Bending
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import parse_quantity
-from iriftrace.field.path_data import FieldCells
+from iriftrace.field.path_data import FIELD_FILE, FieldCells
 from iriftrace.field.source import FieldSource
+from iriftrace.part.part import Part, part_of_mesh
+from iriftrace.runtime import variant as runtime
 from iriftrace.scene.air import Integrator, traced_air
-from iriftrace.scene.file import WAVELENGTH
+from iriftrace.scene.file import WAVELENGTH, warn_of_dielectric
+from iriftrace.scene.objects import mitsuba_scene
 from iriftrace.shells.table import AirStatement
 
 if TYPE_CHECKING:
     import mitsuba as mi
 
     from iriftrace.plugins.kernels.tables import SceneTables
+    from iriftrace.shells.stack import ShellStack
 
 
 @frozen(eq=False)
@@ -111,18 +117,120 @@ class Compiled:
     ) -> Compiled:
         """The same scene traced through cells: those of a file, or given ones."""
         started = time.perf_counter()
-        integrator = integrator_for(self.integrator, "cells", name, field_file)
-        set_wavelength(integrator, variables)
-        if cells is not None:
-            integrator.use(cells)
-        integrator.prepare_as(self.integrator)
-        tables = integrator.prepare(self.mitsuba_scene).tables
+        with runtime.using(self.variant):
+            integrator = integrator_for(self.integrator, "cells", name, field_file)
+            set_wavelength(integrator, variables)
+            if cells is not None:
+                integrator.use(cells)
+            integrator.prepare_as(self.integrator)
+            tables = integrator.prepare(self.mitsuba_scene).tables
         return evolve(
             self,
             integrator=integrator,
             build_s=self.build_s + time.perf_counter() - started,
             **traced_air(integrator, self.stated, name, tables),
         )
+
+
+@frozen(eq=False)
+class Origin:
+    """The file that a scene was read from; a scene with other part, air or blockers has none."""
+
+    path: Path  # absolute
+    given: str  # as the user wrote it
+    variables: dict[str, str]  # values given for the file's parameters
+    part_to_world: FloatArray  # (4, 4), of the part's file
+    compile: Callable[[dict[str, str], str], Compiled]  # for its parameters and an engine
+    bodies: tuple[object, ...]  # part, air and blockers as they were read
+
+
+class Held:
+    """What was made of a scene; scenes that differ in nothing but their devices share it."""
+
+    def __init__(self, values: tuple[object, ...] = ()) -> None:
+        self.values = values
+        self.compiled: Compiled | None = None
+        self.members: dict[int, Any] = {}  # scenes of an ensemble's members by their numbers
+        self.triangles = 0  # of their shells
+        self.cells: Any = None  # the scene that is traced through cells instead, if there is one
+        self.cells_sought = False
+        self.shells: Any = None  # the ensemble whose cells this one traces
+
+
+def same(some: tuple[object, ...], others: tuple[object, ...]) -> bool:
+    """True for the same objects."""
+    return len(some) == len(others) and all(map(is_, some, others))
+
+
+def of_objects(
+    part: Part,
+    shells: ShellStack,
+    devices: Mapping[str, Camera],
+    blockers: Sequence[Part],
+    stated: AirStatement,
+    *,
+    normals: str,
+    inside_hit: str,
+    wavelength_nm: float | None,
+    variant: str,
+) -> Compiled:
+    """Compile objects with the shells of one state of the air; see `mitsuba_scene`."""
+    started = time.perf_counter()
+    with runtime.using(variant):
+        scene = mitsuba_scene(
+            part, shells, devices, normals=normals, inside_hit=inside_hit, blockers=blockers
+        )
+        if wavelength_nm is not None:
+            stated = set_shells(scene, stated, wavelength_nm)
+        loaded = time.perf_counter()
+        integrator: Integrator = scene.integrator()
+        found = traced_air(integrator, stated, "the scene", integrator.prepare(scene).tables)
+    return Compiled(
+        camera=devices["camera"],
+        full_resolution=devices["camera"].resolution,
+        load_s=loaded - started,
+        build_s=time.perf_counter() - loaded,
+        variant=variant,
+        mitsuba_scene=scene,
+        integrator=integrator,
+        **found,
+    )
+
+
+def of_mitsuba(scene: mi.Scene) -> tuple[Compiled, Part, tuple[Camera, Camera | None, str]]:
+    """A scene made with Mitsuba, its part and its devices; see `iriftrace.Scene.from_mitsuba`."""
+    variant = runtime.ensure()
+    import mitsuba as mi
+
+    from iriftrace.plugins.scene_state import scene_state
+
+    if not isinstance(scene, mi.Scene):
+        raise InputError(
+            f"Scene.from_mitsuba takes a mitsuba.Scene of the variant {mi.variant()}, not a "
+            f"{type(scene).__name__}; `load_scene` reads files."
+        )
+    name = "Your mi.Scene"
+    integrator = integrator_for(scene.integrator(), AUTO, name, Path(FIELD_FILE))
+    sensors = sensors_of(scene, name)
+    devices = devices_of(sensors)
+    started = time.perf_counter()
+    integrator.refresh(scene)
+    tables = integrator.prepare(scene).tables
+    found = traced_air(integrator, AirStatement(), name, tables)
+    if tables.stock_shells:
+        warn_of_dielectric(name)
+    compiled = Compiled(
+        camera=devices[0],
+        full_resolution=full_resolution_of(sensors[0]),
+        load_s=0.0,
+        build_s=time.perf_counter() - started,
+        variant=variant,
+        mitsuba_scene=scene,
+        integrator=integrator,
+        state=scene_state(scene),
+        **found,
+    )
+    return compiled, part_of_mesh(*tables.part_arrays(), name=name), devices
 
 
 def set_wavelength(integrator: Integrator, values: Mapping[str, str]) -> None:

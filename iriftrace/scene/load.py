@@ -21,6 +21,7 @@ from iriftrace.runtime import variant as runtime
 from iriftrace.scene.air import air_statement_of, other_shells, traced_air, warn_of_another_part
 from iriftrace.scene.compiled import (
     Compiled,
+    Origin,
     devices_of,
     full_resolution_of,
     integrator_for,
@@ -38,7 +39,7 @@ from iriftrace.scene.file import (
     readable,
 )
 from iriftrace.scene.hot_air import AirFiles, AirState, HotAir
-from iriftrace.scene.scene import Origin, Scene
+from iriftrace.scene.scene import Scene
 from iriftrace.scene.write import SHELLS_FOLDER
 
 
@@ -95,12 +96,8 @@ def load_scene(
     # As it is now, wherever the working folder will be.
     xml = xml.absolute()
 
-    def compile_again(scene: Scene) -> Compiled:
-        return (
-            compiled.pop()
-            if compiled
-            else _read(xml, scene.variables, chosen, scene.engine).compiled
-        )
+    def compile_again(values: dict[str, str], engine: str) -> Compiled:
+        return compiled.pop() if compiled else _read(xml, values, chosen, engine).compiled
 
     stated, integrator = read.compiled.stated, read.compiled.integrator
     shells = read.file.shell_paths

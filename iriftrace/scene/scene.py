@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -17,26 +17,24 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.engines import AUTO, Bending
 from iriftrace.core.errors import InputError, warn, without_warnings
 from iriftrace.core.member_weights import MemberWeights
-from iriftrace.field.path_data import FIELD_FILE, FieldCells
-from iriftrace.part.part import Part, part_of_mesh
+from iriftrace.field.path_data import FIELD_FILE
+from iriftrace.part.part import Part
 from iriftrace.runtime import variant as runtime
-from iriftrace.scene.air import Integrator, traced_air
 from iriftrace.scene.compiled import (
     Compiled,
+    Held,
+    Origin,
     check_engine,
-    devices_of,
-    full_resolution_of,
-    integrator_for,
-    sensors_of,
-    set_shells,
+    of_mitsuba,
+    of_objects,
+    same,
 )
 from iriftrace.scene.ensemble import MEMBER
-from iriftrace.scene.file import WAVELENGTH, warn_of_dielectric
+from iriftrace.scene.file import WAVELENGTH
 from iriftrace.scene.hot_air import AirFiles, AirState, FieldMember, HotAir, weights_of
-from iriftrace.scene.objects import kept_camera, kept_part, mitsuba_scene
+from iriftrace.scene.objects import kept_camera, kept_part
 from iriftrace.scene.viewpoint import refuse_bad_places
 from iriftrace.scene.xml import SCALE, SceneSettings
-from iriftrace.shells.table import AirStatement
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -46,31 +44,6 @@ if TYPE_CHECKING:
 
 KEPT_TRIANGLES = 10_000_000
 """Number of triangles of shells kept in memory between poses, 1.5 GB with Mitsuba's own tree."""
-
-
-@frozen(eq=False)
-class Origin:
-    """The file that a scene was read from; a scene with other part, air or blockers has none."""
-
-    path: Path  # absolute
-    given: str  # as the user wrote it
-    variables: dict[str, str]  # values given for the file's parameters
-    part_to_world: FloatArray  # (4, 4), of the part's file
-    compile: Callable[[Scene], Compiled]
-    bodies: tuple[object, ...] = ()  # part, air and blockers as they were read
-
-
-class _Held:
-    """What was made of a scene; scenes that differ in nothing but their devices share it."""
-
-    def __init__(self, values: tuple[object, ...] = ()) -> None:
-        self.values = values
-        self.compiled: Compiled | None = None
-        self.members: dict[int, Scene] = {}
-        self.triangles = 0
-        self.cells: Scene | None = None
-        self.cells_sought = False
-        self.shells: Scene | None = None  # the ensemble whose cells this one traces
 
 
 def _parts(bodies: Iterable[Part]) -> tuple[Part, ...]:
@@ -117,7 +90,7 @@ class Scene:
     blockers: tuple[Part, ...] = field(default=(), converter=_parts)
     _origin: Origin | None = field(default=None, repr=False)
     _stored: bool = field(default=False, repr=False)  # numbers are those of a scene's files
-    _held: _Held = field(default=Factory(_Held), repr=False)
+    _held: Held = field(default=Factory(Held), repr=False)
 
     def __attrs_post_init__(self) -> None:
         """Raise InputError for what is still to be read, such as a file's name."""
@@ -132,11 +105,11 @@ class Scene:
                     f"{kind.__name__}; give {remedy}."
                 )
         bodies = (self.part, self.air, *self.blockers)
-        if self._origin is not None and not _same(self._origin.bodies, bodies):
+        if self._origin is not None and not same(self._origin.bodies, bodies):
             object.__setattr__(self, "_origin", None)
         values = (*bodies, self.wavelength_nm, self.engine, self.variant, self._stored)
-        if not _same(self._held.values, values):
-            object.__setattr__(self, "_held", _Held(values))
+        if not same(self._held.values, values):
+            object.__setattr__(self, "_held", Held(values))
 
     @engine.validator
     def _check_engine(self, _: Attribute[str], engine: str) -> None:
@@ -180,12 +153,6 @@ class Scene:
     def weights(self) -> MemberWeights:
         """Weights of the members, in their order."""
         return weights_of(self.members)
-
-    @property
-    def cells(self) -> FieldCells:
-        """The cells of its field; raises InputError if there is none."""
-        cells = self.air.states[0].cells
-        return cells if self.wavelength_nm is None else cells.at_wavelength(self.wavelength_nm)
 
     @property
     def ready(self) -> Scene:
@@ -240,9 +207,25 @@ class Scene:
             if self.members:
                 held.compiled = next(self.alone()).compiled
             else:
-                compile = _of_objects if self._origin is None else self._origin.compile
-                held.compiled = compile(self)
+                held.compiled = self._compile()
         return held.compiled
+
+    def _compile(self) -> Compiled:
+        if self._origin is not None:
+            return self._origin.compile(self.variables, self.engine)
+        (state,) = self.air.states
+        shells = of_objects(
+            self.part,
+            state.shells,
+            {"camera": self.camera} | ({self.second_id: self.second} if self.second else {}),
+            self.blockers,
+            state.shells.stated({**self.air.notes, **state.notes}),
+            normals=self.air.normals,
+            inside_hit=self.air.inside_hit,
+            wavelength_nm=self.wavelength_nm,
+            variant=runtime.ensure(self.variant),
+        )
+        return self._through_cells(shells) if self.engine == "cells" else shells
 
     def alone(self) -> Iterator[Scene]:
         """Scenes of one field each, in order; those above the memory limit are freed after use."""
@@ -272,7 +255,8 @@ class Scene:
 
     def _member(self, number: int) -> Scene:
         """One member of an ensemble."""
-        if (ensemble := self._held.shells) is not None:
+        ensemble: Scene | None = self._held.shells
+        if ensemble is not None:
             shells = ensemble._member(number)
             cells = shells.with_cells()
             if not shells.compiled.same_field(cells.compiled):
@@ -294,11 +278,20 @@ class Scene:
         """The same scene traced through its field's cells; InputError if there is no field."""
         cells = evolve(self, engine="cells")
         if self.members:
-            cells._held.shells = evolve(self, held=_Held())
+            cells._held.shells = evolve(self, held=Held())
             return cells
-        with runtime.using(self.compiled.variant):
-            cells._held.compiled = _through_cells(self, self.compiled)
+        cells._held.compiled = self._through_cells(self.compiled)
         return cells
+
+    def _through_cells(self, shells: Compiled) -> Compiled:
+        """The scene that is compiled with shells, through the cells of its field."""
+        files = self.air.states[0].files
+        if files is not None and files.field is not None:
+            return shells.through_cells(self.name, files.field, self.variables)
+        cells = self.air.states[0].cells
+        if self.wavelength_nm is not None:
+            cells = cells.at_wavelength(self.wavelength_nm)
+        return shells.through_cells(self.name, Path(FIELD_FILE), {}, cells)
 
     @property
     def through_cells(self) -> Scene | None:
@@ -317,12 +310,10 @@ class Scene:
     def _found_cells(self) -> Scene | None:
         if self.engine != AUTO or self.compiled.bending is not Bending.LAYERS:
             return None
-        with without_warnings():
-            try:
-                found = self.with_cells()
-                return found if self.compiled.same_field(found.compiled) else None
-            except InputError:
-                return None
+        with suppress(InputError), without_warnings():
+            found = self.with_cells()
+            return found if self.compiled.same_field(found.compiled) else None
+        return None
 
     @cached_property
     def _fits(self) -> tuple[Fit | None, ...]:
@@ -403,47 +394,16 @@ class Scene:
             If it is something else, or has no sensor, no part, or another integrator, or the
             current variant traces no rays here.
         """
-        variant = runtime.ensure()
-        import mitsuba as mi
-
-        from iriftrace.plugins.scene_state import scene_state
-
-        if not isinstance(scene, mi.Scene):
-            raise InputError(
-                f"Scene.from_mitsuba takes a mitsuba.Scene of the variant {mi.variant()}, not a "
-                f"{type(scene).__name__}; `load_scene` reads files."
-            )
-        name = "Your mi.Scene"
-        integrator = integrator_for(scene.integrator(), AUTO, name, Path(FIELD_FILE))
-        sensors = sensors_of(scene, name)
-        camera, second, second_id = devices_of(sensors)
-        started = time.perf_counter()
-        integrator.refresh(scene)
-        tables = integrator.prepare(scene).tables
-        found = traced_air(integrator, AirStatement(), name, tables)
-        if tables.stock_shells:
-            warn_of_dielectric(name)
+        compiled, part, devices = of_mitsuba(scene)
         own = cls(
-            part_of_mesh(*tables.part_arrays(), name=name),
+            part,
             HotAir.of_states([AirState(None, files=AirFiles(None, None, None))]),
-            camera,
-            second,
-            second_id,
-            engine=integrator.engine,
-            variant=variant,
+            *devices,
+            engine=compiled.engine,
+            variant=compiled.variant,
             stored=True,
         )
-        own._held.compiled = Compiled(
-            camera=camera,
-            full_resolution=full_resolution_of(sensors[0]),
-            load_s=0.0,
-            build_s=time.perf_counter() - started,
-            variant=variant,
-            mitsuba_scene=scene,
-            integrator=integrator,
-            state=scene_state(scene),
-            **found,
-        )
+        own._held.compiled = compiled
         return own
 
 
@@ -455,53 +415,3 @@ def ready_scene(scene: Scene) -> Scene:
             "part, air and camera."
         )
     return scene.ready
-
-
-def _same(some: tuple[object, ...], others: tuple[object, ...]) -> bool:
-    """True for the same objects, or equal words and numbers."""
-    pairs = zip(some, others, strict=False)
-    return len(some) == len(others) and all(
-        a is b or (isinstance(a, str | float | int) and a == b) for a, b in pairs
-    )
-
-
-def _of_objects(scene: Scene) -> Compiled:
-    """Compile a scene of objects with one state of the air."""
-    variant = runtime.ensure(scene.variant)
-    with runtime.using(variant):
-        started = time.perf_counter()
-        (state,) = scene.air.states
-        stated = state.shells.stated({**scene.air.notes, **state.notes})
-        second = {} if scene.second is None else {scene.second_id: scene.second}
-        found = mitsuba_scene(
-            scene.part,
-            state.shells,
-            {"camera": scene.camera} | second,
-            normals=scene.air.normals,
-            inside_hit=scene.air.inside_hit,
-            blockers=scene.blockers,
-        )
-        if scene.wavelength_nm is not None:
-            stated = set_shells(found, stated, scene.wavelength_nm)
-        loaded = time.perf_counter()
-        integrator: Integrator = found.integrator()
-        tables = integrator.prepare(found).tables
-        shells = Compiled(
-            camera=scene.camera,
-            full_resolution=scene.camera.resolution,
-            load_s=loaded - started,
-            build_s=time.perf_counter() - loaded,
-            variant=variant,
-            mitsuba_scene=found,
-            integrator=integrator,
-            **traced_air(integrator, stated, scene.name, tables),
-        )
-        return _through_cells(scene, shells) if scene.engine == "cells" else shells
-
-
-def _through_cells(scene: Scene, shells: Compiled) -> Compiled:
-    """The same through the cells of the scene's field."""
-    files = scene.air.states[0].files
-    if files is None or files.field is None:
-        return shells.through_cells(scene.name, Path(FIELD_FILE), {}, scene.cells)
-    return shells.through_cells(scene.name, files.field, scene.variables)

@@ -65,7 +65,6 @@ def render_scene(
     Parameters
     ----------
     scene : Scene
-        A path is loaded first; load once to render many poses.
     camera : Camera, optional
         Used instead of the scene's own sensor.
     include : collection of int
