@@ -6,14 +6,14 @@ import time
 from statistics import median
 
 from iriftrace.camera.pose import look_at
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.trace.render import render_scene
 from iriftrace.triangulation.correct import correct
 from iriftrace.triangulation.measure import measure
 from iriftrace.triangulation.scan import Scan
 
 
-def measure_over_trace(scene: LoadedScene, repeats: int) -> tuple[float, Scan]:
+def measure_over_trace(scene: Scene, repeats: int) -> tuple[float, Scan]:
     """Median of a measurement's time over the refracted trace's of one pose, and the scan.
 
     The projector stands 80 mm below the camera of the bundled cylinder.
@@ -29,7 +29,7 @@ def measure_over_trace(scene: LoadedScene, repeats: int) -> tuple[float, Scan]:
     return median(ratios[1:]), scan
 
 
-def correction(scene: LoadedScene, scan: Scan, repeats: int) -> tuple[float, float]:
+def correction(scene: Scene, scan: Scan, repeats: int) -> tuple[float, float]:
     """Medians of the seconds to correct a million points, and of these over a million traced rays.
 
     The second is the correction of a point over the refracted trace of a ray of one pose.

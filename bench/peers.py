@@ -10,7 +10,7 @@ import trimesh
 from trimesh.ray.ray_pyembree import RayMeshIntersector
 
 from iriftrace.core.arrays import FloatArray
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.shells.files import load_shells
 from iriftrace.trace.pose_image import pose_image
 from iriftrace.trace.render import render_scene
@@ -24,7 +24,7 @@ MOST_CROSSINGS = 100
 class EmbreeLoop:
     """Rays through the shells of a scene to its part: Embree's nearest triangle, Snell in NumPy."""
 
-    def __init__(self, scene: LoadedScene) -> None:
+    def __init__(self, scene: Scene) -> None:
         shells = load_shells(scene.path.parent).shells
         meshes = [(scene.part.vertices, scene.part.faces), *((s.vertices, s.faces) for s in shells)]
         starts = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])[:-1]
@@ -73,7 +73,7 @@ class EmbreeLoop:
         return ends
 
 
-def peer_over_trace(scene: LoadedScene, repeats: int) -> tuple[float, int]:
+def peer_over_trace(scene: Scene, repeats: int) -> tuple[float, int]:
     """Median over pairs of the loop's time over the refracted trace's, and the number of rays.
 
     Both bend the same rays at the shells: those whose straight twin hits the part.

@@ -9,11 +9,11 @@ import time
 from pathlib import Path
 from statistics import median
 
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.trace.render import render_scene
 
 
-def pose_over_trace(scene: LoadedScene, repeats: int) -> float:
+def pose_over_trace(scene: Scene, repeats: int) -> float:
     """Median of the time of render and files, without figures, over the refracted trace's."""
     ratios = []
     with tempfile.TemporaryDirectory() as folder:
@@ -27,7 +27,7 @@ def pose_over_trace(scene: LoadedScene, repeats: int) -> float:
     return median(ratios[1:])
 
 
-def pose_in_sweep_over_traces(scene: LoadedScene, repeats: int) -> float:
+def pose_in_sweep_over_traces(scene: Scene, repeats: int) -> float:
     """Median of the time of a pose without files over its two traces'."""
     ratios = []
     for _ in range(repeats + 1):
@@ -40,7 +40,7 @@ def pose_in_sweep_over_traces(scene: LoadedScene, repeats: int) -> float:
     return median(ratios[1:])
 
 
-def cells_over_shells(cells: LoadedScene, shells: LoadedScene, repeats: int) -> tuple[float, float]:
+def cells_over_shells(cells: Scene, shells: Scene, repeats: int) -> tuple[float, float]:
     """Time by the cells engine over that by shells: of refracted traces, and of poses.
 
     Medians of pairs.
@@ -58,7 +58,7 @@ def cells_over_shells(cells: LoadedScene, shells: LoadedScene, repeats: int) -> 
     return median(traces), median(poses)
 
 
-def process_over_trace(scene: LoadedScene, repeats: int) -> float:
+def process_over_trace(scene: Scene, repeats: int) -> float:
     """Median of the time of ``iriftrace render`` without figures over a warm refracted trace's.
 
     Kernels are compiled and on disk.
@@ -76,7 +76,7 @@ def process_over_trace(scene: LoadedScene, repeats: int) -> float:
     return median(ratios[1:])
 
 
-def shares(scene: LoadedScene) -> dict[str, float]:
+def shares(scene: Scene) -> dict[str, float]:
     """Time of each stage of one pose over the refracted trace's."""
     with tempfile.TemporaryDirectory() as folder:
         rendering = render_scene(scene)
@@ -86,7 +86,7 @@ def shares(scene: LoadedScene) -> dict[str, float]:
     return {stage: time_s[stage] / time_s["refracted"] for stage in stages}
 
 
-def kernels_of_second_pose(scene: LoadedScene) -> int:
+def kernels_of_second_pose(scene: Scene) -> int:
     """Kernels that another pose of the same camera compiles."""
     import drjit as dr
 

@@ -13,7 +13,7 @@ from iriftrace.image.aov_image import CHANNELS
 from iriftrace.plugins.kernels.march import RefractedHits, refracted_hits
 from iriftrace.plugins.kernels.queries import HIT_PART
 from iriftrace.plugins.picture import PixelRays
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 
 RECORDED = 24
 """Number of queries recorded for each ray; few rays cross more shells of the usual 13."""
@@ -32,10 +32,10 @@ class Recording:
     The scene must have the integrator ``first_hit``; at most `queries` are recorded for each ray.
     """
 
-    def __init__(self, scene: LoadedScene, queries: int = RECORDED) -> None:
-        self.scene: Any = scene.mitsuba_scene
-        self.integrator = scene.integrator
-        self.prepared = scene.integrator.prepare(self.scene)
+    def __init__(self, scene: Scene, queries: int = RECORDED) -> None:
+        self.scene: Any = scene.compiled.mitsuba_scene
+        self.integrator = scene.compiled.integrator
+        self.prepared = self.integrator.prepare(self.scene)
         sensor = self.scene.sensors()[0]
         hits = self.integrator.straight(self.scene, sensor)
         chosen: Any = dr.compress(hits.outcome == HIT_PART)
@@ -108,7 +108,7 @@ class Recording:
         return pairs
 
 
-def trace_over_queries(scene: LoadedScene, repeats: int) -> tuple[float, int]:
+def trace_over_queries(scene: Scene, repeats: int) -> tuple[float, int]:
     """Median over pairs of runs of trace time / replay time, and the number of rays."""
     recording = Recording(scene)
     pairs = recording.time_pairs(repeats)

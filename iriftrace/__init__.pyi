@@ -85,9 +85,7 @@ from .planning.pose_plan import plan as plan
 from .planning.refine import Refinement as Refinement
 from .planning.summary import SweepSummary as SweepSummary
 from .scene.hot_air import HotAir as HotAir
-from .scene.load import from_mitsuba as from_mitsuba
 from .scene.load import load_scene as load_scene
-from .scene.loaded import LoadedScene as LoadedScene
 from .scene.save import SavedScene as SavedScene
 from .scene.scene import Scene as Scene
 from .shells.contour import contour_shells as contour_shells

@@ -23,7 +23,7 @@ from iriftrace.image.aov_image import Status
 from iriftrace.part.part import Part
 from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.load import load_scene
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
@@ -68,7 +68,7 @@ def bundle(part: Part, count: int, seed: int) -> tuple[FloatArray, FloatArray]:
     return origin, aim - origin
 
 
-def lost_in(scene: LoadedScene, count: int) -> tuple[int, list[str]]:
+def lost_in(scene: Scene, count: int) -> tuple[int, list[str]]:
     """Rays whose straight or refracted ray met the part, and those that were lost, in words."""
     hits, names = 0, []
     for seed, first in enumerate(range(0, count, PIECE)):
@@ -96,7 +96,7 @@ def whole_field(name: str, folder: Path) -> IndexField:
     return read_field(folder / "whole.vtu")
 
 
-def loaded_scenes() -> Iterator[tuple[str, str, LoadedScene]]:
+def loaded_scenes() -> Iterator[tuple[str, str, Scene]]:
     """Name, engine and scene of all that is traced."""
     for name in SCENES:
         yield name, "shells", load_scene(folder_of(name) / "scene.xml", engine="shells")

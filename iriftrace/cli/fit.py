@@ -14,7 +14,7 @@ from iriftrace.core.errors import warn
 from iriftrace.core.units import counted
 
 if TYPE_CHECKING:
-    from iriftrace.scene.loaded import LoadedScene
+    from iriftrace.scene.scene import Scene
     from iriftrace.trace.member_fit import MemberFit
 
 
@@ -70,7 +70,6 @@ def fit(
     from iriftrace.core.files import write_json
     from iriftrace.field.part_fit import in_air
     from iriftrace.scene.fitted import check_fitted_scene, write_fitted_scene
-    from iriftrace.scene.outline import blocker_surfaces
 
     views = [(board, measured), *(view or [])]
     checks.inputs(*(shifts for _, shifts in views))
@@ -81,8 +80,8 @@ def fit(
     _print_fit(found)
     if not found.contained:
         warn(f"{found.verdict} {found.solve_next}")
-    blocked = scene is None and bool(blocker_surfaces(board))
-    of_board = blocked and not in_air(loaded.cells, loaded.part)
+    blocked = scene is None and bool(loaded.blockers)
+    of_board = blocked and not in_air(loaded.air.states[0].cells, loaded.part)
     with working("Writing the scene"):
         listed = write_fitted_scene(
             scene or board,
@@ -105,7 +104,7 @@ def _fitted(
     camera_motion: bool,
     without_zeros: bool,
     trace: TraceOptions,
-) -> tuple[MemberFit, LoadedScene]:
+) -> tuple[MemberFit, Scene]:
     """Weights from temperatures in the air, or from shifts of dots, and the first scene."""
     from iriftrace.io.air_temperatures import is_air_temperatures, read_air_temperatures
     from iriftrace.trace.shift_fit import fit_members

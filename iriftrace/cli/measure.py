@@ -23,7 +23,7 @@ from iriftrace.cli.triangulation_text import (
 from iriftrace.core.units import counted
 
 if TYPE_CHECKING:
-    from iriftrace.scene.loaded import LoadedScene
+    from iriftrace.scene.scene import Scene
     from iriftrace.triangulation.scan import Scan
 
 _USUAL = 0.999
@@ -112,7 +112,7 @@ def measure(
 
 
 def write_scan(
-    loaded: LoadedScene,
+    loaded: Scene,
     output: Path,
     system: System = None,
     phase: Phase = None,

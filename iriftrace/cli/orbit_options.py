@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from iriftrace.camera.pose_set import PoseSet
     from iriftrace.core.arrays import FloatArray
-    from iriftrace.scene.loaded import LoadedScene
+    from iriftrace.scene.scene import Scene
 
 
 @Parameter(name="*", group=Group("Orbit", sort_key=1))
@@ -96,11 +96,11 @@ class OrbitOptions:
         """True if poses are computed around the part and not given."""
         return self.poses is None and self.turntable is None
 
-    def look_at(self, scene: LoadedScene) -> FloatArray | tuple[float, float, float]:
+    def look_at(self, scene: Scene) -> FloatArray | tuple[float, float, float]:
         """The point that the camera looks at, (3,), mm, world."""
         return scene.part.centre if self.target is None else self.target
 
-    def pose_sets(self, scene: LoadedScene) -> dict[float, PoseSet]:
+    def pose_sets(self, scene: Scene) -> dict[float, PoseSet]:
         """Poses by the stand-off (mm) of their orbit, NaN for any other poses."""
         import numpy as np
 
@@ -180,7 +180,7 @@ class OrbitOptions:
             "one of the two.",
         )
 
-    def _axes(self, scene: LoadedScene) -> list[tuple[float, ArrayLike]]:
+    def _axes(self, scene: Scene) -> list[tuple[float, ArrayLike]]:
         """Stand-off and semi-axes, mm, of each orbit."""
         from iriftrace.camera.orbit import default_stand_off, semi_axes
 

@@ -15,7 +15,7 @@ from iriftrace.cli.trace_options import Statuses, TraceOptions, check_light, sta
 from iriftrace.core.errors import warn
 
 if TYPE_CHECKING:
-    from iriftrace.scene.loaded import LoadedScene
+    from iriftrace.scene.scene import Scene
     from iriftrace.trace.render import Rendering
 
 
@@ -155,7 +155,7 @@ def demo(
 
 
 def _render(
-    loaded: LoadedScene,
+    loaded: Scene,
     exr: Path,
     include: tuple[int, ...] = (0,),
     figures: bool = True,
@@ -181,7 +181,7 @@ def _render(
         return rendering, [*rendering.save(exr, rgb=rgb), *pictures]
 
 
-def _print_rendering(rendering: Rendering, loaded: LoadedScene, files: list[Path]) -> None:
+def _print_rendering(rendering: Rendering, loaded: Scene, files: list[Path]) -> None:
     from iriftrace.cli.output import print_summary, print_view
 
     print_summary(rendering.metrics)
@@ -190,7 +190,7 @@ def _print_rendering(rendering: Rendering, loaded: LoadedScene, files: list[Path
     say("Files: " + ", ".join(map(str, files)))
 
 
-def _scene_picture(scene: LoadedScene, shells_folder: Path, picture: Path) -> list[Path]:
+def _scene_picture(scene: Scene, shells_folder: Path, picture: Path) -> list[Path]:
     """Draw part, shells and devices, if this machine can draw."""
     from iriftrace.runtime.doctor import drawing_trouble
 

@@ -15,7 +15,7 @@ from iriftrace.cli.options import Wavelength, Whole
 from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
-    from iriftrace.scene.loaded import LoadedScene
+    from iriftrace.scene.scene import Scene
 
 
 Statuses = Annotated[
@@ -60,7 +60,7 @@ class TraceOptions:
             values["wavelength"] = repr(self.wavelength)
         return values
 
-    def load(self, scene: Path) -> LoadedScene:
+    def load(self, scene: Path) -> Scene:
         """A scene with these options."""
         from iriftrace.scene.load import load_scene
 

@@ -32,7 +32,7 @@ from iriftrace.figures.sweep_space import add_surroundings
 from iriftrace.geometry.triangles import polydata
 from iriftrace.image.aov_image import AovImage
 from iriftrace.part.part import Part
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.sweep.faces import displacement_limits
 
 Draw = Callable[[pv.Plotter], None]
@@ -54,7 +54,7 @@ _WITHOUT_DISPLAY = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
 
 
 def view(
-    shown: LoadedScene | AovImage | xr.Dataset | pv.PolyData | IndexField | Part,
+    shown: Scene | AovImage | xr.Dataset | pv.PolyData | IndexField | Part,
     picture: str | Path | None = None,
     *,
     source: FieldSource | None = None,
@@ -145,17 +145,10 @@ def _drawing(shown: object) -> tuple[Draw, FieldSource | None]:
 
 
 @_drawing.register
-def _scene(scene: LoadedScene) -> tuple[Draw, FieldSource | None]:
-    from iriftrace.scene.file import read_scene_file
-    from iriftrace.scene.outline import blocker_surfaces
-    from iriftrace.shells.files import load_shells
-
-    if scene.path is None:
-        raise InputError("A scene that is not in a folder cannot be shown; save it and load that.")
-    first = scene if scene.ensemble is None else next(iter(scene.ensemble.scenes()))
-    blockers = blocker_surfaces(scene.path)
-    files = read_scene_file(scene.path, first.variables).shell_paths
-    shells = load_shells(files[0].parent) if files else None
+def _scene(scene: Scene) -> tuple[Draw, FieldSource | None]:
+    state = scene.air.states[0]
+    shells = state.shells if state.files and state.files.shells else None
+    blockers = [(body.vertices, body.faces) for body in scene.blockers]
     named = {"part": space.PART_COLOUR, "camera": SIGHT_COLOUR}
     if scene.second is not None:
         named[scene.second_id.replace("_", " ")] = SECOND_COLOUR

@@ -24,7 +24,7 @@ from iriftrace.triangulation.scan import Scan
 if TYPE_CHECKING:
     import xarray as xr
 
-    from iriftrace.scene.loaded import LoadedScene
+    from iriftrace.scene.scene import Scene
 
 ANGLES_DEG = (15.0, 45.0)
 """Usual angles of triangulation of sensors: smaller ones increase noise, larger ones occlusion."""
@@ -202,7 +202,7 @@ def _measured(
 ) -> tuple[list[float], str]:
     """Errors of pairs (k, 2) by the exact solver, mm, and the engines that bent the rays."""
     exact, engines = [], set()
-    scenes: dict[str, LoadedScene] = {}
+    scenes: dict[str, Scene] = {}
     for i, j in pairs:
         scene = scenes.get(views[i].scene) or scene_of_pairs(dataset, i)
         scenes[views[i].scene] = scene
@@ -221,7 +221,7 @@ def _measured(
     return exact, " and ".join(sorted(engines))
 
 
-def scene_of_pairs(dataset: xr.Dataset, pose: int) -> LoadedScene:
+def scene_of_pairs(dataset: xr.Dataset, pose: int) -> Scene:
     """The scene of a pose."""
     try:
         return load_swept_scene(dataset, pose).scene

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from iriftrace.camera.camera import Camera
-    from iriftrace.scene.loaded import LoadedScene
+    from iriftrace.scene.scene import Scene
     from iriftrace.sweep.reload import SweptScene
 
 
@@ -318,7 +318,7 @@ def _metrics(swept: SweptScene, matrix: FloatArray, plan: Plan) -> dict[str, flo
 
 
 def _value(
-    scene: LoadedScene,
+    scene: Scene,
     devices: list[Camera],
     distances: FloatArray,
     request: PairRequest,

@@ -119,7 +119,7 @@ def stated_index_rule(
 
 
 class TracedAir(TypedDict):
-    """Attributes of a `LoadedScene` that describe its air."""
+    """Attributes of `Compiled` that describe its air."""
 
     engine: str
     normals: str

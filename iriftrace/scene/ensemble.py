@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-
-from attrs import field, frozen
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import write_json
-from iriftrace.core.member_weights import MemberWeights
-from iriftrace.core.plain import JsonObject, plain, structured
-from iriftrace.field.source import FieldSource
-from iriftrace.scene.hot_air import AirState
+from iriftrace.core.plain import structured
+from iriftrace.scene.hot_air import FieldMember, weights_of
 
 MEMBER = "member"
 """Parameter of an ensemble's scene: number of the member that is traced alone, from 1."""
@@ -25,41 +21,6 @@ FOLDER = "members"
 TABLE = "members.json"
 INCLUDED = "shells.xml"
 SCHEMA = "iriftrace.members/1"
-
-
-@frozen
-class FieldMember:
-    """One field of an ensemble."""
-
-    number: int  # from 1
-    label: str  # distinguishes it from the others: a time step, a parameter, a file's name
-    time: float | None  # in the file's own unit, if it states one
-    source: FieldSource
-    weight: float = 1.0  # relative to that of the others
-    covariance: list[float] | None = field(default=None, repr=False)  # row of a fit's weights
-
-    @classmethod
-    def of(cls, number: int, state: AirState) -> FieldMember:
-        """The member that is one state of an ensemble's air."""
-        source = state.shells.source
-        if source is None:
-            raise InputError(
-                f"The shells of member {number} do not state the field they come from, which "
-                "results must name; make them from a field."
-            )
-        return cls(number, state.label, state.time, source, state.weight, state.covariance)
-
-    def as_dict(self) -> JsonObject:
-        """Plain JSON values."""
-        values: JsonObject = plain(self)
-        if self.covariance is None:
-            del values["covariance"]
-        return values
-
-
-def weights_of(members: Sequence[FieldMember]) -> MemberWeights:
-    """Weights of an ensemble's members, with their covariance if they were fitted."""
-    return MemberWeights.of([m.weight for m in members], [m.covariance for m in members])
 
 
 def member_folder(scene: Path, number: int | str) -> Path:
@@ -89,6 +50,8 @@ def read_members(scene: Path) -> tuple[FieldMember, ...]:
             raise ValueError(f"schema {table['schema']!r}")
         members = structured(table["members"], tuple[FieldMember, ...])
         weights_of(members)
+        if [member.number for member in members] != list(range(1, len(members) + 1)):
+            raise ValueError("its numbers are not 1, 2 ...")
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(
             f'{scene} is the scene of an ensemble (it has the parameter "{MEMBER}"), but its table '

@@ -31,6 +31,9 @@ _DERIVATIVES = frozenset(f"{name}_1".encode() for name in PLY_COLUMNS)
 WAVELENGTH = "wavelength"
 """Parameter of every scene, independent of its file."""
 
+BLOCKER_ID = "blocker_"
+"""How the ids of bodies begin that only block the view."""
+
 SHELL_BSDFS = ("iso_shell", "dielectric")
 
 _NAMED_FILES = {"calibrated_camera": ("calibration", None), "gradient_path": ("field", FIELD_FILE)}
@@ -44,6 +47,7 @@ class SceneFile:
     part_path: Path  # mesh of the shape with id ``part``
     part_to_world: FloatArray  # (4, 4)
     shell_paths: tuple[Path, ...]
+    blockers: tuple[tuple[Path, FloatArray], ...]  # meshes of bodies that only block the view
     file_paths: tuple[Path, ...]  # all that it names: meshes of any object, fields
 
 
@@ -71,6 +75,11 @@ def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
         part_path=part_path,
         part_to_world=_placement(part, "The part"),
         shell_paths=shell_paths,
+        blockers=tuple(
+            (mesh, _placement(props, "A blocker"))
+            for props in shapes
+            if props.id().startswith(BLOCKER_ID) and (mesh := _mesh_file(props, path)) is not None
+        ),
         file_paths=files,
     )
 

@@ -16,13 +16,12 @@ from iriftrace.core.plain import JsonObject
 from iriftrace.scene.ensemble import (
     FOLDER,
     INCLUDED,
-    FieldMember,
     is_ensemble,
     member_folder,
     read_members,
     write_members,
 )
-from iriftrace.scene.hot_air import OUTSIDE
+from iriftrace.scene.hot_air import OUTSIDE, FieldMember
 from iriftrace.scene.write import remove_stale_blockers, written_together
 from iriftrace.scene.xml import BLOCKER_FILE, PART_FILE, refuse_edited, sealed
 from iriftrace.shells.files import TABLE as SHELLS_TABLE

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
     from iriftrace.field.part_fit import Fit
     from iriftrace.part.part import Part
-    from iriftrace.scene.ensemble import FieldMember
+    from iriftrace.scene.hot_air import FieldMember
     from iriftrace.shells.stack import ShellStack
 
 

@@ -1,42 +1,61 @@
-"""A scene as a value: part, hot air and devices, in memory."""
+"""A scene as a value: part, hot air and devices."""
 
 from __future__ import annotations
 
-import time
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from attrs import Attribute, evolve, field, frozen
+from attrs import Attribute, Factory, evolve, field, frozen
 
-from iriftrace.air.refractivity import dispersion
 from iriftrace.camera.camera import Camera
-from iriftrace.core.engines import AUTO
-from iriftrace.core.errors import InputError, warn
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.engines import AUTO, Bending
+from iriftrace.core.errors import InputError, warn, without_warnings
+from iriftrace.core.member_weights import MemberWeights
+from iriftrace.field.path_data import FIELD_FILE
 from iriftrace.part.part import Part
 from iriftrace.runtime import variant as runtime
-from iriftrace.scene.air import Integrator, traced_air
-from iriftrace.scene.ensemble import FieldMember
-from iriftrace.scene.hot_air import HotAir
-from iriftrace.scene.load import load_scene, set_shells
-from iriftrace.scene.loaded import LoadedEnsemble, LoadedScene, check_engine
-from iriftrace.scene.objects import kept_camera, kept_part, mitsuba_scene
+from iriftrace.scene.compiled import (
+    Compiled,
+    Held,
+    Origin,
+    check_engine,
+    of_mitsuba,
+    of_objects,
+    same,
+)
+from iriftrace.scene.ensemble import MEMBER
+from iriftrace.scene.file import WAVELENGTH
+from iriftrace.scene.hot_air import AirFiles, AirState, FieldMember, HotAir, weights_of
+from iriftrace.scene.objects import kept_camera, kept_part
 from iriftrace.scene.viewpoint import refuse_bad_places
 from iriftrace.scene.xml import SCALE, SceneSettings
 
 if TYPE_CHECKING:
+    import mitsuba as mi
+
     from iriftrace.field.part_fit import Fit
-    from iriftrace.field.path_data import FieldCells
     from iriftrace.scene.save import SavedScene
+
+KEPT_TRIANGLES = 10_000_000
+"""Number of triangles of shells kept in memory between poses, 1.5 GB with Mitsuba's own tree."""
+
+
+def _parts(bodies: Iterable[Part]) -> tuple[Part, ...]:
+    return tuple(bodies)
 
 
 @frozen(eq=False)
 class Scene:
     """A part in hot air, seen by one device or measured by two.
 
-    Nothing is written or read; `attrs.evolve` creates a scene with another camera, light or air.
+    `attrs.evolve` creates a scene with another camera, light or air. What Mitsuba needs is made
+    when the scene is first traced (`compiled`), and freed with the scene.
 
     Attributes
     ----------
@@ -68,7 +87,10 @@ class Scene:
     wavelength_nm: float | None = None
     engine: str = field(default=AUTO)
     variant: str | None = None
-    blockers: tuple[Part, ...] = field(default=(), converter=tuple)
+    blockers: tuple[Part, ...] = field(default=(), converter=_parts)
+    _origin: Origin | None = field(default=None, repr=False)
+    _stored: bool = field(default=False, repr=False)  # numbers are those of a scene's files
+    _held: Held = field(default=Factory(Held), repr=False)
 
     def __attrs_post_init__(self) -> None:
         """Raise InputError for what is still to be read, such as a file's name."""
@@ -82,14 +104,61 @@ class Scene:
                     f"A Scene is made of Part, HotAir and Camera, and {value!r} is no "
                     f"{kind.__name__}; give {remedy}."
                 )
+        bodies = (self.part, self.air, *self.blockers)
+        if self._origin is not None and not same(self._origin.bodies, bodies):
+            object.__setattr__(self, "_origin", None)
+        values = (*bodies, self.wavelength_nm, self.engine, self.variant, self._stored)
+        if not same(self._held.values, values):
+            object.__setattr__(self, "_held", Held(values))
 
     @engine.validator
     def _check_engine(self, _: Attribute[str], engine: str) -> None:
         check_engine(engine)
 
-    @cached_property
-    def loaded(self) -> LoadedScene:
-        """The scene in Mitsuba, ready to be traced; created on first use.
+    def __repr__(self) -> str:
+        width, height = self.camera.resolution
+        fields = f", {len(self.members)} fields" if self.members else ""
+        return (
+            f"Scene({self.name}: {self.part!r}, {width} x {height} px, engine {self.engine}"
+            f"{fields})"
+        )
+
+    @property
+    def name(self) -> str:
+        """Name of the scene in messages."""
+        return "the scene" if self._origin is None else self._origin.given
+
+    @property
+    def path(self) -> Path | None:
+        """The XML file that it was read from, absolute; None for a scene of objects."""
+        return None if self._origin is None else self._origin.path
+
+    @property
+    def variables(self) -> dict[str, str]:
+        """Values given for the file's ``<default>`` parameters, and the wavelength (nm)."""
+        light = {} if self.wavelength_nm is None else {WAVELENGTH: repr(self.wavelength_nm)}
+        return {} if self._origin is None else {**self._origin.variables, **light}
+
+    @property
+    def part_to_world(self) -> FloatArray:
+        """Transform (4, 4) of the part's file."""
+        return np.eye(4) if self._origin is None else self._origin.part_to_world
+
+    @property
+    def members(self) -> tuple[FieldMember, ...]:
+        """The fields of an ensemble; empty for one field."""
+        return self.air.members
+
+    @property
+    def weights(self) -> MemberWeights:
+        """Weights of the members, in their order."""
+        return weights_of(self.members)
+
+    @property
+    def ready(self) -> Scene:
+        """The scene with the numbers of its files, in which it is traced.
+
+        The numbers of a scene's files are rounded; see `iriftrace.scene.objects`.
 
         Raises
         ------
@@ -102,18 +171,148 @@ class Scene:
         IriftraceWarning
             Field and part do not fit together.
         """
+        return self if self._stored else self._rounded
+
+    @cached_property
+    def _rounded(self) -> Scene:
         for fit in filter(None, self._fits):
             for message in fit.warnings:
                 warn(message)
         for state in self.air.states:
             bodies = (self.part, *self.blockers)
             refuse_bad_places(self.camera, self.second, bodies, state)
-        states = self.air.states
-        if len(states) == 1:
-            return _one_state(self, 0)
-        members = tuple(FieldMember.of(n, state) for n, state in enumerate(states, start=1))
-        ensemble = LoadedEnsemble(members, lambda number: _one_state(self, number - 1))
-        return evolve(next(ensemble.scenes()), ensemble=ensemble)
+        variant = runtime.ensure(self.variant)
+        states = [
+            state if fit is None or not fit.notes else state.with_notes(fit.notes)
+            for state, fit in zip(self.air.states, self._fits, strict=True)
+        ]
+        return evolve(
+            self,
+            part=kept_part(self.part),
+            air=self.air.with_states(states),
+            camera=kept_camera(self.camera),
+            second=None if self.second is None else kept_camera(self.second),
+            variant=variant,
+            blockers=tuple(kept_part(body) for body in self.blockers),
+            stored=True,
+        )
+
+    @property
+    def compiled(self) -> Compiled:
+        """The scene in Mitsuba, made on first use; for an ensemble that of its first member."""
+        if not self._stored:
+            return self.ready.compiled
+        held = self._held
+        if held.compiled is None:
+            if self.members:
+                held.compiled = next(self.alone()).compiled
+            else:
+                held.compiled = self._compile()
+        return held.compiled
+
+    def _compile(self) -> Compiled:
+        if self._origin is not None:
+            return self._origin.compile(self.variables, self.engine)
+        (state,) = self.air.states
+        shells = of_objects(
+            self.part,
+            state.shells,
+            {"camera": self.camera} | ({self.second_id: self.second} if self.second else {}),
+            self.blockers,
+            state.shells.stated({**self.air.notes, **state.notes}),
+            normals=self.air.normals,
+            wavelength_nm=self.wavelength_nm,
+            variant=runtime.ensure(self.variant),
+        )
+        return self._through_cells(shells) if self.engine == "cells" else shells
+
+    def alone(self) -> Iterator[Scene]:
+        """Scenes of one field each, in order; those above the memory limit are freed after use."""
+        if not self.members:
+            yield self
+            return
+        held = self._held
+        for member in self.members:
+            if member.number in held.members:
+                yield self._like(held.members[member.number])
+                continue
+            scene = self._member(member.number)
+            triangles = scene.compiled.stated.triangles
+            if held.triangles + triangles <= KEPT_TRIANGLES:
+                held.triangles += triangles
+                held.members[member.number] = scene
+                yield scene
+            else:
+                try:
+                    yield scene
+                finally:
+                    scene.compiled.integrator.forget()
+
+    def _like(self, other: Scene) -> Scene:
+        """Another scene with the devices of this one."""
+        return evolve(other, camera=self.camera, second=self.second, second_id=self.second_id)
+
+    def _member(self, number: int) -> Scene:
+        """One member of an ensemble."""
+        ensemble: Scene | None = self._held.shells
+        if ensemble is not None:
+            shells = ensemble._member(number)
+            cells = shells.with_cells()
+            if not shells.compiled.same_field(cells.compiled):
+                raise InputError(
+                    f"The field of member {number} of {self.name} is not what its shells were cut "
+                    "from; write the scene again."
+                )
+            return cells
+        air, origin = self.air.alone(number), self._origin
+        if origin is not None:
+            origin = evolve(
+                origin,
+                variables={**origin.variables, MEMBER: str(number)},
+                bodies=(self.part, air, *self.blockers),
+            )
+        return evolve(self, air=air, origin=origin)
+
+    def with_cells(self) -> Scene:
+        """The same scene traced through its field's cells; InputError if there is no field."""
+        cells = evolve(self, engine="cells")
+        if self.members:
+            cells._held.shells = evolve(self, held=Held())
+            return cells
+        cells._held.compiled = self._through_cells(self.compiled)
+        return cells
+
+    def _through_cells(self, shells: Compiled) -> Compiled:
+        """The scene that is compiled with shells, through the cells of its field."""
+        files = self.air.states[0].files
+        if files is not None and files.field is not None:
+            return shells.through_cells(self.name, files.field, self.variables)
+        cells = self.air.states[0].cells
+        if self.wavelength_nm is not None:
+            cells = cells.at_wavelength(self.wavelength_nm)
+        return shells.through_cells(self.name, Path(FIELD_FILE), {}, cells)
+
+    @property
+    def through_cells(self) -> Scene | None:
+        """The same scene traced through its field's cells, which are read on first use.
+
+        None if an engine or bending at the shells was requested, or if the field that the shells
+        were cut from does not lie next to the scene.
+        """
+        held = self._held
+        if not held.cells_sought:
+            held.cells, held.cells_sought = self._found_cells(), True
+        if held.cells is None:
+            return None
+        return self._like(held.cells)
+
+    def _found_cells(self) -> Scene | None:
+        if self.engine != AUTO or self.compiled.bending is not Bending.LAYERS:
+            return None
+        with suppress(InputError), without_warnings():
+            found = self.with_cells()
+            return found if self.compiled.same_field(found.compiled) else None
+        return None
 
     @cached_property
     def _fits(self) -> tuple[Fit | None, ...]:
@@ -142,7 +341,7 @@ class Scene:
         Raises
         ------
         InputError
-            As for `loaded`; or the XML file was edited by hand, or the folder cannot be written.
+            As for `ready`; or the XML file was edited by hand, or the folder cannot be written.
 
         Warns
         -----
@@ -169,70 +368,48 @@ class Scene:
             wall_temperature_k=self.air.wall_temperature_k,
         )
 
+    @classmethod
+    def from_mitsuba(cls, scene: mi.Scene) -> Scene:
+        """Use a scene made with Mitsuba in `render_scene`, `trace_rays` and `measure`.
 
-def _one_state(scene: Scene, number: int) -> LoadedScene:
-    """A scene of objects with one state of its air."""
-    chosen = runtime.ensure(scene.variant)
-    air, state = scene.air, scene.air.states[number]
-    started = time.perf_counter()
-    part, camera = kept_part(scene.part), kept_camera(scene.camera)
-    second = None if scene.second is None else kept_camera(scene.second)
-    fit = scene._fits[number]
-    notes = {**air.notes, **({} if fit is None else fit.notes)}
-    if len(air.states) > 1:
-        notes["member"] = f"{number + 1}: {state.label}"
-    stated = state.shells.stated(notes)
-    devices = {"camera": camera} | ({} if second is None else {scene.second_id: second})
-    found = mitsuba_scene(
-        part,
-        state.shells,
-        devices,
-        normals=air.normals,
-        blockers=[kept_part(body) for body in scene.blockers],
-    )
-    if scene.wavelength_nm is not None:
-        set_shells(found, dispersion(stated.air, scene.wavelength_nm))
-        stated = stated.at_wavelength(scene.wavelength_nm)
-    loaded = time.perf_counter()
-    integrator: Integrator = found.integrator()
-    prepared = integrator.prepare(found)
+        Parameters
+        ----------
+        scene : mitsuba.Scene
+            A scene of the current variant, loaded with ``optimize=False``, with the integrator
+            ``first_hit`` or ``gradient_path``, a part (mm) and one or two sensors
+            ``calibrated_camera``.
 
-    def cells() -> FieldCells:
-        if state.cells is None:
-            raise InputError(
-                "The air of the scene has ready-made shells and no field, so there are no cells to "
-                "trace through; give HotAir the field."
-            )
-        light = scene.wavelength_nm
-        return state.cells if light is None else state.cells.at_wavelength(light)
+        Returns
+        -------
+        Scene
+            Its part has the mesh's triangles, and regions by their form. Of its air only what
+            bends the rays is known: no wavelength, no source, no shells and no cells. It is the
+            scene as it is now: after a change by `mitsuba.traverse` it is refused, and made anew.
 
-    shells = LoadedScene(
-        path=None,
-        part=part,
-        part_to_world=np.eye(4),
-        camera=camera,
-        full_resolution=camera.resolution,
-        variables={},
-        requested_engine=scene.engine,
-        load_s=loaded - started,
-        build_s=time.perf_counter() - loaded,
-        variant=chosen,
-        mitsuba_scene=found,
-        integrator=integrator,
-        second=second,
-        second_id="" if second is None else scene.second_id,
-        cells=cells,
-        **traced_air(integrator, stated, "the scene", prepared.tables),
-    )
-    return shells.with_cells() if scene.engine == "cells" else shells
+        Raises
+        ------
+        InputError
+            If it is something else, or has no sensor, no part, or another integrator, or the
+            current variant traces no rays here.
+        """
+        compiled, part, devices = of_mitsuba(scene)
+        own = cls(
+            part,
+            HotAir.of_states([AirState(None, files=AirFiles(None, None, None))]),
+            *devices,
+            engine=compiled.engine,
+            variant=compiled.variant,
+            stored=True,
+        )
+        own._held.compiled = compiled
+        return own
 
 
-AnyScene = Scene | LoadedScene | str | PathLike[str]
-"""A scene of objects, a scene loaded from files, or the name of its file."""
-
-
-def loaded_scene(scene: AnyScene) -> LoadedScene:
-    """A scene ready to be traced; a path is loaded first."""
-    if isinstance(scene, LoadedScene):
-        return scene
-    return scene.loaded if isinstance(scene, Scene) else load_scene(scene)
+def ready_scene(scene: Scene) -> Scene:
+    """The scene as it is traced; raises InputError for what is none, such as the name of a file."""
+    if not isinstance(scene, Scene):
+        raise InputError(
+            f"{scene!r} is no Scene; read a file with iriftrace.load_scene, or make a Scene of "
+            "part, air and camera."
+        )
+    return scene.ready

@@ -23,11 +23,9 @@ from iriftrace.scene.ensemble import (
     INCLUDED,
     MEMBER,
     TABLE,
-    FieldMember,
-    weights_of,
     write_members,
 )
-from iriftrace.scene.hot_air import AirState
+from iriftrace.scene.hot_air import AirState, FieldMember, weights_of
 from iriftrace.scene.xml import (
     BLOCKER_FILE,
     PART_FILE,

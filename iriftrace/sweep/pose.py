@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from hashlib import sha256
 from importlib.metadata import version
-from itertools import chain
 from pathlib import Path
 
 from attrs import frozen
@@ -14,12 +13,10 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.engines import AUTO, may_use_field
 from iriftrace.core.errors import InputError, without_warnings
 from iriftrace.core.files import sha256_of
-from iriftrace.field.path_data import FIELD_FILE
 from iriftrace.image.sightings import sight_faces
 from iriftrace.runtime import variant as runtime
-from iriftrace.scene.ensemble import MEMBER, is_ensemble, member_files, member_folder, members_of
-from iriftrace.scene.file import read_scene_file
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.load import scene_files
+from iriftrace.scene.scene import Scene
 from iriftrace.sweep.journal import Piece
 from iriftrace.sweep.rig import add_measured
 from iriftrace.trace.render import render_scene
@@ -50,13 +47,16 @@ class SceneSource:
 class PoseTask:
     """A pose to render; small, and usable by every process that sees the scene's files.
 
-    `include` has the status codes of the rays that the metrics use; `exr` is the AOV image's
-    absolute path, or empty; `second` is the other device of a sensor that measures by
+    `series` is the number of its series, from 0, and `source` that of its scene; None for a scene
+    in memory, which this process alone knows. `include` has the status codes of the rays that the
+    metrics use; `exr` is the AOV image's absolute path, or empty; `second` is the other device of a
+    sensor that measures by
     triangulation.
     """
 
     number: int
-    source: SceneSource
+    series: int
+    source: SceneSource | None
     camera: Camera
     include: tuple[int, ...]
     exr: str
@@ -69,9 +69,7 @@ def source_of(
     """The scene in its present state on the disk; raises InputError if it cannot be read."""
     with runtime.using(variant), without_warnings():
         # Warned of when the scene is loaded.
-        files = _files(path, variables)
-        if may_use_field(engine):
-            files = (*files, *_field_files(path, variables))
+        files = scene_files(path, variables, field=may_use_field(engine))
     contents = {str(file.resolve()): sha256_of(file) for file in files}
     content = [sha256_of(path), *(contents[str(file.resolve())] for file in files)]
     return SceneSource(
@@ -85,34 +83,12 @@ def source_of(
     )
 
 
-def _files(path: Path, variables: dict[str, str]) -> tuple[Path, ...]:
-    """Every file that a scene names; for an ensemble those of all members that are traced."""
-    members = members_of(path, variables)
-    if not members:
-        included = member_files(path) if is_ensemble(path) else ()
-        return (*included, *read_scene_file(path, variables).file_paths)
-    chosen = ({**variables, MEMBER: str(member.number)} for member in members)
-    files = [read_scene_file(path, values).file_paths for values in chosen]
-    return tuple(dict.fromkeys((*member_files(path), *chain.from_iterable(files))))
-
-
-def _field_files(path: Path, variables: dict[str, str]) -> tuple[Path, ...]:
-    """Fields next to a scene whose file need not name them."""
-    if not is_ensemble(path):
-        folders = [path.parent]
-    elif MEMBER in variables:
-        folders = [member_folder(path, variables[MEMBER])]
-    else:
-        folders = [member_folder(path, m.number) for m in members_of(path, variables)]
-    return tuple(file for folder in folders if (file := folder / FIELD_FILE).is_file())
-
-
 def fingerprint(*pieces: object) -> str:
     """SHA-256 of plain values."""
     return sha256(json.dumps(pieces, sort_keys=True).encode()).hexdigest()
 
 
-def render_pose(task: PoseTask, scene: LoadedScene) -> Piece:
+def render_pose(task: PoseTask, scene: Scene) -> Piece:
     """Render one pose of a scene loaded from the task's source; the same in every process.
 
     The piece's entry has ``metrics`` (None if the pose failed) and ``failure`` (why, else empty);

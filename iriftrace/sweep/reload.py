@@ -23,7 +23,7 @@ from iriftrace.sweep.store import attribute, check_unchanged, scene_of, scene_of
 if TYPE_CHECKING:
     import xarray as xr
 
-    from iriftrace.scene.loaded import LoadedScene
+    from iriftrace.scene.scene import Scene
     from iriftrace.trace.render import Rendering
 
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 class SweptScene:
     """Scene of a sweep, with the options of its rendering."""
 
-    scene: LoadedScene
+    scene: Scene
     camera: Camera  # intrinsics and focus interval
     include: tuple[int, ...]  # status codes of the rays that the metrics use
 

@@ -12,7 +12,7 @@ from iriftrace.core.plain import JsonObject
 from iriftrace.core.statistics import spread
 from iriftrace.features.choice import found_features
 from iriftrace.part.part import Part
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.trace.rays import is_inside
 from iriftrace.triangulation.measure import measure
 from iriftrace.triangulation.scan import Scan, ScanStatus
@@ -44,14 +44,14 @@ class Rig:
         return devices[0] == devices[1] and np.allclose(self.to_first, other.to_first, atol=1e-9)
 
 
-def rig_of(scene: LoadedScene) -> Rig | None:
+def rig_of(scene: Scene) -> Rig | None:
     """The rigid sensor of a scene's two devices; None for a scene with one camera."""
     if scene.second is None:
         return None
     return Rig(scene.second, np.linalg.inv(scene.camera.matrix) @ scene.second.matrix)
 
 
-def add_measured(metrics: JsonObject, scene: LoadedScene, camera: Camera, second: Camera) -> None:
+def add_measured(metrics: JsonObject, scene: Scene, camera: Camera, second: Camera) -> None:
     """Add the measurement of two devices to a pose's metrics (plain values).
 
     The key ``scan`` for the whole part and for each region: ``points``, ``coverage`` (area that
@@ -68,7 +68,7 @@ def add_measured(metrics: JsonObject, scene: LoadedScene, camera: Camera, second
         region["scan"] = found.get(name)
 
 
-def _measured_by(scene: LoadedScene, camera: Camera, second: Camera) -> JsonObject:
+def _measured_by(scene: Scene, camera: Camera, second: Camera) -> JsonObject:
     part = scene.part
     if is_inside(scene, second.matrix[None, :3, 3]).any():
         return _nothing(part)

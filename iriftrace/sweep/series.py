@@ -14,7 +14,7 @@ from iriftrace.core.arrays import Variables
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import JsonObject, plain
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.sweep.journal import Piece
 from iriftrace.sweep.pose import PoseTask, SceneSource, source_of
 from iriftrace.sweep.rig import Rig, rig_of
@@ -32,7 +32,7 @@ class Series:
     poses. A second device moves with the camera.
     """
 
-    scene: LoadedScene
+    scene: Scene
     camera: Camera
     poses: PoseSet
     stand_off_mm: float = math.nan
@@ -40,7 +40,7 @@ class Series:
 
 
 def all_series(
-    scenes: Sequence[LoadedScene],
+    scenes: Sequence[Scene],
     poses: PoseSet | Mapping[float, PoseSet],
     focal_lengths_mm: Sequence[float] = (),
     *,
@@ -81,7 +81,7 @@ def _cameras(camera: Camera, focal_lengths_mm: Sequence[float]) -> list[Camera]:
     return [evolve(camera, focal_length_mm=length) for length in focal_lengths_mm]
 
 
-def _placed(scene: LoadedScene, poses: PoseSet, move_out: bool) -> PoseSet:
+def _placed(scene: Scene, poses: PoseSet, move_out: bool) -> PoseSet:
     part = scene.part
     inside = part.closed and part.surface.inside(poses.origins)
     count = int(np.sum(inside))
@@ -106,21 +106,16 @@ def _placed(scene: LoadedScene, poses: PoseSet, move_out: bool) -> PoseSet:
     return free
 
 
-def check_comparable(series: Sequence[Series], *, resumable: bool) -> None:
+def check_comparable(series: Sequence[Series], *, of_files: bool) -> None:
     """Raise InputError if the poses of the series could not be ranked together.
 
-    They have no pose, no file although a sweep is to be resumable, an orthographic camera, or
+    They have no pose, a scene in memory although files are needed, an orthographic camera, or
     different parts, variants, wavelengths or cameras; only focal length and pose of the camera may
     differ.
     """
     if sum(len(one.poses) for one in series) == 0:
         raise InputError("The sweep has no pose; give angles or a list of poses.")
     first = series[0]
-    if resumable and any(one.scene.path is None for one in series):
-        raise InputError(
-            "A sweep with a file can continue after a break, so it needs the files of its scenes; "
-            "write the scene first (Scene.save) and sweep that, or leave the sweep's file out."
-        )
     first.camera.check_movable()
     for one in series[1:]:
         names = f"{first.scene.name} and {one.scene.name}"
@@ -131,11 +126,11 @@ def check_comparable(series: Sequence[Series], *, resumable: bool) -> None:
                 "place them differently, so that faces and poses could not be compared; sweep them "
                 "one by one."
             )
-        if one.scene.variant != first.scene.variant:
+        if one.scene.compiled.variant != first.scene.compiled.variant:
             raise InputError(
                 f"{names} were loaded with different variants; load both with the same."
             )
-        light = [s.scene.stated.wavelength_nm for s in (first, one)]
+        light = [s.scene.compiled.stated.wavelength_nm for s in (first, one)]
         if None not in light and light[0] != light[1]:
             raise InputError(
                 f"{names} were made for light of {light[0]:g} and {light[1]:g} nm, which hot air "
@@ -152,6 +147,12 @@ def check_comparable(series: Sequence[Series], *, resumable: bool) -> None:
                 f"{names} have cameras that differ in more than pose and focal length, so that "
                 "their poses could not be compared; give both the same sensor."
             )
+    if of_files and any(one.scene.path is None for one in series):
+        raise InputError(
+            "A sweep with a file can continue after a break, and workers read scenes themselves, "
+            "so both need the files of the scenes; write the scene first (Scene.save) and sweep "
+            "that, or leave the sweep's file and the workers out."
+        )
 
 
 def _sensor(camera: Camera) -> JsonObject:
@@ -159,14 +160,13 @@ def _sensor(camera: Camera) -> JsonObject:
     return {key: value for key, value in camera.as_dict().items() if key not in varied}
 
 
-def sources_of(series: Sequence[Series]) -> list[SceneSource]:
-    """Source of each series' scene; each scene is read once."""
+def sources_of(series: Sequence[Series]) -> list[SceneSource | None]:
+    """Source of each series' scene, None for one in memory; each scene is read once."""
     scenes = {id(one.scene): one.scene for one in series}
     known = {
-        # A scene in memory is known in this process alone.
-        key: SceneSource("", {}, scene.variant, str(key), "", {})
+        key: None
         if scene.path is None
-        else source_of(scene.path, scene.variables, scene.variant, scene.requested_engine)
+        else source_of(scene.path, scene.variables, scene.compiled.variant, scene.engine)
         for key, scene in scenes.items()
     }
     return [known[id(one.scene)] for one in series]
@@ -186,7 +186,9 @@ def series_variables(series: Sequence[Series]) -> Variables:
     }
 
 
-def scenes_attribute(series: Sequence[Series], sources: Sequence[SceneSource]) -> list[JsonObject]:
+def scenes_attribute(
+    series: Sequence[Series], sources: Sequence[SceneSource | None]
+) -> list[JsonObject]:
     """Each scene once: path as given, absolute path, SHA-256, files, parameters and field.
 
     A scene in memory has neither paths nor files.
@@ -195,18 +197,18 @@ def scenes_attribute(series: Sequence[Series], sources: Sequence[SceneSource]) -
     for one, source in zip(series, sources, strict=True):
         scene, name = one.scene, one.scene.name
         files = {}
-        if scene.path is not None:
+        if scene.path is not None and source is not None:
             sha256 = sha256_of(scene.path)
             files = {"path": source.path, "sha256": sha256, "files": source.files}
         scenes[name] = {
             "scene": name,
             **files,
             "variables": scene.variables,
-            "variant": scene.variant,
-            "engine": scene.engine,
-            "wanted_engine": scene.requested_engine,
-            "field": plain(scene.source),
+            "variant": scene.compiled.variant,
+            "engine": scene.compiled.engine,
+            "wanted_engine": scene.engine,
+            "field": plain(scene.compiled.source),
         }
-        if scene.ensemble is not None:
-            scenes[name]["members"] = [member.as_dict() for member in scene.ensemble.members]
+        if scene.members:
+            scenes[name]["members"] = [member.as_dict() for member in scene.members]
     return list(scenes.values())

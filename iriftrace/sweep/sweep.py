@@ -18,7 +18,7 @@ from iriftrace.core.arrays import BoolArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.image.ray_statistics import FEWEST_RAYS
 from iriftrace.image.sightings import COLUMNS, NOTHING_SEEN, ROW, FaceSightings, face_maps
-from iriftrace.scene.scene import AnyScene, loaded_scene
+from iriftrace.scene.scene import Scene, ready_scene
 from iriftrace.sweep.journal import Journal, Piece, Progress, Work
 from iriftrace.sweep.measures import metric_variables
 from iriftrace.sweep.pose import PoseTask, SceneSource, fingerprint, render_pose
@@ -67,7 +67,7 @@ STANDARD = SweepOptions()
 
 
 def run_sweep(
-    scenes: AnyScene | Sequence[AnyScene],
+    scenes: Scene | Sequence[Scene],
     poses: PoseSet | Mapping[float, PoseSet],
     path: str | Path | None = None,
     *,
@@ -94,7 +94,7 @@ def run_sweep(
 
     Parameters
     ----------
-    scenes : Scene, LoadedScene or path, or several
+    scenes : Scene, or several
         Scenes of the same part, with the same sensor, which gives the intrinsics.
     poses : PoseSet, or mapping from float to PoseSet
         Camera poses, or those of several orbits by their stand-offs, mm.
@@ -133,7 +133,7 @@ def run_sweep(
         and about poses as :func:`iriftrace.trace.engine.choose` warns.
     """
     several = scenes if isinstance(scenes, Sequence) and not isinstance(scenes, str) else [scenes]
-    loaded = [loaded_scene(one) for one in several]
+    loaded = [ready_scene(one) for one in several]
     series = all_series(loaded, poses, focal_lengths_mm, move_out=move_out)
     return run_series(
         series, path, target=target, options=options, progress=progress, render=render
@@ -150,7 +150,7 @@ def run_series(
     render: RenderPoses | None = None,
 ) -> xr.Dataset:
     """Sweep any series that can be compared, as `run_sweep` does."""
-    check_comparable(series, resumable=path is not None)
+    check_comparable(series, of_files=path is not None or render is not None)
     if path is not None:
         return _Sweep(series, Path(path), target, options).run(progress, render)
     if options.exr:
@@ -168,10 +168,10 @@ class _Sweep:
     out: Path
     target: ArrayLike | None
     options: SweepOptions
-    sources: Sequence[SceneSource] = field(init=False)
+    sources: Sequence[SceneSource | None] = field(init=False)
 
     @sources.default
-    def _sources(self) -> Sequence[SceneSource]:
+    def _sources(self) -> Sequence[SceneSource | None]:
         return sources_of(self.series)
 
     def run(self, progress: Progress | None, render: RenderPoses | None) -> xr.Dataset:
@@ -201,7 +201,7 @@ class _Sweep:
         """Fingerprint of everything that the result depends on."""
         content = [
             [
-                source.fingerprint,
+                source and source.fingerprint,
                 one.camera.as_dict(),
                 one.stand_off_mm,
                 one.poses.matrices.tolist(),
@@ -214,10 +214,8 @@ class _Sweep:
 
     def render_here(self, tasks: Iterable[PoseTask]) -> Iterator[Piece]:
         """Render in this process, one pose after the other."""
-        pairs = zip(self.sources, self.series, strict=True)
-        scenes = {source.fingerprint: one.scene for source, one in pairs}
         for task in tasks:
-            yield render_pose(task, scenes[task.source.fingerprint])
+            yield render_pose(task, self.series[task.series].scene)
 
     def tasks(self, done: Collection[int]) -> Iterator[PoseTask]:
         """Poses that are not finished, scene by scene: a worker needs one scene at a time."""
@@ -225,11 +223,13 @@ class _Sweep:
         if options.exr:
             folder.mkdir(exist_ok=True)
         number = 0
-        for source, one in zip(self.sources, self.series, strict=True):
+        pairs = zip(self.sources, self.series, strict=True)
+        for series, (source, one) in enumerate(pairs):
             for matrix in one.poses.matrices:
                 if number not in done:
                     yield PoseTask(
                         number=number,
+                        series=series,
                         source=source,
                         camera=one.camera.at(matrix),
                         include=options.include,
@@ -250,7 +250,7 @@ class _Sweep:
             map(journal.entry, numbers),
             len(poses),
             part.region_names,
-            ensemble=any(one.scene.ensemble is not None for one in series),
+            ensemble=any(bool(one.scene.members) for one in series),
             rig=rig is not None,
         )
         folder = self.out.with_suffix("").name

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 from iriftrace.core.errors import InputError, IriftraceError, SetupError, without_warnings
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.load import load_scene
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.sweep.journal import Piece
 from iriftrace.sweep.pose import PoseTask, SceneSource, render_pose, source_of
 
@@ -68,7 +68,7 @@ _IGNORE_INTERRUPTS = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN
 _one_at_a_time = threading.Lock()
 
 # Only the last scene: tasks come scene by scene, and a scene can need gigabytes.
-_loaded: dict[str, LoadedScene] = {}
+_loaded: dict[str, Scene] = {}
 
 
 def check_scheduler(scheduler: str, count: int | None = None) -> None:
@@ -246,6 +246,7 @@ def _result(future: Future[Result]) -> Result:
 def render_on_worker(sent: tuple[PoseTask, Sequence[str]]) -> Piece:
     """Render one pose in this worker, one of those with the addresses that come with the task."""
     task, addresses = sent
+    assert task.source is not None
     with _one_at_a_time:
         _limit_cores(task.source.variant, addresses)
         return render_pose(task, _scene(task.source))
@@ -272,7 +273,7 @@ def host_of(address: str) -> str:
     return address.partition("://")[2].rpartition(":")[0]
 
 
-def _scene(source: SceneSource) -> LoadedScene:
+def _scene(source: SceneSource) -> Scene:
     if source.fingerprint not in _loaded:
         _check(source)
         _loaded.clear()

@@ -9,7 +9,6 @@ numbers in a picture, a measurement, a correction and a sweep.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -20,7 +19,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import warn
 from iriftrace.image.aov_image import Status
 from iriftrace.runtime import variant as runtime
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.trace.lost import LIMIT as LOST_LIMIT
 from iriftrace.trace.pose_image import sensor_for
 
@@ -85,7 +84,7 @@ class EngineTest:
 class Choice:
     """The scene as it is to be traced, and the test of its shells."""
 
-    scene: LoadedScene
+    scene: Scene
     test: EngineTest | None = None  # the worst of all views and members; None if not tested
     through_cells: bool = False  # cells are traced instead of shells
     straight: StraightHits | None = None  # of the picture, if tested at its own resolution
@@ -99,7 +98,7 @@ class Choice:
         return {**asdict(self.test), **said}
 
 
-def choose(scene: LoadedScene, *views: View) -> Choice:
+def choose(scene: Scene, *views: View) -> Choice:
     """Choose the engine that bends the rays of some views, the same for all.
 
     Cells are chosen if the shells are too few for one of the views in one of an ensemble's members,
@@ -113,9 +112,9 @@ def choose(scene: LoadedScene, *views: View) -> Choice:
     IriftraceWarning
         The shells are too few, whether or not cells are used instead.
     """
-    if scene.engine != "shells":
+    if scene.compiled.engine != "shells":
         return Choice(scene)
-    with runtime.using(scene.variant):
+    with runtime.using(scene.compiled.variant):
         samples = [_sample(scene, view) for view in views]
         chosen = _by_samples(scene, [one for one in samples if one.rays is not None])
     if len(samples) != 1:
@@ -132,10 +131,10 @@ class _Sample(NamedTuple):
     straight_s: float = 0.0
 
 
-def _by_samples(scene: LoadedScene, samples: list[_Sample]) -> Choice:
+def _by_samples(scene: Scene, samples: list[_Sample]) -> Choice:
     tests = [
         found
-        for member in members_of(scene)
+        for member in scene.alone()
         for sample in samples
         if (found := _tested(member, sample)) is not None
     ]
@@ -155,15 +154,7 @@ def _by_samples(scene: LoadedScene, samples: list[_Sample]) -> Choice:
     return Choice(cells or scene, worst, cells is not None)
 
 
-def members_of(scene: LoadedScene) -> Iterator[LoadedScene]:
-    """Scenes with one field each."""
-    if scene.ensemble is None:
-        yield scene
-    else:
-        yield from scene.ensemble.scenes()
-
-
-def _sample(scene: LoadedScene, view: View) -> _Sample:
+def _sample(scene: Scene, view: View) -> _Sample:
     if isinstance(view, tuple):
         return _Sample(_of_bundle(*view), 1)
     width, height = (view or scene.camera).resolution
@@ -172,9 +163,10 @@ def _sample(scene: LoadedScene, view: View) -> _Sample:
         view = (view or scene.camera).scaled((PIXELS / (width * height)) ** 0.5)
     sensor = sensor_for(scene, view)
     started = time.perf_counter()
-    straight = scene.integrator.straight(scene.mitsuba_scene, sensor)
+    integrator = scene.compiled.integrator
+    straight = integrator.straight(scene.compiled.mitsuba_scene, sensor)
     seconds = time.perf_counter() - started
-    rays = scene.integrator.sharp_rays(sensor, straight, SAMPLE)
+    rays = integrator.sharp_rays(sensor, straight, SAMPLE)
     return _Sample(rays, FEWEST, straight, seconds) if whole else _Sample(rays, FEWEST)
 
 
@@ -191,10 +183,11 @@ def _of_bundle(origins: FloatArray, directions: FloatArray) -> tuple[mi.Point3d,
     )
 
 
-def _tested(scene: LoadedScene, sample: _Sample) -> EngineTest | None:
+def _tested(scene: Scene, sample: _Sample) -> EngineTest | None:
     fewest = sample.fewest
     assert sample.rays is not None
-    changes = scene.integrator.moved_by_fewer_shells(scene.mitsuba_scene, *sample.rays)
+    compiled = scene.compiled
+    changes = compiled.integrator.moved_by_fewer_shells(compiled.mitsuba_scene, *sample.rays)
     if changes is None:
         return None
     displacement, moved, blind = map(np.array, changes)
@@ -214,17 +207,17 @@ def _tested(scene: LoadedScene, sample: _Sample) -> EngineTest | None:
     return EngineTest(int(known.sum()), median, p95, median_share, p95_share, unmet)
 
 
-def _lost_fraction(scene: LoadedScene, samples: list[_Sample]) -> float:
+def _lost_fraction(scene: Scene, samples: list[_Sample]) -> float:
     """Largest fraction of a sample's rays, over all members, whose end is not known."""
     return max(
         _lost_of(member, *sample.rays)
-        for member in members_of(scene)
+        for member in scene.alone()
         for sample in samples
         if sample.rays is not None
     )
 
 
-def _lost_of(scene: LoadedScene, origin: mi.Point3d, direction: mi.Vector3d) -> float:
+def _lost_of(scene: Scene, origin: mi.Point3d, direction: mi.Vector3d) -> float:
     import drjit as dr
     import mitsuba as mi
 
@@ -233,8 +226,8 @@ def _lost_of(scene: LoadedScene, origin: mi.Point3d, direction: mi.Vector3d) -> 
     starts, headings = (
         [axis + dr.zeros(mi.Float64, count) for axis in vector] for vector in (origin, direction)
     )
-    trace = scene.integrator.trace(
-        scene.mitsuba_scene,
+    trace = scene.compiled.integrator.trace(
+        scene.compiled.mitsuba_scene,
         lambda ray: (
             mi.Point3d(*(dr.gather(mi.Float64, axis, ray) for axis in starts)),
             mi.Vector3d(*(dr.gather(mi.Float64, axis, ray) for axis in headings)),

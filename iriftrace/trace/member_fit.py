@@ -16,8 +16,8 @@ from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.statistics import rms
 from iriftrace.image.shift_mixture import MOST_OUTLIERS, ShiftMixture
-from iriftrace.scene.ensemble import FieldMember
-from iriftrace.scene.loaded import LoadedEnsemble, LoadedScene
+from iriftrace.scene.hot_air import FieldMember
+from iriftrace.scene.scene import Scene
 from iriftrace.trace.next_members import members_to_solve
 
 SCHEMA = "iriftrace.fit/3"
@@ -252,14 +252,14 @@ def member_fit(
     )
 
 
-def members_in(scene: LoadedScene) -> LoadedEnsemble:
+def members_in(scene: Scene) -> tuple[FieldMember, ...]:
     """The members of a scene; raises InputError if it has only one field."""
-    if scene.ensemble is None:
+    if not scene.members:
         raise InputError(
             f"{scene.name} has one field, so there are no weights to fit; make it of several "
             "states of the air (iriftrace scene --member)."
         )
-    return scene.ensemble
+    return scene.members
 
 
 def check_count(values: int, members: int, what: str, others: str = "") -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from attrs import frozen
 
 from iriftrace.field.source import FieldSource
-from iriftrace.scene.ensemble import FieldMember
+from iriftrace.scene.hot_air import FieldMember
 
 _NAME = re.compile(r"^at_(\d+\.\d+)(?:_from_(\d+(?:\.\d+)?))?\.vtu$")
 _DRAUGHT = re.compile(r"draught of (\S+) m/s from (\S+) deg")

@@ -23,7 +23,7 @@ from iriftrace.image.aov_image import (
 )
 from iriftrace.image.displacement import good_mask
 from iriftrace.runtime import variant as runtime
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.trace.provenance import provenance
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ _AVERAGED = (*_SCATTERED, "path.length", "path.crossings")
 
 
 def pose_image(
-    scene: LoadedScene,
+    scene: Scene,
     camera: Camera | None = None,
     include: Collection[int] = (0,),
     straight: StraightHits | None = None,
@@ -48,12 +48,12 @@ def pose_image(
     A camera in the hot air or in the part is refused, and so is a film that would smear the
     channels.
     """
-    if scene.ensemble is None:
+    if not scene.members:
         return _one_field(scene, camera, straight)[0]
     statistics = EnsembleStatistics(include)
     time_s: dict[str, float] = {}
     counts: dict[str, int] = {}
-    members = zip(scene.ensemble.members, scene.ensemble.scenes(), strict=True)
+    members = zip(scene.members, scene.alone(), strict=True)
     for listed, member in members:
         image, straight = _one_field(member, camera, straight, f" of member {listed.number}")
         statistics.add(image, listed.weight, listed.number)
@@ -66,32 +66,33 @@ def pose_image(
     return statistics.image({**last, **whole, "time_s": time_s, "counts": counts})
 
 
-def sensor_for(scene: LoadedScene, camera: Camera | None) -> mi.Sensor:
+def sensor_for(scene: Scene, camera: Camera | None) -> mi.Sensor:
     """Mitsuba's sensor of a camera, or the scene's own; the scene's variant is set."""
     from iriftrace.plugins.calibrated_camera import sensor_of
 
-    own = scene.mitsuba_scene.sensors()[0]
+    own = scene.compiled.mitsuba_scene.sensors()[0]
     sensor: mi.Sensor = own if camera is None else sensor_of(camera)
     return sensor
 
 
 def _one_field(
-    scene: LoadedScene, camera: Camera | None, straight: StraightHits | None, whose: str = ""
+    scene: Scene, camera: Camera | None, straight: StraightHits | None, whose: str = ""
 ) -> tuple[AovImage, StraightHits]:
     """The image of one field, and its straight hits, which other fields use as well."""
-    with runtime.using(scene.variant):
+    compiled, integrator = scene.compiled, scene.compiled.integrator
+    with runtime.using(compiled.variant):
         sensor = sensor_for(scene, camera)
-        where = scene.integrator.surroundings(scene.mitsuba_scene, sensor)
+        where = integrator.surroundings(compiled.mitsuba_scene, sensor)
         if where is not None:
             raise InputError(
                 f"The camera stands inside the {where}{whose if where == 'hot air' else ''}, where "
                 "its picture means nothing; move it farther away."
             )
-        tensor, report = scene.integrator.image(scene.mitsuba_scene, sensor, straight)
+        tensor, report = integrator.image(compiled.mitsuba_scene, sensor, straight)
         # A view of Dr.Jit's memory where that is the processor's own.
         planes = tensor.numpy()
         # Objects are in the way only where the part is behind them.
-        bystanders = scene.integrator.bystanders(scene.mitsuba_scene, sensor, report["straight"])
+        bystanders = integrator.bystanders(compiled.mitsuba_scene, sensor, report["straight"])
     seen_by, times = report["camera"], report["time_s"]
     same_film = camera is None or camera.resolution == scene.camera.resolution
     header = {
@@ -103,16 +104,16 @@ def _one_field(
             "matrix": seen_by["matrix"],
         },
         "time_s": {
-            "load": scene.load_s,
-            "build": scene.build_s,
+            "load": compiled.load_s,
+            "build": compiled.build_s,
             "straight": times["straight"],
             "refracted": times["refracted"],
         },
         "counts": report["counts"],
         # Resolution of the scene's film before ``scale`` changed it, px.
-        "full_resolution": list(scene.full_resolution) if same_film else None,
+        "full_resolution": list(compiled.full_resolution) if same_film else None,
     }
-    channels = dict(zip(scene.integrator.aov_names(), planes, strict=True))
+    channels = dict(zip(integrator.aov_names(), planes, strict=True))
     if len(bystanders):
         status = channels["status.code"] = channels["status.code"].copy()
         bent_hits = channels["path.length"].ravel()[bystanders] > 0.0

@@ -11,19 +11,21 @@ from iriftrace.core.engines import ENGINES
 from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import JsonObject, plain
 from iriftrace.field.source import FieldSource
+from iriftrace.scene.compiled import Compiled
 from iriftrace.scene.hot_air import OUTSIDE
-from iriftrace.scene.loaded import LoadedEnsemble, LoadedScene
+from iriftrace.scene.scene import Scene
 
 _MOST_LISTED = 2
 
 
-def provenance(scene: LoadedScene, camera: Camera) -> JsonObject:
+def provenance(scene: Scene, camera: Camera) -> JsonObject:
     """Version, scene, field, part and assumptions in force, as plain JSON values."""
-    part, ensemble, notes = scene.part, scene.ensemble, scene.stated.notes
-    source, wavelength, written = scene.source, scene.stated.wavelength_nm, scene.stated.part
-    members = None if ensemble is None else [m.as_dict() for m in ensemble.members]
-    known = _weighted(ensemble) if ensemble is not None else [("", source)] if source else []
-    rules = {"index_rule": scene.index_rule, "normals": scene.normals}
+    part, compiled = scene.part, scene.compiled
+    stated, source, notes = compiled.stated, compiled.source, compiled.stated.notes
+    wavelength, written = stated.wavelength_nm, stated.part
+    members = [member.as_dict() for member in scene.members]
+    known = _weighted(scene) if members else [("", source)] if source else []
+    rules = {"index_rule": compiled.index_rule, "normals": compiled.normals}
     return {
         "version": version("iriftrace"),
         "scene": {
@@ -31,12 +33,12 @@ def provenance(scene: LoadedScene, camera: Camera) -> JsonObject:
             "sha256": None if scene.path is None else sha256_of(scene.path),
             "variables": scene.variables,
         },
-        "engine": scene.engine,
+        "engine": compiled.engine,
         **rules,
-        "bending": scene.bending.value,
+        "bending": compiled.bending.value,
         "wavelength_nm": wavelength,
         "field": plain(source),
-        **({} if members is None else {"ensemble": {"count": len(members), "members": members}}),
+        **({"ensemble": {"count": len(members), "members": members}} if members else {}),
         "part": {
             "path": str(Path(part.path).resolve()),
             "sha256": part.sha256,
@@ -47,19 +49,19 @@ def provenance(scene: LoadedScene, camera: Camera) -> JsonObject:
             "length_unit": part.length_unit,
             "to_world": scene.part_to_world.tolist(),
         },
-        "variant": scene.variant,
+        "variant": compiled.variant,
         "length_unit": "mm",
         "assumptions": {
-            "engine": ENGINES[scene.engine],
+            "engine": ENGINES[compiled.engine],
             **rules,
-            "bending": scene.bending.text,
-            **_for_studies(scene),
+            "bending": compiled.bending.text,
+            **_for_studies(compiled),
             "field_source": _listed(
                 f"{weight}{one.quantity} from {one.path}" for weight, one in known
             ),
             "field_origin": _listed(f"{weight}{one.origin}" for weight, one in known if one.origin),
-            **({} if ensemble is None else {"ensemble": _meaning(ensemble)}),
-            **({"field_member": notes["member"]} if ensemble is None and "member" in notes else {}),
+            **({"ensemble": _meaning(scene)} if members else {}),
+            **({"field_member": notes["member"]} if not members and "member" in notes else {}),
             # As the fields state it, unless the user did.
             "field_time": notes.get("time") or _listed(one.time for _, one in known if one.time),
             "field_symmetry": notes.get("symmetry")
@@ -76,30 +78,30 @@ def provenance(scene: LoadedScene, camera: Camera) -> JsonObject:
     }
 
 
-def _for_studies(scene: LoadedScene) -> dict[str, str]:
+def _for_studies(compiled: Compiled) -> dict[str, str]:
     """Choices made to study findings of another program."""
-    if scene.engine != "shells" or scene.integrator.inside_hit != "drop":
+    if compiled.engine != "shells" or compiled.integrator.inside_hit != "drop":
         return {}
     return {"inside_hit": "rays that meet a shell from its inside are given up"}
 
 
-def _weighted(ensemble: LoadedEnsemble) -> list[tuple[str, FieldSource]]:
+def _weighted(scene: Scene) -> list[tuple[str, FieldSource]]:
     """Fields of an ensemble with their weights as text, the largest first; "" if all are equal."""
-    rows = zip(ensemble.weights.weights.tolist(), ensemble.members, strict=True)
-    if ensemble.weights.equal:
-        return [("", member.source) for member in ensemble.members]
+    rows = zip(scene.weights.weights.tolist(), scene.members, strict=True)
+    if scene.weights.equal:
+        return [("", member.source) for member in scene.members]
     by_weight = sorted(rows, key=lambda row: -row[0])
     return [(f"{weight:.1%} ", member.source) for weight, member in by_weight if weight > 0.0]
 
 
-def _meaning(ensemble: LoadedEnsemble) -> str:
-    weights = ensemble.weights
+def _meaning(scene: Scene) -> str:
+    weights = scene.weights
     weighted = "" if weights.equal else f" weighted like {weights.effective:.2g} equal ones"
     if weights.covariance is not None:
         weighted += " by a fit to a measurement"
     return (
-        f"displacements are means over {len(ensemble)} fields{weighted} (bias), scatter is the "
-        "standard deviation of a sample"
+        f"displacements are means over {len(scene.members)} fields{weighted} (bias), scatter is "
+        "the standard deviation of a sample"
     )
 
 

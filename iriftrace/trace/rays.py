@@ -15,9 +15,8 @@ from iriftrace.core.errors import InputError
 from iriftrace.geometry.triangles import row_lengths
 from iriftrace.image.aov_image import Status
 from iriftrace.runtime import variant as runtime
-from iriftrace.scene.loaded import LoadedScene
-from iriftrace.scene.scene import AnyScene, loaded_scene
-from iriftrace.trace.engine import choose, members_of
+from iriftrace.scene.scene import Scene, ready_scene
+from iriftrace.trace.engine import choose
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -68,7 +67,7 @@ class RayHits:
 
 
 def trace_rays(
-    scene: AnyScene,
+    scene: Scene,
     origins: ArrayLike,
     directions: ArrayLike,
     *,
@@ -84,7 +83,7 @@ def trace_rays(
 
     Parameters
     ----------
-    scene : Scene, LoadedScene or path
+    scene : Scene
     origins : (n, 3) array, mm, world
     directions : (n, 3) array, world
         Need not have length one.
@@ -107,13 +106,13 @@ def trace_rays(
         The shells are too few for these rays.
     """
     start, heading = _bundle(origins, directions)
-    loaded = loaded_scene(scene)
-    if loaded.ensemble is not None:
+    loaded = ready_scene(scene)
+    if loaded.members:
         raise InputError(
-            f"{loaded.name} is an ensemble of {len(loaded.ensemble)} fields, and a bundle of rays "
+            f"{loaded.name} is an ensemble of {len(loaded.members)} fields, and a bundle of rays "
             'is traced through one of them; load it with {"member": 1}, for example.'
         )
-    free = loaded.requested_engine == AUTO
+    free = loaded.engine == AUTO
     chosen = choose(loaded, (start, heading)).scene if free else loaded
     return traced_as_chosen(
         chosen, start, heading, focus_mm=focus_mm, coherent=coherent, trace_all=trace_all
@@ -121,7 +120,7 @@ def trace_rays(
 
 
 def traced_as_chosen(
-    scene: LoadedScene,
+    scene: Scene,
     origins: FloatArray,
     directions: FloatArray,
     *,
@@ -130,13 +129,14 @@ def traced_as_chosen(
     trace_all: bool = True,
 ) -> RayHits:
     """As `trace_rays`, for rays whose engine is already chosen; directions have length one."""
-    with runtime.using(scene.variant):
+    with runtime.using(scene.compiled.variant):
         import drjit as dr
         import mitsuba as mi
 
         places, headings = _on_device(origins), _on_device(directions)
-        trace = scene.integrator.trace(
-            scene.mitsuba_scene,
+        compiled = scene.compiled
+        trace = compiled.integrator.trace(
+            compiled.mitsuba_scene,
             lambda ray: (dr.gather(mi.Point3d, places, ray), dr.gather(mi.Vector3d, headings, ray)),
             len(origins),
             focus=focus_mm,
@@ -151,7 +151,7 @@ def traced_as_chosen(
         refracted = trace.refracted
         on_part = np.array(trace.straight_outcome) == 1
         bent_on_part = np.array(refracted.outcome) == 1
-        first = scene.integrator.prepare(scene.mitsuba_scene).tables.part_first_face
+        first = compiled.tables.part_first_face
 
         def points(value: mi.Point3d, exists: BoolArray) -> FloatArray:
             return np.where(exists[:, None], np.array(value, dtype=np.float64).T, np.nan)
@@ -173,7 +173,7 @@ def traced_as_chosen(
 
 
 def refracted_hits(
-    scene: LoadedScene, origin: FloatArray, directions: FloatArray
+    scene: Scene, origin: FloatArray, directions: FloatArray
 ) -> tuple[FloatArray, FloatArray, IntArray, IntArray, BoolArray]:
     """Trace neighbouring rays from one point along their refracted paths alone, in one field.
 
@@ -182,15 +182,16 @@ def refracted_hits(
     ends elsewhere, and numbers of shells, or pieces of the field, that it met; (n,) mask of the
     rays that are lost (`Status.lost`).
     """
-    with runtime.using(scene.variant):
+    with runtime.using(scene.compiled.variant):
         import drjit as dr
         import mitsuba as mi
 
         from iriftrace.plugins.kernels.bundle import is_lost
         from iriftrace.plugins.kernels.queries import HIT_PART
 
-        prepared = scene.integrator.prepare(scene.mitsuba_scene)
-        bend = scene.integrator.bender(prepared, coherent=True)
+        integrator = scene.compiled.integrator
+        prepared = integrator.prepare(scene.compiled.mitsuba_scene)
+        bend = integrator.bender(prepared, coherent=True)
         rays = dr.arange(mi.UInt32, len(directions))
         heading = dr.gather(mi.Vector3d, _on_device(directions), rays)
         start = mi.Point3d(*(dr.opaque(mi.Float64, float(value)) for value in origin))
@@ -216,17 +217,18 @@ def _on_device(vectors: FloatArray) -> mi.Float64:
     return mi.Float64(aligned(vectors.ravel()))
 
 
-def is_inside(scene: LoadedScene, points: ArrayLike) -> BoolArray:
+def is_inside(scene: Scene, points: ArrayLike) -> BoolArray:
     """Mask of points in the hot air or in the part, (n, 3) array, mm, world to (n,) array.
 
     For an ensemble, in the hot air of any member.
     """
     positions = np.asarray(points, dtype=np.float64).reshape(-1, 3)
     inside = np.zeros(len(positions), dtype=bool)
-    with runtime.using(scene.variant):
-        for one in members_of(scene):
+    with runtime.using(scene.compiled.variant):
+        for one in scene.alone():
             for number in np.flatnonzero(~inside):
-                found = one.integrator.surroundings_of(one.mitsuba_scene, positions[number])
+                compiled, place = one.compiled, positions[number]
+                found = compiled.integrator.surroundings_of(compiled.mitsuba_scene, place)
                 inside[number] = found is not None
     return inside
 

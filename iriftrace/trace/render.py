@@ -14,7 +14,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
 from iriftrace.image.aov_image import AovImage, Status, write_exr
 from iriftrace.image.metrics import PoseMetrics, pose_metrics, write_metrics
-from iriftrace.scene.scene import AnyScene, loaded_scene
+from iriftrace.scene.scene import Scene, ready_scene
 from iriftrace.trace.engine import choose
 from iriftrace.trace.lost import warn_of_lost_rays
 from iriftrace.trace.pose_image import pose_image
@@ -46,7 +46,7 @@ class Rendering:
 
 
 def render_scene(
-    scene: AnyScene,
+    scene: Scene,
     *,
     camera: Camera | None = None,
     include: Collection[int] = (0,),
@@ -55,14 +55,13 @@ def render_scene(
     """Trace a camera's straight and refracted rays through a scene, and reduce the hits to metrics.
 
     The engine is chosen by :func:`iriftrace.trace.engine.choose`; the metrics' key ``engine_test``
-    has the result of its test. For an ensemble (`LoadedScene.ensemble`) the image holds the mean
+    has the result of its test. For an ensemble (`Scene.members`) the image holds the mean
     displacement of the members and its standard deviation, and the metrics have the key
     ``ensemble``; see `pose_image`.
 
     Parameters
     ----------
-    scene : Scene, LoadedScene or path
-        A path is loaded first; load once to render many poses.
+    scene : Scene
     camera : Camera, optional
         Used instead of the scene's own sensor.
     include : collection of int
@@ -81,15 +80,17 @@ def render_scene(
     IriftraceWarning
         The shells are too few for the view, or over 0.5 % of its hits are lost (status 5 or 6).
     """
-    loaded = loaded_scene(scene)
-    camera = camera or loaded.other_camera
+    loaded = ready_scene(scene)
+    compiled = loaded.compiled
+    if camera is None and loaded.camera is not compiled.camera:
+        camera = loaded.camera
     began = time.perf_counter()
     choice = choose(loaded, camera)
     check_s = time.perf_counter() - began - choice.straight_s
     image = pose_image(choice.scene, camera, include, choice.straight)
     known = image.header["time_s"]
     # Loading the field is part of the check, and done once for many poses.
-    known.update(load=loaded.load_s, build=loaded.build_s)
+    known.update(load=compiled.load_s, build=compiled.build_s)
     known["straight"] += choice.straight_s
     if not empty:
         _refuse_empty(image)
@@ -104,7 +105,7 @@ def render_scene(
         "write": 0.0,
         "figures": 0.0,
         # Further members of an ensemble are loaded after the start.
-        "total": loaded.load_s + loaded.build_s + done - began,
+        "total": compiled.load_s + compiled.build_s + done - began,
     }
     return Rendering(image, evolve(metrics, time_s=times, engine_test=choice.as_dict()))
 

@@ -23,8 +23,7 @@ from iriftrace.image.measured_shift import MeasuredShift
 from iriftrace.image.shift_mixture import ShiftMixture
 from iriftrace.image.shift_noise import shift_noise
 from iriftrace.image.shift_signs import warn_of_signs
-from iriftrace.scene.loaded import LoadedScene
-from iriftrace.scene.scene import AnyScene, loaded_scene
+from iriftrace.scene.scene import Scene, ready_scene
 from iriftrace.trace.engine import choose
 from iriftrace.trace.member_fit import (
     INDISTINCT,
@@ -48,7 +47,7 @@ class _View:
     `free` (n, 2, 6) are derivatives of the shifts by a motion of the camera, if it is fitted.
     """
 
-    scene: LoadedScene
+    scene: Scene
     camera: Camera
     shifts: MeasuredShift
     places: FloatArray = field(repr=False)
@@ -60,10 +59,10 @@ class _View:
 
 
 def fit_members(
-    scene: AnyScene,
+    scene: Scene,
     shifts: MeasuredShift,
     *,
-    others: Sequence[tuple[AnyScene, MeasuredShift]] = (),
+    others: Sequence[tuple[Scene, MeasuredShift]] = (),
     noise_px: float | None = None,
     camera_motion: bool = False,
 ) -> MemberFit:
@@ -71,7 +70,7 @@ def fit_members(
 
     Parameters
     ----------
-    scene : Scene, LoadedScene or path
+    scene : Scene
         An ensemble whose part is the board and whose camera took both pictures; the hot part in
         front of it is a blocker.
     shifts : MeasuredShift
@@ -101,7 +100,7 @@ def fit_members(
     if noise_px is not None and not noise_px > 0.0:
         raise InputError(f"The noise is {noise_px:g} px; give a positive number.")
     pairs = [(scene, shifts), *others]
-    views = [_view(loaded_scene(one), seen, noise_px, camera_motion) for one, seen in pairs]
+    views = [_view(ready_scene(one), seen, noise_px, camera_motion) for one, seen in pairs]
     first = views[0]
     for other in views[1:]:
         _check_members(first.scene, other.scene)
@@ -114,7 +113,7 @@ def fit_members(
         _motions(both) if camera_motion else None,
     )
     return member_fit(
-        members_in(first.scene).members,
+        members_in(first.scene),
         found,
         first.noise,
         noise_source="differences of neighbouring residuals" if noise_px is None else "stated",
@@ -127,21 +126,21 @@ def fit_members(
 
 
 def _view(
-    scene: LoadedScene, shifts: MeasuredShift, noise_px: float | None, camera_motion: bool
+    scene: Scene, shifts: MeasuredShift, noise_px: float | None, camera_motion: bool
 ) -> _View:
     """The members' predictions at the dots of one view, by their traced rays."""
-    ensemble = members_in(scene)
+    members = members_in(scene)
     # At the resolution of its film before ``scale`` changed it.
-    camera = scene.camera.scaled(scene.full_resolution[0] / scene.camera.resolution[0])
-    check_count(len(shifts.places), len(ensemble), "dots on the board")
+    full, seen = scene.compiled.full_resolution, scene.camera.resolution
+    camera = scene.camera.scaled(full[0] / seen[0])
+    check_count(len(shifts.places), len(members), "dots on the board")
     _check_in_picture(shifts, camera)
     hot = shifts.places + shifts.shifts
     traced = choose(scene, camera).scene
-    assert traced.ensemble is not None
-    points, status = _seen(traced.ensemble.scenes(), camera, hot)
+    points, status = _seen(traced.alone(), camera, hot)
     good = (status == Status.GOOD).all(axis=0)
     dots = {"failed": shifts.failed, "zeros": shifts.zeros, **_counts(status)}
-    _check_dots(dots, len(ensemble))
+    _check_dots(dots, len(members))
     predicted = hot[good] - np.array([camera.project(seen[good]) for seen in points])
     measured, places = shifts.shifts[good], shifts.places[good]
     free = interaction_matrix(camera, points[0][good]) if camera_motion else None
@@ -181,11 +180,9 @@ def _fitted(found: ShiftMixture, views: Sequence[tuple[float, _View]]) -> tuple[
     )
 
 
-def _check_members(first: LoadedScene, other: LoadedScene) -> None:
+def _check_members(first: Scene, other: Scene) -> None:
     """Refuse views whose members are not the same fields in the same order."""
-    listed = [
-        [(m.source.sha256, m.time) for m in members_in(scene).members] for scene in (first, other)
-    ]
+    listed = [[(m.source.sha256, m.time) for m in members_in(scene)] for scene in (first, other)]
     if listed[0] != listed[1]:
         raise InputError(
             f"{other.name} has other members than {first.name}, so one fit cannot use both views; "
@@ -204,9 +201,7 @@ def _check_in_picture(shifts: MeasuredShift, camera: Camera) -> None:
         )
 
 
-def _seen(
-    scenes: Iterable[LoadedScene], camera: Camera, hot: FloatArray
-) -> tuple[FloatArray, IntArray]:
+def _seen(scenes: Iterable[Scene], camera: Camera, hot: FloatArray) -> tuple[FloatArray, IntArray]:
     """Points (k, n, 3), mm, seen at places of the hot picture by member, and status (k, n)."""
     origins, directions = camera.rays(hot)
     points, status = [], []

@@ -8,7 +8,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.statistics import rms
 from iriftrace.image.shift_mixture import ShiftMixture
 from iriftrace.io.air_temperatures import AirTemperatures
-from iriftrace.scene.scene import AnyScene, loaded_scene
+from iriftrace.scene.scene import Scene, ready_scene
 from iriftrace.trace.member_fit import (
     INDISTINCT,
     FittedView,
@@ -20,7 +20,7 @@ from iriftrace.trace.member_fit import (
 from iriftrace.trace.provenance import provenance
 
 
-def fit_temperatures(scene: AnyScene, temperatures: AirTemperatures) -> MemberFit:
+def fit_temperatures(scene: Scene, temperatures: AirTemperatures) -> MemberFit:
     """Fit the weights of an ensemble's members to temperatures of the air.
 
     Each temperature is weighted by its own uncertainty; residual and noise are in K of their root
@@ -28,7 +28,7 @@ def fit_temperatures(scene: AnyScene, temperatures: AirTemperatures) -> MemberFi
 
     Parameters
     ----------
-    scene : Scene, LoadedScene or path
+    scene : Scene
         An ensemble of fields; its part and camera do not matter.
     temperatures : AirTemperatures
         In the scene's frame (:func:`iriftrace.read_air_temperatures`).
@@ -39,9 +39,9 @@ def fit_temperatures(scene: AnyScene, temperatures: AirTemperatures) -> MemberFi
         The scene is not an ensemble or has no fields; places lie in its part; there are fewer
         temperatures than members; or the members hardly differ there.
     """
-    loaded = loaded_scene(scene)
-    ensemble = members_in(loaded)
-    check_count(len(temperatures.places), len(ensemble), "thermocouples")
+    loaded = ready_scene(scene)
+    members = members_in(loaded)
+    check_count(len(temperatures.places), len(members), "thermocouples")
     inside = loaded.part.surface.inside(temperatures.places)
     if inside.any():
         raise InputError(
@@ -49,7 +49,7 @@ def fit_temperatures(scene: AnyScene, temperatures: AirTemperatures) -> MemberFi
             "part, where there is no air; give places in mm in the frame of the scene, or leave "
             "them out."
         )
-    states = [member.cells for member in ensemble.scenes()]
+    states = [state.cells for state in loaded.air.states]
     ambient = states[0].air.temperature_k
     # Excess over the ambient air: the covariance scales it as a whole.
     predicted = np.array([cells.temperature_at(temperatures.places) for cells in states]) - ambient
@@ -65,7 +65,7 @@ def fit_temperatures(scene: AnyScene, temperatures: AirTemperatures) -> MemberFi
         )
     found = ShiftMixture((factor * predicted)[:, :, None], (factor * measured)[:, None])
     return member_fit(
-        ensemble.members,
+        members,
         found,
         noise,
         noise_source="uncertainties of the temperatures",

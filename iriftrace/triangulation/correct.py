@@ -21,8 +21,7 @@ from iriftrace.core.errors import InputError, warn
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.part.part import Part
-from iriftrace.scene.loaded import LoadedScene
-from iriftrace.scene.scene import AnyScene
+from iriftrace.scene.scene import Scene
 from iriftrace.trace.engine import choose
 from iriftrace.trace.lost import warn_of_lost_points
 from iriftrace.triangulation.correction import (
@@ -86,7 +85,7 @@ _NOT_CORRECTED = {
 
 def correct(
     points: ArrayLike,
-    scene: AnyScene,
+    scene: Scene,
     camera: Camera | None = None,
     second: Camera | None = None,
     *,
@@ -106,7 +105,7 @@ def correct(
     ----------
     points : (n, 3) array, mm, world
         From one scan by these devices, before it was merged with others or aligned.
-    scene : Scene, LoadedScene or path
+    scene : Scene
     camera, second, system, phase
         As for `iriftrace.measure`. A laser's sheet is assumed to pass through each point, turned
         about the laser.
@@ -135,7 +134,7 @@ def correct(
     loaded, sensor = sensor_of(scene, camera, second, system, phase)
     near_box, to_part = _near_part(measured, loaded.part)
     traced = choose(loaded, *sensor.devices).scene
-    members = (traced,) if traced.ensemble is None else traced.ensemble.scenes()
+    members = traced.alone()
     # Clouds come in any order; neighbouring rays are traced faster.
     with np.errstate(divide="ignore", invalid="ignore"):
         pixel, second_pixel = (device.project(measured) for device in sensor.devices)
@@ -144,7 +143,7 @@ def correct(
     order = order[(in_view & near_box)[order]]
     found = [_in_one_field(measured, in_view, order, member, sensor) for member in members]
     by_member, statuses, (face, *_) = zip(*found, strict=True)
-    weights = None if traced.ensemble is None else traced.ensemble.weights
+    weights = traced.weights if traced.members else None
     status = _common_status(statuses, by_member, weights)
     # What stands behind the part, such as a table, is hidden and does not belong to it.
     hidden = np.flatnonzero(status == CorrectionStatus.HIDDEN)
@@ -186,7 +185,7 @@ def _in_one_field(
     measured: FloatArray,
     in_view: BoolArray,
     order: IntArray,
-    scene: LoadedScene,
+    scene: Scene,
     sensor: Sensor,
 ) -> tuple[FloatArray, IntArray, IntArray]:
     """`_robust_error` of the points whose rows are in `order`, and outcomes of all others."""
@@ -309,7 +308,7 @@ def _across(points: FloatArray) -> float:
 
 
 def _robust_error(
-    measured: FloatArray, scene: LoadedScene, sensor: Sensor
+    measured: FloatArray, scene: Scene, sensor: Sensor
 ) -> tuple[FloatArray, IntArray, IntArray]:
     """`_point_error` with the face of a point, and whether it is seen, made robust to noise.
 
@@ -334,7 +333,7 @@ def _robust_error(
 
 
 def _point_error(
-    measured: FloatArray, scene: LoadedScene, sensor: Sensor, reach_mm: float
+    measured: FloatArray, scene: Scene, sensor: Sensor, reach_mm: float
 ) -> tuple[FloatArray, IntArray, IntArray]:
     """`error`, `status` and `face` of points as in `Correction`, in one field.
 

@@ -29,7 +29,7 @@ from iriftrace.io.clouds import Cloud
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
 from iriftrace.scene.hot_air import OUTSIDE
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.triangulation.larger import Larger
 from iriftrace.triangulation.statistics import (
     PointStatus,
@@ -89,16 +89,16 @@ class FieldState:
     unsteadiness: float | None = 0.0
 
     @classmethod
-    def of(cls, scene: LoadedScene) -> FieldState:
+    def of(cls, scene: Scene) -> FieldState:
         """State of a scene's field; the scatter of an ensemble's fields has their unsteadiness."""
-        if scene.ensemble is None:
-            sources = [scene.source]
+        if not scene.members:
+            sources = [scene.compiled.source]
         else:
-            sources = [member.source for member in scene.ensemble.members]
+            sources = [member.source for member in scene.members]
         kinds = [source.facts.kind for source in sources if source is not None]
-        if scene.source is None or scene.ensemble is not None or FieldKind.UNSTEADY not in kinds:
+        if scene.compiled.source is None or scene.members or FieldKind.UNSTEADY not in kinds:
             return cls(synthetic=FieldKind.SYNTHETIC in kinds)
-        facts, heating_k = scene.source.facts, scene.stated.heating_k
+        facts, heating_k = scene.compiled.source.facts, scene.compiled.stated.heating_k
         if facts.heat_variation is None or facts.plume_swing_k is None or heating_k is None:
             return cls(unsteadiness=None)
         # The larger of heat flow's and plume's relative range, as a rectangular distribution.

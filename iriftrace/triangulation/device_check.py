@@ -16,8 +16,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.geometry.triangles import row_lengths, unit_vectors
-from iriftrace.scene.loaded import LoadedScene
-from iriftrace.trace.engine import members_of
+from iriftrace.scene.scene import Scene
 from iriftrace.trace.rays import traced_as_chosen
 from iriftrace.triangulation.correction import CorrectionStatus
 from iriftrace.triangulation.devices import Sensor
@@ -101,7 +100,7 @@ def checked_pixels(pixels: ArrayLike, count: int) -> FloatArray:
 def check_devices(
     points: FloatArray,
     status: IntArray,
-    scene: LoadedScene,
+    scene: Scene,
     sensor: Sensor,
     pixels: FloatArray | None = None,
 ) -> DeviceCheck:
@@ -112,7 +111,7 @@ def check_devices(
     points : (n, 3) array, mm, world
     status : (n,) array of `CorrectionStatus`
         Not all are far from the part.
-    scene : LoadedScene
+    scene : Scene
     sensor : Sensor
     pixels : (n, 2) array, px, optional
         Where the camera saw the points; rows that are not finite are left out.
@@ -134,11 +133,11 @@ def check_devices(
     )
 
 
-def _to_hit(points: FloatArray, scene: LoadedScene, camera: Camera) -> float:
+def _to_hit(points: FloatArray, scene: Scene, camera: Camera) -> float:
     """`DeviceCheck.to_hit_mm` of points (n, 3)."""
     origin = np.broadcast_to(camera.origin, points.shape)
     # Straight rays are the same in the air of all members.
-    one_field = next(members_of(scene))
+    one_field = next(scene.alone())
     hits = traced_as_chosen(one_field, origin, unit_vectors(points - origin))
     distance = row_lengths(hits.straight - points[hits.ray])
     return float(np.median(np.where(np.isfinite(distance), distance, np.inf)))

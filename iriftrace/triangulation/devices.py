@@ -12,8 +12,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
 from iriftrace.geometry.triangles import cross_rows, row_lengths, unit_vectors
-from iriftrace.scene.loaded import LoadedScene
-from iriftrace.scene.scene import AnyScene, loaded_scene
+from iriftrace.scene.scene import Scene, ready_scene
 from iriftrace.scene.viewpoint import refuse_one_place
 from iriftrace.trace.provenance import provenance
 
@@ -70,14 +69,14 @@ class Sensor:
 
 
 def sensor_of(
-    scene: AnyScene,
+    scene: Scene,
     camera: Camera | None,
     second: Camera | None,
     system: System | None,
     phase: Phase | None,
-) -> tuple[LoadedScene, Sensor]:
+) -> tuple[Scene, Sensor]:
     """The scene and its sensor, with the defaults of `measure`."""
-    loaded = loaded_scene(scene)
+    loaded = ready_scene(scene)
     camera = loaded.camera if camera is None else camera
     second = loaded.second if second is None else second
     if second is None:
@@ -105,7 +104,7 @@ def better_phase(camera: Camera, projector: Camera) -> Phase:
     return "columns" if abs(base[0]) >= abs(base[1]) else "rows"
 
 
-def provenance_of_two(scene: LoadedScene, camera: Camera) -> JsonObject:
+def provenance_of_two(scene: Scene, camera: Camera) -> JsonObject:
     """Provenance of a measurement of a scene by two devices, as plain JSON values."""
     found = provenance(scene, camera)
     found["assumptions"]["exposure"] = "one instant: both devices see the same air"

@@ -24,8 +24,7 @@ from iriftrace.core.member_weights import MemberWeights
 from iriftrace.geometry.triangles import row_lengths
 from iriftrace.image.aov_image import Status
 from iriftrace.part.part import Part
-from iriftrace.scene.loaded import LoadedScene
-from iriftrace.scene.scene import AnyScene
+from iriftrace.scene.scene import Scene
 from iriftrace.trace.engine import choose
 from iriftrace.trace.lost import warn_of_lost_points
 from iriftrace.trace.rays import traced_as_chosen
@@ -41,7 +40,7 @@ CLEAR_MM = 1e-3
 
 
 def measure(
-    scene: AnyScene,
+    scene: Scene,
     camera: Camera | None = None,
     second: Camera | None = None,
     *,
@@ -64,7 +63,7 @@ def measure(
 
     Parameters
     ----------
-    scene : Scene, LoadedScene or path
+    scene : Scene
     camera, second : Camera, optional
         The scene's own two sensors by default.
     system : str, optional
@@ -88,14 +87,15 @@ def measure(
     loaded, sensor = sensor_of(scene, camera, second, system, phase)
     started = time.perf_counter()
     chosen = choose(loaded, *sensor.devices).scene
-    if chosen.ensemble is None:
+    if not chosen.members:
         found = _scan(chosen, sensor)
     else:
-        scans = [_scan(member, sensor) for member in chosen.ensemble.scenes()]
-        together = _together(scans, chosen.ensemble.weights)
+        scans = [_scan(member, sensor) for member in chosen.alone()]
+        together = _together(scans, chosen.weights)
         found = evolve(together, provenance=provenance_of_two(chosen, sensor.camera))
     measure_s = time.perf_counter() - started
-    time_s = {"load": loaded.load_s, "build": loaded.build_s, "measure": measure_s}
+    compiled = loaded.compiled
+    time_s = {"load": compiled.load_s, "build": compiled.build_s, "measure": measure_s}
     return evolve(found, time_s=time_s)
 
 
@@ -132,7 +132,7 @@ def _together(scans: Sequence[Scan], weights: MemberWeights) -> Scan:
     )
 
 
-def _scan(scene: LoadedScene, sensor: Sensor) -> Scan:
+def _scan(scene: Scene, sensor: Sensor) -> Scan:
     camera, sheet = sensor.camera, sensor.system == "laser"
     forward, solved = reversed(sensor.devices) if sheet else sensor.devices
     lit = _lit_points(scene, forward, sheet=sheet)
@@ -186,7 +186,7 @@ class _Lit(NamedTuple):
     shape: tuple[int, int]  # rows and columns
 
 
-def _lit_points(scene: LoadedScene, forward: Camera, *, sheet: bool) -> _Lit:
+def _lit_points(scene: Scene, forward: Camera, *, sheet: bool) -> _Lit:
     """Trace the rays of a device; only those of the middle column if it sends a sheet of light."""
     pixels, number, shape = _pixels(forward, sheet=sheet)
     towards = _towards_part(forward, scene.part, pixels)
@@ -217,7 +217,7 @@ def _lit_points(scene: LoadedScene, forward: Camera, *, sheet: bool) -> _Lit:
 
 
 def _seen_by(
-    scene: LoadedScene, solved: Camera, forward: Camera, lit: _Lit
+    scene: Scene, solved: Camera, forward: Camera, lit: _Lit
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """`ScanStatus` of lit points for the other device; numbers (m,) and directions of its lines."""
     distance = row_lengths(lit.point - solved.origin)

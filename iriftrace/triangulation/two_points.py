@@ -22,7 +22,7 @@ from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.geometry.triangles import row_lengths, unit_vectors
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.trace.rays import refracted_hits
 
 MISS_MM = 1e-6
@@ -52,7 +52,7 @@ class LinesOfSight:
 
 
 def lines_of_sight(
-    scene: LoadedScene,
+    scene: Scene,
     origin: FloatArray,
     points: FloatArray,
     offset: FloatArray | None = None,

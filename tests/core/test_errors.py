@@ -29,5 +29,5 @@ def test_a_cached_property_warns_here() -> None:
     camera = camera_at((0.0, 0.0, 100.0), (0.0, 0.0, 0.0))
     scene = Scene(part, HotAir(sphere_field(12)), camera)
     with pytest.warns(IriftraceWarning, match="no cavity") as caught:
-        assert scene.loaded.ensemble is None
+        assert not scene.ready.members
     assert {each.filename for each in caught} == {__file__}

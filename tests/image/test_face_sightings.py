@@ -11,7 +11,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.sightings import COLUMNS, seen_by_pose, sight_faces, sightings_of
 from iriftrace.scene.load import load_scene
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.sweep import run_sweep
 from iriftrace.trace.render import render_scene
@@ -22,14 +22,14 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*every second shell")
 
 
 @pytest.fixture(scope="module")
-def scene(variant: str) -> LoadedScene:
+def scene(variant: str) -> Scene:
     """Of the shells in every pose, as the images below are."""
     xml = folder_of("cylinder") / "scene.xml"
     return load_scene(xml, {"scale": 0.15}, variant=variant, engine="shells")
 
 
 @pytest.fixture(scope="module")
-def poses(scene: LoadedScene) -> PoseSet:
+def poses(scene: Scene) -> PoseSet:
     """The last one stands in the part and sees nothing, the one before looks away."""
     orbit = Orbit(centre=scene.part.centre, semi_axes_mm=(310.0, 238.5, 238.5))
     matrices = np.array(orbit_poses(orbit, (0.0, 45.0, 90.0), (0.0, 40.0)).matrices)
@@ -39,7 +39,7 @@ def poses(scene: LoadedScene) -> PoseSet:
 
 
 @pytest.fixture(scope="module")
-def images(scene: LoadedScene, poses: PoseSet) -> list[AovImage]:
+def images(scene: Scene, poses: PoseSet) -> list[AovImage]:
     """Of all poses but the one in the part."""
     return [
         render_scene(scene, camera=scene.camera.at(matrix), empty=True).image
@@ -48,9 +48,7 @@ def images(scene: LoadedScene, poses: PoseSet) -> list[AovImage]:
 
 
 @pytest.fixture(scope="module")
-def swept(
-    scene: LoadedScene, poses: PoseSet, tmp_path_factory: pytest.TempPathFactory
-) -> xr.Dataset:
+def swept(scene: Scene, poses: PoseSet, tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     return run_sweep(scene, poses, tmp_path_factory.mktemp("sweep") / "sweep.nc")
 
 
@@ -64,7 +62,7 @@ def by_hand(image: AovImage, include: tuple[int, ...] = (0,)) -> dict[int, list[
     return rays
 
 
-def test_rays_are_reduced_to_their_faces(images: list[AovImage], scene: LoadedScene) -> None:
+def test_rays_are_reduced_to_their_faces(images: list[AovImage], scene: Scene) -> None:
     for image in images:
         found = sight_faces(image, scene.part)
         rays = by_hand(image)
@@ -95,7 +93,7 @@ def test_faces_between_the_rays_have_those_next_to_them() -> None:
     np.testing.assert_allclose(found.offset, np.broadcast_to((-6e-3, 0, 0), (3698, 3)), atol=1e-8)
 
 
-def test_further_rays_are_included_on_request(images: list[AovImage], scene: LoadedScene) -> None:
+def test_further_rays_are_included_on_request(images: list[AovImage], scene: Scene) -> None:
     status = np.array(images[0].channels["status.code"])
     rows, columns = np.nonzero(status == Status.GOOD)
     status[rows[:50], columns[:50]] = Status.INDEX_MISMATCH
@@ -107,7 +105,7 @@ def test_further_rays_are_included_on_request(images: list[AovImage], scene: Loa
 
 
 def test_sweep_keeps_what_each_pose_sees(
-    swept: xr.Dataset, images: list[AovImage], scene: LoadedScene
+    swept: xr.Dataset, images: list[AovImage], scene: Scene
 ) -> None:
     assert swept["sightings"].attrs["sample_dimension"] == "sighting"
     assert int(swept["sightings"].sum()) == swept.sizes["sighting"]
@@ -120,7 +118,7 @@ def test_sweep_keeps_what_each_pose_sees(
     assert len(sightings_of(swept, len(images))) == 0
 
 
-def test_area_seen_of_the_faces_is_the_coverage(swept: xr.Dataset, scene: LoadedScene) -> None:
+def test_area_seen_of_the_faces_is_the_coverage(swept: xr.Dataset, scene: Scene) -> None:
     """By face numbers and areas of the file alone, whole part and region by region."""
     area, region = swept["face_area"].values, swept["face_region"].values
     assert area.sum() == pytest.approx(scene.part.area)

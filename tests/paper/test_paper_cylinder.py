@@ -6,7 +6,7 @@ import xarray as xr
 
 from iriftrace.camera.orbit import Orbit, orbit_poses
 from iriftrace.scene.load import load_scene
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.sweep import run_sweep
 from iriftrace.trace.render import render_scene
@@ -19,12 +19,12 @@ FULL_LENGTH_MM, RADIUS_MM = 170.0, 13.5
 
 
 @pytest.fixture(scope="module")
-def scene(variant: str) -> LoadedScene:
+def scene(variant: str) -> Scene:
     return load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.25}, variant=variant)
 
 
 @pytest.fixture(scope="module")
-def orbit(scene: LoadedScene, tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
+def orbit(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     """Cameras in the horizontal plane through the axis; 0 degrees looks at a head."""
     centre = scene.part.centre
     axes = STAND_OFF_MM + np.array((FULL_LENGTH_MM / 2, RADIUS_MM, RADIUS_MM))
@@ -61,7 +61,7 @@ def test_displacement_rises_from_the_lateral_view_towards_the_head(orbit: xr.Dat
 
 
 def test_where_the_lateral_resolution_is_worst_depends_on_its_definition(
-    scene: LoadedScene, orbit: xr.Dataset
+    scene: Scene, orbit: xr.Dataset
 ) -> None:
     steps = orbit.sel(region="part")["lateral_resolution"].values
     images = [

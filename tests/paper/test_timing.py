@@ -68,13 +68,13 @@ def test_replayed_queries_find_what_the_trace_found(
     """Each recorded query ends where the next one starts, but for the step beyond the crossing."""
     field, scene = field_and_scene(tmp_path, variant)
     seen = through_shells(scene, contour_shells(field, 3), mode)
-    recording = Recording(seen.loaded, queries=8)
+    recording = Recording(seen.ready, queries=8)
     assert recording.rays > 500
     last = np.array(recording.last)
     assert last.min() >= 1
     import mitsuba as mi
 
-    found = seen.loaded.mitsuba_scene.ray_intersect_preliminary(
+    found = seen.compiled.mitsuba_scene.ray_intersect_preliminary(
         mi.Ray3f(recording.points, recording.directions), coherent=False
     )
     distance = np.array(found.t).reshape(8, -1)

@@ -10,7 +10,7 @@ from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.part.part import read_part
 from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.load import load_scene
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
@@ -63,7 +63,7 @@ def difference_um(images: Images, one: tuple, other: tuple) -> np.ndarray:
 @pytest.fixture(scope="module")
 def both_engines(
     variant: str, tmp_path_factory: pytest.TempPathFactory, field: IndexField
-) -> dict[str, LoadedScene]:
+) -> dict[str, Scene]:
     """Thirteen shells with gradient normals, and the field that they were cut from."""
     part = read_part(folder_of("cylinder") / "part.ply")
     stack = contour_shells(field, 13)
@@ -78,7 +78,7 @@ def both_engines(
     ids=["corner", "above", "axis", "oblique"],
 )
 def test_thirteen_gradient_shells_agree_with_the_continuous_solution(
-    both_engines: dict[str, LoadedScene], origin: tuple[float, float, float]
+    both_engines: dict[str, Scene], origin: tuple[float, float, float]
 ) -> None:
     camera = CAMERA.at(look_at(origin, (0.0, 0.0, 0.0)))
     shells, field = (pose_image(scene, camera=camera) for scene in both_engines.values())

@@ -17,7 +17,7 @@ from iriftrace.flow.simulate.part_surface import mirrored_grid
 from iriftrace.image.aov_image import Status
 from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.load import load_scene
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.scene.write import write_scene
 from iriftrace.trace.rays import trace_rays
 from validation.inputs.solved_fields import SOLVED, camera_at
@@ -105,7 +105,7 @@ def scene(variant: str, quarter: Path, tmp_path_factory: pytest.TempPathFactory)
     return write_scene(folder / "scene", part, AirState(field, layers=13), camera)
 
 
-def bundle(loaded: LoadedScene) -> tuple[np.ndarray, np.ndarray]:
+def bundle(loaded: Scene) -> tuple[np.ndarray, np.ndarray]:
     """Rays from all around to random points on the part, and some beside it."""
     rng = np.random.default_rng(5)
     part = loaded.part

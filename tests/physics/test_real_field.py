@@ -10,7 +10,7 @@ from iriftrace.field.read import read_field
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.part.part import Part, read_part
 from iriftrace.scene.load import load_scene
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
@@ -37,7 +37,7 @@ def part() -> Part:
 @pytest.fixture(scope="module")
 def scenes(
     variant: str, tmp_path_factory: pytest.TempPathFactory, field: IndexField, part: Part
-) -> dict[tuple[int, str], LoadedScene]:
+) -> dict[tuple[int, str], Scene]:
     """The same scene with 13, 40 and 80 shells in both normal modes."""
     result = {}
     for layers in (13, 40, 80):
@@ -49,7 +49,7 @@ def scenes(
 
 
 @pytest.fixture(scope="module")
-def images(scenes: dict[tuple[int, str], LoadedScene]) -> dict[tuple[int, str], AovImage]:
+def images(scenes: dict[tuple[int, str], Scene]) -> dict[tuple[int, str], AovImage]:
     """The oblique view of each scene."""
     return {key: pose_image(scene) for key, scene in scenes.items()}
 
@@ -105,7 +105,7 @@ VIEWS = {
 @pytest.mark.slow
 @pytest.mark.parametrize("origin", VIEWS.values(), ids=VIEWS)
 def test_displacement_does_not_depend_on_the_number_of_shells(
-    scenes: dict[tuple[int, str], LoadedScene], origin: tuple[float, float, float]
+    scenes: dict[tuple[int, str], Scene], origin: tuple[float, float, float]
 ) -> None:
     """Mean and median with 13, 40 and 80 shells lie within 1 %.
 

@@ -127,7 +127,7 @@ def test_xml_names_the_integrator_and_a_field_beside_it(xml: Path, tmp_path: Pat
     for name, plane in own.channels.items():
         np.testing.assert_array_equal(plane, asked.channels[name])
     # And back to shells by option.
-    assert load_scene(copy, engine="shells").engine == "shells"
+    assert load_scene(copy, engine="shells").compiled.engine == "shells"
 
 
 @pytest.mark.filterwarnings("ignore::iriftrace.IriftraceWarning")
@@ -155,8 +155,8 @@ def test_another_working_folder_later_on_changes_nothing(
 )
 def test_each_kind_of_normals_has_its_gradient(xml: Path, normals: str, gradient: str) -> None:
     loaded = load_scene(xml, {"normals": normals}, engine="cells")
-    assert loaded.integrator.gradient == gradient
-    assert loaded.normals == f"{gradient} gradient"
+    assert loaded.compiled.integrator.gradient == gradient
+    assert loaded.compiled.normals == f"{gradient} gradient"
 
 
 def test_error_channel_survives_the_file(xml: Path, tmp_path: Path) -> None:
@@ -171,7 +171,8 @@ def test_error_channel_survives_the_file(xml: Path, tmp_path: Path) -> None:
 
 def test_mitsuba_renders_all_channels(xml: Path) -> None:
     loaded = load_scene(xml, engine="cells")
-    planes = np.array(mi.render(loaded.mitsuba_scene, integrator=loaded.integrator))
+    compiled = loaded.compiled
+    planes = np.array(mi.render(compiled.mitsuba_scene, integrator=compiled.integrator))
     image = render_scene(loaded).image
     for k, name in enumerate(image.channels):
         np.testing.assert_array_equal(planes[..., k + 1], image.channels[name])
@@ -181,7 +182,7 @@ def test_scene_without_a_field_file_says_how_to_get_one(xml: Path, tmp_path: Pat
     copy = without_field(xml, tmp_path)
     with pytest.raises(InputError, match=r"no field file .*field\.npz.*`iriftrace scene"):
         load_scene(copy, engine="cells")
-    assert load_scene(copy).engine == "shells"
+    assert load_scene(copy).compiled.engine == "shells"
 
 
 @pytest.mark.parametrize(
@@ -322,7 +323,7 @@ def test_plume_that_leaves_the_data_is_counted(tmp_path: Path, part: Part) -> No
 
 def test_second_pose_compiles_no_kernel(xml: Path, kernel_history: Any) -> None:
     loaded = load_scene(xml, engine="cells")
-    scene, integrator = loaded.mitsuba_scene, loaded.integrator
+    scene, integrator = loaded.compiled.mitsuba_scene, loaded.compiled.integrator
 
     def look(origin: tuple[float, float, float]) -> None:
         sensor = sensor_of(CAMERA.at(look_at(origin, (0.0, 0.0, 0.0))))

@@ -12,7 +12,8 @@ import pytest
 
 from iriftrace.core.errors import InputError, IriftraceWarning, SetupError
 from iriftrace.runtime import variant as runtime
-from iriftrace.scene.load import from_mitsuba, load_scene
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.scene import Scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import slab
 from iriftrace.shells.files import read_shell, write_shell
@@ -125,7 +126,7 @@ def test_ply_without_normals_is_refused_for_gradient_normals(xml: Path, edit: Ed
         'shells/shell_02.ply"/><boolean name="face_normals" value="true"/>',
     )
     with pytest.warns(IriftraceWarning, match=r"shell_02\.ply is not among the shells"):
-        assert load_scene(xml).normals == "gradient, but facet for 1 of the shells"
+        assert load_scene(xml).compiled.normals == "gradient, but facet for 1 of the shells"
 
 
 def test_shells_without_normals_get_face_normals(tmp_path: Path) -> None:
@@ -138,8 +139,8 @@ def test_shells_without_normals_get_face_normals(tmp_path: Path) -> None:
         tmp_path, body, ShellStack(flat, stack.air, "midpoint"), ANY_CAMERA, paraview=False
     )
     loaded = load_scene(xml)
-    assert loaded.normals == "facet"
-    assert not loaded.integrator.prepare(loaded.mitsuba_scene).tables.has_normals
+    assert loaded.compiled.normals == "facet"
+    assert not loaded.compiled.tables.has_normals
 
 
 def test_zero_normals_take_the_facets(tmp_path: Path) -> None:
@@ -268,7 +269,7 @@ def test_stock_dielectric_counts_as_shell_and_warns(xml: Path, edit: Edit) -> No
     with pytest.warns(
         IriftraceWarning, match=r"^Your mi\.Scene has shells with Mitsuba's dielectric"
     ):
-        from_mitsuba(loaded.mitsuba_scene)
+        Scene.from_mitsuba(loaded.compiled.mitsuba_scene)
     rough = trace_rays(loaded, *ray)
     assert rough.crossings[0] == exact.crossings[0] == 3
     assert rough.status[0] == 0

@@ -142,7 +142,7 @@ def test_command_takes_blockers_and_finds_bodies_of_the_field(
     shown, bare = map(matplotlib.image.imread, pictures)
     grey = np.ptp(shown[..., :3], axis=2) < 0.1
     assert np.mean(grey & (np.abs(shown - bare).max(axis=2) > 0.1)) > 0.005
-    shapes = [shape.id() for shape in iriftrace.load_scene(scene).mitsuba_scene.shapes()]
+    shapes = [shape.id() for shape in iriftrace.load_scene(scene).compiled.mitsuba_scene.shapes()]
     assert {"part", "blocker_1", "blocker_2"} <= set(shapes)
     assert main(["scene", *words, *camera.split()]) == 2
     assert "does not reach the part" in " ".join(capsys.readouterr().err.split())

@@ -18,9 +18,9 @@ from iriftrace.camera.pose_set import PoseSet
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.image.aov_image import CHANNELS, MEMBERS_CHANNEL, Status
 from iriftrace.part.part import save_part
-from iriftrace.scene import loaded as loaded_members
-from iriftrace.scene.ensemble import FieldMember, read_members
-from iriftrace.scene.hot_air import AirState
+from iriftrace.scene import scene as scenes_of_values
+from iriftrace.scene.ensemble import read_members
+from iriftrace.scene.hot_air import AirState, FieldMember
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.write import write_ensemble_scene
 from iriftrace.scenes.analytic import slab, slab_heights
@@ -65,7 +65,7 @@ def test_shells_and_parts_of_others_are_noticed(five: Path, tmp_path: Path) -> N
     shells = [scene.parent / "members" / number / "shells" for number in "23"]
     shutil.copy(shells[0] / "shell_02.ply", shells[0] / "shell_03.ply")
     with pytest.warns(IriftraceWarning, match=r"2/shells/shell_03\.ply is not among the shells"):
-        assert load_scene(scene, {"member": 2}).index_rule.startswith("edited: 1 of 5")
+        assert load_scene(scene, {"member": 2}).compiled.index_rule.startswith("edited: 1 of 5")
     save_part(slab(5)[0].transformed(np.diag((2.0, 2.0, 1.0, 1.0))), scene.parent / "part.ply")
     with pytest.warns(IriftraceWarning, match=r"part\.ply is not the part that the scene"):
         load_scene(scene, {"member": 3})
@@ -125,17 +125,15 @@ def test_mean_and_scatter_agree_with_the_closed_form(five: Path) -> None:
 def test_one_member_alone_is_an_ordinary_scene(five: Path) -> None:
     """Also for plain Mitsuba, where the first one is the default."""
     alone = load_scene(five, {"member": 5})
-    assert alone.ensemble is None
+    assert not alone.members
     image = render_scene(alone).image
     assert set(image.channels) == set(CHANNELS)
     assert image.header["assumptions"]["field_member"] == "5: share 0.11"
     everything = load_scene(five)
-    assert everything.ensemble is not None
-    scenes = list(everything.ensemble.scenes())
+    assert everything.members
+    scenes = list(everything.alone())
     assert len(scenes) == 5
-    assert scenes[4].integrator.prepare(scenes[4].mitsuba_scene).tables.index_pairs == (
-        alone.integrator.prepare(alone.mitsuba_scene).tables.index_pairs
-    )
+    assert scenes[4].compiled.tables.index_pairs == (alone.compiled.tables.index_pairs)
     shapes = mi.load_file(str(five), optimize=False).shapes()
     assert [shape.id() for shape in shapes] == ["part", *(f"shell_{k:02d}" for k in range(1, 6))]
 
@@ -148,7 +146,7 @@ def test_straight_rays_are_traced_once(five: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(
         bundle, "straight_hits", lambda *a, **k: calls.append(1) or original(*a, **k)
     )
-    render_scene(five)
+    render_scene(load_scene(five))
     assert len(calls) == 1
 
 
@@ -156,19 +154,18 @@ def test_members_that_do_not_fit_are_loaded_again(
     three: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The result does not depend on how many stay in memory."""
-    rendered = render_scene(three)
-    monkeypatch.setattr(loaded_members, "KEPT_TRIANGLES", 25)
+    rendered = render_scene(load_scene(three))
+    monkeypatch.setattr(scenes_of_values, "KEPT_TRIANGLES", 25)
     scene = load_scene(three)
     for _ in range(2):
         again = render_scene(scene)
         for name, values in rendered.image.channels.items():
             assert_array_equal(again.image.channels[name], values)
-    assert scene.ensemble is not None
-    assert len(scene.ensemble._kept) == 2
+    assert len(scene._held.members) == 2
 
 
 def test_results_name_every_field(five: Path) -> None:
-    rendered = render_scene(five)
+    rendered = render_scene(load_scene(five))
     header = rendered.image.header
     assert header["ensemble"]["count"] == 5
     assert [m["label"] for m in header["ensemble"]["members"]] == [f"share {s}" for s in SHARES]
@@ -188,7 +185,7 @@ def test_results_name_every_field(five: Path) -> None:
 
 def test_free_rays_want_one_member(five: Path) -> None:
     with pytest.raises(InputError, match="ensemble of 5 fields"):
-        trace_rays(five, [[0, 0, 100.0]], [[0, 0, -1.0]])
+        trace_rays(load_scene(five), [[0, 0, 100.0]], [[0, 0, -1.0]])
 
 
 Spoil = Callable[[Path], Any]

@@ -30,7 +30,7 @@ def test_a_working_folder_with_compiled_plugins_is_refused(
 def test_a_scene_with_compiled_plugins_beside_it_is_refused(tmp_path: Path) -> None:
     folder = tmp_path / "scene"
     shutil.copytree(folder_of("slab"), folder)
-    assert load_scene(folder / "scene.xml").engine == "shells"
+    assert load_scene(folder / "scene.xml").compiled.engine == "shells"
     library_in(folder)
     with pytest.raises(InputError, match=r"perspective\.so"):
         load_scene(folder / "scene.xml")

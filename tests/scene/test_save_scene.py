@@ -72,7 +72,7 @@ def test_objects_show_themselves_in_one_line(folder: Path, tmp_path: Path) -> No
         field: "air.vtu: 36 x 36 x 36 mm, 6,734 points, 5,616 cells",
         part: "block.stl: 12 x 12 x 12 mm, 12 triangles, closed, 6 regions",
         shells: "2 shells, ",
-        scene: "60 x 50 px, engine shells",
+        scene: "60 x 50 px, engine auto",
         rendering: "60 x 50 px, PoseMetrics(",
         rendering.image: "60 x 50 px, 17 channels",
     }

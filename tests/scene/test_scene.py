@@ -20,7 +20,7 @@ from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.scene.load import load_scene
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scene.xml import SceneSettings
 from iriftrace.scenes.analytic import concentric_cylinders, slab
@@ -64,8 +64,8 @@ def edit(xml: Path) -> Edit:
     return replace
 
 
-def camera_of(loaded: LoadedScene) -> Camera:
-    return Camera.from_dict(loaded.mitsuba_scene.sensors()[0].description())
+def camera_of(loaded: Scene) -> Camera:
+    return Camera.from_dict(loaded.compiled.mitsuba_scene.sensors()[0].description())
 
 
 def assert_equal(found: Camera, expected: Camera, tolerance: float = 1e-9) -> None:
@@ -130,21 +130,21 @@ def test_part_and_shells_in_are_part_and_shells_out(
     np.testing.assert_array_equal(loaded.part_to_world, np.eye(4))
     found = {
         shape.id(): (shape.bsdf().ext_ior, shape.bsdf().int_ior, shape.face_count())
-        for shape in loaded.mitsuba_scene.shapes()
+        for shape in loaded.compiled.mitsuba_scene.shapes()
         if shape.id() != "part"
     }
     assert found == {
         f"shell_{s.layer:02d}": (1 + s.ext, 1 + s.int_, len(s.faces)) for s in shells.shells
     }
-    assert loaded.stated.rule == "rim"
-    assert loaded.normals == "gradient"
+    assert loaded.compiled.stated.rule == "rim"
+    assert loaded.compiled.normals == "gradient"
 
 
 def test_parameters_of_the_file(xml: Path) -> None:
     """-D scale and normals, as numbers or as text."""
     loaded = load_scene(xml, {"scale": 0.25, "normals": "facet"})
     assert camera_of(loaded).resolution == (38, 32)
-    assert loaded.normals == "facet"
+    assert loaded.compiled.normals == "facet"
     assert camera_of(load_scene(xml, {"scale": "0.5"})).resolution == (76, 64)
 
 
@@ -162,17 +162,17 @@ def test_defaults_of_the_parameters_are_written(
     assert xml == tmp_path / "half.xml"
     loaded = load_scene(xml)
     assert camera_of(loaded).resolution == (76, 64)
-    assert loaded.normals == "facet"
+    assert loaded.compiled.normals == "facet"
     names = re.findall(r'<default name="(\w+)" value="(\w+)"/>', xml.read_text())
     assert dict(names) == {"normals": "facet", "bending": "layers"}
-    assert loaded.integrator.bending == "layers"
+    assert loaded.compiled.integrator.bending == "layers"
 
 
 def test_a_scene_is_freed_with_the_last_that_has_it(xml: Path) -> None:
     """Mitsuba's scene and its integrator hold each other; a notebook loads many."""
     loaded = load_scene(xml)
-    tables = weakref.ref(loaded.integrator.prepare(loaded.mitsuba_scene))
-    copy = evolve(loaded, variables={"scale": "1"})
+    tables = weakref.ref(loaded.compiled.integrator.prepare(loaded.compiled.mitsuba_scene))
+    copy = evolve(loaded, second=loaded.camera)
     del loaded
     gc.collect()
     assert tables() is not None
@@ -196,7 +196,7 @@ def test_rays_beyond_a_shell_that_was_dropped_by_hand_are_lost(xml: Path, edit: 
     edit('<shape type="ply" id="shell_02">.*?</shape>', "")
     with pytest.warns(IriftraceWarning, match="that were made for it"):
         edited = load_scene(xml, {"scale": 0.25})
-    assert edited.index_rule.startswith("edited")
+    assert edited.compiled.index_rule.startswith("edited")
     with pytest.warns(IriftraceWarning, match="inconsistent deflection"):
         fewer = render_scene(edited, include=(0, 5)).image
     beyond = (whole.status == 0) & (whole.channels["path.crossings"] == 4)
@@ -211,10 +211,10 @@ def test_shells_and_parts_of_other_scenes_are_noticed(xml: Path, tmp_path: Path)
     other = write_scene(tmp_path / "other", *finer, CAMERA, paraview=False).parent
     with warnings.catch_warnings():
         warnings.simplefilter("error", IriftraceWarning)
-        rule = load_scene(xml).index_rule
+        rule = load_scene(xml).compiled.index_rule
     shutil.copy(other / "shells" / "shell_02.ply", xml.parent / "shells")
     with pytest.warns(IriftraceWarning, match=r"shell_02\.ply is not among the shells"):
-        assert load_scene(xml).index_rule == f"edited: 1 of 4 {rule} shells changed"
+        assert load_scene(xml).compiled.index_rule == f"edited: 1 of 4 {rule} shells changed"
     text = xml.read_text()
     xml.write_text(text.replace('"part.ply"', '"../other/part.ply"'))
     with pytest.warns(IriftraceWarning) as told:
@@ -237,7 +237,7 @@ def test_a_shell_of_another_folder_is_noticed(xml: Path, tmp_path: Path, edit: E
     with pytest.warns(
         IriftraceWarning, match=r"other/shells/shell_02\.ply is not among the shells"
     ):
-        assert load_scene(xml).index_rule.startswith("edited: 1 of 4")
+        assert load_scene(xml).compiled.index_rule.startswith("edited: 1 of 4")
 
 
 @pytest.mark.parametrize(
@@ -277,7 +277,7 @@ def test_writing_again_replaces_and_removes_what_is_stale(
     write_scene(tmp_path, part, shells, CAMERA, paraview=False)
     fewer = evolve(shells, shells=shells.shells[:2])
     loaded = load_scene(write_scene(tmp_path, part, fewer, CAMERA, paraview=False))
-    assert len(loaded.mitsuba_scene.shapes()) == 3
+    assert len(loaded.compiled.mitsuba_scene.shapes()) == 3
     files = sorted(path.name for path in (tmp_path / "shells").iterdir())
     assert files == ["shell_01.ply", "shell_02.ply", "shells.json"]
 
@@ -286,7 +286,7 @@ def test_folder_can_be_moved(tmp_path: Path, xml: Path) -> None:
     """All names in the file are relative to it."""
     moved = xml.parent.rename(tmp_path / "else where")
     assert str(tmp_path) not in (moved / "scene.xml").read_text()
-    assert len(load_scene(moved / "scene.xml").mitsuba_scene.shapes()) == 5
+    assert len(load_scene(moved / "scene.xml").compiled.mitsuba_scene.shapes()) == 5
 
 
 def test_orthographic_cameras_are_refused(
@@ -365,8 +365,8 @@ def test_scene_without_shells_loads(xml: Path, edit: Edit) -> None:
     """A part alone is a legitimate scene: nothing is displaced."""
     edit('<shape type="ply" id="shell_.*?</shape>', "")
     loaded = load_scene(xml, {"scale": 0.25})
-    assert loaded.stated == AirStatement()
-    assert loaded.normals == "facet"
+    assert loaded.compiled.stated == AirStatement()
+    assert loaded.compiled.normals == "facet"
     assert render_scene(loaded).image.channels["displacement.norm"].max() < 1e-9
 
 
@@ -375,5 +375,5 @@ def test_part_of_any_mesh_round_trips(tmp_path: Path) -> None:
     mesh = sphere(12.0, 2)
     ball = part_of_mesh(mesh.vertices, mesh.faces, name="ball")
     loaded = load_scene(write_scene(tmp_path, ball, slab(1)[1], CAMERA, paraview=False))
-    vertices, faces = loaded.integrator.prepare(loaded.mitsuba_scene).tables.part_arrays()
+    vertices, faces = loaded.compiled.tables.part_arrays()
     np.testing.assert_allclose(vertices[faces], mesh.triangles, atol=1e-5)

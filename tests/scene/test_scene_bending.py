@@ -54,10 +54,10 @@ def said(xml: Path, values: Mapping[str, str] | None = None, engine: str = "auto
     scene = load_scene(xml, values or {}, engine=engine)
     rendering = render_scene(scene)
     header = rendering.image.header
-    assert header["bending"] == scene.bending
+    assert header["bending"] == scene.compiled.bending
     for assumptions in (header["assumptions"], rendering.metrics.assumptions):
-        assert assumptions["bending"] == scene.bending.text
-    return str(scene.bending)
+        assert assumptions["bending"] == scene.compiled.bending.text
+    return str(scene.compiled.bending)
 
 
 @pytest.mark.parametrize(
@@ -98,7 +98,9 @@ def test_a_shell_without_a_column_is_refused(xml: Path, column: str) -> None:
 def test_mitsuba_reads_all_that_the_shells_know(xml: Path, stack: ShellStack) -> None:
     import mitsuba as mi
 
-    found = {shape.id(): mi.traverse(shape) for shape in load_scene(xml).mitsuba_scene.shapes()}
+    found = {
+        shape.id(): mi.traverse(shape) for shape in load_scene(xml).compiled.mitsuba_scene.shapes()
+    }
     for shell in stack.shells:
         values = found[f"shell_{shell.layer:02d}"]
         gradient, *hessian = (np.array(values[f"vertex_{name}"]) for name in PLY_COLUMNS)
@@ -115,8 +117,8 @@ def test_smoothed_shells_and_those_of_the_outer_rule_have_no_derivatives(
     assert said(written(tmp_path / "smooth", smooth_taubin(stack, 2))) == NO_DERIVATIVES
     shells = concentric_cylinders(3, rule="outer")
     exact = write_scene(tmp_path / "exact", *shells, CAMERA, paraview=False)
-    assert load_scene(exact).bending == NO_DERIVATIVES
-    assert load_scene(exact, {"bending": "shells"}).bending == AT_SHELLS
+    assert load_scene(exact).compiled.bending == NO_DERIVATIVES
+    assert load_scene(exact, {"bending": "shells"}).compiled.bending == AT_SHELLS
 
 
 def test_shells_alone_bend_as_if_they_had_no_derivatives(
@@ -128,7 +130,7 @@ def test_shells_alone_bend_as_if_they_had_no_derivatives(
     single precision once more; so hits agree to 6e-11 mm and not to the last bit.
     """
     bare = [evolve(shell, derivatives=None) for shell in stack.shells]
-    plain = render_scene(written(tmp_path / "bare", evolve(stack, shells=bare))).image
+    plain = render_scene(load_scene(written(tmp_path / "bare", evolve(stack, shells=bare)))).image
     told = render_scene(load_scene(xml, {"bending": "shells"})).image
     for name, plane in plain.channels.items():
         np.testing.assert_allclose(told.channels[name], plane, rtol=2e-7, atol=1e-9, err_msg=name)
@@ -144,7 +146,7 @@ def test_index_on_the_surface_is_written_where_it_is_needed(
     xml: Path, tmp_path: Path, stack: ShellStack
 ) -> None:
     loaded = load_scene(xml)
-    found = {shape.id(): shape.bsdf() for shape in loaded.mitsuba_scene.shapes()}
+    found = {shape.id(): shape.bsdf() for shape in loaded.compiled.mitsuba_scene.shapes()}
     for shell in stack.shells:
         assert found[f"shell_{shell.layer:02d}"].iso_ior == pytest.approx(
             1.0 + shell.refractivity, abs=1e-15
@@ -153,7 +155,7 @@ def test_index_on_the_surface_is_written_where_it_is_needed(
     assert xml.read_text().count("iso_ior") == 2
     unequal = contour_shells(FIELD, levels=[2.6e-4, 2.5e-4, 2.2e-4])
     loaded = load_scene(written(tmp_path / "unequal", unequal))
-    found = {shape.id(): shape.bsdf() for shape in loaded.mitsuba_scene.shapes()}
+    found = {shape.id(): shape.bsdf() for shape in loaded.compiled.mitsuba_scene.shapes()}
     assert any(abs(2 * s.refractivity - s.ext - s.int_) > 1e-6 for s in unequal.shells)
     for shell in unequal.shells:
         assert found[f"shell_{shell.layer:02d}"].iso_ior == pytest.approx(
@@ -191,14 +193,14 @@ def test_shells_that_are_scaled_by_hand_bend_at_the_shells_alone(xml: Path) -> N
     scaled = placed(xml, '<scale value="1.1"/>')
     with pytest.raises(InputError, match=r"'shell_01'.* changes lengths.*-D bending=shells"):
         load_scene(scaled)
-    assert load_scene(scaled, {"bending": "shells"}).bending == AT_SHELLS
-    assert load_scene(scaled, {"normals": "facet"}).bending == AT_SHELLS
+    assert load_scene(scaled, {"bending": "shells"}).compiled.bending == AT_SHELLS
+    assert load_scene(scaled, {"normals": "facet"}).compiled.bending == AT_SHELLS
 
 
 def test_shells_without_derivatives_may_be_scaled(tmp_path: Path) -> None:
     shells = concentric_cylinders(3, rule="outer")
     exact = write_scene(tmp_path, *shells, CAMERA, paraview=False)
-    assert load_scene(placed(exact, '<scale value="1.1"/>')).bending == NO_DERIVATIVES
+    assert load_scene(placed(exact, '<scale value="1.1"/>')).compiled.bending == NO_DERIVATIVES
 
 
 def test_turned_shells_bend_turned_rays_alike(xml: Path, tmp_path: Path, stack: ShellStack) -> None:
@@ -219,7 +221,7 @@ def test_turned_shells_bend_turned_rays_alike(xml: Path, tmp_path: Path, stack: 
         xml, '<rotate x="0.6" z="-0.8" angle="33"/><translate x="3" y="-1" z="2"/>', part=True
     )
     scene = load_scene(turned_xml)
-    assert scene.bending == IN_LAYERS
+    assert scene.compiled.bending == IN_LAYERS
     after = trace_rays(scene, origins @ TURN.T + (3.0, -1.0, 2.0), directions @ TURN.T)
     good = (before.status == 0) & (after.status == 0)
     assert good.sum() > 300

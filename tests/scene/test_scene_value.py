@@ -112,7 +112,8 @@ def test_ensemble_of_fields(scene: iriftrace.Scene, tmp_path: Path) -> None:
         ),
     )
     in_memory = iriftrace.render_scene(ensemble)
-    written = iriftrace.render_scene(ensemble.save(tmp_path / "scene.xml", scale=1.0))
+    saved = ensemble.save(tmp_path / "scene.xml", scale=1.0)
+    written = iriftrace.render_scene(iriftrace.load_scene(saved))
     assert in_memory.metrics.ensemble is not None
     assert [m["weight"] for m in written.image.header["ensemble"]["members"]] == [0.75, 0.25]
     for name, values in written.image.channels.items():

@@ -4,15 +4,15 @@ import pytest
 
 from iriftrace.camera.orbit import Orbit
 from iriftrace.scene.load import load_scene
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.scenes import folder_of
 
 
 @pytest.fixture(scope="module")
-def scene(variant: str) -> LoadedScene:
+def scene(variant: str) -> Scene:
     return load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.1}, variant=variant)
 
 
 @pytest.fixture(scope="module")
-def orbit(scene: LoadedScene) -> Orbit:
+def orbit(scene: Scene) -> Orbit:
     return Orbit(centre=scene.part.centre, semi_axes_mm=(310.0, 238.5, 238.5))

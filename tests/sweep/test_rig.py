@@ -16,7 +16,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.planning.criteria import METRICS, Criteria, Criterion
 from iriftrace.planning.rank import rank_poses
 from iriftrace.scene.load import load_scene
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.scenes import folder_of
 from iriftrace.triangulation.measure import measure
 
@@ -33,12 +33,12 @@ POSES = iriftrace.orbit_poses(ORBIT, azimuth_deg=[20.0, 35.0], elevation_deg=[0.
 
 
 @pytest.fixture(scope="module")
-def scene() -> LoadedScene:
+def scene() -> Scene:
     return load_scene(SCENE, {"scale": 0.08})
 
 
 @pytest.fixture(scope="module")
-def swept(scene: LoadedScene, tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
+def swept(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     return iriftrace.run_sweep(scene, POSES, tmp_path_factory.mktemp("rig") / "sweep.nc")
 
 
@@ -56,7 +56,7 @@ def seen_by_both(part: iriftrace.Part, *devices: iriftrace.Camera) -> float:
 
 
 def test_errors_are_those_of_measure_with_both_devices_moved(
-    scene: LoadedScene, swept: xr.Dataset
+    scene: Scene, swept: xr.Dataset
 ) -> None:
     motion = scene.second.matrix @ np.linalg.inv(scene.camera.matrix)
     for pose, matrix in enumerate(POSES.matrices):
@@ -109,7 +109,7 @@ def file(swept: xr.Dataset) -> Path:
 
 
 def test_plan_says_that_both_move_and_prints_both_poses(
-    scene: LoadedScene, swept: xr.Dataset, file: Path, capsys: pytest.CaptureFixture[str]
+    scene: Scene, swept: xr.Dataset, file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """They stand to each other as in the scene."""
     assert main(["plan", str(file), "--criterion", "displacement"]) == 0
@@ -136,7 +136,7 @@ def test_both_are_moved_to_the_refined_pose(swept: xr.Dataset, file: Path, tmp_p
     assert found["start"]["metrics"]["displacement"] == float(start["error_normal_p95"])
 
 
-def test_a_question_about_two_devices_does_not_fit_one_camera(scene: LoadedScene) -> None:
+def test_a_question_about_two_devices_does_not_fit_one_camera(scene: Scene) -> None:
     one = iriftrace.run_sweep(evolve(scene, second=None), POSES.take([0]))
     assert "error_normal_p95" not in one
     with pytest.raises(InputError, match="about a sensor with two devices"):

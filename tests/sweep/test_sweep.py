@@ -16,7 +16,7 @@ from iriftrace.camera.pose_set import PoseSet
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.image.sightings import sightings_of
 from iriftrace.scene.load import load_scene
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.export import write_face_maps, write_table
 from iriftrace.sweep.measures import MEASURES
@@ -37,7 +37,7 @@ def poses(orbit: Orbit) -> PoseSet:
 
 @pytest.fixture(scope="module")
 def swept(
-    scene: LoadedScene, poses: PoseSet, tmp_path_factory: pytest.TempPathFactory
+    scene: Scene, poses: PoseSet, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[Path, xr.Dataset]:
     path = tmp_path_factory.mktemp("sweep") / "sweep.nc"
     return path, run_sweep(scene, poses, path)
@@ -50,7 +50,7 @@ def same_results(one: xr.Dataset, other: xr.Dataset) -> bool:
 
 
 def test_each_pose_holds_the_metrics_of_its_own_rendering(
-    scene: LoadedScene, poses: PoseSet, swept: tuple[Path, xr.Dataset]
+    scene: Scene, poses: PoseSet, swept: tuple[Path, xr.Dataset]
 ) -> None:
     dataset = swept[1]
     assert dataset.sizes["pose"] == len(poses) == 7
@@ -110,7 +110,7 @@ def test_head_on_view_covers_the_head(swept: tuple[Path, xr.Dataset]) -> None:
 
 
 def test_interrupted_sweep_goes_on_and_ends_the_same(
-    scene: LoadedScene, poses: PoseSet, swept: tuple[Path, xr.Dataset], tmp_path: Path
+    scene: Scene, poses: PoseSet, swept: tuple[Path, xr.Dataset], tmp_path: Path
 ) -> None:
     path = tmp_path / "sweep.nc"
     rendered: list[int] = []
@@ -133,7 +133,7 @@ def test_interrupted_sweep_goes_on_and_ends_the_same(
 
 
 def test_a_full_disk_costs_no_pose(
-    scene: LoadedScene, poses: PoseSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    scene: Scene, poses: PoseSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """All poses are done, but the result does not fit; when it does, none is rendered again."""
     path = tmp_path / "sweep.nc"
@@ -155,7 +155,7 @@ def test_a_full_disk_costs_no_pose(
 
 
 def test_other_sweep_is_not_overwritten(
-    scene: LoadedScene, poses: PoseSet, swept: tuple[Path, xr.Dataset]
+    scene: Scene, poses: PoseSet, swept: tuple[Path, xr.Dataset]
 ) -> None:
     path, _ = swept
     before = path.read_bytes()
@@ -167,7 +167,7 @@ def test_other_sweep_is_not_overwritten(
 
 
 def test_failed_and_empty_poses_do_not_stop_the_rest(
-    scene: LoadedScene, poses: PoseSet, tmp_path: Path
+    scene: Scene, poses: PoseSet, tmp_path: Path
 ) -> None:
     """One camera in the part, one that looks away, one that sees it."""
     matrices = np.array(poses.matrices[:3])
@@ -183,9 +183,7 @@ def test_failed_and_empty_poses_do_not_stop_the_rest(
     assert whole["rays_good"].values[2] > 100
 
 
-def test_a_part_far_away_is_said_to_be_small(
-    scene: LoadedScene, poses: PoseSet, tmp_path: Path
-) -> None:
+def test_a_part_far_away_is_said_to_be_small(scene: Scene, poses: PoseSet, tmp_path: Path) -> None:
     """It is hit, in the picture, and in focus."""
     matrices = np.array(poses.matrices[:1])
     matrices[0, :3, 3] *= 20.0
@@ -196,7 +194,7 @@ def test_a_part_far_away_is_said_to_be_small(
     assert 0 < int(dataset["rays_good"].sel(region="part")[0]) < 100
 
 
-def test_images_are_kept_on_request(scene: LoadedScene, poses: PoseSet, tmp_path: Path) -> None:
+def test_images_are_kept_on_request(scene: Scene, poses: PoseSet, tmp_path: Path) -> None:
     dataset = run_sweep(scene, poses.take([2]), tmp_path / "one.nc", options=SweepOptions(exr=True))
     assert (tmp_path / str(dataset["exr"].values[0])).is_file()
 
@@ -221,9 +219,7 @@ def test_table_has_a_row_for_each_pose(
 
 
 @pytest.fixture(scope="module")
-def other_scene(
-    scene: LoadedScene, variant: str, tmp_path_factory: pytest.TempPathFactory
-) -> LoadedScene:
+def other_scene(scene: Scene, variant: str, tmp_path_factory: pytest.TempPathFactory) -> Scene:
     """The same part in other air: refracted at facets."""
     folder = tmp_path_factory.mktemp("other") / "scene"
     shutil.copytree(folder_of("cylinder"), folder)
@@ -233,7 +229,7 @@ def other_scene(
 
 @pytest.mark.slow
 def test_scenes_focal_lengths_and_distances_in_one_sweep(
-    scene: LoadedScene, other_scene: LoadedScene, poses: PoseSet, tmp_path: Path
+    scene: Scene, other_scene: Scene, poses: PoseSet, tmp_path: Path
 ) -> None:
     """Each pose is what a sweep of its own gives."""
     wide = evolve(other_scene.camera, focal_length_mm=8.0)
@@ -265,7 +261,7 @@ def test_scenes_focal_lengths_and_distances_in_one_sweep(
 
 
 def test_scenes_that_cannot_be_compared_are_refused(
-    scene: LoadedScene, other_scene: LoadedScene, poses: PoseSet, tmp_path: Path
+    scene: Scene, other_scene: Scene, poses: PoseSet, tmp_path: Path
 ) -> None:
     mine = Series(scene, scene.camera, poses)
     coarse = Series(other_scene, other_scene.camera.scaled(0.5), poses)
@@ -275,14 +271,15 @@ def test_scenes_that_cannot_be_compared_are_refused(
     foreign = evolve(other_scene, part=part)
     with pytest.raises(InputError, match="different parts"):
         run_series([mine, Series(foreign, foreign.camera, poses)], tmp_path / "a.nc")
-    moved = evolve(other_scene, part_to_world=2 * np.eye(4))
+    origin = evolve(other_scene._origin, part_to_world=2 * np.eye(4))
+    moved = evolve(other_scene, origin=origin)
     with pytest.raises(InputError, match="place them differently"):
         run_series([mine, Series(moved, moved.camera, poses)], tmp_path / "a.nc")
     assert not list(tmp_path.iterdir())
 
 
 def test_changed_mesh_makes_another_sweep(
-    other_scene: LoadedScene, poses: PoseSet, tmp_path: Path
+    other_scene: Scene, poses: PoseSet, tmp_path: Path
 ) -> None:
     """The XML is the same, but a resumed sweep would mix poses of two fields."""
 
@@ -300,7 +297,7 @@ def test_changed_mesh_makes_another_sweep(
 
 
 def test_surface_carries_the_maps(
-    scene: LoadedScene, swept: tuple[Path, xr.Dataset], tmp_path: Path
+    scene: Scene, swept: tuple[Path, xr.Dataset], tmp_path: Path
 ) -> None:
     """What ParaView shows of a face is what the file says of it, in the order of the part."""
     dataset = swept[1]

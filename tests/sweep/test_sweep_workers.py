@@ -17,7 +17,7 @@ from distributed import CancelledError, KilledWorker, LocalCluster
 from iriftrace.camera.orbit import Orbit, orbit_poses
 from iriftrace.camera.pose_set import PoseSet
 from iriftrace.core.errors import InputError, SetupError
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.sweep import workers as sweep_workers
 from iriftrace.sweep.pose import PoseTask, source_of
 from iriftrace.sweep.sweep import run_sweep
@@ -28,7 +28,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*every second shell")
 
 
 @pytest.fixture(scope="module")
-def poses(scene: LoadedScene, orbit: Orbit) -> PoseSet:
+def poses(scene: Scene, orbit: Orbit) -> PoseSet:
     """Twelve views of the cylinder, and one from within it."""
     matrices = np.array(orbit_poses(orbit, np.linspace(0, 90, 4), (-40.0, 0.0, 40.0)).matrices)
     inside = matrices[:1].copy()
@@ -37,9 +37,7 @@ def poses(scene: LoadedScene, orbit: Orbit) -> PoseSet:
 
 
 @pytest.fixture(scope="module")
-def alone(
-    scene: LoadedScene, poses: PoseSet, tmp_path_factory: pytest.TempPathFactory
-) -> xr.Dataset:
+def alone(scene: Scene, poses: PoseSet, tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     """Rendered in this process."""
     return run_sweep(scene, poses, tmp_path_factory.mktemp("alone") / "sweep.nc")
 
@@ -70,7 +68,7 @@ def untimed(dataset: xr.Dataset) -> xr.Dataset:
 
 @pytest.mark.slow
 def test_workers_give_the_same_to_the_last_bit_even_if_one_is_killed(
-    scene: LoadedScene, poses: PoseSet, alone: xr.Dataset, cluster: Any, tmp_path: Path
+    scene: Scene, poses: PoseSet, alone: xr.Dataset, cluster: Any, tmp_path: Path
 ) -> None:
     killed: list[int] = []
     done: list[int] = []
@@ -98,7 +96,7 @@ def test_workers_give_the_same_to_the_last_bit_even_if_one_is_killed(
 
 @pytest.mark.slow
 def test_sweep_begun_by_workers_is_finished_without_them(
-    scene: LoadedScene, poses: PoseSet, alone: xr.Dataset, cluster: Any, tmp_path: Path
+    scene: Scene, poses: PoseSet, alone: xr.Dataset, cluster: Any, tmp_path: Path
 ) -> None:
     def stop_after_four(finished: int, total: int) -> None:
         if finished == 4:
@@ -112,7 +110,7 @@ def test_sweep_begun_by_workers_is_finished_without_them(
 
 @pytest.mark.slow
 def test_workers_that_see_another_scene_are_refused(
-    scene: LoadedScene, poses: PoseSet, local: Any, tmp_path: Path
+    scene: Scene, poses: PoseSet, local: Any, tmp_path: Path
 ) -> None:
     source = source_of(scene.path, scene.variables, scene.variant)
     camera = scene.camera.at(poses.matrices[0])
@@ -125,12 +123,12 @@ def test_workers_that_see_another_scene_are_refused(
         (evolve(source, version="0.0.1", fingerprint="3"), "instead of 0.0.1"),
     ):
         with pytest.raises(InputError, match=words):
-            list(local([PoseTask(0, wrong, camera, (0,), False, "")]))
+            list(local([PoseTask(0, 0, wrong, camera, (0,), False, "")]))
 
 
 @pytest.mark.slow
 def test_a_local_worker_gives_the_same_to_the_last_bit(
-    scene: LoadedScene, poses: PoseSet, local: Any, tmp_path: Path
+    scene: Scene, poses: PoseSet, local: Any, tmp_path: Path
 ) -> None:
     two = poses.take([0, 12])
     alone = run_sweep(scene, two, tmp_path / "alone.nc")

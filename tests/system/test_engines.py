@@ -49,7 +49,7 @@ def test_sweep_bends_rays_through_the_field(hot: HotBlock, tmp_path: Path) -> No
     alone = load_scene(hot.scene, engine="cells")
     median = dataset["displacement_median"].sel(region="part").values
     swept = load_swept_scene(dataset, 0)
-    assert swept.scene.engine == "cells"
+    assert swept.scene.compiled.engine == "cells"
     assert swept.scene.variant == alone.variant
     for pose, matrix in enumerate(dataset["matrix"].values):
         rendering = render_scene(alone, camera=alone.camera.at(matrix))

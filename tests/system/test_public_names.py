@@ -41,6 +41,30 @@ def test_reference_lists_every_exported_name() -> None:
     assert set(listed) == EXPORTS
 
 
+def test_what_traces_takes_a_scene_and_no_path() -> None:
+    """A folder is read by `load_scene` alone; a path is a destination, such as a sweep's file."""
+    functions = {name: getattr(iriftrace, name) for name in EXPORTS}
+    tracing = {
+        name: {key: str(kind) for key, kind in function.__annotations__.items() if key != "return"}
+        for name, function in functions.items()
+        if inspect.isfunction(function) and {"scene", "scenes"} & set(function.__annotations__)
+    }
+    assert {"render_scene", "trace_rays", "measure", "correct", "run_sweep"} <= set(tracing)
+    for name, kinds in tracing.items():
+        assert "Scene" in kinds.get("scene", kinds.get("scenes", "")), name
+        paths = {
+            key for key, kind in kinds.items() if re.search(r"\b(str \| Path|PathLike)\b", kind)
+        }
+        assert paths <= {"path"}, name
+        assert "path" not in kinds or kinds["path"].endswith("None"), name
+    returned = {
+        name
+        for name, function in functions.items()
+        if inspect.isfunction(function) and function.__annotations__.get("return") == "Scene"
+    }
+    assert returned == {"load_scene"}
+
+
 def test_exported_functions_take_exported_classes() -> None:
     classes = {
         node.name

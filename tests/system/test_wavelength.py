@@ -156,7 +156,7 @@ def test_shells_of_mitsubas_dielectric_keep_their_wavelength(scene: Path, fails:
 
 def test_table_of_a_turned_scene_is_consistent(hot: HotBlock) -> None:
     loaded = load_scene(hot.scene, {"wavelength": "450 nm"})
-    for row in loaded.stated.shells:
+    for row in loaded.compiled.stated.shells:
         assert Air(wavelength_nm=BLUE).temperature(row.refractivity) == pytest.approx(
             row.temperature_k, rel=1e-12
         )

@@ -151,7 +151,7 @@ def test_where_no_member_has_hot_air_the_verdict_says_so(
     assert "of the dots move farther than in any member" in fit.verdict
     assert fit.solve_next.endswith("and other bodies that stand in the hall.")
     fields = [state.field for state in board.air.states]
-    scene = measuring(part, iriftrace.HotAir(fields, weights=fit.weights)).loaded
+    scene = measuring(part, iriftrace.HotAir(fields, weights=fit.weights)).ready
     assert provenance(scene, scene.camera)["assumptions"]["outside_members"] == fit.verdict
     points = iriftrace.measure(measuring(part, iriftrace.HotAir(field))).points
     with pytest.warns(IriftraceWarning, match="are corrected by the members' mean"):

@@ -19,7 +19,6 @@ from iriftrace.image.aov_image import read_exr
 from iriftrace.part.part import read_part
 from iriftrace.scene.hot_air import AirState, HotAir
 from iriftrace.scene.load import load_scene
-from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.scene import Scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
@@ -53,7 +52,7 @@ def written(
 @pytest.fixture(scope="module")
 def bundled(
     tmp_path_factory: pytest.TempPathFactory,
-) -> Callable[[tuple[float, float, float]], LoadedScene]:
+) -> Callable[[tuple[float, float, float]], Scene]:
     """The bundled cylinder without its field, seen from a place."""
     return cache(lambda origin: load_scene(written(tmp_path_factory.mktemp("bundled"), origin)))
 
@@ -74,7 +73,7 @@ def every_second(stack: ShellStack) -> ShellStack:
     return evolve(stack, shells=[put(k, shell) for k, shell in enumerate(kept)])
 
 
-def found_in(scene: LoadedScene) -> EngineTest | None:
+def found_in(scene: Scene) -> EngineTest | None:
     """Of the scene's own picture."""
     return choose(scene, None).test
 
@@ -84,7 +83,7 @@ def test_it_is_the_difference_to_a_scene_with_half_of_the_shells(bundled, tmp_pa
     stack = load_shells(folder_of("cylinder") / "shells")
     half = load_scene(written(tmp_path, FROM_THE_SIDE, every_second(stack)))
     scenes = [bundled(FROM_THE_SIDE), half]
-    assert [len(s.stated.shells) for s in scenes] == [13, 7]
+    assert [len(s.compiled.stated.shells) for s in scenes] == [13, 7]
     image = render_scene(scenes[0]).image
     good = image.status == 0
     assert 1000 < good.sum() < 5000

@@ -14,7 +14,7 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.image.aov_image import Status
 from iriftrace.image.ray_statistics import RayCounts
 from iriftrace.scene.load import load_scene
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import slab
@@ -59,14 +59,14 @@ def test_a_picture_is_warned_of_from_half_a_per_cent_of_its_hits() -> None:
 
 
 @pytest.fixture
-def giving_up() -> LoadedScene:
+def giving_up() -> Scene:
     """Rays may cross three shells, which is too few for those that hit the cylinder."""
     scene = load_scene(BUNDLED, engine="shells")
-    scene.integrator.max_crossings = 3
+    scene.compiled.integrator.max_crossings = 3
     return scene
 
 
-def test_every_command_says_so(giving_up: LoadedScene) -> None:
+def test_every_command_says_so(giving_up: Scene) -> None:
     with pytest.warns(IriftraceWarning, match="lost on the way, status 6"):
         rendering = render.render_scene(giving_up, camera=SIDE[0], empty=True)
     assert rendering.metrics.rays.lost_fraction > 0.9
@@ -139,7 +139,7 @@ def test_rays_that_meet_no_shell_in_hot_air_are_known(tmp_path: Path) -> None:
     camera = evolve(ABOVE[0], matrix=look_at((0.0, -200.0, 200.0), (0.0, 0.0, 0.0)))
     xml = write_scene(tmp_path, part, shells, camera, paraview=False)
     scene = load_scene(xml)
-    prepared = scene.integrator.prepare(scene.mitsuba_scene)
+    prepared = scene.compiled.integrator.prepare(scene.compiled.mitsuba_scene)
     top = max(shell.vertices[:, 2].max() for shell in shells.shells)
     low = min(shell.vertices[:, 2].min() for shell in shells.shells)
     heights = np.array([low + 0.3, 0.5 * (low + top), top + 1.0])

@@ -311,8 +311,7 @@ def test_command(
     np.testing.assert_allclose(weights, fit.weights.weights, atol=1e-6)
     fitted = load_scene(tmp_path / "fitted" / "scene.xml")
     np.testing.assert_allclose(fitted.part.bounds, board.blockers[0].bounds, atol=1e-5)
-    assert fitted.ensemble is not None
-    assert fitted.ensemble.weights.covariance is not None
+    assert fitted.weights.covariance is not None
     assert fitted.second_id == "camera_2"
     other = tmp_path / "by_others" / "scene.xml"
     twice = ["--view", str(xml.path), str(tmp_path / "s.csv")]

@@ -3,7 +3,7 @@
 import pytest
 
 from iriftrace.field.source import FieldSource
-from iriftrace.scene.ensemble import FieldMember
+from iriftrace.scene.hot_air import FieldMember
 from iriftrace.trace.next_members import Blown, draught_of, members_to_solve
 
 

@@ -13,7 +13,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import CHANNELS, Status, read_exr
 from iriftrace.part.part import part_of_mesh
 from iriftrace.scene.load import load_scene
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import slab
@@ -54,11 +54,11 @@ def xml(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def scene(xml: Path) -> LoadedScene:
+def scene(xml: Path) -> Scene:
     return load_scene(xml)
 
 
-def test_camera_of_the_scene_and_a_camera_given_agree(scene: LoadedScene) -> None:
+def test_camera_of_the_scene_and_a_camera_given_agree(scene: Scene) -> None:
     """The same pose through the XML and as a Camera: the same picture but for the last digit of
     the lookat in the file."""
     own = render_scene(scene)
@@ -74,7 +74,7 @@ def test_two_runs_are_identical(xml: Path, tmp_path: Path) -> None:
     """Bit for bit, files included, apart from the times in them."""
 
     def run(name: str) -> tuple[Any, dict[str, Any]]:
-        exr, report = render_scene(xml).save(tmp_path / f"{name}.exr")
+        exr, report = render_scene(load_scene(xml)).save(tmp_path / f"{name}.exr")
         assert (exr, report) == (tmp_path / f"{name}.exr", tmp_path / f"{name}.json")
         metrics = json.loads(report.read_text())
         assert metrics["schema"] == "iriftrace.pose/2"
@@ -89,7 +89,7 @@ def test_two_runs_are_identical(xml: Path, tmp_path: Path) -> None:
     assert first_metrics == second_metrics
 
 
-def test_header_says_where_the_picture_comes_from(scene: LoadedScene, xml: Path) -> None:
+def test_header_says_where_the_picture_comes_from(scene: Scene, xml: Path) -> None:
     header = render_scene(scene).image.header
     assert header["schema"] == "iriftrace.aov/1"
     assert header["normals"] == "gradient"
@@ -120,7 +120,7 @@ def test_header_says_where_the_picture_comes_from(scene: LoadedScene, xml: Path)
     ],
 )
 def test_poses_without_a_result_are_refused(
-    scene: LoadedScene, origin: tuple[float, ...], target: tuple[float, ...], message: str
+    scene: Scene, origin: tuple[float, ...], target: tuple[float, ...], message: str
 ) -> None:
     with pytest.raises(InputError, match=message):
         render_scene(scene, camera=evolve(CAMERA, matrix=look_at(origin, target)))
@@ -132,10 +132,10 @@ def test_picture_of_a_hidden_part_is_refused(xml: Path) -> None:
         <bsdf type="diffuse"/></shape></scene>"""
     xml.write_text(xml.read_text().replace("</scene>", wall))
     with pytest.raises(InputError, match="Another object hides the part"):
-        render_scene(xml)
+        render_scene(load_scene(xml))
 
 
-def test_bundle_of_a_cameras_rays_gives_the_cameras_picture(scene: LoadedScene) -> None:
+def test_bundle_of_a_cameras_rays_gives_the_cameras_picture(scene: Scene) -> None:
     """The projector, laser or pencil of rays is the same call: the same hits, faces, crossings."""
     image = render_scene(scene, camera=CAMERA).image
     hits = trace_rays(scene, *CAMERA.rays(), focus_mm=CAMERA.focus_mm, coherent=True)
@@ -156,7 +156,7 @@ def test_bundle_of_a_cameras_rays_gives_the_cameras_picture(scene: LoadedScene) 
     )
 
 
-def test_bundle_in_detail(scene: LoadedScene) -> None:
+def test_bundle_in_detail(scene: Scene) -> None:
     """Through the centre, past everything, and through the air only; starting in any distance."""
     hits = trace_rays(
         scene,
@@ -179,7 +179,7 @@ def test_bundle_in_detail(scene: LoadedScene) -> None:
     assert repr(hits) == "RayHits(3 rays: 1 good, 2 missed)"
 
 
-def test_bundle_does_not_depend_on_its_order_or_size(scene: LoadedScene) -> None:
+def test_bundle_does_not_depend_on_its_order_or_size(scene: Scene) -> None:
     random = np.random.default_rng(3)
     origins = random.normal(size=(500, 3))
     origins *= 100 / np.linalg.norm(origins, axis=1, keepdims=True)
@@ -193,7 +193,7 @@ def test_bundle_does_not_depend_on_its_order_or_size(scene: LoadedScene) -> None
     assert (whole.status == Status.GOOD).mean() > 0.9
 
 
-def test_bundle_honours_a_focus_interval(scene: LoadedScene) -> None:
+def test_bundle_honours_a_focus_interval(scene: Scene) -> None:
     ray = ([(0.01, 0.02, 100.0)], [(0, 0, -1)])
     assert trace_rays(scene, *ray, focus_mm=(80, 90)).status[0] == Status.GOOD
     assert trace_rays(scene, *ray, focus_mm=(0, 80)).status[0] == Status.OUT_OF_FOCUS
@@ -213,13 +213,13 @@ def test_bundle_honours_a_focus_interval(scene: LoadedScene) -> None:
     ],
 )
 def test_bundles_that_are_none_are_refused(
-    scene: LoadedScene, origins: Any, directions: Any, message: str
+    scene: Scene, origins: Any, directions: Any, message: str
 ) -> None:
     with pytest.raises(InputError, match=message):
         trace_rays(scene, origins, directions)
 
 
-def test_loaded_scene_serves_many_poses(scene: LoadedScene) -> None:
+def test_loaded_scene_serves_many_poses(scene: Scene) -> None:
     """The first pose again after another one, and a scene changed to it: equal to the last bit."""
     other = evolve(CAMERA, matrix=look_at((90.0, 90.0, 10.0), (0.0, 0.0, 0.0)))
     first = render_scene(scene, camera=CAMERA).image

@@ -123,11 +123,9 @@ def test_command(
     assert "first blocker" not in printed
     written = load_scene(tmp_path / "fitted" / "scene.xml")
     np.testing.assert_allclose(written.part.bounds, scene.part.bounds, atol=1e-5)
-    assert written.stated.part.source == "block"
-    fitted = written.ensemble
+    assert written.compiled.stated.part.source == "block"
     in_memory = iriftrace.fit_temperatures(scene, iriftrace.read_air_temperatures(file))
-    assert fitted is not None
-    assert fitted.weights.weights == pytest.approx(in_memory.weights.weights, abs=1e-6)
+    assert written.weights.weights == pytest.approx(in_memory.weights.weights, abs=1e-6)
     _print_fit(attrs.evolve(in_memory, residual=1.01 * in_memory.single.min()))
     assert "by its degrees of freedom, so it can exceed" in capsys.readouterr().out
     assert main([*words, "--noise", "0.1"]) == 2

@@ -24,7 +24,7 @@ from iriftrace.geometry.ply import read_ply
 from iriftrace.image.aov_image import Status
 from iriftrace.part.part import read_part
 from iriftrace.scene.load import load_scene
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
@@ -48,20 +48,22 @@ DEVICES = _devices(122, 102)
 
 
 @pytest.fixture(scope="module", params=["shells", "cells"])
-def scene(request: pytest.FixtureRequest, variant: str) -> LoadedScene:
+def scene(request: pytest.FixtureRequest, variant: str) -> Scene:
     return load_scene(folder_of("cylinder") / "scene.xml", variant=variant, engine=request.param)
 
 
 @pytest.fixture(scope="module")
-def scan(scene: LoadedScene) -> Scan:
-    return measure(scene, *DEVICES, system="fringe" if scene.engine == "shells" else "stereo")
+def scan(scene: Scene) -> Scan:
+    return measure(
+        scene, *DEVICES, system="fringe" if scene.compiled.engine == "shells" else "stereo"
+    )
 
 
 ONCE = pytest.mark.parametrize("scene", ["shells"], indirect=True, scope="module")
 """For what does not depend on the engine and on the devices."""
 
 
-def test_no_pixel_that_sees_the_part_is_left_out(scan: Scan, scene: LoadedScene) -> None:
+def test_no_pixel_that_sees_the_part_is_left_out(scan: Scan, scene: Scene) -> None:
     """Rays outside the part's outline are not traced; here all of the picture's are."""
     camera = DEVICES[0]
     width, height = camera.resolution
@@ -74,7 +76,7 @@ def test_no_pixel_that_sees_the_part_is_left_out(scan: Scan, scene: LoadedScene)
     np.testing.assert_array_equal(scan.status.ravel() != ScanStatus.NOT_SEEN, seen)
 
 
-def test_what_was_simulated_is_taken_out(scan: Scan, scene: LoadedScene) -> None:
+def test_what_was_simulated_is_taken_out(scan: Scan, scene: Scene) -> None:
     """Within 10 nm for 99 % of the points."""
     assert (scan.status == ScanStatus.MEASURED).sum() > 1500
     found = correct(scan.points, scene, *DEVICES, system=scan.system)
@@ -95,7 +97,7 @@ def _turned(laser: Camera, degrees: float) -> Camera:
 
 
 @pytest.fixture(scope="module")
-def lines(scene: LoadedScene) -> list[Scan]:
+def lines(scene: Scene) -> list[Scan]:
     """Lines across the part of a laser whose sheet is turned from line to line."""
     camera, laser = _devices(488, 408)
     laser = laser.at(look_at(laser.origin, (0.0, 0.0, 0.0), (1.0, 0.0, 1.0)))
@@ -104,7 +106,7 @@ def lines(scene: LoadedScene) -> list[Scan]:
     ]
 
 
-def test_a_laser_line_is_taken_out(lines: list[Scan], scene: LoadedScene) -> None:
+def test_a_laser_line_is_taken_out(lines: list[Scan], scene: Scene) -> None:
     """Within 10 nm; the sheet of light is bent too, so the points are not on the flat one."""
     line = lines[0]
     assert len(line.points) > 50
@@ -119,7 +121,7 @@ def test_a_laser_line_is_taken_out(lines: list[Scan], scene: LoadedScene) -> Non
     assert "turned" in found.provenance["assumptions"]["sheet"]
 
 
-def test_one_line_determines_no_surface(lines: list[Scan], scene: LoadedScene) -> None:
+def test_one_line_determines_no_surface(lines: list[Scan], scene: Scene) -> None:
     """With noise its points are not in a plane, and a cylinder of 800 m fits them."""
     line = lines[0]
     noise = np.random.default_rng(3).normal(0.0, 0.005, line.points.shape)
@@ -131,9 +133,7 @@ def test_one_line_determines_no_surface(lines: list[Scan], scene: LoadedScene) -
         assert circle.points > 50
 
 
-def test_lines_of_a_turned_sheet_are_taken_out_together(
-    lines: list[Scan], scene: LoadedScene
-) -> None:
+def test_lines_of_a_turned_sheet_are_taken_out_together(lines: list[Scan], scene: Scene) -> None:
     """A whole scan is a cloud of all lines; that the laser stood still is an assumption."""
     points, true = (
         np.vstack([getattr(line, name) for line in lines]) for name in ("points", "true")
@@ -168,7 +168,7 @@ def test_down_a_plume_it_goes_on_until_points_stay(variant: str) -> None:
 
 @ONCE
 def test_order_and_number_of_the_points_do_not_matter(
-    scan: Scan, scene: LoadedScene, monkeypatch: pytest.MonkeyPatch
+    scan: Scan, scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Large clouds are corrected piece by piece. Nothing but rounding may differ."""
     order = np.random.default_rng(2).permutation(len(scan.points))
@@ -206,7 +206,7 @@ def test_where_the_field_does_not_reach_points_stay(variant: str, tmp_path: Path
 
 
 @ONCE
-def test_a_cloud_of_the_other_side_is_refused(scene: LoadedScene) -> None:
+def test_a_cloud_of_the_other_side_is_refused(scene: Scene) -> None:
     """The devices look from -y."""
     part = scene.part
     behind = part.face_centres[part.face_normals[:, 1] > 0.7]
@@ -214,7 +214,7 @@ def test_a_cloud_of_the_other_side_is_refused(scene: LoadedScene) -> None:
         correct(behind, scene, *DEVICES, system="stereo")
 
 
-def test_points_beside_the_part_are_corrected_too(scan: Scan, scene: LoadedScene) -> None:
+def test_points_beside_the_part_are_corrected_too(scan: Scan, scene: Scene) -> None:
     """The part is 0.2 mm thicker than its model; a layer some millimetres thick changes by 10 %."""
     thicker = scan.points + 0.2 * scan.normal
     # Of a cylinder's side alone that may be heat as well.
@@ -229,7 +229,7 @@ def test_points_beside_the_part_are_corrected_too(scan: Scan, scene: LoadedScene
 
 @pytest.mark.parametrize("noise_mm", [-0.015, 0.015])
 def test_noise_does_not_decide_which_points_are_corrected(
-    scan: Scan, scene: LoadedScene, noise_mm: float
+    scan: Scan, scene: Scene, noise_mm: float
 ) -> None:
     """At silhouettes rays to points out of the material miss the part, others meet it."""
     noisy = correct(scan.points + noise_mm * scan.normal, scene, *DEVICES, system=scan.system)
@@ -239,7 +239,7 @@ def test_noise_does_not_decide_which_points_are_corrected(
     )
 
 
-def test_the_diameter_comes_out_as_it_is(scan: Scan, scene: LoadedScene) -> None:
+def test_the_diameter_comes_out_as_it_is(scan: Scan, scene: Scene) -> None:
     """Air makes the cylinder micrometres too small; the correction gives its own fit back."""
     found = correct(scan.points, scene, *DEVICES, system=scan.system)
     good = found.status == CorrectionStatus.CORRECTED
@@ -254,7 +254,7 @@ def test_the_diameter_comes_out_as_it_is(scan: Scan, scene: LoadedScene) -> None
 @ONCE
 @pytest.mark.parametrize("what", ["scan", "correction"])
 def test_ply_and_vtp_hold_the_same_numbers(
-    scan: Scan, scene: LoadedScene, what: str, tmp_path: Path
+    scan: Scan, scene: Scene, what: str, tmp_path: Path
 ) -> None:
     """In double precision, bit for bit, and whole numbers as such."""
     saved = scan if what == "scan" else correct(scan.points, scene, *DEVICES, system=scan.system)
@@ -277,7 +277,7 @@ def test_ply_and_vtp_hold_the_same_numbers(
 
 
 @ONCE
-def test_other_devices_than_those_that_measured_are_noticed(scan: Scan, scene: LoadedScene) -> None:
+def test_other_devices_than_those_that_measured_are_noticed(scan: Scan, scene: Scene) -> None:
     """Part of what they would have measured is hidden from them."""
     turned = [
         one.at(look_at((x, 190.0, -110.0), (0.0, 0.0, 0.0)))
@@ -289,7 +289,7 @@ def test_other_devices_than_those_that_measured_are_noticed(scan: Scan, scene: L
 
 
 @ONCE
-def test_a_table_under_the_part_is_left_as_it_is(scan: Scan, scene: LoadedScene) -> None:
+def test_a_table_under_the_part_is_left_as_it_is(scan: Scan, scene: Scene) -> None:
     """Nine of ten points; some below the part, where the devices cannot see them."""
     count, low = 9 * len(scan.points), scene.part.bounds[1, 2] + 3.0
     table = np.random.default_rng(1).uniform((-90, -90, low), (90, 90, low), (count, 3))
@@ -305,7 +305,7 @@ def test_a_table_under_the_part_is_left_as_it_is(scan: Scan, scene: LoadedScene)
 
 
 @ONCE
-def test_points_that_no_device_can_see_stay_as_measured(scan: Scan, scene: LoadedScene) -> None:
+def test_points_that_no_device_can_see_stay_as_measured(scan: Scan, scene: Scene) -> None:
     """Behind a device, or so far beside its picture that the lens distortion folds there."""
     lens = Distortion(k1=-0.2)
     camera, second = (evolve(device, distortion=lens) for device in DEVICES)
@@ -330,8 +330,6 @@ def test_points_that_no_device_can_see_stay_as_measured(scan: Scan, scene: Loade
         (lambda points: points + 50.0, "mm from the part"),
     ],
 )
-def test_wrong_clouds_are_one_sentence(
-    scan: Scan, scene: LoadedScene, change: object, said: str
-) -> None:
+def test_wrong_clouds_are_one_sentence(scan: Scan, scene: Scene, change: object, said: str) -> None:
     with pytest.raises(InputError, match=said):
         correct(change(scan.points), scene, *DEVICES, system=scan.system)

@@ -11,7 +11,7 @@ from iriftrace.camera.pose import look_at
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.scene.load import load_scene
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.scenes import folder_of
 from iriftrace.triangulation.correct import correct
 from iriftrace.triangulation.correction import CorrectionStatus
@@ -33,12 +33,12 @@ ALONG = np.array((1.0, 0.0, 0.0))
 
 
 @pytest.fixture(scope="module")
-def scene(variant: str) -> LoadedScene:
+def scene(variant: str) -> Scene:
     return load_scene(folder_of("cylinder") / "scene.xml", variant=variant, engine="shells")
 
 
 @pytest.fixture(scope="module")
-def cloud(scene: LoadedScene) -> FloatArray:
+def cloud(scene: Scene) -> FloatArray:
     """Points of the part's side that both devices see."""
     surface = scene.part.surface
     places, face = surface.even_places(20_000)
@@ -52,16 +52,14 @@ def _outside(points: FloatArray) -> np.ndarray:
     return np.any([np.abs(points[:, 0] - x) > reach for x in (-APART, APART)], axis=0)
 
 
-def test_the_devices_own_cloud_is_not_warned_of(cloud: FloatArray, scene: LoadedScene) -> None:
+def test_the_devices_own_cloud_is_not_warned_of(cloud: FloatArray, scene: Scene) -> None:
     """All warnings are errors in tests."""
     assert len(cloud) > 300
     found = correct(cloud, scene, *DEVICES, pixels=DEVICES[0].project(cloud))
     assert (found.status == CorrectionStatus.CORRECTED).mean() > 0.99
 
 
-def test_30_mm_along_the_part_lie_outside_the_pictures(
-    cloud: FloatArray, scene: LoadedScene
-) -> None:
+def test_30_mm_along_the_part_lie_outside_the_pictures(cloud: FloatArray, scene: Scene) -> None:
     moved = cloud + 30.0 * ALONG
     outside = _outside(moved).mean()
     assert outside > 0.3
@@ -77,7 +75,7 @@ def test_30_mm_along_the_part_lie_outside_the_pictures(
 
 
 def test_hidden_points_are_as_far_from_the_hits_as_the_part_is_thick(
-    cloud: FloatArray, scene: LoadedScene
+    cloud: FloatArray, scene: Scene
 ) -> None:
     """Of points on the back, by the quadratic equation of a line and a cylinder."""
     behind = cloud * (1.0, -1.0, 1.0)
@@ -92,7 +90,7 @@ def test_hidden_points_are_as_far_from_the_hits_as_the_part_is_thick(
     assert check.to_hit_mm == pytest.approx(np.median(chord), abs=0.05)
 
 
-def test_pixels_show_a_millimetre_along_the_part(cloud: FloatArray, scene: LoadedScene) -> None:
+def test_pixels_show_a_millimetre_along_the_part(cloud: FloatArray, scene: Scene) -> None:
     """It is f / z for each; without the pixels it stays unseen."""
     pixels = DEVICES[0].project(cloud)
     moved = cloud + ALONG
@@ -111,11 +109,11 @@ def test_pixels_show_a_millimetre_along_the_part(cloud: FloatArray, scene: Loade
     assert check_devices(moved, status, scene, SENSOR, np.full_like(pixels, np.nan)).off is None
 
 
-def test_half_a_pixel_is_a_convention(cloud: FloatArray, scene: LoadedScene) -> None:
+def test_half_a_pixel_is_a_convention(cloud: FloatArray, scene: Scene) -> None:
     """Whole numbers at the corners of pixels instead of their centres."""
     correct(cloud, scene, *DEVICES, pixels=DEVICES[0].project(cloud) + 0.5)
 
 
-def test_pixels_of_other_points_are_refused(cloud: FloatArray, scene: LoadedScene) -> None:
+def test_pixels_of_other_points_are_refused(cloud: FloatArray, scene: Scene) -> None:
     with pytest.raises(InputError, match=r"\(3, 2\), but there are"):
         correct(cloud, scene, *DEVICES, pixels=np.zeros((3, 2)))

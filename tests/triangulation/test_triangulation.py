@@ -18,7 +18,7 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.geometry.triangles import cross_rows, row_lengths
 from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.load import load_scene
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import slab
 from iriftrace.trace.rays import refracted_hits
@@ -45,7 +45,7 @@ from validation.sections.two_devices import (
     plate_scene,
 )
 
-Scenes = tuple[str, LoadedScene]
+Scenes = tuple[str, Scene]
 """What bends the rays (`AIRS`), and the scene."""
 
 
@@ -57,7 +57,7 @@ def plates(
 
 
 @pytest.fixture(scope="module")
-def cylinder(variant: str, tmp_path_factory: pytest.TempPathFactory) -> LoadedScene:
+def cylinder(variant: str, tmp_path_factory: pytest.TempPathFactory) -> Scene:
     """The hot cylinder by the formula; the air around it is its own image in the plane z = 0."""
     return cylinder_scene(tmp_path_factory.mktemp("cylinder"), "cells engine")
 
@@ -107,7 +107,7 @@ def test_the_accuracy_page_holds(tmp_path: Path) -> None:
     assert beyond(SECTION.compute(tmp_path)) == []
 
 
-def test_lines_of_sight_pass_their_points_traced_or_foretold(cylinder: LoadedScene) -> None:
+def test_lines_of_sight_pass_their_points_traced_or_foretold(cylinder: Scene) -> None:
     """The last correction of most lines is not traced again: here it is."""
     eye = aside(20)
     points = measure(cylinder, aside(-40), eye, system="stereo").true
@@ -120,7 +120,7 @@ def test_lines_of_sight_pass_their_points_traced_or_foretold(cylinder: LoadedSce
     np.testing.assert_allclose(aims, 0, atol=1e-9)
 
 
-def test_devices_may_be_exchanged(cylinder: LoadedScene) -> None:
+def test_devices_may_be_exchanged(cylinder: Scene) -> None:
     """Both see the same points, so that the errors at the pictures' centres are the same."""
     devices = aside(-40), aside(20)
     one, other = (measure(cylinder, *pair, system="stereo") for pair in (devices, devices[::-1]))
@@ -128,7 +128,7 @@ def test_devices_may_be_exchanged(cylinder: LoadedScene) -> None:
     np.testing.assert_allclose(one.error, other.error, rtol=0, atol=1e-6)
 
 
-def test_a_mirrored_pair_errs_mirrored(cylinder: LoadedScene) -> None:
+def test_a_mirrored_pair_errs_mirrored(cylinder: Scene) -> None:
     one, other = (
         measure(cylinder, aside(-sign * 50), aside(sign * 20), system="stereo") for sign in (1, -1)
     )

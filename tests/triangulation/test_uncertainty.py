@@ -23,12 +23,13 @@ from iriftrace.field.source import FieldFacts, FieldKind
 from iriftrace.part.part import Part
 from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.load import load_scene
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.scene.write import write_ensemble_scene
 from iriftrace.scene.xml import SceneSettings
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import concentric_cylinders, slab
 from iriftrace.shells.stack import ShellStack
+from iriftrace.shells.table import AirStatement
 from iriftrace.triangulation.correct import correct
 from iriftrace.triangulation.correction import CorrectionStatus, FieldState
 from iriftrace.triangulation.measure import measure
@@ -52,7 +53,7 @@ Printed = pytest.CaptureFixture[str]
 
 
 @pytest.fixture(scope="module")
-def three(variant: str, tmp_path_factory: pytest.TempPathFactory) -> LoadedScene:
+def three(variant: str, tmp_path_factory: pytest.TempPathFactory) -> Scene:
     """A plate under hot layers in three states, seen by a camera and a projector."""
     part, stack = slab(5)
     airs = (AirState(None, f"share {share}", ready=scaled(stack, share)) for share in SHARES)
@@ -67,11 +68,11 @@ def fringe(variant: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[Scan
     return scan, scan.save(tmp_path_factory.mktemp("fringe") / "scan.vtp")[0]
 
 
-def member(scene: LoadedScene, number: int) -> LoadedScene:
+def member(scene: Scene, number: int) -> Scene:
     return load_scene(scene.path, {"member": number}, variant=scene.variant)
 
 
-def test_a_measurement_is_the_mean_of_the_members(three: LoadedScene) -> None:
+def test_a_measurement_is_the_mean_of_the_members(three: Scene) -> None:
     scan = measure(three)
     alone = [measure(member(three, number)) for number in (1, 2, 3)]
     everywhere = np.all([one.status == ScanStatus.MEASURED for one in alone], axis=0)
@@ -86,7 +87,7 @@ def test_a_measurement_is_the_mean_of_the_members(three: LoadedScene) -> None:
     np.testing.assert_allclose(ratio, SHARES.std(ddof=1) / (1.0 + SHARES.mean()), rtol=2e-3)
 
 
-def test_a_correction_is_the_mean_of_the_members(three: LoadedScene) -> None:
+def test_a_correction_is_the_mean_of_the_members(three: Scene) -> None:
     """Points as they are in the second member's air, corrected by each."""
     cloud = measure(member(three, 2)).points
     found = correct(cloud, three, field_uncertainty=0.05)
@@ -157,7 +158,7 @@ def test_weights_on_disk_are_those_of_the_mean(variant: str, tmp_path: Path) -> 
         load_scene(xml, variant=variant)
 
 
-def test_few_fields_take_a_larger_coverage_factor(three: LoadedScene) -> None:
+def test_few_fields_take_a_larger_coverage_factor(three: Scene) -> None:
     """GUM, table G.2, 95.45 %: 13.97 for one degree of freedom, 4.53 for two; 2 without scatter."""
     found = correct(measure(member(three, 2)).points, three)
     assert found.errors is not None
@@ -214,7 +215,7 @@ def test_what_scatters_by_more_than_itself_is_corrected_by_the_mean(
         assert abs(corrected - true_size) < 0.1 * abs(measured - true_size)
 
 
-def test_nothing_is_known_of_one_field_alone(three: LoadedScene) -> None:
+def test_nothing_is_known_of_one_field_alone(three: Scene) -> None:
     one = member(three, 2)
     assert measure(one).scatter_normal is None
     assert correct(measure(one).points, one).u_normal is None
@@ -296,11 +297,18 @@ def test_a_correction_smaller_than_the_fits_uncertainty_is_said_to_be_so(
     assert "at least 1, or none for all points" in " ".join(capsys.readouterr().err.split())
 
 
-def with_facts(scene: LoadedScene, facts: FieldFacts) -> LoadedScene:
+def with_facts(scene: Scene, facts: FieldFacts) -> Scene:
     """A scene whose field states these facts."""
-    source = scene.stated.source
+    source = scene.compiled.stated.source
     assert source is not None
-    return evolve(scene, stated=evolve(scene.stated, source=evolve(source, facts=facts)))
+    return with_stated(scene, evolve(scene.compiled.stated, source=evolve(source, facts=facts)))
+
+
+def with_stated(scene: Scene, stated: AirStatement) -> Scene:
+    """A scene whose files state other air."""
+    other = evolve(scene, air=scene.air.with_states(scene.air.states))
+    other._held.compiled = evolve(scene.compiled, stated=stated)
+    return other
 
 
 def test_air_from_formulas_has_no_uncertainty(
@@ -343,12 +351,13 @@ def test_air_from_formulas_has_no_uncertainty(
     ],
 )
 def test_air_that_changes_in_time_is_uncertain(
-    three: LoadedScene, facts: FieldFacts, unsteadiness: float | None
+    three: Scene, facts: FieldFacts, unsteadiness: float | None
 ) -> None:
     """Of a range of 20 % the standard deviation is 20 % / root 12, as of a rectangular one."""
     scene = with_facts(member(three, 2), facts)
-    shells = [evolve(row, temperature_k=1193.15) for row in scene.stated.shells]
-    scene = evolve(scene, stated=evolve(scene.stated, shells=shells, air=Air(temperature_k=293.15)))
+    shells = [evolve(row, temperature_k=1193.15) for row in scene.compiled.stated.shells]
+    stated = evolve(scene.compiled.stated, shells=shells, air=Air(temperature_k=293.15))
+    scene = with_stated(scene, stated)
     assert FieldState.of(scene).unsteadiness == pytest.approx(unsteadiness)
     found = correct(measure(scene).points, scene, field_uncertainty=0.05)
     assert found.u_contrast == pytest.approx(np.hypot(0.05, unsteadiness or 0.0))

@@ -20,7 +20,7 @@ from iriftrace.part.part import Part
 from iriftrace.plugins.kernels.tetrahedra import TetrahedralAir
 from iriftrace.scene.hot_air import AirState
 from iriftrace.scene.load import load_scene
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import CYLINDER_RADIUS_MM, HOT_AIR_RADIUS_MM, SLAB_MM, WALL_K
 from iriftrace.shells.stack import ShellStack
@@ -128,11 +128,11 @@ def cylinder_medium() -> SmoothMedium:
 
 def formula_scene(
     folder: Path, part: Part, shells: ShellStack, field: IndexField, medium: SmoothMedium
-) -> LoadedScene:
+) -> Scene:
     """A scene for the cells engine, whose field is then replaced by a formula."""
     xml = write_scene(folder, part, AirState(field, ready=shells), ANY_CAMERA, paraview=False)
     scene = load_scene(xml, engine="cells")
-    scene.integrator._air = medium
+    scene.compiled.integrator._air = medium
     return scene
 
 

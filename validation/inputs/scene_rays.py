@@ -7,7 +7,7 @@ from pathlib import Path
 from iriftrace.camera.camera import Camera
 from iriftrace.part.part import Part
 from iriftrace.scene.load import load_scene
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.scene.write import write_scene
 from iriftrace.shells.stack import ShellStack
 from validation.inputs.cameras import camera_at
@@ -17,7 +17,7 @@ ANY_CAMERA = camera_at((0.0, -200.0, 150.0), sensor_mm=(6.7, 5.6), resolution=(1
 
 def loaded(
     folder: Path, part: Part, shells: ShellStack, camera: Camera = ANY_CAMERA, **variables: object
-) -> LoadedScene:
+) -> Scene:
     """Write a scene and load it."""
     return load_scene(
         write_scene(folder, part, shells, camera, paraview=False), variables, engine="shells"

@@ -117,7 +117,7 @@ def through_shells(scene: Scene, stack: ShellStack, mode: Mode) -> Scene:
     made = evolve(scene, air=HotAir(shells=stack, normals=mode.normals), engine="shells")
     with without_warnings():
         # Only the plugin knows rays that give up where they meet a shell from its inside.
-        made.loaded.integrator.inside_hit = mode.inside_hit
+        made.compiled.integrator.inside_hit = mode.inside_hit
     return made
 
 

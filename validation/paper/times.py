@@ -56,7 +56,7 @@ def times(scene: Scene) -> dict[str, float | int]:
         f"time_{stage}": min(metrics.time_s[stage] or 0.0 for metrics in pictures[1:])
         for stage in ("load", "build", "straight", "metrics", "write")
     }
-    recording = Recording(scene.loaded)
+    recording = Recording(scene.ready)
     pairs = recording.time_pairs(REPEATS)
     fraction = median(pair.queries_s / pair.trace_s for pair in pairs)
     trace = min(pair.trace_s for pair in pairs)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.scene.load import load_scene
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.scenes import folder_of
 from iriftrace.trace.rays import trace_rays
 from validation.line import Line, Section
@@ -18,7 +18,7 @@ from validation.line import Line, Section
 MOST_CROSSINGS = 100
 
 
-def naive_hits(scene: LoadedScene, rays: Any) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def naive_hits(scene: Scene, rays: Any) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Where rays meet the part, (n, 3), mm, and whether they do, as Mitsuba's own loop finds it.
 
     Interaction, bsdf sample, spawned ray, all in single precision, shell after shell.
@@ -31,9 +31,9 @@ def naive_hits(scene: LoadedScene, rays: Any) -> tuple[NDArray[np.float64], NDAr
     point = dr.zeros(mi.Point3f, dr.width(ray.o))
     arrived = dr.full(mi.Bool, False, dr.width(ray.o))
     active = mi.Bool(True)
-    part = mi.ShapePtr(next(s for s in scene.mitsuba_scene.shapes() if s.id() == "part"))
+    part = mi.ShapePtr(next(s for s in scene.compiled.mitsuba_scene.shapes() if s.id() == "part"))
     for _ in range(MOST_CROSSINGS):
-        found = scene.mitsuba_scene.ray_intersect(ray, active)
+        found = scene.compiled.mitsuba_scene.ray_intersect(ray, active)
         active &= found.is_valid()
         on_part = active & (found.shape == part)
         point = dr.select(on_part, found.p, point)
@@ -54,7 +54,7 @@ def _lines(folder: Path) -> list[Line]:
 
     scene = load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.25}, engine="shells")
     camera: Camera = scene.camera
-    sensor = scene.mitsuba_scene.sensors()[0]
+    sensor = scene.compiled.mitsuba_scene.sensors()[0]
     width, height = camera.resolution
     rows, columns = np.divmod(np.arange(width * height), width)
     origin, direction = sensor.rays64(

@@ -12,7 +12,7 @@ import numpy as np
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.image.aov_image import Status
 from iriftrace.scene.load import load_scene
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.scenes import folder_of
 from iriftrace.trace.pose_image import pose_image
 from iriftrace.trace.rays import trace_rays
@@ -26,7 +26,7 @@ EDGE_MM = 1e-4
 """Near an edge of a shell the oracle uses the triangle that it hits and the query its own."""
 
 
-def matched_scene(folder: Path, scale: float) -> LoadedScene:
+def matched_scene(folder: Path, scale: float) -> Scene:
     """The bundled cylinder with shells that have one index on both sides."""
     shutil.copytree(folder_of("cylinder"), folder)
     xml = folder / "scene.xml"

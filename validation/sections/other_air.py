@@ -14,7 +14,7 @@ from iriftrace.features.fit import fit_feature
 from iriftrace.field.index_field import IndexField
 from iriftrace.flow.synthetic.field import synthetic_field
 from iriftrace.flow.synthetic.model import synthetic_air
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.shells.contour import contour_shells
 from iriftrace.triangulation.correct import correct
 from iriftrace.triangulation.measure import measure
@@ -58,7 +58,7 @@ def airs(folder: Path) -> Iterator[tuple[str, IndexField, float | None]]:
     yield "air from formulas (`iriftrace field synthetic`)", formulas, None
 
 
-def scene_of(folder: Path, field: IndexField) -> LoadedScene:
+def scene_of(folder: Path, field: IndexField) -> Scene:
     """The bundled cylinder in the air of a field."""
     return loaded(folder, SOLVED["cylinder_C"].part, contour_shells(field))
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from iriftrace.camera.camera import Camera
-from iriftrace.scene.loaded import LoadedScene
+from iriftrace.scene.scene import Scene
 from iriftrace.scenes.analytic import concentric_cylinders, slab
 from iriftrace.triangulation.correct import correct
 from iriftrace.triangulation.measure import measure
@@ -74,7 +74,7 @@ def aside(angle_deg: float) -> Camera:
     return device((0.1, y, z), (0.1, -RADIUS_MM, 0.0), width=1)
 
 
-def plate_scene(folder: Path, air: str) -> LoadedScene:
+def plate_scene(folder: Path, air: str) -> Scene:
     """The plate under layers of hot air, by shells or by the formula; see `AIRS`."""
     part, shells = slab(AIRS[air] or 13, air=RoundAir(), size_mm=400.0)
     if AIRS[air] is not None:
@@ -83,7 +83,7 @@ def plate_scene(folder: Path, air: str) -> LoadedScene:
     return formula_scene(folder, part, shells, field, slab_medium())
 
 
-def cylinder_scene(folder: Path, air: str) -> LoadedScene:
+def cylinder_scene(folder: Path, air: str) -> Scene:
     """The hot cylinder, fine where it is looked at, by shells or by the formula."""
     _, shells = concentric_cylinders(
         AIRS[air] or 13, air=RoundAir(), sections=4000, part_sections=12, length_mm=60.0
