@@ -104,7 +104,7 @@ apt_install = { command -v apt-get >/dev/null && \
     $$as_root apt-get install -y -qq --no-install-recommends $(1) >/dev/null; }
 
 # The package itself says whether LLVM is usable, so that make and iriftrace cannot disagree.
-WORKS = $(BIN)/python -c 'from iriftrace.runtime.variant import ensure; ensure()'
+WORKS = $(BIN)/python -c 'from iriftrace.core.runtime.variant import ensure; ensure()'
 
 llvm: $(VENV)/installed
 	@$(WORKS) 2>/dev/null || { \
@@ -113,7 +113,7 @@ llvm: $(VENV)/installed
 	} || { $(WORKS) 2>&1 | tail -n 1 | sed 's/^iriftrace.core.errors.SetupError: //' >&2; exit 1; }
 
 # VTK draws the 3-D picture; without a driver there is none, and the rest goes on.
-DRAWS = $(BIN)/python -c 'import sys; from iriftrace.runtime.doctor import drawing_trouble as t; sys.exit(t() or 0)'
+DRAWS = $(BIN)/python -c 'import sys; from iriftrace.core.runtime.doctor import drawing_trouble as t; sys.exit(t() or 0)'
 
 $(VENV)/drawing: $(VENV)/installed
 	@$(DRAWS) 2>/dev/null || $(call apt_install,libegl1 libgl1-mesa-dri) || \

@@ -17,8 +17,8 @@ from bench.pose import (
     shares,
 )
 from bench.queries import trace_over_queries
-from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
+from iriftrace.tracing.load import load_scene
 
 REPEATS = 7
 

@@ -17,9 +17,9 @@ from rich.table import Table
 
 from iriftrace.core.errors import InputError, SetupError
 from iriftrace.image.aov_image import AovImage
-from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
-from iriftrace.trace.render import Rendering, render_scene
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.render import Rendering, render_scene
 
 SCALES = (0.5, 1.0)
 REPEATS = 5

@@ -6,11 +6,11 @@ import time
 from statistics import median
 
 from iriftrace.camera.pose import look_at
-from iriftrace.scene.scene import Scene
-from iriftrace.trace.render import render_scene
-from iriftrace.triangulation.correct import correct
-from iriftrace.triangulation.measure import measure
-from iriftrace.triangulation.scan import Scan
+from iriftrace.measuring.two_devices.correct import correct
+from iriftrace.measuring.two_devices.measure import measure
+from iriftrace.measuring.two_devices.scan import Scan
+from iriftrace.tracing.render import render_scene
+from iriftrace.tracing.scene import Scene
 
 
 def measure_over_trace(scene: Scene, repeats: int) -> tuple[float, Scan]:

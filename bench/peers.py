@@ -10,10 +10,10 @@ import trimesh
 from trimesh.ray.ray_pyembree import RayMeshIntersector
 
 from iriftrace.core.arrays import FloatArray
-from iriftrace.scene.scene import Scene
-from iriftrace.shells.files import load_shells
-from iriftrace.trace.pose_image import pose_image
-from iriftrace.trace.render import render_scene
+from iriftrace.io.shells import load_shells
+from iriftrace.tracing.pose_image import pose_image
+from iriftrace.tracing.render import render_scene
+from iriftrace.tracing.scene import Scene
 
 STEP_MM = 2e-4
 """Offset along the ray beyond the triangle that it left, mm."""

@@ -9,8 +9,8 @@ import time
 from pathlib import Path
 from statistics import median
 
-from iriftrace.scene.scene import Scene
-from iriftrace.trace.render import render_scene
+from iriftrace.tracing.render import render_scene
+from iriftrace.tracing.scene import Scene
 
 
 def pose_over_trace(scene: Scene, repeats: int) -> float:

@@ -13,7 +13,7 @@ from iriftrace.image.aov_image import CHANNELS
 from iriftrace.plugins.kernels.march import RefractedHits, refracted_hits
 from iriftrace.plugins.kernels.queries import HIT_PART
 from iriftrace.plugins.picture import PixelRays
-from iriftrace.scene.scene import Scene
+from iriftrace.tracing.scene import Scene
 
 RECORDED = 24
 """Number of queries recorded for each ray; few rays cross more shells of the usual 13."""

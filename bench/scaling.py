@@ -22,12 +22,12 @@ from iriftrace.figures.style import COLOURS, write_figure
 from iriftrace.flow.synthetic.field import synthetic_field
 from iriftrace.flow.synthetic.mesh import usual_mesh
 from iriftrace.flow.synthetic.model import SyntheticAir
+from iriftrace.medium.hot_air import HotAir
 from iriftrace.part.part import read_part
-from iriftrace.scene.hot_air import HotAir
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.scene import Scene
 from iriftrace.scenes import folder_of
-from iriftrace.trace.render import render_scene
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.render import render_scene
+from iriftrace.tracing.scene import Scene
 
 CELLS_MM = (4.0, 2.5, 1.6, 1.0)
 """Edges of the cells at the wall, mm."""

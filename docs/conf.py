@@ -10,7 +10,7 @@ os.environ["MPLBACKEND"] = "Agg"
 os.environ["PYVISTA_OFF_SCREEN"] = "true"
 sys.path.insert(0, str(Path(__file__).parent))
 
-from iriftrace.runtime.variant import ensure
+from iriftrace.core.runtime.variant import ensure
 
 # The plugins' docstrings belong to classes that exist once a variant is set.
 ensure()

@@ -13,6 +13,7 @@ import numpy as np
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
+from iriftrace.core.runtime.variant import full_precision
 from iriftrace.image.aov_image import CHANNELS
 from iriftrace.plugins.film import camera_of, refuse_shared_films
 from iriftrace.plugins.kernels import types as dt
@@ -28,7 +29,6 @@ from iriftrace.plugins.kernels.queries import HIT_BLOCKER, counted, ray_query
 from iriftrace.plugins.picture import PixelRays, channel_values, sharp_rays, written
 from iriftrace.plugins.scene_state import same_state, scene_state
 from iriftrace.plugins.stock_sensor import StockSensor
-from iriftrace.runtime.variant import full_precision
 
 _RENDERED: list[Any] = []
 """The integrator of the latest `mi.render`, which alone keeps what it has prepared."""

@@ -9,9 +9,9 @@ import mitsuba as mi
 import psutil
 
 from iriftrace.core.errors import InputError
+from iriftrace.core.runtime.variant import cuda_state, current_variant
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.stock_sensor import StockSensor
-from iriftrace.runtime.variant import cuda_state, current_variant
 
 BYTES_PER_PIXEL = 170
 """Least memory of a picture: channels, straight rays, their state and the metrics.

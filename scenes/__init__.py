@@ -40,7 +40,7 @@ def scene_copied(name: str, folder: Path) -> Iterator[tuple[Path, Path]]:
     Yields the copy's XML file and the folder of its shells. A copy that was not changed since is
     replaced, one that was raises InputError. Shells of another scene, which some use, go beside it.
     """
-    from iriftrace.scene.xml import refuse_edited
+    from iriftrace.tracing.xml import refuse_edited
 
     bundled, bundled_shells = folder_of(name).resolve(), shells_of(name)
     xml = folder / "scene.xml"

@@ -11,12 +11,12 @@ import numpy as np
 import trimesh
 from attrs import evolve
 
-from iriftrace.air.refractivity import Air
 from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.medium.air.refractivity import Air
+from iriftrace.medium.shells.hessian import radial_derivatives
+from iriftrace.medium.shells.levels import index_levels
+from iriftrace.medium.shells.stack import Shell, ShellStack
 from iriftrace.part.part import Part, part_of_mesh
-from iriftrace.shells.hessian import radial_derivatives
-from iriftrace.shells.levels import index_levels
-from iriftrace.shells.stack import Shell, ShellStack
 
 WALL_K = 1373.15
 SLAB_MM = 20.0
@@ -43,7 +43,7 @@ def slab(
     """A plate under plane layers of hot air: a box below z = 0, and shells parallel to its top.
 
     Plate and shells are squares of `size_mm`; the rule is that of
-    :func:`iriftrace.shells.levels.index_levels`.
+    :func:`iriftrace.medium.shells.levels.index_levels`.
     """
     air = air or Air()
     half = size_mm / 2
@@ -73,7 +73,7 @@ def concentric_cylinders(
 
     The shells are tubes, open at both ends, with `sections` facets around; the part has
     `part_sections`, by default as many. The rule is that of
-    :func:`iriftrace.shells.levels.index_levels`.
+    :func:`iriftrace.medium.shells.levels.index_levels`.
     """
     air = air or Air()
     surfaces, indices = _levels(layers, air, rule)

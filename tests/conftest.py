@@ -17,8 +17,8 @@ import hypothesis
 import pytest
 
 from iriftrace.core.errors import IriftraceError
-from iriftrace.field import part_fit
-from iriftrace.runtime import variant as runtime
+from iriftrace.core.runtime import variant as runtime
+from iriftrace.medium import part_fit
 
 SYSTEM_TESTS = Path(__file__).parent / "system"
 CUDA = runtime.cuda_state()

@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from iriftrace.runtime.variant import ensure
+from iriftrace.core.runtime.variant import ensure
 from validation.page import write_page
 from validation.sections import SECTIONS
 

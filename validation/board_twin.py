@@ -36,8 +36,8 @@ from attrs import evolve, frozen
 import iriftrace
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import IriftraceWarning
-from iriftrace.geometry.transform import parse_transform
-from iriftrace.image.measured_shift import MeasuredShift
+from iriftrace.core.mesh.transform import parse_transform
+from iriftrace.io.measured_shift import MeasuredShift
 from iriftrace.part.board import Board
 from validation.inputs.cameras import camera_at
 from validation.inputs.leaning_air import measured_shifts

@@ -16,18 +16,18 @@ from numpy.typing import NDArray
 
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.core.files import whole_file
-from iriftrace.field.index_field import IndexField
-from iriftrace.field.read import read_field
 from iriftrace.flow.simulate.part_surface import mirrored_grid
 from iriftrace.image.aov_image import Status
+from iriftrace.io.field import read_field
+from iriftrace.medium.hot_air import AirState
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.shells.contour import contour_shells
 from iriftrace.part.part import Part
-from iriftrace.scene.hot_air import AirState
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.scene import Scene
-from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
-from iriftrace.shells.contour import contour_shells
-from iriftrace.trace.rays import trace_rays
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.rays import trace_rays
+from iriftrace.tracing.scene import Scene
+from iriftrace.tracing.write import write_scene
 from validation.inputs.solved_fields import DATA, SOLVED, camera_at
 
 FloatArray = NDArray[np.float64]

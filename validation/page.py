@@ -11,7 +11,7 @@ from importlib.metadata import version
 from multiprocessing import get_context
 from pathlib import Path
 
-from iriftrace.runtime.variant import ensure
+from iriftrace.core.runtime.variant import ensure
 from validation.line import Line, Section
 
 INTRODUCTION = """# Accuracy

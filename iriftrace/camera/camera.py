@@ -29,8 +29,8 @@ from iriftrace.camera.pose_set import fixed
 from iriftrace.camera.tiles import within
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
+from iriftrace.core.mesh.triangles import unit_vectors
 from iriftrace.core.plain import JsonObject
-from iriftrace.geometry.triangles import unit_vectors
 
 PROJECTIONS = ("pinhole", "orthographic")
 

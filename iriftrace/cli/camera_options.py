@@ -22,9 +22,9 @@ from iriftrace.core.errors import InputError, warn
 if TYPE_CHECKING:
     from iriftrace.camera.calibration import Calibration
     from iriftrace.camera.camera import Camera
-    from iriftrace.field.index_field import IndexField
+    from iriftrace.medium.index_field import IndexField
+    from iriftrace.medium.shells.stack import ShellStack
     from iriftrace.part.part import Part
-    from iriftrace.shells.stack import ShellStack
 
 
 CAMERA = Group("Camera", sort_key=5)
@@ -182,7 +182,7 @@ class CameraOptions:
     ) -> Camera:
         """The camera as origin, target and up place it, or where it sees all of the part."""
         from iriftrace.camera.pose import look_at
-        from iriftrace.scene.viewpoint import default_viewpoint
+        from iriftrace.tracing.viewpoint import default_viewpoint
 
         if not any(self.up):
             raise InputError('--up is "0,0,0", which is not a direction; give one, "0,0,1".')
@@ -208,7 +208,7 @@ def refuse_unseen_part(camera: Camera, part: Part, source: str, remedy: str) -> 
     """Refuse a pose in a wrong unit or frame: it is in the part, looks past it, or is far away."""
     import numpy as np
 
-    from iriftrace.scene.viewpoint import part_view
+    from iriftrace.tracing.viewpoint import part_view
 
     sees = "" if part_view(part, camera).outside < 1.0 else "it sees nothing of the part"
     if not sees and np.ptp(camera.project(part.vertices), axis=0).max() < FEWEST_PIXELS:
@@ -222,7 +222,7 @@ def with_all_in_focus(device: Camera, camera: Camera, part: Part) -> Camera:
     """A device with a camera's focus interval, extended to the part's farthest point if needed."""
     from attrs import evolve
 
-    from iriftrace.scene.viewpoint import farthest_mm
+    from iriftrace.tracing.viewpoint import farthest_mm
 
     near, far = camera.focus_mm
     return evolve(device, focus_mm=(near, max(far, math.ceil(farthest_mm(part, device)))))

@@ -24,7 +24,7 @@ def inputs(*paths: Path | None) -> None:
 
 def scenes(*paths: Path | None) -> None:
     """Refuse the name of a scene that does not exist, and as `inputs`."""
-    from iriftrace.scene.file import require_scene
+    from iriftrace.tracing.file import require_scene
 
     inputs(*paths)
     for path in filter(None, paths):
@@ -33,7 +33,7 @@ def scenes(*paths: Path | None) -> None:
 
 def fields(*paths: Path) -> None:
     """Refuse a folder that is not an OpenFOAM case in place of a field, and an unreadable file."""
-    from iriftrace.field.readers.members import reader_of
+    from iriftrace.io.members import reader_of
 
     for path in paths:
         if path.is_dir():
@@ -45,7 +45,7 @@ def order(field: Path, part: Path) -> None:
     """Refuse a field and a part whose names show that they are exchanged."""
     from trimesh import available_formats
 
-    from iriftrace.field.readers.members import COMPRESSED, SUFFIXES
+    from iriftrace.io.members import COMPRESSED, SUFFIXES
 
     meshes = {f".{name}" for name in available_formats()}.difference(COMPRESSED)
     first, second = field.suffix.lower(), part.suffix.lower()

@@ -55,7 +55,7 @@ def compare(
         Draw measured and simulated shifts and residuals.
     """
     from iriftrace.image.aov_image import read_exr
-    from iriftrace.image.comparison import compare as compare_files
+    from iriftrace.measuring.comparison import compare as compare_files
 
     checks.inputs(image, measured)
     header = read_exr(image).header

@@ -24,9 +24,9 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
 
 if TYPE_CHECKING:
-    from iriftrace.features.fitted import FittedFeature
+    from iriftrace.measuring.features.fitted import FittedFeature
+    from iriftrace.measuring.two_devices.correction import Correction
     from iriftrace.part.growth import Growth
-    from iriftrace.triangulation.correction import Correction
 
 
 def _read_kelvins(text: str, option: str) -> float:
@@ -101,11 +101,11 @@ def correct(
     figures
         Draw the corrections, and the deviation from the part, into a .png next to the output.
     """
-    from iriftrace.features.choice import checked_choices
-    from iriftrace.geometry.transform import apply
+    from iriftrace.core.mesh.transform import apply
     from iriftrace.io.clouds import read_cloud
-    from iriftrace.triangulation.correct import correct as take_out
-    from iriftrace.triangulation.placement import remedy
+    from iriftrace.measuring.features.choice import checked_choices
+    from iriftrace.measuring.two_devices.correct import correct as take_out
+    from iriftrace.measuring.two_devices.placement import remedy
 
     checks.inputs(cloud)
     checks.scenes(scene)

@@ -29,11 +29,11 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from iriftrace.air.refractivity import Air
-    from iriftrace.field.index_field import IndexField
+    from iriftrace.medium.air.refractivity import Air
+    from iriftrace.medium.index_field import IndexField
+    from iriftrace.medium.shells.stack import ShellStack
     from iriftrace.part.part import Part
     from iriftrace.part.uneven_growth import Temperatures
-    from iriftrace.shells.stack import ShellStack
 
 
 @Parameter(name="*", group=Group("Air", sort_key=1))
@@ -66,7 +66,7 @@ class AirOptions:
 
     def air(self) -> Air:
         """The air that these options describe."""
-        from iriftrace.air.refractivity import Air
+        from iriftrace.medium.air.refractivity import Air
 
         return Air(
             wavelength_nm=self.wavelength,
@@ -111,7 +111,7 @@ class PartOptions:
 
     def read(self, path: Path, field_wall: Callable[[Part], Temperatures] | None = None) -> Part:
         """Read the part; `field_wall` returns the temperatures of the field's wall, if needed."""
-        from iriftrace.geometry.transform import parse_transform
+        from iriftrace.core.mesh.transform import parse_transform
         from iriftrace.part.part import read_part
         from iriftrace.part.uneven_growth import grown_unevenly
 
@@ -220,8 +220,8 @@ class FieldOptions:
         From a file with several states, read the one with the number `member`, else that of --time;
         with its velocities, if `flow`.
         """
-        from iriftrace.field.read import read_field
-        from iriftrace.field.readers.members import member_at
+        from iriftrace.io.field import read_field
+        from iriftrace.io.members import member_at
 
         if member is None and self.time is not None:
             member = member_at(path, self.time).index
@@ -244,7 +244,7 @@ class FieldOptions:
 
     def transform(self) -> NDArray[np.float64] | None:
         """Field to world, (4, 4) array."""
-        from iriftrace.geometry.transform import parse_transform
+        from iriftrace.core.mesh.transform import parse_transform
 
         return None if self.field_transform is None else parse_transform(self.field_transform)
 
@@ -297,7 +297,7 @@ class ShellOptions:
 
     def build(self, field: IndexField) -> ShellStack:
         """Contour the field."""
-        from iriftrace.shells.contour import contour_shells
+        from iriftrace.medium.shells.contour import contour_shells
 
         stack = contour_shells(
             field,
@@ -315,7 +315,7 @@ class ShellOptions:
         """Shells of a volume field, or ready-made ones."""
         reading = self.field
         if reading.isosurfaces:
-            from iriftrace.shells.imported import import_shells
+            from iriftrace.io.iso_surfaces import import_shells
 
             if reading.time is not None:
                 raise InputError(
@@ -340,7 +340,7 @@ class ShellOptions:
             return self.build(volume), volume
 
     def _reduced(self, stack: ShellStack) -> ShellStack:
-        from iriftrace.shells.decimate import decimate
+        from iriftrace.medium.shells.decimate import decimate
 
         return stack if self.triangles is None else decimate(stack, self.triangles)
 

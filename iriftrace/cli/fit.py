@@ -14,8 +14,8 @@ from iriftrace.core.errors import warn
 from iriftrace.core.units import counted
 
 if TYPE_CHECKING:
-    from iriftrace.scene.scene import Scene
-    from iriftrace.trace.member_fit import MemberFit
+    from iriftrace.measuring.fit.member_fit import MemberFit
+    from iriftrace.tracing.scene import Scene
 
 
 def fit(
@@ -68,8 +68,8 @@ def fit(
         Also fit a rigid motion of the camera between the two pictures.
     """
     from iriftrace.core.files import write_json
-    from iriftrace.field.part_fit import in_air
-    from iriftrace.scene.fitted import check_fitted_scene, write_fitted_scene
+    from iriftrace.medium.part_fit import in_air
+    from iriftrace.tracing.fitted import check_fitted_scene, write_fitted_scene
 
     views = [(board, measured), *(view or [])]
     checks.inputs(*(shifts for _, shifts in views))
@@ -107,8 +107,8 @@ def _fitted(
 ) -> tuple[MemberFit, Scene]:
     """Weights from temperatures in the air, or from shifts of dots, and the first scene."""
     from iriftrace.io.air_temperatures import is_air_temperatures, read_air_temperatures
-    from iriftrace.trace.shift_fit import fit_members
-    from iriftrace.trace.temperature_fit import fit_temperatures
+    from iriftrace.measuring.fit.shift_fit import fit_members
+    from iriftrace.measuring.fit.temperature_fit import fit_temperatures
 
     board, measured = views[0]
     if is_air_temperatures(measured):

@@ -23,8 +23,8 @@ from iriftrace.cli.triangulation_text import (
 from iriftrace.core.units import counted
 
 if TYPE_CHECKING:
-    from iriftrace.scene.scene import Scene
-    from iriftrace.triangulation.scan import Scan
+    from iriftrace.measuring.two_devices.scan import Scan
+    from iriftrace.tracing.scene import Scene
 
 _USUAL = 0.999
 """Fraction of the points to whose largest error that of all is compared."""
@@ -54,7 +54,7 @@ Features = Annotated[
 
 
 def _read_gate(text: str, option: str) -> float | None:
-    from iriftrace.features.outliers import check_gate
+    from iriftrace.measuring.features.outliers import check_gate
 
     gate = None if text.strip().lower() == "none" else numbers(text, 1, option)[0]
     check_gate(gate)
@@ -122,9 +122,9 @@ def write_scan(
     gate: float | None = 3.5,
 ) -> None:
     """Simulate the measurement of a scene's two devices, write its files and print results."""
-    from iriftrace.features.choice import checked_choices
-    from iriftrace.triangulation.acceptance import acceptance as accepted
-    from iriftrace.triangulation.measure import measure as simulate
+    from iriftrace.measuring.features.choice import checked_choices
+    from iriftrace.measuring.two_devices.acceptance import acceptance as accepted
+    from iriftrace.measuring.two_devices.measure import measure as simulate
 
     choices = checked_choices(feature or (), loaded.part)
     with working("Measuring"):

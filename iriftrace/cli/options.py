@@ -192,7 +192,7 @@ def refuse_given(options: Mapping[str, object], reason: str) -> None:
 def read_motion(file: Path | None) -> FloatArray | None:
     """The rigid motion in a file, (4, 4) array, mm; None without a file."""
     from iriftrace.core.files import text_in
-    from iriftrace.geometry.transform import parse_transform, rigid_motion, stated_to_camera
+    from iriftrace.core.mesh.transform import parse_transform, rigid_motion, stated_to_camera
 
     if file is None:
         return None

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Literal
 from attrs import frozen
 from cyclopts import Group, Parameter
 
-from iriftrace.camera.robot_poses import RobotName
 from iriftrace.cli.console import say
 from iriftrace.cli.options import (
     Lengths,
@@ -19,13 +18,14 @@ from iriftrace.cli.options import (
     refuse_given,
 )
 from iriftrace.core.errors import InputError
+from iriftrace.io.robot_poses import RobotName
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from iriftrace.camera.pose_set import PoseSet
     from iriftrace.core.arrays import FloatArray
-    from iriftrace.scene.scene import Scene
+    from iriftrace.tracing.scene import Scene
 
 
 @Parameter(name="*", group=Group("Orbit", sort_key=1))
@@ -111,7 +111,7 @@ class OrbitOptions:
             parse_range,
             turntable_poses,
         )
-        from iriftrace.camera.pose_files import read_poses
+        from iriftrace.io.poses import read_poses
 
         self._refuse_contradictions()
         if self.poses is not None and self.turntable is not None:

@@ -17,12 +17,12 @@ from iriftrace.image.aov_image import Status
 if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
     from iriftrace.camera.pose_set import PoseSet
-    from iriftrace.field.part_fit import Fit
     from iriftrace.image.metrics import PoseMetrics
     from iriftrace.image.ray_statistics import EnsembleMetrics, RayCounts
+    from iriftrace.medium.part_fit import Fit
+    from iriftrace.medium.shells.report import ShellReport
+    from iriftrace.medium.shells.stack import ShellStack
     from iriftrace.part.part import Part
-    from iriftrace.shells.report import ShellReport
-    from iriftrace.shells.stack import ShellStack
 
 
 TOO_FEW = "fewer than 100 good rays, so no numbers"
@@ -36,7 +36,7 @@ _MOST_VIEWS = 40
 
 def print_shells(stack: ShellStack, reports: Sequence[ShellReport], fit: Fit | None) -> None:
     """One row per shell: index, temperature, size, openings, gaps and cuts; and the part's fit."""
-    from iriftrace.field.part_fit import LARGEST_GAP_MM
+    from iriftrace.medium.part_fit import LARGEST_GAP_MM
 
     headings = ("shell", "(n - 1) 1e6", "degC", "triangles", "gap next", "gap part", "cut")
     rows = []
@@ -115,7 +115,7 @@ def print_view(part: Part, camera: Camera, move: str, refocus: str, end: str = "
 
     `move` helps against both, `refocus` only where the part is out of focus.
     """
-    from iriftrace.scene.viewpoint import part_view
+    from iriftrace.tracing.viewpoint import part_view
 
     view = part_view(part, camera)
     fractions = {"outside the picture": view.outside, "out of focus": view.out_of_focus}
@@ -131,7 +131,7 @@ def print_view(part: Part, camera: Camera, move: str, refocus: str, end: str = "
 
 def print_default_orbit(stand_off_mm: float, poses: PoseSet, part: Part, camera: Camera) -> None:
     """Print how much of the part cameras at the default distance miss, if it is 1 % or more."""
-    from iriftrace.scene.viewpoint import part_view
+    from iriftrace.tracing.viewpoint import part_view
 
     matrices = poses.matrices[:: math.ceil(len(poses) / _MOST_VIEWS)]
     views = [part_view(part, camera.at(matrix)) for matrix in matrices]

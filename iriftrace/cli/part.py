@@ -205,7 +205,7 @@ def subdivide(
 
 def check_name(path: Path) -> None:
     """Check that a part can be written under this name before starting the computation."""
-    from iriftrace.part.files import check_part_name
+    from iriftrace.io.part_files import check_part_name
 
     check_part_name(path)
     checks.output(path, "part.ply", path.suffix.lower())

@@ -200,8 +200,8 @@ def plan(
 
 
 def _save(path: Path, dataset: xr.Dataset, ranked: IntArray, convention: str) -> None:
-    from iriftrace.camera.pose_files import write_poses
     from iriftrace.camera.pose_set import PoseSet
+    from iriftrace.io.poses import write_poses
 
     checks.parent(path)
     chosen = dataset.isel(pose=ranked)

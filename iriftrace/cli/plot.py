@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import pyvista as pv
 
     from iriftrace.core.plain import JsonObject
-    from iriftrace.field.source import FieldSource
+    from iriftrace.medium.source import FieldSource
 
 _MESHES = (".ply", ".stl", ".obj", ".glb", ".gltf", ".off")
 _OTHER_CLOUDS = (".asc", ".xyz", ".pts", ".pcd", ".e57")
@@ -131,14 +131,14 @@ def _shown(file: Path, length_unit: str | None) -> tuple[Any, FieldSource | None
 
         return read_part(file, length_unit=length_unit), None
     if suffix == ".xml":
-        from iriftrace.scene.load import load_scene
+        from iriftrace.tracing.load import load_scene
 
         return load_scene(file), None
     if suffix in (".exr", ".nc"):
         from iriftrace.figures.result import read_result
 
         return read_result(file), None
-    from iriftrace.field.read import read_field
+    from iriftrace.io.field import read_field
 
     return read_field(file), None
 
@@ -148,10 +148,10 @@ def _cloud(file: Path) -> pv.PolyData | None:
     import pyvista as pv
 
     if file.suffix.lower() == ".vtp":
-        from iriftrace.field.readers.vtk_process import read_file
+        from iriftrace.io.vtk_check import read_file
 
         return pv.wrap(read_file(file))
-    from iriftrace.geometry.ply import read_ply
+    from iriftrace.io.ply import read_ply
 
     try:
         mesh = read_ply(file)
@@ -167,7 +167,7 @@ def _cloud(file: Path) -> pv.PolyData | None:
 
 def _source_beside(cloud: Path) -> FieldSource | None:
     """Source of the field from the numbers next to a cloud; None if they do not exist."""
-    from iriftrace.field.source import stated_source
+    from iriftrace.medium.source import stated_source
 
     try:
         values = json.loads(cloud.with_suffix(".json").read_text(encoding="utf-8"))

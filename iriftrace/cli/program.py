@@ -181,7 +181,7 @@ def doctor() -> None:
 
     Example: ``iriftrace doctor``
     """
-    from iriftrace.runtime.doctor import diagnose
+    from iriftrace.core.runtime.doctor import diagnose
 
     diagnosis = diagnose()
     for finding in diagnosis.findings:

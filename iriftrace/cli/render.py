@@ -15,8 +15,8 @@ from iriftrace.cli.trace_options import Statuses, TraceOptions, check_light, sta
 from iriftrace.core.errors import warn
 
 if TYPE_CHECKING:
-    from iriftrace.scene.scene import Scene
-    from iriftrace.trace.render import Rendering
+    from iriftrace.tracing.render import Rendering
+    from iriftrace.tracing.scene import Scene
 
 
 DEMO = "cylinder"
@@ -54,7 +54,7 @@ def render(
     rgb
         Repeat these channels of the EXR as R, G and B, for programs that show no others.
     """
-    from iriftrace.image.surface import write_surface
+    from iriftrace.io.surface import write_surface
 
     # Before the output, whose folder is the scene's unless another one is given.
     checks.scenes(scene)
@@ -96,7 +96,7 @@ def metrics(
     from iriftrace.cli.output import print_summary
     from iriftrace.image.aov_image import read_exr
     from iriftrace.image.metrics import pose_metrics, write_metrics
-    from iriftrace.trace.render import keep_checks
+    from iriftrace.tracing.render import keep_checks
 
     checks.inputs(image, part)
     target = image.with_suffix(".json") if output is None else output
@@ -162,7 +162,7 @@ def _render(
     rgb: str | None = None,
 ) -> tuple[Rendering, list[Path]]:
     """Render a scene and write all its files except that of the surface."""
-    from iriftrace.trace.render import render_scene
+    from iriftrace.tracing.render import render_scene
 
     with working("Tracing"):
         rendering = render_scene(loaded, include=include)
@@ -192,7 +192,7 @@ def _print_rendering(rendering: Rendering, loaded: Scene, files: list[Path]) -> 
 
 def _scene_picture(scene: Scene, shells_folder: Path, picture: Path) -> list[Path]:
     """Draw part, shells and devices, if this machine can draw."""
-    from iriftrace.runtime.doctor import drawing_trouble
+    from iriftrace.core.runtime.doctor import drawing_trouble
 
     with working("Drawing the scene"):
         trouble = drawing_trouble()
@@ -204,7 +204,7 @@ def _scene_picture(scene: Scene, shells_folder: Path, picture: Path) -> list[Pat
             return []
         from iriftrace.figures.scene import scene_figure
         from iriftrace.figures.style import write_figure
-        from iriftrace.shells.files import load_shells
+        from iriftrace.io.shells import load_shells
 
         shells, name = load_shells(shells_folder), scene.second_id.replace("_", " ")
         figure = scene_figure(scene.part, shells, scene.camera, scene.second, name)

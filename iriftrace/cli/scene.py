@@ -19,13 +19,13 @@ from iriftrace.core.units import ZERO_CELSIUS_K, counted
 
 if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
-    from iriftrace.field.index_field import IndexField
-    from iriftrace.field.readers.members import Member
+    from iriftrace.io.members import Member
+    from iriftrace.medium.hot_air import AirState
+    from iriftrace.medium.index_field import IndexField
+    from iriftrace.medium.shells.stack import ShellStack
     from iriftrace.part.part import Part
     from iriftrace.part.uneven_growth import Temperatures
-    from iriftrace.scene.hot_air import AirState
-    from iriftrace.scene.xml import SceneSettings
-    from iriftrace.shells.stack import ShellStack
+    from iriftrace.tracing.xml import SceneSettings
 
 
 def shells(
@@ -53,9 +53,9 @@ def shells(
         The part's mesh; adds gaps and cuts to the table.
     """
     from iriftrace.cli.output import print_shells
-    from iriftrace.field.part_fit import fit_part_to_field
-    from iriftrace.shells.files import save_shells
-    from iriftrace.shells.report import report_shells
+    from iriftrace.io.shells import save_shells
+    from iriftrace.medium.part_fit import fit_part_to_field
+    from iriftrace.medium.shells.report import report_shells
 
     checks.fields(field)
     checks.inputs(part)
@@ -121,13 +121,13 @@ def scene(
         Origin of the shells' normals: the field's gradient, or their own triangles.
     """
     from iriftrace.cli.output import print_shells
-    from iriftrace.field.part_fit import refuse_expanded_board
-    from iriftrace.field.readers.members import chosen_members
     from iriftrace.io.bodies import bodies_beside
+    from iriftrace.io.members import chosen_members
+    from iriftrace.medium.hot_air import AirState
+    from iriftrace.medium.part_fit import refuse_expanded_board
     from iriftrace.part.part import read_part
-    from iriftrace.scene.hot_air import AirState
-    from iriftrace.scene.save import save_scene
-    from iriftrace.scene.xml import SceneSettings, refuse_edited
+    from iriftrace.tracing.save import save_scene
+    from iriftrace.tracing.xml import SceneSettings, refuse_edited
 
     field_options = shell_options.field
     if not field_options.isosurfaces:
@@ -212,8 +212,8 @@ def _ensemble(
     wall_k: float | None,
 ) -> None:
     """Write the scene of several fields, each cut when it is needed, and print a summary."""
-    from iriftrace.scene.hot_air import AirState
-    from iriftrace.scene.save import named, save_scene
+    from iriftrace.medium.hot_air import AirState
+    from iriftrace.tracing.save import named, save_scene
 
     hottest_k: list[float] = []
     several_states = len(given) > len({one.path for one in given})

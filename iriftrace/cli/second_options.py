@@ -22,10 +22,10 @@ from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
-    from iriftrace.field.index_field import IndexField
+    from iriftrace.medium.index_field import IndexField
+    from iriftrace.medium.shells.stack import ShellStack
     from iriftrace.part.part import Part
-    from iriftrace.scene.xml import SceneSettings
-    from iriftrace.shells.stack import ShellStack
+    from iriftrace.tracing.xml import SceneSettings
 
 SECOND = Group("Second device", sort_key=6)
 
@@ -221,7 +221,7 @@ def devices_of(
     ) -> tuple[Camera, SceneSettings]:
         if not two_devices:
             return first.camera(part, field, stack), settings
-        from iriftrace.triangulation.devices import DEVICE_OF_SYSTEM
+        from iriftrace.measuring.two_devices.devices import DEVICE_OF_SYSTEM
 
         if place_both is not None:
             camera, device = place_both(part, field, stack)

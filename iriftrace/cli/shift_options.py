@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from iriftrace.core.errors import warn
 
 if TYPE_CHECKING:
-    from iriftrace.image.measured_shift import MeasuredShift
+    from iriftrace.io.measured_shift import MeasuredShift
 
 WithoutZeros = Annotated[
     bool,
@@ -24,7 +24,7 @@ WithoutZeros = Annotated[
 
 def read_shifts(file: Path, without_zeros: bool) -> MeasuredShift:
     """Measured shifts of a file, with a warning of many that are exactly 0."""
-    from iriftrace.image.measured_shift import read_measured_shift
+    from iriftrace.io.measured_shift import read_measured_shift
 
     shifts = read_measured_shift(file, without_zeros=without_zeros)
     if shifts.doubt:

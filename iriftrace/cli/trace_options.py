@@ -15,7 +15,7 @@ from iriftrace.cli.options import Wavelength, Whole
 from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
-    from iriftrace.scene.scene import Scene
+    from iriftrace.tracing.scene import Scene
 
 
 Statuses = Annotated[
@@ -62,7 +62,7 @@ class TraceOptions:
 
     def load(self, scene: Path) -> Scene:
         """A scene with these options."""
-        from iriftrace.scene.load import load_scene
+        from iriftrace.tracing.load import load_scene
 
         with working("Loading the scene"):
             return load_scene(scene, self.variables(), variant=self.variant, engine=self.engine)

@@ -9,15 +9,15 @@ from iriftrace.cli.console import print_table, say
 from iriftrace.cli.options import celsius
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import counted
-from iriftrace.features.quantity import DRAWING, Quantity
+from iriftrace.measuring.features.quantity import DRAWING, Quantity
+from iriftrace.medium.hot_air import OUTSIDE
 from iriftrace.part.region_choice import placed_regions
-from iriftrace.scene.hot_air import OUTSIDE
 
 if TYPE_CHECKING:
-    from iriftrace.features.fitted import FittedFeature
-    from iriftrace.features.relations import Relation
+    from iriftrace.measuring.features.fitted import FittedFeature
+    from iriftrace.measuring.features.relations import Relation
+    from iriftrace.measuring.two_devices.statistics import RegionValues
     from iriftrace.part.part import Part
-    from iriftrace.triangulation.statistics import RegionValues
 
 MOST_LINES = 12
 """Distances and angles, and regions, that are printed; the JSON file has all."""

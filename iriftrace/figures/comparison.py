@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.figures.style import ColourScale, legend_below
-from iriftrace.image.comparison import Comparison
+from iriftrace.measuring.comparison import Comparison
 
 COLOUR_PERCENTILE = 98.0
 """Outliers of several pixels at silhouettes; this percentile keeps them out of the colours."""

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from iriftrace.core.plain import JsonObject
-from iriftrace.features.fitted import cone_place
-from iriftrace.features.quantity import DRAWING, Quantity
-from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.image.aov_image import Status
 from iriftrace.image.ray_statistics import percent
-from iriftrace.scene.hot_air import OUTSIDE
+from iriftrace.measuring.features.fitted import cone_place
+from iriftrace.measuring.features.quantity import DRAWING, Quantity
+from iriftrace.measuring.two_devices.statistics import RegionValues
+from iriftrace.medium.hot_air import OUTSIDE
+from iriftrace.medium.source import stated_source, synthetic_mark
 from iriftrace.sweep.store import attribute, scene_of, traced_through_cells
-from iriftrace.triangulation.statistics import RegionValues
 
 if TYPE_CHECKING:
     import xarray as xr

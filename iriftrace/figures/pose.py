@@ -21,11 +21,11 @@ from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray
 from iriftrace.core.engines import Bending
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
-from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.figures.style import COLOURS, DPI, TEXT_COLOUR, ColourScale, legend_below
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.displacement import directions_to, good_mask, signed_components
 from iriftrace.image.ray_statistics import FEWEST_RAYS, OF_MET, percent
+from iriftrace.medium.source import stated_source, synthetic_mark
 from iriftrace.sweep.faces import displacement_limits
 
 # Flat colours that differ from each other, from the white background, from the colour map and from

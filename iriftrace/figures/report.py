@@ -19,13 +19,13 @@ from iriftrace.figures import describe
 from iriftrace.figures.style import figure_bytes
 from iriftrace.figures.sweep import sweep_charts, sweep_pictures
 from iriftrace.image.resolution import FRONTAL
+from iriftrace.measuring.two_devices import correction, scan
+from iriftrace.measuring.two_devices.statistics import RegionValues
 from iriftrace.planning import texts
 from iriftrace.planning.candidates import name_of as metric_name
 from iriftrace.planning.cover import NO_LIMITS, ViewLimits, plan_views
 from iriftrace.planning.stability import stability
 from iriftrace.sweep.store import attribute
-from iriftrace.triangulation import correction, scan
-from iriftrace.triangulation.statistics import RegionValues
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -17,7 +17,7 @@ from iriftrace.sweep.store import read_sweep
 
 if TYPE_CHECKING:
     from iriftrace.figures.pose import Component
-    from iriftrace.trace.render import Rendering
+    from iriftrace.tracing.render import Rendering
 
 
 @frozen(eq=False)

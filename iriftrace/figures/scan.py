@@ -15,12 +15,12 @@ from matplotlib.path import Path
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.plain import JsonObject
-from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.figures.style import ColourScale, finish_axes, new_figure
+from iriftrace.measuring.two_devices.correction import Correction
+from iriftrace.measuring.two_devices.scan import Scan, ScanStatus
+from iriftrace.medium.source import stated_source, synthetic_mark
 from iriftrace.part.part import Part
 from iriftrace.sweep.measures import Limits
-from iriftrace.triangulation.correction import Correction
-from iriftrace.triangulation.scan import Scan, ScanStatus
 
 
 def scan_figure(scan: Scan, part: Part) -> Figure:

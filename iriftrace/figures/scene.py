@@ -15,12 +15,12 @@ from matplotlib.patheffects import withStroke
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
+from iriftrace.core.mesh.triangles import polydata
 from iriftrace.core.units import ZERO_CELSIUS_K, counted
-from iriftrace.field.source import synthetic_mark
 from iriftrace.figures import space
-from iriftrace.geometry.triangles import polydata
+from iriftrace.medium.shells.stack import Shell, ShellStack
+from iriftrace.medium.source import synthetic_mark
 from iriftrace.part.part import Part
-from iriftrace.shells.stack import Shell, ShellStack
 
 _PICTURE_PX = (1390, 1080)
 

@@ -23,8 +23,8 @@ from vtkmodules.vtkFiltersCore import vtkBinnedDecimation
 
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import SetupError
+from iriftrace.core.mesh.triangles import polydata
 from iriftrace.figures.style import DPI, TEXT_COLOUR, even_ticks, number
-from iriftrace.geometry.triangles import polydata
 from iriftrace.part.part import Part
 
 BLOCKER_COLOUR = "#9aa0a6"

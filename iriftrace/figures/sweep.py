@@ -96,7 +96,7 @@ def view_name(summary: SweepSummary, pose: int) -> str:
 
 def _in_space(dataset: xr.Dataset, summary: SweepSummary, missing: list[str]) -> dict[str, Figure]:
     """Poses around the part and faces of the part, if this machine can draw them."""
-    from iriftrace.runtime.doctor import drawing_trouble
+    from iriftrace.core.runtime.doctor import drawing_trouble
 
     trouble = drawing_trouble()
     if trouble:

@@ -15,6 +15,7 @@ from scipy.spatial import KDTree
 
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
+from iriftrace.core.mesh.triangles import polydata
 from iriftrace.figures import space
 from iriftrace.figures.style import (
     BEST_RING,
@@ -25,7 +26,6 @@ from iriftrace.figures.style import (
     marks,
     scale_of,
 )
-from iriftrace.geometry.triangles import polydata
 from iriftrace.part.part import Part
 from iriftrace.planning.quantities import PoseQuantity
 from iriftrace.planning.summary import SweepSummary

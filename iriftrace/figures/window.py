@@ -15,9 +15,8 @@ from matplotlib.colors import to_rgb
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, SetupError
+from iriftrace.core.mesh.triangles import polydata
 from iriftrace.core.units import ZERO_CELSIUS_K, counted
-from iriftrace.field.index_field import IndexField
-from iriftrace.field.source import FieldSource, stated_source, synthetic_mark
 from iriftrace.figures import space
 from iriftrace.figures.scene import (
     COLOUR_MAP,
@@ -29,11 +28,12 @@ from iriftrace.figures.scene import (
 )
 from iriftrace.figures.style import even_ticks
 from iriftrace.figures.sweep_space import add_surroundings
-from iriftrace.geometry.triangles import polydata
 from iriftrace.image.aov_image import AovImage
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.source import FieldSource, stated_source, synthetic_mark
 from iriftrace.part.part import Part
-from iriftrace.scene.scene import Scene
 from iriftrace.sweep.faces import displacement_limits
+from iriftrace.tracing.scene import Scene
 
 Draw = Callable[[pv.Plotter], None]
 

@@ -17,11 +17,11 @@ from attrs import evolve
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.member_weights import MemberWeights
-from iriftrace.field.index_field import IndexField
-from iriftrace.field.origin import state_origin
-from iriftrace.field.source import FieldSource
-from iriftrace.geometry.query import Surface
-from iriftrace.geometry.vtk_files import write_vtk
+from iriftrace.core.mesh.query import Surface
+from iriftrace.io.vtk_write import write_vtk
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.origin import state_origin
+from iriftrace.medium.source import FieldSource
 
 _SLICES = 32
 """Heights at which centroids are taken, over the height of the data."""

@@ -21,7 +21,7 @@ from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of, whole_file
 from iriftrace.core.plain import JsonObject
-from iriftrace.image.exr_entries import (
+from iriftrace.io.exr_entries import (
     PREFIX,
     RGB,
     RGB_ENTRY,

@@ -26,7 +26,7 @@ from attrs import frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray, IntArray, as_float64
-from iriftrace.geometry.triangles import row_lengths
+from iriftrace.core.mesh.triangles import row_lengths
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.displacement import good_mask
 from iriftrace.image.rays import PoseRays

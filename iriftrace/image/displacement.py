@@ -10,7 +10,7 @@ from attrs import frozen
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
-from iriftrace.geometry.triangles import row_lengths, unit_vectors
+from iriftrace.core.mesh.triangles import row_lengths, unit_vectors
 from iriftrace.image.aov_image import AovImage, Status
 
 USABLE = (Status.GOOD, Status.INDEX_MISMATCH)

@@ -11,7 +11,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn, without_warnings
 from iriftrace.core.files import check_readable, sha256_of
 from iriftrace.core.units import PLAUSIBLE_K, ZERO_CELSIUS_K, length_factor, parse_quantity
-from iriftrace.field.readers.states import Column
+from iriftrace.io.states import Column
 from iriftrace.io.table import Table, read_table
 
 _KELVIN_STEPS = {"K", "degC", "°C", "C"}

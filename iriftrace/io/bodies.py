@@ -7,7 +7,7 @@ from pathlib import Path
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import warn
-from iriftrace.field.index_field import IndexField
+from iriftrace.medium.index_field import IndexField
 from iriftrace.part.part import Part, read_part
 
 FOLDER = "bodies"

@@ -9,7 +9,7 @@ import numpy as np
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
-from iriftrace.geometry.transform import nearest_rotations
+from iriftrace.core.mesh.transform import nearest_rotations
 
 FOCAL = (0.15, 200.0)
 """In widths of a picture: lenses without fisheye see 0.3 to 147 degrees."""

@@ -15,10 +15,10 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import length_factor
-from iriftrace.geometry.ply import write_ply_points
-from iriftrace.geometry.vtk_files import write_vtk
 from iriftrace.io.e57 import check_e57, write_e57
+from iriftrace.io.ply import write_ply_points
 from iriftrace.io.table import AXES
+from iriftrace.io.vtk_write import write_vtk
 
 TEXT_WRITTEN = (".asc", ".xyz", ".txt", ".csv")
 

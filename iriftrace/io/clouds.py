@@ -14,9 +14,9 @@ from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import text_in
 from iriftrace.core.units import length_factor, length_unit_of
-from iriftrace.geometry.ply import read_ply
+from iriftrace.io.part_files import remarks_of
+from iriftrace.io.ply import read_ply
 from iriftrace.io.table import listed, table_in
-from iriftrace.part.files import remarks_of
 
 CONVENTIONAL = (".xyz", ".asc", ".pts")
 """Endings of text files that begin with x, y and z in each row, where no line has names."""
@@ -184,7 +184,7 @@ def _rows(
     if kind in TEXT:
         return *_table_rows(file, chosen), ()
     if kind == ".vtp":
-        from iriftrace.field.readers.vtk_process import read_file
+        from iriftrace.io.vtk_check import read_file
 
         data = read_file(file)
         points, columns = np.asarray(data.points, dtype=np.float64), dict(data.point_data)

@@ -20,10 +20,8 @@ from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import sha256_of, text_in
 from iriftrace.core.units import LENGTH_UNITS, length_factor
-from iriftrace.field.arrays import quantity_of
-from iriftrace.field.gradient import HEXAHEDRON, TETRAHEDRON
-from iriftrace.field.readers.scattered import merged, tetrahedra_between
-from iriftrace.field.readers.states import (
+from iriftrace.io.scattered import merged, tetrahedra_between
+from iriftrace.io.states import (
     Column,
     Contents,
     State,
@@ -32,6 +30,8 @@ from iriftrace.field.readers.states import (
     states_of,
 )
 from iriftrace.io.table import Table, table_in
+from iriftrace.medium.arrays import quantity_of
+from iriftrace.medium.gradient import HEXAHEDRON, TETRAHEDRON
 
 _KEYS = "Model,Version,Dimension,Nodes,Elements,Expressions,Description,Length unit".split(",")
 _ENTRY = re.compile(r"%\s*(?P<key>[^:;,\t]+?)\s*[:;,\t]\s*(?P<value>.*)")

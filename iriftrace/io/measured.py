@@ -10,12 +10,12 @@ import pyvista as pv
 from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import check_readable, sha256_of
+from iriftrace.core.mesh.triangles import used_vertices
 from iriftrace.core.units import ZERO_CELSIUS_K, counted, length_factor
-from iriftrace.field.arrays import choose_array, finite_values, stated_unit, to_si
-from iriftrace.field.readers.scattered import merged
-from iriftrace.field.readers.vtk_process import read_file
-from iriftrace.geometry.triangles import used_vertices
+from iriftrace.io.scattered import merged
 from iriftrace.io.table import read_table
+from iriftrace.io.vtk_check import read_file
+from iriftrace.medium.arrays import choose_array, finite_values, stated_unit, to_si
 from iriftrace.part.wall_temperature import MeasuredWall
 
 _TABLES, _SURFACES = (".csv", ".txt"), (".vtp", ".vtu", ".vtk")

@@ -21,7 +21,7 @@ from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import text_in
 from iriftrace.core.units import LENGTH_UNITS, length_unit_of, stated_length_unit
-from iriftrace.field.readers.states import Column, column_of
+from iriftrace.io.states import Column, column_of
 
 MARKS = ("#", "%", "//")
 """Signs at the beginning of a comment."""

@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError, warn
+from iriftrace.core.mesh.query import Places, Surface
+from iriftrace.core.mesh.topology import weld
+from iriftrace.core.mesh.transform import apply, checked_matrix
+from iriftrace.core.mesh.triangles import unit_vectors
 from iriftrace.core.units import LENGTH_UNITS, length_factor
-from iriftrace.geometry.query import Places, Surface
-from iriftrace.geometry.topology import weld
-from iriftrace.geometry.transform import apply, checked_matrix
-from iriftrace.geometry.triangles import unit_vectors
-from iriftrace.part.files import load_mesh_file, write_mesh_file
+from iriftrace.io.part_files import load_mesh_file, write_mesh_file
 from iriftrace.part.growth import Growth
 from iriftrace.part.regions import Regions, find_smooth_groups, name_regions
 from iriftrace.part.soundness import (
@@ -373,7 +373,7 @@ def save_part(part: Part, path: str | Path) -> None:
 def refuse_unlikely_size(part: Part) -> None:
     """Refuse to generate air around a part that was read in the wrong unit.
 
-    With an existing field the sizes are compared (`iriftrace.field.part_fit`); air generated for
+    With an existing field the sizes are compared (`iriftrace.medium.part_fit`); air generated for
     the part would have the wrong size too, so the mistake would not be detected.
     """
     size = float(np.linalg.norm(np.ptp(part.bounds, axis=0)))

@@ -9,7 +9,7 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.core.arrays import FloatArray, IntArray
-from iriftrace.geometry.topology import Neighbours, connected
+from iriftrace.core.mesh.topology import Neighbours, connected
 
 SMALLEST_SHARE = 0.01
 """A patch with a smaller fraction of the area does not become a region of its own."""

@@ -8,16 +8,16 @@ import numpy as np
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
-from iriftrace.core.units import ZERO_CELSIUS_K
-from iriftrace.geometry.query import Surface
-from iriftrace.geometry.topology import (
+from iriftrace.core.mesh.query import Surface
+from iriftrace.core.mesh.topology import (
     Neighbours,
     connected,
     find_neighbours,
     open_edges,
     wound_alike,
 )
-from iriftrace.geometry.triangles import area_vectors, row_lengths
+from iriftrace.core.mesh.triangles import area_vectors, row_lengths
+from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.part.growth import Growth
 
 PLAUSIBLE_SIZE_MM = (1.0, 10_000.0)

@@ -13,8 +13,8 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
-from iriftrace.geometry.topology import Neighbours, edge_keys, edges_of, find_neighbours
-from iriftrace.geometry.triangles import area_vectors, cross_rows, row_lengths, unit_vectors
+from iriftrace.core.mesh.topology import Neighbours, edge_keys, edges_of, find_neighbours
+from iriftrace.core.mesh.triangles import area_vectors, cross_rows, row_lengths, unit_vectors
 
 _ROUNDING = 4 * float(np.finfo(np.float32).eps)
 """Distance from a plane that rounding of the coordinates explains, relative to these."""

@@ -10,8 +10,8 @@ from attrs import evolve
 
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
-from iriftrace.geometry.topology import weld
-from iriftrace.geometry.triangles import polydata
+from iriftrace.core.mesh.topology import weld
+from iriftrace.core.mesh.triangles import polydata
 from iriftrace.part.part import MOST_FACES, Part, part_of_mesh
 from iriftrace.part.regions import Regions
 from iriftrace.part.subdivision import Mesh, subdivide

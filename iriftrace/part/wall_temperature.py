@@ -11,8 +11,8 @@ from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError
+from iriftrace.core.mesh.query import Surface
 from iriftrace.core.plain import JsonObject
-from iriftrace.geometry.query import Surface
 from iriftrace.part.part import Part
 from iriftrace.part.region_choice import placed_regions
 

@@ -12,17 +12,17 @@ from attrs import field, frozen
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
-from iriftrace.features.choice import FeatureChoice, on_region, surface_kind
-from iriftrace.geometry.triangles import unit_vectors
+from iriftrace.core.mesh.triangles import unit_vectors
 from iriftrace.image.sightings import FaceSightings, sightings_of
+from iriftrace.measuring.features.choice import FeatureChoice, on_region, surface_kind
+from iriftrace.measuring.two_devices.devices import Sensor, System
+from iriftrace.measuring.two_devices.first_order import first_order_error, first_order_size
 from iriftrace.part.part import Part
 from iriftrace.planning.criteria import Criteria
 from iriftrace.planning.objective import Objective
 from iriftrace.sweep.measures import Limits
 from iriftrace.sweep.reload import swept_camera
 from iriftrace.sweep.store import WHOLE_PART
-from iriftrace.triangulation.devices import Sensor, System
-from iriftrace.triangulation.first_order import first_order_error, first_order_size
 
 if TYPE_CHECKING:
     import xarray as xr

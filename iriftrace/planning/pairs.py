@@ -10,6 +10,9 @@ from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
+from iriftrace.measuring.two_devices.devices import System
+from iriftrace.measuring.two_devices.measure import measure
+from iriftrace.measuring.two_devices.scan import Scan
 from iriftrace.planning.candidates import ranked_region
 from iriftrace.planning.cover import warn_of_large_faces
 from iriftrace.planning.criteria import STANDARD, Criteria
@@ -17,14 +20,11 @@ from iriftrace.planning.objective import limits_of
 from iriftrace.planning.pair_table import PairRequest, PoseView, pair_table, statistic_of, views_of
 from iriftrace.sweep.measures import Limits
 from iriftrace.sweep.reload import load_swept_scene, swept_part
-from iriftrace.triangulation.devices import System
-from iriftrace.triangulation.measure import measure
-from iriftrace.triangulation.scan import Scan
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from iriftrace.scene.scene import Scene
+    from iriftrace.tracing.scene import Scene
 
 ANGLES_DEG = (15.0, 45.0)
 """Usual angles of triangulation of sensors: smaller ones increase noise, larger ones occlusion."""
@@ -98,7 +98,7 @@ def plan_pairs(
 ) -> PairPlan:
     """Rank the pairs of a sweep's poses as places of two devices.
 
-    Errors are those of :func:`iriftrace.triangulation.first_order.first_order_error` at the centres
+    Errors are those of :func:`iriftrace.measuring.two_devices.first_order.first_order_error` at the centres
     of the faces that both poses see; rays are traced only to confirm the best pairs.
 
     Parameters

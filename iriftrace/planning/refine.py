@@ -21,6 +21,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn, without_warnings
 from iriftrace.core.files import write_json
 from iriftrace.core.plain import JsonObject
+from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.planning.around import around_pose
 from iriftrace.planning.candidates import metric_variables, ranked_error
 from iriftrace.planning.pair_table import PairRequest
@@ -29,15 +30,14 @@ from iriftrace.planning.rank import Plan, score_of
 from iriftrace.sweep.measures import ENSEMBLE, MEASURES, RIG, Limits
 from iriftrace.sweep.reload import swept_camera
 from iriftrace.sweep.store import WHOLE_PART, attribute
-from iriftrace.trace.rays import is_inside
-from iriftrace.triangulation.measure import measure
+from iriftrace.tracing.rays import is_inside
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from iriftrace.camera.camera import Camera
-    from iriftrace.scene.scene import Scene
     from iriftrace.sweep.reload import SweptScene
+    from iriftrace.tracing.scene import Scene
 
 
 SCHEMA = "iriftrace.refined/1"

@@ -10,8 +10,8 @@ import numpy as np
 
 from iriftrace.core.errors import InputError, SetupError
 from iriftrace.core.files import whole_file
-from iriftrace.geometry.triangles import polydata
-from iriftrace.geometry.vtk_files import write_vtk
+from iriftrace.core.mesh.triangles import polydata
+from iriftrace.io.vtk_write import write_vtk
 from iriftrace.part.part import Part
 from iriftrace.sweep.store import WHOLE_PART
 

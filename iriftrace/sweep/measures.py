@@ -12,7 +12,7 @@ from iriftrace.core.arrays import Variables
 from iriftrace.core.plain import JsonObject
 from iriftrace.image.aov_image import Status
 from iriftrace.image.resolution import STEP
-from iriftrace.trace.engine import CHANGE
+from iriftrace.tracing.engine import CHANGE
 
 Limits = tuple[float, float]
 """Least and greatest value of a scale."""

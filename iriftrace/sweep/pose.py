@@ -13,13 +13,13 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.engines import AUTO, may_use_field
 from iriftrace.core.errors import InputError, without_warnings
 from iriftrace.core.files import sha256_of
+from iriftrace.core.runtime import variant as runtime
 from iriftrace.image.sightings import sight_faces
-from iriftrace.runtime import variant as runtime
-from iriftrace.scene.load import scene_files
-from iriftrace.scene.scene import Scene
 from iriftrace.sweep.journal import Piece
 from iriftrace.sweep.rig import add_measured
-from iriftrace.trace.render import render_scene
+from iriftrace.tracing.load import scene_files
+from iriftrace.tracing.render import render_scene
+from iriftrace.tracing.scene import Scene
 
 _OF_ALL_POSES = ("schema", "full_camera", "wavelength_nm", "camera", "pose", "assumptions")
 """Keys of a pose's metrics that the sweep states for all poses or for none."""

@@ -16,15 +16,15 @@ from iriftrace.core.engines import AUTO
 from iriftrace.core.errors import InputError, SetupError, warn, without_warnings
 from iriftrace.core.plain import JsonObject
 from iriftrace.part.part import Part, read_part
-from iriftrace.scene.outline import blocker_surfaces, outermost_surface, read_surface
 from iriftrace.sweep.rig import add_measured, rig_of
 from iriftrace.sweep.store import attribute, check_unchanged, scene_of, scene_of_pose
+from iriftrace.tracing.outline import blocker_surfaces, outermost_surface, read_surface
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from iriftrace.scene.scene import Scene
-    from iriftrace.trace.render import Rendering
+    from iriftrace.tracing.render import Rendering
+    from iriftrace.tracing.scene import Scene
 
 
 @frozen(eq=False)
@@ -40,7 +40,7 @@ class SweptScene:
 
         Raises InputError if the camera stands in the hot air or in the part.
         """
-        from iriftrace.trace.render import render_scene
+        from iriftrace.tracing.render import render_scene
 
         with without_warnings():
             # Limits of a scene were warned of when it was swept.
@@ -75,7 +75,7 @@ def load_swept_scene(dataset: xr.Dataset, pose: int) -> SweptScene:
     for file, sha256 in named.get("files", {}).items():
         check_unchanged(file, sha256)
 
-    from iriftrace.scene.load import load_scene
+    from iriftrace.tracing.load import load_scene
 
     variant = _variant(named.get("variant"))
     with without_warnings():
@@ -99,7 +99,7 @@ def swept_camera(dataset: xr.Dataset, pose: int) -> Camera:
 
 def _variant(swept: str | None) -> str:
     """The sweep's own variant; if it cannot run, the usual one, with a warning."""
-    from iriftrace.runtime import variant as runtime
+    from iriftrace.core.runtime import variant as runtime
 
     try:
         return runtime.ensure(swept)

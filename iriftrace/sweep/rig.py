@@ -10,12 +10,12 @@ from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError, without_warnings
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.statistics import spread
-from iriftrace.features.choice import found_features
+from iriftrace.measuring.features.choice import found_features
+from iriftrace.measuring.two_devices.measure import measure
+from iriftrace.measuring.two_devices.scan import Scan, ScanStatus
 from iriftrace.part.part import Part
-from iriftrace.scene.scene import Scene
-from iriftrace.trace.rays import is_inside
-from iriftrace.triangulation.measure import measure
-from iriftrace.triangulation.scan import Scan, ScanStatus
+from iriftrace.tracing.rays import is_inside
+from iriftrace.tracing.scene import Scene
 
 FEWEST_POINTS = 100
 """Minimum number of points of a region for a statement about it; as for rays of a picture."""

@@ -14,11 +14,11 @@ from iriftrace.core.arrays import Variables
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import JsonObject, plain
-from iriftrace.scene.scene import Scene
 from iriftrace.sweep.journal import Piece
 from iriftrace.sweep.pose import PoseTask, SceneSource, source_of
 from iriftrace.sweep.rig import Rig, rig_of
-from iriftrace.trace.rays import is_inside
+from iriftrace.tracing.rays import is_inside
+from iriftrace.tracing.scene import Scene
 
 RenderPoses = Callable[[Iterable[PoseTask]], Iterator[Piece]]
 """Renders the tasks of a sweep and yields the results in any order."""

@@ -18,9 +18,9 @@ from numpy.typing import ArrayLike
 from iriftrace.core.arrays import BoolArray, FloatArray, Variables
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of, whole_file
-from iriftrace.core.netcdf import json_attributes, read_netcdf
 from iriftrace.core.plain import JsonObject
 from iriftrace.image.sightings import COLUMNS, COUNTS, ROW, FaceSightings
+from iriftrace.io.netcdf import json_attributes, read_netcdf
 from iriftrace.sweep.journal import journal_of
 from iriftrace.sweep.measures import MEASURES, OF_POSES, RAYS
 

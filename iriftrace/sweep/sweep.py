@@ -18,7 +18,6 @@ from iriftrace.core.arrays import BoolArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.image.ray_statistics import FEWEST_RAYS
 from iriftrace.image.sightings import COLUMNS, NOTHING_SEEN, ROW, FaceSightings, face_maps
-from iriftrace.scene.scene import Scene, ready_scene
 from iriftrace.sweep.journal import Journal, Piece, Progress, Work
 from iriftrace.sweep.measures import metric_variables
 from iriftrace.sweep.pose import PoseTask, SceneSource, fingerprint, render_pose
@@ -40,8 +39,9 @@ from iriftrace.sweep.store import (
     write_sweep,
 )
 from iriftrace.sweep.warned import warned_variable
-from iriftrace.trace.engine import warn_of_coarse_poses
-from iriftrace.trace.provenance import provenance
+from iriftrace.tracing.engine import warn_of_coarse_poses
+from iriftrace.tracing.provenance import provenance
+from iriftrace.tracing.scene import Scene, ready_scene
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -130,7 +130,7 @@ def run_sweep(
     -----
     IriftraceWarning
         If cameras were moved; if more than half of the poses are empty, naming the main reason;
-        and about poses as :func:`iriftrace.trace.engine.choose` warns.
+        and about poses as :func:`iriftrace.tracing.engine.choose` warns.
     """
     several = scenes if isinstance(scenes, Sequence) and not isinstance(scenes, str) else [scenes]
     loaded = [ready_scene(one) for one in several]

@@ -10,8 +10,8 @@ from attrs import frozen
 from iriftrace.core.arrays import BoolArray, Variable
 from iriftrace.image.aov_image import Status
 from iriftrace.sweep.store import WARNED, WHOLE_PART
-from iriftrace.trace.engine import LIMIT, TOO_COARSE
-from iriftrace.trace.lost import LIMIT as LOST_LIMIT
+from iriftrace.tracing.engine import LIMIT, TOO_COARSE
+from iriftrace.tracing.lost import LIMIT as LOST_LIMIT
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from iriftrace.core.errors import InputError, IriftraceError, SetupError, without_warnings
-from iriftrace.runtime import variant as runtime
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.scene import Scene
+from iriftrace.core.runtime import variant as runtime
 from iriftrace.sweep.journal import Piece
 from iriftrace.sweep.pose import PoseTask, SceneSource, render_pose, source_of
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.scene import Scene
 
 if TYPE_CHECKING:
     from iriftrace.sweep.series import RenderPoses

@@ -15,7 +15,7 @@ import mitsuba as mi
 import numpy as np
 
 from iriftrace.core.arrays import FloatArray, IntArray, NumberArray
-from iriftrace.geometry.topology import find_neighbours, weld
+from iriftrace.core.mesh.topology import find_neighbours, weld
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.snell import Triangle
 

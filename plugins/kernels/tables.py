@@ -22,9 +22,9 @@ from iriftrace.core.arrays import (
     as_float64,
 )
 from iriftrace.core.errors import InputError, warn
-from iriftrace.field.polyhedra import added
-from iriftrace.geometry.topology import connected, edge_keys, weld
-from iriftrace.geometry.triangles import area_vectors
+from iriftrace.core.mesh.topology import connected, edge_keys, weld
+from iriftrace.core.mesh.triangles import area_vectors
+from iriftrace.medium.polyhedra import added
 from iriftrace.part.part import MOST_FACES
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.edges import NONE, edge_neighbours

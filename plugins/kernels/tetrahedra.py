@@ -17,9 +17,9 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from iriftrace.core.arrays import Float32Array, FloatArray, NumberArray
-from iriftrace.field.gradient import consistent_gradient, point_gradient
-from iriftrace.field.path_data import FieldCells
-from iriftrace.field.tetrahedra import BOUNDARY, OPPOSITE, tetrahedra_of
+from iriftrace.medium.gradient import consistent_gradient, point_gradient
+from iriftrace.medium.path_data import FieldCells
+from iriftrace.medium.tetrahedra import BOUNDARY, OPPOSITE, tetrahedra_of
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.between import length_gain
 from iriftrace.plugins.kernels.prepared import scene_beside

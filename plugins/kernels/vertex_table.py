@@ -12,9 +12,9 @@ from numpy.typing import DTypeLike, NDArray
 
 from iriftrace.core.arrays import AnyArray, FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError
+from iriftrace.medium.shells.hessian import HESSIAN_AXES, PLY_COLUMNS
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.snell import Triangle
-from iriftrace.shells.hessian import HESSIAN_AXES, PLY_COLUMNS
 
 EDGES = 1000
 """Edges of each shell on which its derivatives are checked."""

@@ -12,15 +12,15 @@ from pathlib import Path
 
 from attrs import evolve
 
-from iriftrace.field.read import read_field
+from iriftrace.io.field import read_field
+from iriftrace.medium.hot_air import AirState
+from iriftrace.medium.shells.contour import contour_shells
+from iriftrace.medium.shells.report import report_shells
 from iriftrace.part.part import read_part
-from iriftrace.scene.hot_air import AirState
-from iriftrace.scene.write import write_scene
-from iriftrace.scene.xml import PART_FILE, SceneSettings
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import concentric_cylinders, slab
-from iriftrace.shells.contour import contour_shells
-from iriftrace.shells.report import report_shells
+from iriftrace.tracing.write import write_scene
+from iriftrace.tracing.xml import PART_FILE, SceneSettings
 from scenes.generators.components import (
     COMPONENTS,
     scene_camera,

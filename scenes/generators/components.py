@@ -16,16 +16,16 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.files import whole_file
-from iriftrace.field.read import read_field
+from iriftrace.io.field import read_field
+from iriftrace.io.shells import load_shells
+from iriftrace.medium.hot_air import AirState
+from iriftrace.medium.shells.contour import contour_shells
+from iriftrace.medium.shells.decimate import decimate
+from iriftrace.medium.shells.report import report_shells
+from iriftrace.medium.shells.stack import ShellStack
 from iriftrace.part.part import Part, save_part
-from iriftrace.scene.hot_air import AirState
-from iriftrace.scene.write import SHELLS_FOLDER, write_scene
-from iriftrace.scene.xml import PART_FILE, SceneSettings, scene_xml, shell_shapes
-from iriftrace.shells.contour import contour_shells
-from iriftrace.shells.decimate import decimate
-from iriftrace.shells.files import load_shells
-from iriftrace.shells.report import report_shells
-from iriftrace.shells.stack import ShellStack
+from iriftrace.tracing.write import SHELLS_FOLDER, write_scene
+from iriftrace.tracing.xml import PART_FILE, SceneSettings, scene_xml, shell_shapes
 from scenes.generators.bevel_gear import TOOTH, bevel_gear
 from scenes.generators.hybrid_cylinder import hybrid_cylinder
 from scenes.generators.wishbone import wishbone
@@ -128,7 +128,7 @@ def write_beside(
     """Write a scene beside another one, in whose shells its part lies; returns the XML file.
 
     The name of the other scene's folder is what the new scene refers to; the rest is as for
-    `iriftrace.scene.write.write_scene`.
+    `iriftrace.tracing.write.write_scene`.
     """
     target.mkdir(parents=True, exist_ok=True)
     save_part(part, target / PART_FILE)

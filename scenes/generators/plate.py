@@ -16,12 +16,12 @@ from numpy.typing import ArrayLike
 from scipy.integrate import solve_bvp
 from scipy.interpolate import PPoly
 
-from iriftrace.air import thermophysics as gas
-from iriftrace.air.refractivity import Air
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
-from iriftrace.field.index_field import IndexField
-from iriftrace.field.source import FieldFacts, FieldKind, FieldSource
+from iriftrace.medium.air import thermophysics as gas
+from iriftrace.medium.air.refractivity import Air
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.source import FieldFacts, FieldKind, FieldSource
 from iriftrace.part.board import Board
 from iriftrace.part.part import Part, part_of_mesh
 

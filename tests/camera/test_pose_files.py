@@ -13,7 +13,9 @@ from scipy.spatial.transform import Rotation
 
 from iriftrace.camera.orbit import Orbit, orbit_poses
 from iriftrace.camera.pose import look_at
-from iriftrace.camera.pose_files import (
+from iriftrace.camera.pose_set import PoseSet
+from iriftrace.core.errors import InputError
+from iriftrace.io.poses import (
     CONVENTIONS,
     SCHEMA,
     from_convention,
@@ -21,8 +23,6 @@ from iriftrace.camera.pose_files import (
     to_convention,
     write_poses,
 )
-from iriftrace.camera.pose_set import PoseSet
-from iriftrace.core.errors import InputError
 from iriftrace.plugins.kernels.projection import flip_axes
 
 POSES = orbit_poses(Orbit((1.0, 2.0, 3.0), (225.0, 150.0, 100.0)), [0.1, 33.3, 200.0], [-90.0, 0.3])

@@ -9,9 +9,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from iriftrace.camera.pose import look_at
-from iriftrace.camera.pose_files import read_poses
 from iriftrace.cli.orbit_options import OrbitOptions
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.io.poses import read_poses
 
 DATA = Path(__file__).parents[1] / "data" / "poses"
 

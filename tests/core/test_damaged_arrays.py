@@ -14,7 +14,7 @@ from numpy.testing import assert_array_equal
 import iriftrace
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import array_in, arrays_in
-from iriftrace.core.netcdf import check_netcdf
+from iriftrace.io.netcdf import check_netcdf
 
 
 def _bytes_of(array: np.ndarray) -> bytes:

@@ -7,9 +7,9 @@ import trimesh
 
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.io.clouds import read_cloud
+from iriftrace.medium.hot_air import HotAir
 from iriftrace.part.part import part_of_mesh
-from iriftrace.scene.hot_air import HotAir
-from iriftrace.scene.scene import Scene
+from iriftrace.tracing.scene import Scene
 from validation.inputs.cameras import camera_at
 from validation.inputs.shell_fields import sphere_field
 

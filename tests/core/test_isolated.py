@@ -16,8 +16,8 @@ import pyvista as pv
 
 from iriftrace.core import isolated
 from iriftrace.core.isolated import ChildError, read_in_child
-from iriftrace.core.netcdf import check_netcdf
-from iriftrace.field.readers.vtk_process import read_file
+from iriftrace.io.netcdf import check_netcdf
+from iriftrace.io.vtk_check import read_file
 
 COMMAND = [sys.executable, "-P", "-m", "iriftrace.core.isolated"]
 

@@ -14,7 +14,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.image import imread
 
-from iriftrace.air.refractivity import Air
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError, SetupError
@@ -30,9 +29,10 @@ from iriftrace.figures.scene import (
 from iriftrace.figures.space import View, box_around, fitting_view, view_direction
 from iriftrace.figures.style import write_figure
 from iriftrace.image.aov_image import CHANNELS, SCHEMA, AovImage, Status, write_exr
+from iriftrace.medium.air.refractivity import Air
+from iriftrace.medium.shells.levels import index_levels
+from iriftrace.medium.shells.stack import Shell, ShellStack
 from iriftrace.part.part import Part, read_part
-from iriftrace.shells.levels import index_levels
-from iriftrace.shells.stack import Shell, ShellStack
 
 WIDTH, HEIGHT = 60, 40
 # What the synthetic picture shows: (rows, columns) of the part, and of a step in depth on it.

@@ -13,10 +13,10 @@ from iriftrace.camera.orbit import Orbit, orbit_poses
 from iriftrace.camera.pose import pose_text
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import plain
-from iriftrace.field.source import FieldFacts, FieldKind, FieldSource
 from iriftrace.figures import report as report_module
 from iriftrace.figures.report import Kind, sweep_page, write_report
 from iriftrace.image.aov_image import Status
+from iriftrace.medium.source import FieldFacts, FieldKind, FieldSource
 from iriftrace.planning.criteria import Criteria
 from iriftrace.planning.summary import SweepSummary, summarise
 from iriftrace.planning.texts import front_text, ranking_table, stability_text

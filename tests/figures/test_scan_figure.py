@@ -13,14 +13,14 @@ from iriftrace.camera.pose import look_at
 from iriftrace.core.plain import JsonObject
 from iriftrace.figures.report import scan_page, write_scan_report
 from iriftrace.figures.scan import correction_figure, scan_figure
+from iriftrace.measuring.two_devices.correct import correct
+from iriftrace.measuring.two_devices.correction import Correction, CorrectionStatus
+from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import part_of_mesh
 from iriftrace.part.standards import cylinder
-from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
-from iriftrace.triangulation.correct import correct
-from iriftrace.triangulation.correction import Correction, CorrectionStatus
-from iriftrace.triangulation.measure import measure
+from iriftrace.tracing.load import load_scene
 from validation.oracles.html_page import read_page
 
 CAMERA = Camera(

@@ -15,12 +15,12 @@ from matplotlib.colors import LogNorm, to_rgb
 from iriftrace.cli import main
 from iriftrace.cli.plot import view
 from iriftrace.core.errors import InputError, SetupError
-from iriftrace.field.origin import state_origin
-from iriftrace.field.source import FieldFacts, FieldKind, FieldSource
 from iriftrace.figures import window
 from iriftrace.figures.result import plot
 from iriftrace.figures.scene import SECOND_COLOUR, SIGHT_COLOUR
 from iriftrace.figures.space import PART_COLOUR
+from iriftrace.medium.origin import state_origin
+from iriftrace.medium.source import FieldFacts, FieldKind, FieldSource
 from iriftrace.scenes import folder_of
 
 SCALE = ("-D", "scale=0.05")

@@ -7,13 +7,13 @@ import pytest
 import pyvista as pv
 from attrs import evolve
 
-from iriftrace.air.refractivity import Air
 from iriftrace.core.errors import InputError
 from iriftrace.core.statistics import rms
-from iriftrace.field.index_field import IndexField
-from iriftrace.field.read import read_field
-from iriftrace.field.source import FieldFacts, FieldSource
 from iriftrace.flow.between import field_between, write_field_between
+from iriftrace.io.field import read_field
+from iriftrace.medium.air.refractivity import Air
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.source import FieldFacts, FieldSource
 from validation.inputs.hot_block import AMBIENT
 from validation.inputs.leaning_air import leaning
 

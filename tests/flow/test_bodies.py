@@ -12,8 +12,6 @@ import trimesh
 from attrs import evolve
 
 from iriftrace.core.errors import InputError
-from iriftrace.field.read import read_field
-from iriftrace.field.source import FieldFacts
 from iriftrace.flow.simulate import result
 from iriftrace.flow.simulate.bodies import Body, write_bodies
 from iriftrace.flow.simulate.case import RECORD, Case, natural_case, symmetric_case
@@ -21,6 +19,8 @@ from iriftrace.flow.simulate.case_files import write_case
 from iriftrace.flow.simulate.draught import draught_from
 from iriftrace.flow.simulate.simulate import prepare
 from iriftrace.io.bodies import bodies_beside
+from iriftrace.io.field import read_field
+from iriftrace.medium.source import FieldFacts
 from iriftrace.part.part import Part
 from iriftrace.part.wall_temperature import WallTemperatures
 from validation.inputs import hot_block

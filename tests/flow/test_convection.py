@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from iriftrace.air import thermophysics as air
 from iriftrace.core.errors import InputError
 from iriftrace.flow.check.nusselt import local_nusselt, nusselt_horizontal_cylinder, sector_ratios
+from iriftrace.medium.air import thermophysics as air
 
 
 def test_air_is_that_of_the_tables() -> None:

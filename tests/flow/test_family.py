@@ -11,13 +11,13 @@ import pyvista as pv
 from attrs import evolve
 
 from iriftrace.core.errors import InputError
-from iriftrace.field.origin import facts_of, origin_of, state_origin
-from iriftrace.field.source import FieldFacts
 from iriftrace.flow.simulate import family_run
 from iriftrace.flow.simulate.case import RECORD, UNFINISHED, Case, natural_case, symmetric_case
 from iriftrace.flow.simulate.family import Member, plan_family
 from iriftrace.flow.simulate.family_run import FAMILY, Cost, Task, run_family, write_image
 from iriftrace.flow.simulate.programs import Installation
+from iriftrace.medium.origin import facts_of, origin_of, state_origin
+from iriftrace.medium.source import FieldFacts
 from iriftrace.part.part import Part
 from iriftrace.part.wall_temperature import WallTemperatures
 

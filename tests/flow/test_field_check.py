@@ -11,22 +11,22 @@ import trimesh
 from attrs import evolve
 from numpy.testing import assert_allclose
 
-from iriftrace.air import thermophysics as gas
-from iriftrace.air.refractivity import Air
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
-from iriftrace.field.index_field import IndexField
-from iriftrace.field.origin import state_origin
-from iriftrace.field.read import read_field
-from iriftrace.field.source import FieldFacts, FieldSource
 from iriftrace.flow.check.check import check_field
 from iriftrace.flow.check.finding import FieldCheck, share_through_open_sides
 from iriftrace.flow.check.nusselt import horizontal_cylinder_diameter
 from iriftrace.flow.check.wall import gradient_errors, wall_state
 from iriftrace.flow.simulate.bodies import Body, write_bodies
+from iriftrace.io.field import read_field
+from iriftrace.medium.air import thermophysics as gas
+from iriftrace.medium.air.refractivity import Air
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.origin import state_origin
+from iriftrace.medium.shells.contour import contour_shells
+from iriftrace.medium.source import FieldFacts, FieldSource
 from iriftrace.part.part import Part, read_part
 from iriftrace.scenes import folder_of
-from iriftrace.shells.contour import contour_shells
 from validation.inputs import hot_block
 from validation.inputs.conducting_sphere import (
     OUTER,

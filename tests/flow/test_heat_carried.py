@@ -7,11 +7,11 @@ import pytest
 import pyvista as pv
 from attrs import evolve
 
-from iriftrace.air import thermophysics as gas
-from iriftrace.field.flow import ENTHALPY_FLUX, HEAT_STORAGE
 from iriftrace.flow.simulate.case import Case
 from iriftrace.flow.simulate.case_files import write_control
 from iriftrace.flow.simulate.result import mean_arrays, state_arrays
+from iriftrace.medium.air import thermophysics as gas
+from iriftrace.medium.flow import ENTHALPY_FLUX, HEAT_STORAGE
 from validation.field_files.openfoam import entry
 
 ROOM, PRESSURE = 303.15, 95000.0

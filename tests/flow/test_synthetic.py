@@ -15,15 +15,15 @@ from numpy.testing import assert_allclose, assert_array_equal
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.plain import structured
-from iriftrace.field.index_field import IndexField
-from iriftrace.field.origin import origin_of
-from iriftrace.field.read import read_field
-from iriftrace.field.source import FieldKind, FieldSource
 from iriftrace.flow.synthetic import mesh
 from iriftrace.flow.synthetic.field import synthetic_field
 from iriftrace.flow.synthetic.mesh import AirMesh, air_mesh, usual_mesh
 from iriftrace.flow.synthetic.model import SyntheticAir, laminar_boundary_layer_mm, synthetic_air
 from iriftrace.image.aov_image import read_exr
+from iriftrace.io.field import read_field
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.origin import origin_of
+from iriftrace.medium.source import FieldKind, FieldSource
 from iriftrace.part.part import Part, part_of_mesh
 from validation.inputs.parts import gear
 
@@ -355,7 +355,7 @@ def test_file_says_that_it_is_synthetic(written: Path) -> None:
 @pytest.mark.usefixtures("variant")
 def test_every_result_says_that_it_is_synthetic(written: Path) -> None:
     """Shells' table, field for the continuous engine, XML, EXR header, metrics."""
-    from iriftrace.field.path_data import load_field_file
+    from iriftrace.medium.path_data import load_field_file
 
     table = json.loads((written / "scene" / "shells" / "shells.json").read_text())
     assert table["source"]["origin"].startswith("synthetic: ")

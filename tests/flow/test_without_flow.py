@@ -21,7 +21,7 @@ class Blocked:
             raise ModuleNotFoundError(name)
 
 sys.meta_path.insert(0, Blocked())
-from iriftrace.runtime.variant import ensure
+from iriftrace.core.runtime.variant import ensure
 ensure()
 for name in sys.argv[1:]:
     import_module(name)

@@ -8,7 +8,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import Distortion
 from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError
-from iriftrace.image.camera_motion import fit_camera_motion, interaction_matrix
+from iriftrace.measuring.camera_motion import fit_camera_motion, interaction_matrix
 from validation.inputs.lenses import LENSES, lens_camera
 
 MOTION = np.array((4e-3, -3e-3, 6e-3, 2e-5, -3e-5, 5e-5))

@@ -15,8 +15,8 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.figures.comparison import comparison_figure
 from iriftrace.image.aov_image import AovImage
-from iriftrace.image.comparison import compare, correlation
-from iriftrace.image.measured_shift import MeasuredShift
+from iriftrace.io.measured_shift import MeasuredShift
+from iriftrace.measuring.comparison import compare, correlation
 from validation.inputs.lenses import LENSES, lens_camera
 from validation.oracles.aov_by_hand import make_image, make_part
 

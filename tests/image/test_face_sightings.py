@@ -10,11 +10,11 @@ from iriftrace.camera.pose_set import PoseSet
 from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.sightings import COLUMNS, seen_by_pose, sight_faces, sightings_of
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.scene import Scene
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.sweep import run_sweep
-from iriftrace.trace.render import render_scene
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.render import render_scene
+from iriftrace.tracing.scene import Scene
 from validation.oracles.aov_by_hand import make_image, plate
 
 # A pose from above changes without every second shell; what each pose sees is the question here.

@@ -7,7 +7,7 @@ import OpenEXR
 import pytest
 
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.image.measured_shift import read_measured_shift
+from iriftrace.io.measured_shift import read_measured_shift
 
 FIELD = np.arange(24, dtype=np.float32).reshape(3, 4, 2) / 7
 FIELD[1, 2] = np.nan

@@ -11,7 +11,7 @@ from attrs import evolve
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import AovImage, Status, read_exr
-from iriftrace.image.surface import write_surface
+from iriftrace.io.surface import write_surface
 from iriftrace.scenes import folder_of
 
 VECTOR = ("displacement.X", "displacement.Y", "displacement.Z")

@@ -7,12 +7,12 @@ import pytest
 import pyvista as pv
 
 from iriftrace.core.errors import InputError
-from iriftrace.geometry.ply import read_ply
-from iriftrace.geometry.transform import apply
+from iriftrace.core.mesh.transform import apply
 from iriftrace.io.cloud_write import WRITTEN
 from iriftrace.io.clouds import Cloud, read_cloud
 from iriftrace.io.e57 import read_scan
-from iriftrace.triangulation.correction import Correction, CorrectionStatus
+from iriftrace.io.ply import read_ply
+from iriftrace.measuring.two_devices.correction import Correction, CorrectionStatus
 
 RNG = np.random.default_rng(4)
 ROWS = RNG.uniform(-80, 80, (12, 3))

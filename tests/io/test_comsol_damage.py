@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.field.read import read_field
+from iriftrace.io.field import read_field
 from iriftrace.part.part import read_part
 from validation.field_files import comsol
 from validation.inputs.field_grids import AMBIENT, box

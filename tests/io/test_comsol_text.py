@@ -9,9 +9,9 @@ import pyvista as pv
 from numpy.testing import assert_allclose
 
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.field.index_field import IndexField
-from iriftrace.field.read import read_field
-from iriftrace.field.readers.members import members
+from iriftrace.io.field import read_field
+from iriftrace.io.members import members
+from iriftrace.medium.index_field import IndexField
 from iriftrace.part.part import Part, read_part
 from validation.field_files import comsol
 from validation.inputs.field_grids import AMBIENT, box, saved

@@ -9,8 +9,8 @@ import pyvista as pv
 
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.mesh.triangles import polydata
 from iriftrace.flow.simulate.case import Case, natural_case, symmetric_case
-from iriftrace.geometry.triangles import polydata
 from iriftrace.io.measured import read_measured_wall
 from iriftrace.part.part import Part, save_part
 from iriftrace.part.wall_temperature import MeasuredWall, measured_wall, wall_temperature

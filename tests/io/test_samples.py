@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from iriftrace.field.read import read_field
 from iriftrace.io.clouds import read_cloud
+from iriftrace.io.field import read_field
 
 DATA = Path(__file__).parents[1] / "data"
 

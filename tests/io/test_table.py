@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from iriftrace.core.errors import InputError
-from iriftrace.field.readers.states import Column
+from iriftrace.io.states import Column
 from iriftrace.io.table import Table, read_table, table_in
 
 ROWS = ((-1.5, 0.0, 3e-7), (40.25, 5.0, 6.5))

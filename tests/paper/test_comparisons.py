@@ -9,9 +9,9 @@ import xarray as xr
 from attrs import evolve
 
 from iriftrace.core.errors import InputError
-from iriftrace.field.index_field import IndexField
-from iriftrace.scene.scene import Scene
-from iriftrace.shells.contour import contour_shells
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.shells.contour import contour_shells
+from iriftrace.tracing.scene import Scene
 from validation.inputs.study_inputs import field_and_scene
 from validation.paper.figures import comparison_figure
 from validation.paper.kinds import layers_study, mesh_study, smoothed, smoothing_study

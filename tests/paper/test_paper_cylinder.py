@@ -5,11 +5,11 @@ import pytest
 import xarray as xr
 
 from iriftrace.camera.orbit import Orbit, orbit_poses
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.scene import Scene
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.sweep import run_sweep
-from iriftrace.trace.render import render_scene
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.render import render_scene
+from iriftrace.tracing.scene import Scene
 from validation.paper.nearest import nearest_resolution
 
 pytestmark = pytest.mark.slow

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from attrs import evolve
 
-from iriftrace.field.index_field import IndexField
 from iriftrace.image.aov_image import Status
-from iriftrace.scene.hot_air import HotAir
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.scene import Scene
+from iriftrace.medium.hot_air import HotAir
+from iriftrace.medium.index_field import IndexField
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.scene import Scene
 from validation.inputs.study_inputs import field_and_scene
 from validation.paper.mode import OURS, PAPERS, Mode, shells_of, through_shells
 from validation.paper.study import picture

@@ -7,10 +7,10 @@ from attrs import evolve
 from numpy.testing import assert_allclose, assert_array_equal
 
 from iriftrace.core.errors import InputError
-from iriftrace.geometry.topology import open_edges
-from iriftrace.geometry.triangles import area_vectors
-from iriftrace.shells.contour import contour_shells
-from iriftrace.shells.stack import ShellStack
+from iriftrace.core.mesh.topology import open_edges
+from iriftrace.core.mesh.triangles import area_vectors
+from iriftrace.medium.shells.contour import contour_shells
+from iriftrace.medium.shells.stack import ShellStack
 from validation.inputs.shell_fields import (
     edge_counts,
     is_wound_consistently,

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from iriftrace.field.index_field import IndexField
-from iriftrace.geometry.triangles import area_vectors
-from iriftrace.shells.contour import contour_shells
+from iriftrace.core.mesh.triangles import area_vectors
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.shells.contour import contour_shells
 from validation.inputs.shell_fields import sphere_field
 from validation.paper.split_cells import as_tetrahedra, split_tetrahedra
 

@@ -7,7 +7,7 @@ import pytest
 
 from bench.queries import Recording
 from iriftrace.core.errors import InputError
-from iriftrace.shells.contour import contour_shells
+from iriftrace.medium.shells.contour import contour_shells
 from validation.inputs.study_inputs import field_and_scene
 from validation.paper import times
 from validation.paper.figures import timing_figure

@@ -3,8 +3,8 @@
 import numpy as np
 import trimesh
 
-from iriftrace.geometry.topology import cells_to_flip, find_neighbours, weld
-from iriftrace.geometry.triangles import area_vectors, unit_vectors
+from iriftrace.core.mesh.topology import cells_to_flip, find_neighbours, weld
+from iriftrace.core.mesh.triangles import area_vectors, unit_vectors
 from iriftrace.part.regions import Regions, find_smooth_groups, name_regions
 
 

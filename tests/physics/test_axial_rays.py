@@ -7,10 +7,10 @@ packet traversal then missed triangles for the whole packet: 14 % of the rays of
 import numpy as np
 import pytest
 
-from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
-from iriftrace.trace.pose_image import pose_image
-from iriftrace.trace.rays import trace_rays
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.pose_image import pose_image
+from iriftrace.tracing.rays import trace_rays
 from validation.inputs.cameras import camera_at
 
 

@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 
 from iriftrace.camera.pose import look_at
-from iriftrace.field.index_field import IndexField
-from iriftrace.field.read import read_field
 from iriftrace.image.aov_image import AovImage, Status
+from iriftrace.io.field import read_field
+from iriftrace.medium.hot_air import AirState
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.shells.contour import contour_shells
 from iriftrace.part.part import read_part
-from iriftrace.scene.hot_air import AirState
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.scene import Scene
-from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
-from iriftrace.shells.contour import contour_shells
-from iriftrace.trace.pose_image import pose_image
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.pose_image import pose_image
+from iriftrace.tracing.scene import Scene
+from iriftrace.tracing.write import write_scene
 from validation.inputs.cameras import camera_at
 from validation.inputs.solved_fields import DATA, in_tetrahedra
 

@@ -15,7 +15,7 @@ import pyvista as pv
 import trimesh
 from scipy.spatial import Delaunay
 
-from iriftrace.field.path_data import cells_of
+from iriftrace.medium.path_data import cells_of
 from iriftrace.plugins.kernels.tetrahedra import TetrahedralAir
 from validation.inputs.shell_fields import field_of, hexahedra
 from validation.inputs.small_scenes import part

@@ -2,8 +2,8 @@
 
 import pytest
 
+from iriftrace.medium.shells.levels import index_levels
 from iriftrace.scenes.analytic import cylinder_radii
-from iriftrace.shells.levels import index_levels
 from validation.oracles.closed_forms import (
     CYLINDER_UM,
     REFRACTIVITY,

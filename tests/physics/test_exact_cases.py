@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from iriftrace.medium.shells.levels import index_levels
 from iriftrace.plugins.first_hit import BENDING
 from iriftrace.scenes.analytic import cylinder_radii
-from iriftrace.shells.levels import index_levels
-from iriftrace.trace.rays import RayHits
+from iriftrace.tracing.rays import RayHits
 from validation.oracles.closed_forms import (
     CYLINDER_UM,
     SLAB_SHIFT_UM,

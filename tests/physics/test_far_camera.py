@@ -7,7 +7,7 @@ import pytest
 from attrs import evolve
 
 from iriftrace.scenes.analytic import slab
-from iriftrace.trace.rays import trace_rays
+from iriftrace.tracing.rays import trace_rays
 from validation.inputs.scene_rays import loaded
 
 

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from iriftrace.field.gradient import TETRAHEDRON_EDGES
-from iriftrace.field.polyhedra import SPLIT
-from iriftrace.field.read import read_field
-from iriftrace.field.readers.vtk_process import read_case
-from iriftrace.field.tetrahedra import OPPOSITE, Tetrahedra, tetrahedra_of
 from iriftrace.flow.simulate.part_surface import mirrored_grid
 from iriftrace.image.aov_image import Status
-from iriftrace.scene.hot_air import AirState
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.scene import Scene
-from iriftrace.scene.write import write_scene
-from iriftrace.trace.rays import trace_rays
+from iriftrace.io.field import read_field
+from iriftrace.io.vtk_check import read_case
+from iriftrace.medium.gradient import TETRAHEDRON_EDGES
+from iriftrace.medium.hot_air import AirState
+from iriftrace.medium.polyhedra import SPLIT
+from iriftrace.medium.tetrahedra import OPPOSITE, Tetrahedra, tetrahedra_of
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.rays import trace_rays
+from iriftrace.tracing.scene import Scene
+from iriftrace.tracing.write import write_scene
 from validation.inputs.solved_fields import SOLVED, camera_at
 
 CASE = Path(__file__).parents[2] / "validation/data/quarter_cylinder"

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from iriftrace.field.gradient import point_gradient
-from iriftrace.field.index_field import IndexField
-from iriftrace.field.read import read_field
+from iriftrace.io.field import read_field
+from iriftrace.medium.gradient import point_gradient
+from iriftrace.medium.index_field import IndexField
 
 TREE = Path(__file__).parents[2]
 RAYS, STEPS = 400, 2000

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from iriftrace.air.refractivity import Air
 from iriftrace.core.errors import InputError
+from iriftrace.medium.air.refractivity import Air
 from scenes.generators.plate import PlateAir
 from validation.flow.plate import expected, in_formula
 from validation.oracles.hot_plate import profile, similarity

@@ -9,9 +9,9 @@ from attrs import evolve
 
 from iriftrace.camera.distortion import Distortion
 from iriftrace.image.metrics import pose_metrics
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.write import write_scene
-from iriftrace.shells.contour import contour_shells
+from iriftrace.medium.shells.contour import contour_shells
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.write import write_scene
 from validation.inputs.cameras import camera_at
 from validation.inputs.lenses import LENSES, lens_camera
 from validation.inputs.shell_fields import sphere_field

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from iriftrace.image.aov_image import Status
-from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
-from iriftrace.trace.pose_image import pose_image
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.pose_image import pose_image
 from validation.sections.noise_floor import matched_scene
 
 

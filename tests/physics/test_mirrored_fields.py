@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iriftrace.field.tetrahedra import tetrahedra_of
+from iriftrace.medium.tetrahedra import tetrahedra_of
 from validation.inputs.solved_fields import SOLVED
 
 

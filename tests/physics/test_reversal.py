@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
-from iriftrace.trace.rays import trace_rays
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.rays import trace_rays
 
 CAMERA = np.array((150.0, -100.0, 120.0))
 

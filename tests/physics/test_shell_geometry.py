@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from iriftrace.field.index_field import IndexField
-from iriftrace.field.read import read_field
-from iriftrace.geometry.triangles import area_vectors
-from iriftrace.shells.contour import contour_shells
-from iriftrace.shells.report import ShellReport, report_shells
-from iriftrace.shells.stack import ShellStack
+from iriftrace.core.mesh.triangles import area_vectors
+from iriftrace.io.field import read_field
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.shells.contour import contour_shells
+from iriftrace.medium.shells.report import ShellReport, report_shells
+from iriftrace.medium.shells.stack import ShellStack
 from validation.inputs.shell_fields import (
     edge_counts,
     is_wound_consistently,

@@ -8,15 +8,15 @@ import pytest
 import xarray as xr
 
 from iriftrace.camera.orbit import Orbit, orbit_poses
-from iriftrace.field.read import read_field
+from iriftrace.io.field import read_field
+from iriftrace.io.shells import load_shells
+from iriftrace.medium.shells.contour import contour_shells
+from iriftrace.medium.shells.stack import Shell, ShellStack
 from iriftrace.part.part import read_part
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
-from iriftrace.shells.contour import contour_shells
-from iriftrace.shells.files import load_shells
-from iriftrace.shells.stack import Shell, ShellStack
 from iriftrace.sweep.sweep import run_sweep
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.write import write_scene
 from validation.inputs.solved_fields import DATA
 
 FIELD = DATA / "cylinder_A.vtu"

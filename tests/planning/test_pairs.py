@@ -12,16 +12,16 @@ from attrs import evolve
 from iriftrace.cli import main
 from iriftrace.cli.plan_text import print_pairs
 from iriftrace.core.errors import InputError
-from iriftrace.features.choice import FeatureChoice
+from iriftrace.measuring.features.choice import FeatureChoice
+from iriftrace.measuring.two_devices.measure import measure
+from iriftrace.measuring.two_devices.scan import Scan
 from iriftrace.planning.criteria import Criteria
 from iriftrace.planning.pairs import plan_pairs
 from iriftrace.planning.refine import refine_pair
-from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.reload import swept_camera
 from iriftrace.sweep.store import read_sweep
-from iriftrace.triangulation.measure import measure
-from iriftrace.triangulation.scan import Scan
+from iriftrace.tracing.load import load_scene
 
 BY_ERROR = Criteria(
     displacement=1.0, coverage=0.0, axial=0.0, lateral=0.0, statistic="median", min_coverage=0.15

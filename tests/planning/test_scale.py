@@ -11,9 +11,9 @@ from iriftrace.planning.cover import plan_views
 from iriftrace.planning.criteria import Criteria
 from iriftrace.planning.pairs import plan_pairs
 from iriftrace.planning.rank import rank_poses
-from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.sweep import run_sweep
+from iriftrace.tracing.load import load_scene
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore:.*every second shell"),

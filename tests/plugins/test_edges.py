@@ -5,9 +5,9 @@ import pytest
 import trimesh
 
 from iriftrace.plugins.kernels.edges import NONE, edge_neighbours
-from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
-from iriftrace.trace.rays import trace_rays
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.rays import trace_rays
 
 RAYS = 4000
 BESIDE_MM = 2e-5

@@ -13,17 +13,17 @@ from attrs import evolve
 
 from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.field.path_data import FIELD_FILE, cells_of, load_field_file, save_field_file
-from iriftrace.field.tetrahedra import tetrahedra_of
 from iriftrace.image.aov_image import CHANNELS, ERROR_CHANNEL, Status, read_exr
+from iriftrace.medium.hot_air import AirState
+from iriftrace.medium.path_data import FIELD_FILE, cells_of, load_field_file, save_field_file
+from iriftrace.medium.shells.contour import contour_shells
+from iriftrace.medium.tetrahedra import tetrahedra_of
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.plugins.calibrated_camera import sensor_of
-from iriftrace.scene.hot_air import AirState
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.write import write_scene
-from iriftrace.shells.contour import contour_shells
-from iriftrace.trace.rays import is_inside, trace_rays
-from iriftrace.trace.render import render_scene
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.rays import is_inside, trace_rays
+from iriftrace.tracing.render import render_scene
+from iriftrace.tracing.write import write_scene
 from validation.inputs.cameras import camera_at
 from validation.inputs.shell_fields import AMBIENT, HOTTEST, field_of, hexahedra, sphere_field
 
@@ -258,7 +258,7 @@ def test_cells_of_ambient_air_are_left_out(
     field.grid.points[ambient] *= np.random.default_rng(3).uniform(0.7, 1.3, (ambient.sum(), 1))
     np.testing.assert_array_equal(displacements("folded")[0], fewer)
     field.grid.points[:] = points
-    monkeypatch.setattr("iriftrace.field.path_data.AMBIENT_SHARE", 0.0)
+    monkeypatch.setattr("iriftrace.medium.path_data.AMBIENT_SHARE", 0.0)
     whole, all_of_them = displacements("whole")
     change, moved = (np.linalg.norm(vectors, axis=1) for vectors in (fewer - whole, whole))
     assert np.percentile(change, 95) < 2e-3 * np.median(moved)

@@ -11,8 +11,8 @@ import trimesh
 from iriftrace import Scene, trace_rays
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.image.aov_image import Status
+from iriftrace.medium.shells.hessian import HESSIAN_AXES
 from iriftrace.plugins.kernels.tables import SceneTables, is_closed
-from iriftrace.shells.hessian import HESSIAN_AXES
 from validation.inputs.small_scenes import (
     camera,
     channels,

@@ -7,9 +7,9 @@ import pytest
 
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
+from iriftrace.core.runtime.variant import CudaState
 from iriftrace.plugins import film as picture_memory
 from iriftrace.plugins.film import BYTES_PER_PIXEL, check_picture_size, memory_bytes
-from iriftrace.runtime.variant import CudaState
 from iriftrace.scenes import folder_of
 
 

@@ -11,8 +11,8 @@ from iriftrace.core.errors import IriftraceWarning
 from iriftrace.image.aov_image import CHANNELS, Status
 from iriftrace.part.part import part_of_mesh
 from iriftrace.scenes.analytic import concentric_cylinders, slab
-from iriftrace.trace.pose_image import pose_image
-from iriftrace.trace.rays import trace_rays
+from iriftrace.tracing.pose_image import pose_image
+from iriftrace.tracing.rays import trace_rays
 from validation.inputs.cameras import camera_at
 from validation.inputs.scene_rays import loaded
 from validation.inputs.small_scenes import (

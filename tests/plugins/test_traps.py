@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from iriftrace.core.errors import InputError, IriftraceWarning, SetupError
-from iriftrace.runtime import variant as runtime
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.scene import Scene
-from iriftrace.scene.write import write_scene
+from iriftrace.core.runtime import variant as runtime
+from iriftrace.io.shells import read_shell, write_shell
+from iriftrace.medium.shells.stack import Shell, ShellStack
 from iriftrace.scenes.analytic import slab
-from iriftrace.shells.files import read_shell, write_shell
-from iriftrace.shells.stack import Shell, ShellStack
-from iriftrace.trace.rays import trace_rays
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.rays import trace_rays
+from iriftrace.tracing.scene import Scene
+from iriftrace.tracing.write import write_scene
 from validation.inputs.scene_rays import ANY_CAMERA
 from validation.inputs.small_scenes import (
     channels,

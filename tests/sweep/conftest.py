@@ -3,9 +3,9 @@
 import pytest
 
 from iriftrace.camera.orbit import Orbit
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.scene import Scene
 from iriftrace.scenes import folder_of
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.scene import Scene
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 from iriftrace.core.errors import InputError
-from iriftrace.core.netcdf import read_netcdf
+from iriftrace.io.netcdf import read_netcdf
 from iriftrace.sweep.journal import Journal, Piece, Progress, Work, journal_of, open_journal
 from iriftrace.sweep.pose import fingerprint
 

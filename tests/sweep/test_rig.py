@@ -13,12 +13,12 @@ from numpy.testing import assert_array_equal
 import iriftrace
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
+from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.planning.criteria import METRICS, Criteria, Criterion
 from iriftrace.planning.rank import rank_poses
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.scene import Scene
 from iriftrace.scenes import folder_of
-from iriftrace.triangulation.measure import measure
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.scene import Scene
 
 pytestmark = [
     pytest.mark.usefixtures("variant"),

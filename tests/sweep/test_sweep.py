@@ -15,15 +15,15 @@ from iriftrace.camera.orbit import Orbit, orbit_poses
 from iriftrace.camera.pose_set import PoseSet
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.image.sightings import sightings_of
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.scene import Scene
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.export import write_face_maps, write_table
 from iriftrace.sweep.measures import MEASURES
 from iriftrace.sweep.series import Series
 from iriftrace.sweep.store import read_sweep
 from iriftrace.sweep.sweep import SweepOptions, run_series, run_sweep
-from iriftrace.trace.render import render_scene
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.render import render_scene
+from iriftrace.tracing.scene import Scene
 from validation.inputs.journals import pieces_done
 
 # The pose from above is traced through the field, of which the sweep tells.

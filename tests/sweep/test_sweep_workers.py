@@ -17,11 +17,11 @@ from distributed import CancelledError, KilledWorker, LocalCluster
 from iriftrace.camera.orbit import Orbit, orbit_poses
 from iriftrace.camera.pose_set import PoseSet
 from iriftrace.core.errors import InputError, SetupError
-from iriftrace.scene.scene import Scene
 from iriftrace.sweep import workers as sweep_workers
 from iriftrace.sweep.pose import PoseTask, source_of
 from iriftrace.sweep.sweep import run_sweep
 from iriftrace.sweep.workers import check_scheduler, host_of, pose_workers
+from iriftrace.tracing.scene import Scene
 
 # The pose from above is traced through the field, of which the sweep tells.
 pytestmark = pytest.mark.filterwarnings("ignore:.*every second shell")

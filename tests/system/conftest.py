@@ -9,8 +9,8 @@ import pytest
 from failing import NINE_POSES, Failing, Run
 
 from iriftrace.cli import main
+from iriftrace.core.runtime import doctor
 from iriftrace.figures import pose, space, style
-from iriftrace.runtime import doctor
 from validation.inputs import hot_block
 from validation.inputs.hot_block import HotBlock
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def test_demo_with_a_bad_llvm(tmp_path: Path) -> None:
-    """tests/runtime has the libraries that are too old, which are found out in the same way."""
+    """tests/core has the libraries that are too old, which are found out in the same way."""
     program = Path(sys.executable).with_name("iriftrace")
     done = subprocess.run(
         [str(program), "demo", "-o", "out"],

@@ -14,7 +14,7 @@ from failing import Failing
 
 from iriftrace.cli import main
 from iriftrace.image.aov_image import read_exr
-from iriftrace.scene.load import load_scene
+from iriftrace.tracing.load import load_scene
 from validation.inputs.hot_block import HotBlock
 
 MATRIX = np.array(((400.0, 0.0, 61.0), (0.0, 402.0, 48.5), (0.0, 0.0, 1.0)))

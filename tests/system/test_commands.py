@@ -18,8 +18,8 @@ from rich.console import Console
 
 import iriftrace
 from iriftrace.cli import console, main
+from iriftrace.core.runtime import doctor
 from iriftrace.image.aov_image import CHANNELS, Status
-from iriftrace.runtime import doctor
 from validation.inputs.hot_block import HotBlock
 
 COMMANDS = (
@@ -76,7 +76,7 @@ def test_exit_codes_reach_the_shell(tmp_path: Path) -> None:
 
 def test_version_and_doctor(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     assert run("--version").strip() == iriftrace.__version__
-    # tests/runtime runs the trials.
+    # tests/core runs the trials.
     monkeypatch.setattr(doctor, "run_trial", lambda variant: None)
     monkeypatch.setattr(doctor, "drawing_trouble", lambda: "")
     printed = run("doctor")

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from iriftrace.cli import main
+from iriftrace.io.shells import load_shells
+from iriftrace.medium.shells.report import DATA_BOUNDARY, PART_WALL
 from iriftrace.part.part import read_part
-from iriftrace.scene.write import write_scene
-from iriftrace.scene.xml import SceneSettings
 from iriftrace.scenes import folder_of, shells_of
-from iriftrace.shells.files import load_shells
-from iriftrace.shells.report import DATA_BOUNDARY, PART_WALL
+from iriftrace.tracing.write import write_scene
+from iriftrace.tracing.xml import SceneSettings
 from scenes.generators.bevel_gear import TOOTH, bevel_gear
 from scenes.generators.components import COMPONENTS, LAYERS, TOOTH_NUMBER, TOOTH_SCENE, write_tooth
 

@@ -8,13 +8,13 @@ import pytest
 
 from iriftrace.cli import main
 from iriftrace.core.errors import IriftraceWarning
-from iriftrace.field.path_data import FIELD_FILE
+from iriftrace.core.runtime import variant as runtime
 from iriftrace.image.aov_image import read_exr
-from iriftrace.runtime import variant as runtime
-from iriftrace.scene.load import load_scene
+from iriftrace.medium.path_data import FIELD_FILE
 from iriftrace.sweep.reload import load_swept_scene
 from iriftrace.sweep.store import read_sweep
-from iriftrace.trace.render import render_scene
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.render import render_scene
 from validation.inputs.hot_block import HotBlock
 
 

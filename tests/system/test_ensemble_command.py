@@ -9,12 +9,12 @@ import pytest
 import pyvista as pv
 from failing import Failing, Run
 
-from iriftrace.air.refractivity import Air
 from iriftrace.cli import main
 from iriftrace.image.aov_image import Status, read_exr
-from iriftrace.scene.ensemble import read_members
-from iriftrace.scene.load import load_scene
-from iriftrace.trace.render import render_scene
+from iriftrace.medium.air.refractivity import Air
+from iriftrace.tracing.ensemble import read_members
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.render import render_scene
 from validation.inputs import hot_block
 
 pytestmark = pytest.mark.usefixtures("variant")

@@ -11,7 +11,7 @@ import pytest
 from iriftrace.cli import main
 from iriftrace.cli.field_options import FieldOptions, PartOptions
 from iriftrace.core.errors import InputError
-from iriftrace.field.read import read_field
+from iriftrace.io.field import read_field
 from iriftrace.part import uneven_growth
 from iriftrace.part.part import read_part, save_part
 from iriftrace.part.standards import cylinder

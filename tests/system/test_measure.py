@@ -13,8 +13,8 @@ from failing import Failing
 
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
-from iriftrace.geometry.ply import write_ply_points
 from iriftrace.io.clouds import read_cloud
+from iriftrace.io.ply import write_ply_points
 from iriftrace.scenes import folder_of
 from validation.oracles.html_page import read_page
 

@@ -12,14 +12,14 @@ from failing import NINE_POSES, Failing, Run
 
 import iriftrace
 from iriftrace.camera.pose import look_at
-from iriftrace.camera.pose_files import read_poses
 from iriftrace.camera.pose_set import PoseSet
 from iriftrace.cli import main
 from iriftrace.figures import report as report_module
+from iriftrace.io.poses import read_poses
 from iriftrace.planning.cover import ViewLimits
-from iriftrace.scene.load import load_scene
 from iriftrace.sweep.store import read_sweep
 from iriftrace.sweep.sweep import run_sweep
+from iriftrace.tracing.load import load_scene
 from validation.inputs.hot_block import HotBlock
 from validation.oracles.html_page import read_page
 

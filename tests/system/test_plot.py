@@ -8,10 +8,10 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from iriftrace.cli import main
+from iriftrace.core.runtime import doctor
 from iriftrace.figures import sweep as sweep_figures
 from iriftrace.figures import sweep_space
 from iriftrace.planning.summary import extreme_images, summarise
-from iriftrace.runtime import doctor
 from iriftrace.sweep.store import read_sweep
 from validation.inputs.hot_block import HotBlock
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from iriftrace.cli.program import app
+from iriftrace.core.runtime.variant import using
 from iriftrace.image.aov_image import CHANNELS
-from iriftrace.runtime.variant import using
 
 CHECKOUT = Path(__file__).parents[2]
 PAGES = {

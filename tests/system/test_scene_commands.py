@@ -11,7 +11,7 @@ from failing import Run, metrics_of
 import iriftrace
 from iriftrace.cli import main
 from iriftrace.core.arrays import FloatArray
-from iriftrace.shells.files import load_shells
+from iriftrace.io.shells import load_shells
 from validation.inputs import hot_block
 from validation.inputs.hot_block import HotBlock
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of, names
-from iriftrace.trace.render import render_scene
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.render import render_scene
 from scenes.generators.bundled import write_bundled, write_plate
 
 COLUMNS = ("good", "missed", "out_of_focus", "refracted_missed", "index_mismatch")

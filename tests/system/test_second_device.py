@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from iriftrace.cli import main
-from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
+from iriftrace.tracing.load import load_scene
 from scenes.generators.bundled import FRINGE_SCENE, write_fringe
 from validation.inputs import hot_block
 

@@ -12,7 +12,6 @@ from attrs import frozen
 
 from iriftrace.cli import main
 from iriftrace.core.errors import SetupError
-from iriftrace.field.read import read_field
 from iriftrace.flow.check.heat_balance import heat_balance
 from iriftrace.flow.check.nusselt import nusselt_horizontal_cylinder
 from iriftrace.flow.simulate.case import Case
@@ -21,9 +20,10 @@ from iriftrace.flow.simulate.mesh import make_mesh, wall_patch
 from iriftrace.flow.simulate.programs import find_openfoam, step_times
 from iriftrace.flow.simulate.simulate import check_solver, prepare
 from iriftrace.flow.simulate.times import Times
+from iriftrace.io.field import read_field
 from iriftrace.part.part import read_part
 from iriftrace.part.wall_temperature import WallTemperatures
-from iriftrace.scene.load import load_scene
+from iriftrace.tracing.load import load_scene
 from validation.lost_rays import lost_in
 
 pytestmark = pytest.mark.slow

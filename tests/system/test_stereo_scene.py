@@ -11,7 +11,7 @@ from failing import Failing
 
 from iriftrace.camera.pose import look_at
 from iriftrace.cli import main
-from iriftrace.scene.load import load_scene
+from iriftrace.tracing.load import load_scene
 from validation.inputs import stereo_files as rig
 from validation.inputs.hot_block import HotBlock
 

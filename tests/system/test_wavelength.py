@@ -13,10 +13,10 @@ import pytest
 import xarray as xr
 from failing import Failing
 
-from iriftrace.air.refractivity import Air
 from iriftrace.cli import main
 from iriftrace.image.aov_image import AovImage, read_exr
-from iriftrace.scene.load import load_scene
+from iriftrace.medium.air.refractivity import Air
+from iriftrace.tracing.load import load_scene
 from validation.inputs import hot_block
 from validation.inputs.hot_block import HotBlock
 

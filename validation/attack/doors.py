@@ -8,21 +8,21 @@ from pathlib import Path
 
 from attrs import frozen
 
-from iriftrace.camera.pose_files import read_poses
-from iriftrace.field.path_data import FIELD_FILE, load_field_file
-from iriftrace.field.read import read_field
 from iriftrace.image.aov_image import read_exr
-from iriftrace.image.measured_shift import read_measured_shift
 from iriftrace.io.calibration import read_calibration, read_stereo_calibration
 from iriftrace.io.clouds import read_cloud
+from iriftrace.io.field import read_field
+from iriftrace.io.iso_surfaces import import_shells
+from iriftrace.io.measured_shift import read_measured_shift
+from iriftrace.io.poses import read_poses
+from iriftrace.io.shells import load_shells
+from iriftrace.medium.hot_air import HotAir
+from iriftrace.medium.path_data import FIELD_FILE, load_field_file
 from iriftrace.part.part import read_part
-from iriftrace.scene.hot_air import HotAir
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.scene import Scene
-from iriftrace.shells.files import load_shells
-from iriftrace.shells.imported import import_shells
 from iriftrace.sweep.journal import journal_of, open_journal
 from iriftrace.sweep.store import read_sweep
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.scene import Scene
 from validation.attack import samples
 from validation.field_files import cgns, exodus, xdmf
 from validation.inputs import hot_block, stereo_files

@@ -14,15 +14,15 @@ import pyvista as pv
 import trimesh
 
 from iriftrace.camera.camera import Camera
-from iriftrace.camera.pose_files import write_poses
 from iriftrace.camera.pose_set import PoseSet
 from iriftrace.cli import main
-from iriftrace.field.read import read_field
 from iriftrace.io.cloud_write import save_cloud
+from iriftrace.io.field import read_field
+from iriftrace.io.poses import write_poses
+from iriftrace.medium.hot_air import HotAir
 from iriftrace.part.part import read_part, save_part
-from iriftrace.scene.hot_air import HotAir
-from iriftrace.scene.scene import Scene
 from iriftrace.sweep.journal import Piece, Work, open_journal
+from iriftrace.tracing.scene import Scene
 from validation.field_files import comsol, ensight
 from validation.field_files.openfoam import write_case
 from validation.field_files.openfoam_mesh import Patch

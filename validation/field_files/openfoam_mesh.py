@@ -9,7 +9,7 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
-from iriftrace.field.gradient import cell_corners
+from iriftrace.medium.gradient import cell_corners
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -15,8 +15,8 @@ from attrs import frozen
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
+from iriftrace.core.runtime.variant import ensure
 from iriftrace.core.units import ZERO_CELSIUS_K
-from iriftrace.runtime.variant import ensure
 from scenes.generators.plate import PlateAir
 from validation.flow import cylinder, plate
 from validation.flow.table import Table

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from iriftrace.air import thermophysics as gas
-from iriftrace.air.refractivity import Air
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.flow.check.nusselt import local_nusselt
+from iriftrace.medium.air import thermophysics as gas
+from iriftrace.medium.air.refractivity import Air
 from iriftrace.part.part import Part
 from iriftrace.part.standards import cylinder
 from validation.flow.simulated import Run, bent, solved_wall

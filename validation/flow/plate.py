@@ -10,11 +10,11 @@ import pyvista as pv
 import trimesh
 from attrs import evolve
 
-from iriftrace.air import thermophysics as gas
-from iriftrace.air.refractivity import Air
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.units import ZERO_CELSIUS_K
-from iriftrace.field.index_field import IndexField
+from iriftrace.medium.air import thermophysics as gas
+from iriftrace.medium.air.refractivity import Air
+from iriftrace.medium.index_field import IndexField
 from iriftrace.part.part import Part, part_of_mesh
 from scenes.generators.plate import THICKNESS_MM, WIDTH_MM, PlateAir, hot_plate
 from validation.flow.simulated import Run, bent, solved_wall

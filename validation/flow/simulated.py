@@ -15,10 +15,10 @@ import iriftrace
 from iriftrace.cli import main
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import IriftraceWarning
-from iriftrace.field.index_field import IndexField
-from iriftrace.field.read import read_field
+from iriftrace.io.field import read_field
+from iriftrace.medium.index_field import IndexField
 from iriftrace.part.part import Part, part_of_mesh, save_part
-from iriftrace.trace.rays import trace_rays
+from iriftrace.tracing.rays import trace_rays
 from validation.inputs.cameras import camera_at
 
 CAMERA = camera_at(

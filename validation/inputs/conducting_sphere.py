@@ -6,13 +6,13 @@ import numpy as np
 import trimesh
 from attrs import asdict
 
-from iriftrace.air import thermophysics as gas
-from iriftrace.air.refractivity import Air
-from iriftrace.field.index_field import IndexField
-from iriftrace.field.source import FieldSource
 from iriftrace.flow.check.finding import FieldCheck
 from iriftrace.flow.synthetic.mesh import AirMesh, air_mesh
 from iriftrace.flow.synthetic.model import SyntheticAir
+from iriftrace.medium.air import thermophysics as gas
+from iriftrace.medium.air.refractivity import Air
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.source import FieldSource
 from iriftrace.part.part import Part, part_of_mesh
 
 WALL, ROOM = 1373.15, 293.15

@@ -14,16 +14,16 @@ import pyvista as pv
 import trimesh
 from numpy.typing import NDArray
 
-from iriftrace.field.index_field import IndexField
-from iriftrace.field.path_data import cells_of
+from iriftrace.medium.hot_air import AirState
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.path_data import cells_of
+from iriftrace.medium.shells.stack import ShellStack
 from iriftrace.part.part import Part
 from iriftrace.plugins.kernels.tetrahedra import TetrahedralAir
-from iriftrace.scene.hot_air import AirState
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.scene import Scene
-from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import CYLINDER_RADIUS_MM, HOT_AIR_RADIUS_MM, SLAB_MM, WALL_K
-from iriftrace.shells.stack import ShellStack
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.scene import Scene
+from iriftrace.tracing.write import write_scene
 from validation.inputs.scene_rays import ANY_CAMERA
 from validation.inputs.shell_fields import field_of
 from validation.inputs.small_scenes import part

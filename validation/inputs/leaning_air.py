@@ -10,13 +10,13 @@ from attrs import evolve
 
 from iriftrace.camera.pose import look_at
 from iriftrace.core.arrays import FloatArray
-from iriftrace.field.index_field import IndexField
-from iriftrace.field.read import read_field
-from iriftrace.image.measured_shift import MeasuredShift
+from iriftrace.io.field import read_field
+from iriftrace.io.measured_shift import MeasuredShift
+from iriftrace.medium.index_field import IndexField
 from iriftrace.part.board import Board
 from iriftrace.part.part import Part, part_of_mesh
-from iriftrace.scene.scene import Scene
-from iriftrace.trace.rays import trace_rays
+from iriftrace.tracing.rays import trace_rays
+from iriftrace.tracing.scene import Scene
 from validation.inputs.cameras import camera_at
 from validation.inputs.hot_block import AMBIENT, HALF, block
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from iriftrace.camera.camera import Camera
+from iriftrace.medium.shells.stack import ShellStack
 from iriftrace.part.part import Part
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.scene import Scene
-from iriftrace.scene.write import write_scene
-from iriftrace.shells.stack import ShellStack
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.scene import Scene
+from iriftrace.tracing.write import write_scene
 from validation.inputs.cameras import camera_at
 
 ANY_CAMERA = camera_at((0.0, -200.0, 150.0), sensor_mm=(6.7, 5.6), resolution=(153, 128))

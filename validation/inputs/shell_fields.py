@@ -8,10 +8,10 @@ import numpy as np
 import pyvista as pv
 from attrs import evolve
 
-from iriftrace.air.refractivity import Air
-from iriftrace.field.index_field import IndexField
-from iriftrace.field.source import FieldSource
-from iriftrace.shells.stack import ShellStack
+from iriftrace.medium.air.refractivity import Air
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.shells.stack import ShellStack
+from iriftrace.medium.source import FieldSource
 
 AIR = Air()
 AMBIENT = AIR.ambient_refractivity

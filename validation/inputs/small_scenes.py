@@ -13,7 +13,7 @@ import numpy as np
 import trimesh
 
 from iriftrace.image.aov_image import CHANNELS
-from iriftrace.shells.files import write_shell
+from iriftrace.io.shells import write_shell
 
 AMBIENT, HOT = 1.000272, 1.000172
 

@@ -10,9 +10,9 @@ from attrs import evolve, frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
-from iriftrace.field.index_field import IndexField
-from iriftrace.field.read import read_field
-from iriftrace.field.tetrahedra import tetrahedra_of
+from iriftrace.io.field import read_field
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.tetrahedra import tetrahedra_of
 from iriftrace.part.part import Part, read_part
 from iriftrace.scenes import folder_of
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from iriftrace.air.refractivity import Air
+from iriftrace.medium.air.refractivity import Air
 
 FloatArray = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
-from iriftrace.air.refractivity import Air
 from iriftrace.flow.synthetic.model import SyntheticAir
+from iriftrace.medium.air.refractivity import Air
 from iriftrace.part.part import Part
 
 FloatArray = NDArray[np.float64]

@@ -19,9 +19,9 @@ from attrs import frozen
 from scipy.integrate import cumulative_trapezoid, solve_bvp, solve_ivp
 from scipy.interpolate import CubicSpline, PPoly
 
-from iriftrace.air import thermophysics as gas
-from iriftrace.air.refractivity import Air
 from iriftrace.core.arrays import FloatArray
+from iriftrace.medium.air import thermophysics as gas
+from iriftrace.medium.air.refractivity import Air
 
 Ratio = Callable[[FloatArray], FloatArray]
 

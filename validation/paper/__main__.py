@@ -17,10 +17,10 @@ from iriftrace.cli.console import drawn, pose_progress, say, working
 from iriftrace.cli.field_options import FieldOptions, PartOptions, Rule
 from iriftrace.cli.options import Flag, Numbers, Output, Whole
 from iriftrace.core.errors import InputError, IriftraceError
-from iriftrace.runtime import variant
-from iriftrace.scene.hot_air import HotAir
-from iriftrace.scene.scene import Scene
-from iriftrace.scene.viewpoint import refuse_camera_inside
+from iriftrace.core.runtime import variant
+from iriftrace.medium.hot_air import HotAir
+from iriftrace.tracing.scene import Scene
+from iriftrace.tracing.viewpoint import refuse_camera_inside
 from validation.paper.figures import study_figure
 from validation.paper.kinds import (
     layers_study,

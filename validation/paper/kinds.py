@@ -18,9 +18,9 @@ import numpy as np
 from attrs import evolve
 
 from iriftrace.core.errors import InputError
-from iriftrace.field.index_field import IndexField
-from iriftrace.shells.decimate import FEWEST, decimate
-from iriftrace.shells.stack import ShellStack
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.shells.decimate import FEWEST, decimate
+from iriftrace.medium.shells.stack import ShellStack
 from validation.paper.mode import Mode, check_modes, shells_of
 from validation.paper.shell_edits import smooth_taubin, subdivide_midpoint
 from validation.paper.split_cells import as_tetrahedra, split_tetrahedra

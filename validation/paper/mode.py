@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from attrs import evolve, field, frozen
 
 from iriftrace.core.errors import InputError, without_warnings
-from iriftrace.field.index_field import IndexField
-from iriftrace.scene.hot_air import HotAir
-from iriftrace.scene.scene import Scene
-from iriftrace.shells.contour import contour_shells
-from iriftrace.shells.levels import RULES
-from iriftrace.shells.stack import ShellStack
+from iriftrace.medium.hot_air import HotAir
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.shells.contour import contour_shells
+from iriftrace.medium.shells.levels import RULES
+from iriftrace.medium.shells.stack import ShellStack
+from iriftrace.tracing.scene import Scene
 
 
 @frozen
@@ -25,7 +25,7 @@ class Mode:
     normals, inside_hit : str
         See ``first_hit``.
     index_rule : str
-        See :func:`iriftrace.shells.levels.index_levels`.
+        See :func:`iriftrace.medium.shells.levels.index_levels`.
     drop_inner : tuple of int
         Number of innermost levels to leave out of each of a study's fields, or one number for
         all. Their index steps are left out too: rays continue to the part in the air of the last
@@ -101,7 +101,7 @@ def shells_of(
     """Cut the study's field ``number``, from 0, into a mode's shells; None if none is left.
 
     A level that is left out counts even if the field does not reach it. The range is that of
-    :func:`iriftrace.shells.contour.contour_shells`.
+    :func:`iriftrace.medium.shells.contour.contour_shells`.
     """
     if layers > 0 and not mode.leaves(layers, number):
         return None

@@ -8,9 +8,9 @@ from scipy.sparse import csr_array
 
 from iriftrace.core.arrays import AnyIntArray
 from iriftrace.core.errors import InputError
-from iriftrace.geometry.topology import edges_of, open_edges
-from iriftrace.geometry.triangles import unit_vectors
-from iriftrace.shells.stack import Shell, ShellStack
+from iriftrace.core.mesh.topology import edges_of, open_edges
+from iriftrace.core.mesh.triangles import unit_vectors
+from iriftrace.medium.shells.stack import Shell, ShellStack
 
 TAUBIN_FACTORS = 0.20, -0.21
 """Fractions of the way to its neighbours' mean that a vertex moves, in turn; the pass-band ends at

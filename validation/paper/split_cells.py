@@ -6,7 +6,7 @@ import numpy as np
 import pyvista as pv
 
 from iriftrace.core.arrays import FloatArray, IntArray
-from iriftrace.field.index_field import IndexField
+from iriftrace.medium.index_field import IndexField
 
 # Corner numbers 0 to 3 are the tetrahedron's own, 4 to 9 the middles of these edges.
 _EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))

@@ -15,15 +15,15 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import AnyArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
-from iriftrace.core.netcdf import json_attributes, read_netcdf
 from iriftrace.core.plain import JsonObject, plain
-from iriftrace.field.index_field import IndexField
+from iriftrace.core.runtime.variant import free_memory
 from iriftrace.image.ray_statistics import FEWEST_RAYS
-from iriftrace.runtime.variant import free_memory
-from iriftrace.scene.scene import Scene
-from iriftrace.shells.stack import ShellStack
+from iriftrace.io.netcdf import json_attributes, read_netcdf
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.shells.stack import ShellStack
 from iriftrace.sweep.journal import Journal, Piece, Progress, Work
 from iriftrace.sweep.pose import fingerprint
+from iriftrace.tracing.scene import Scene
 from validation.paper.differences import Hits, compare, displacement_statistics, hits_of
 from validation.paper.mode import Mode, check_modes, shells_of, through_cells, through_shells
 from validation.paper.times import COUNTS, REPEATS, STAGES, rendered, times

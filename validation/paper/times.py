@@ -9,8 +9,8 @@ from statistics import median
 
 from bench.queries import Recording
 from iriftrace.core.errors import without_warnings
-from iriftrace.scene.scene import Scene
-from iriftrace.trace.render import Rendering, render_scene
+from iriftrace.tracing.render import Rendering, render_scene
+from iriftrace.tracing.scene import Scene
 
 STAGES = {
     "load": "making the scene and its acceleration structure",

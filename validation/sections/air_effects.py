@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from iriftrace.air.refractivity import Air
-from iriftrace.field.read import read_field
+from iriftrace.io.field import read_field
+from iriftrace.medium.air.refractivity import Air
+from iriftrace.medium.shells.contour import contour_shells
 from iriftrace.part.part import read_part
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
-from iriftrace.shells.contour import contour_shells
-from iriftrace.trace.render import render_scene
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.render import render_scene
+from iriftrace.tracing.write import write_scene
 from validation.line import Line, Section
 
 AIRS = {

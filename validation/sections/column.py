@@ -8,15 +8,15 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from iriftrace.air.refractivity import Air
+from iriftrace.medium.air.refractivity import Air
+from iriftrace.medium.shells.hessian import radial_derivatives
+from iriftrace.medium.shells.levels import index_levels
+from iriftrace.medium.shells.stack import Shell, ShellStack
 from iriftrace.part.part import part_of_mesh
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import tube
-from iriftrace.shells.hessian import radial_derivatives
-from iriftrace.shells.levels import index_levels
-from iriftrace.shells.stack import Shell, ShellStack
-from iriftrace.trace.rays import trace_rays
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.rays import trace_rays
+from iriftrace.tracing.write import write_scene
 from validation.line import Line, Section, relative
 from validation.sections.exact_shells import ANY_CAMERA
 

@@ -9,10 +9,10 @@ from attrs import evolve
 from numpy.typing import NDArray
 
 from iriftrace.plugins.first_hit import BENDING
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import concentric_cylinders, slab
-from iriftrace.trace.rays import RayHits, trace_rays
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.rays import RayHits, trace_rays
+from iriftrace.tracing.write import write_scene
 from validation.curves import draw_convergence
 from validation.inputs.cameras import camera_at
 from validation.inputs.parts import cylinder_fine_at

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 from attrs import evolve
 
-from iriftrace.field.read import read_field
+from iriftrace.core.runtime.variant import ensure
+from iriftrace.io.field import read_field
+from iriftrace.medium.hot_air import HotAir
+from iriftrace.medium.shells.contour import contour_shells
+from iriftrace.medium.shells.levels import RULES
 from iriftrace.part.part import read_part
-from iriftrace.runtime.variant import ensure
-from iriftrace.scene.hot_air import HotAir
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.scene import Scene
 from iriftrace.scenes import folder_of
-from iriftrace.shells.contour import contour_shells
-from iriftrace.shells.levels import RULES
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.scene import Scene
 from validation.line import Line, Section
 from validation.oracles.closed_forms import CYLINDER_UM
 from validation.paper.differences import Hits

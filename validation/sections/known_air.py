@@ -9,18 +9,18 @@ import numpy as np
 from attrs import evolve
 from numpy.typing import NDArray
 
-from iriftrace.air.refractivity import Air
-from iriftrace.field.index_field import IndexField
 from iriftrace.flow.synthetic.field import synthetic_field
 from iriftrace.flow.synthetic.model import SyntheticAir, synthetic_air
 from iriftrace.image.aov_image import Status
+from iriftrace.medium.air.refractivity import Air
+from iriftrace.medium.hot_air import AirState
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.shells.contour import contour_shells
 from iriftrace.part.part import Part
-from iriftrace.scene.hot_air import AirState
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import CYLINDER_RADIUS_MM
-from iriftrace.shells.contour import contour_shells
-from iriftrace.trace.rays import trace_rays
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.rays import trace_rays
+from iriftrace.tracing.write import write_scene
 from validation.inputs.solved_fields import SOLVED, VIEWS, Position, camera_at
 from validation.line import Line, Section
 from validation.oracles.curved_rays import RoundCylinderAir, displacements, medium_of

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from iriftrace.image.aov_image import Status
-from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of, names
-from iriftrace.trace.pose_image import pose_image
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.pose_image import pose_image
 from validation.line import Line, Section
 
 MOST_MISCOUNTED_PERCENT = 0.01

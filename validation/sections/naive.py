@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.scene import Scene
 from iriftrace.scenes import folder_of
-from iriftrace.trace.rays import trace_rays
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.rays import trace_rays
+from iriftrace.tracing.scene import Scene
 from validation.line import Line, Section
 
 MOST_CROSSINGS = 100

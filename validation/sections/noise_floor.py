@@ -11,11 +11,11 @@ import numpy as np
 
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.image.aov_image import Status
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.scene import Scene
 from iriftrace.scenes import folder_of
-from iriftrace.trace.pose_image import pose_image
-from iriftrace.trace.rays import trace_rays
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.pose_image import pose_image
+from iriftrace.tracing.rays import trace_rays
+from iriftrace.tracing.scene import Scene
 from validation.line import Line, Section
 from validation.oracles.numpy_tracer import NumpyTracer
 

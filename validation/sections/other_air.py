@@ -10,15 +10,15 @@ from attrs import evolve
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
-from iriftrace.features.fit import fit_feature
-from iriftrace.field.index_field import IndexField
 from iriftrace.flow.synthetic.field import synthetic_field
 from iriftrace.flow.synthetic.model import synthetic_air
-from iriftrace.scene.scene import Scene
-from iriftrace.shells.contour import contour_shells
-from iriftrace.triangulation.correct import correct
-from iriftrace.triangulation.measure import measure
-from iriftrace.triangulation.scan import Scan
+from iriftrace.measuring.features.fit import fit_feature
+from iriftrace.measuring.two_devices.correct import correct
+from iriftrace.measuring.two_devices.measure import measure
+from iriftrace.measuring.two_devices.scan import Scan
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.shells.contour import contour_shells
+from iriftrace.tracing.scene import Scene
 from validation.inputs.scene_rays import loaded
 from validation.inputs.solved_fields import SOLVED, camera_at
 from validation.line import Line, Section

@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.core.units import ZERO_CELSIUS_K
-from iriftrace.field.index_field import IndexField
-from iriftrace.field.read import read_field
-from iriftrace.field.tetrahedra import tetrahedra_of
 from iriftrace.image.aov_image import AovImage, Status
+from iriftrace.io.field import read_field
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.shells.contour import contour_shells
+from iriftrace.medium.tetrahedra import tetrahedra_of
 from iriftrace.part.part import read_part
 from iriftrace.plugins.kernels.between import length_gain
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
-from iriftrace.shells.contour import contour_shells
-from iriftrace.trace.pose_image import pose_image
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.pose_image import pose_image
+from iriftrace.tracing.write import write_scene
 from validation.field_files import comsol
 from validation.field_files.openfoam import write_case
 from validation.field_files.openfoam_mesh import Patch

@@ -11,19 +11,19 @@ import numpy as np
 from attrs import evolve, frozen
 from numpy.typing import NDArray
 
-from iriftrace.field.index_field import IndexField
-from iriftrace.field.read import read_field
-from iriftrace.geometry.triangles import polydata
+from iriftrace.core.mesh.triangles import polydata
+from iriftrace.core.runtime.variant import ensure
 from iriftrace.image.aov_image import Status
 from iriftrace.image.ray_statistics import RayCounts
+from iriftrace.io.field import read_field
+from iriftrace.medium.hot_air import HotAir
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.shells.contour import contour_shells
+from iriftrace.medium.shells.stack import ShellStack
 from iriftrace.part.part import read_part
-from iriftrace.runtime.variant import ensure
-from iriftrace.scene.hot_air import HotAir
-from iriftrace.scene.scene import Scene
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import CYLINDER_RADIUS_MM
-from iriftrace.shells.contour import contour_shells
-from iriftrace.shells.stack import ShellStack
+from iriftrace.tracing.scene import Scene
 from validation.inputs.cameras import camera_at
 from validation.line import Line, Section
 from validation.paper.differences import (

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from iriftrace.camera.camera import Camera
-from iriftrace.scene.scene import Scene
+from iriftrace.measuring.two_devices.correct import correct
+from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.scenes.analytic import concentric_cylinders, slab
-from iriftrace.triangulation.correct import correct
-from iriftrace.triangulation.measure import measure
+from iriftrace.tracing.scene import Scene
 from validation.inputs.cameras import camera_at
 from validation.inputs.hot_air import (
     cylinder_cells,

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from iriftrace.field.index_field import IndexField
 from iriftrace.image.aov_image import AovImage, Status
+from iriftrace.medium.hot_air import AirState
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.shells.contour import contour_shells
 from iriftrace.part.part import Part
-from iriftrace.scene.hot_air import AirState
-from iriftrace.scene.load import load_scene
-from iriftrace.scene.write import write_scene
-from iriftrace.shells.contour import contour_shells
-from iriftrace.trace.pose_image import pose_image
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.pose_image import pose_image
+from iriftrace.tracing.write import write_scene
 from scenes.generators.components import COMPONENTS
 from validation.curves import draw_convergence
 from validation.inputs.solved_fields import SOLVED, VIEWS, Position, camera_at, in_tetrahedra

@@ -6,7 +6,7 @@ import argparse
 import tempfile
 from pathlib import Path
 
-from iriftrace.runtime.variant import ensure
+from iriftrace.core.runtime.variant import ensure
 from scenes.generators.bevel_gear import TOOTH
 from scenes.generators.components import TOOTH_NUMBER, TOOTH_SCENE
 from validation.statements import gear, hybrid, wishbone

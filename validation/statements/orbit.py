@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from iriftrace.camera.orbit import Orbit, orbit_poses, semi_axes
 from iriftrace.part.part import Part
-from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.sweep import run_sweep
+from iriftrace.tracing.load import load_scene
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

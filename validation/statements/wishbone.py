@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from iriftrace.geometry.topology import find_neighbours, weld
+from iriftrace.core.mesh.topology import find_neighbours, weld
 from iriftrace.part.part import Part
 from validation.statements.finding import Finding, verdict
 from validation.statements.orbit import FloatArray, Swept

@@ -9,15 +9,6 @@ from numpy.typing import ArrayLike
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import plain
-from iriftrace.field.index_field import IndexField
-from iriftrace.field.part_fit import (
-    LARGEST_BARE_SHARE,
-    LARGEST_GAP_MM,
-    Fit,
-    body_in_air,
-    fit_part_to_field,
-)
-from iriftrace.field.read import AMBIENT_TOLERANCE_K
 from iriftrace.flow.check.finding import FieldCheck, Finding, edge_finding, view_finding
 from iriftrace.flow.check.heat_balance import balance_finding
 from iriftrace.flow.check.nusselt import nusselt_finding
@@ -27,6 +18,15 @@ from iriftrace.flow.check.wall import (
     layer_finding,
     temperature_finding,
     wall_state,
+)
+from iriftrace.io.field import AMBIENT_TOLERANCE_K
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.part_fit import (
+    LARGEST_BARE_SHARE,
+    LARGEST_GAP_MM,
+    Fit,
+    body_in_air,
+    fit_part_to_field,
 )
 from iriftrace.part.part import Part
 from iriftrace.part.wall_temperature import WallTemperatures, wall_temperature
@@ -49,7 +49,7 @@ def check_field(
     Parameters
     ----------
     field : IndexField
-        With velocities (`iriftrace.field.read.read_field`, ``flow=True``) for the heat balance.
+        With velocities (`iriftrace.io.field.read_field`, ``flow=True``) for the heat balance.
     part : Part
         Closed, in the field's coordinates.
     wall_temperature_k : float, optional

@@ -13,9 +13,9 @@ from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.files import write_json
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K
-from iriftrace.field.index_field import IndexField
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.shells.levels import index_levels
 from iriftrace.part.part import Part
-from iriftrace.shells.levels import index_levels
 
 Verdict = Literal["good", "doubtful", "bad", "-"]
 

@@ -6,16 +6,16 @@ import numpy as np
 from attrs import frozen
 from scipy.spatial import cKDTree
 
-from iriftrace.air.thermophysics import heat_content
 from iriftrace.core.arrays import FloatArray, as_float64
 from iriftrace.core.units import parse_quantity
-from iriftrace.field.flow import NO_VELOCITIES, SI, AirFlow
-from iriftrace.field.gradient import point_gradient
-from iriftrace.field.index_field import IndexField
-from iriftrace.field.part_fit import LARGEST_BARE_SHARE
-from iriftrace.field.tetrahedra import tetrahedra_of
 from iriftrace.flow.check.finding import Finding, Verdict, outer_points
 from iriftrace.flow.check.wall import WallState, conduction_potential
+from iriftrace.medium.air.thermophysics import heat_content
+from iriftrace.medium.flow import NO_VELOCITIES, SI, AirFlow
+from iriftrace.medium.gradient import point_gradient
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.part_fit import LARGEST_BARE_SHARE
+from iriftrace.medium.tetrahedra import tetrahedra_of
 
 ZONES = ((0.3, 0.5), (0.5, 0.7), (0.7, 0.9))
 """Families of surfaces, by their position between the wall (0) and the end of the data (1). Nearer
@@ -87,7 +87,7 @@ def heat_balance(field: IndexField) -> HeatBalance | None:
     all surfaces phi = const (the coarea formula); on tetrahedra with linear phi and q it is exact.
     Phi is linear in d_wall / (d_wall + d_end), the distances from the wall and from the end of
     the data, so its surfaces are closed and fit data of any outline. The field's own flux
-    (`iriftrace.field.flow.ENTHALPY_FLUX`) is averaged if it has one; with the product of
+    (`iriftrace.medium.flow.ENTHALPY_FLUX`) is averaged if it has one; with the product of
     temperature and velocity at the points a coarse cylinder closes to -6 % instead of +0.6 %.
     """
     flow = field.flow

@@ -7,12 +7,12 @@ from attrs import frozen
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline, interp1d
 
-from iriftrace.air import thermophysics as gas
 from iriftrace.core.arrays import BoolArray, FloatArray, as_float64
 from iriftrace.core.errors import InputError
-from iriftrace.field.index_field import IndexField
 from iriftrace.flow.check.finding import Finding, Verdict
 from iriftrace.flow.check.wall import WallState
+from iriftrace.medium.air import thermophysics as gas
+from iriftrace.medium.index_field import IndexField
 from iriftrace.part.part import Part
 
 RAYLEIGH_RANGE = (1e-6, 1e9)
@@ -78,7 +78,7 @@ def nusselt_horizontal_cylinder(
 
     It was derived for small differences of temperature. For gas at a hot wall its properties are
     evaluated at Sparrow and Gregg's `reference_temperature`, with beta = 1 / T_ambient. Air is that
-    of `iriftrace.air.thermophysics`. Raises InputError if the wall is not hotter than the air, or
+    of `iriftrace.medium.air.thermophysics`. Raises InputError if the wall is not hotter than the air, or
     the flow is not laminar.
     """
     if not (diameter_mm > 0.0 and wall_k > ambient_k > 0.0 and pressure_pa > 0.0):

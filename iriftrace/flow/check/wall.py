@@ -9,14 +9,14 @@ import pyvista as pv
 from attrs import frozen
 from scipy.integrate import cumulative_trapezoid
 
-from iriftrace.air import thermophysics as gas
 from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError
-from iriftrace.field.gradient import ROUNDS, cell_corners, consistent_gradient, point_gradient
-from iriftrace.field.index_field import IndexField
-from iriftrace.field.tetrahedra import tetrahedra_of
+from iriftrace.core.mesh.triangles import area_vectors, unit_vectors
 from iriftrace.flow.check.finding import Finding
-from iriftrace.geometry.triangles import area_vectors, unit_vectors
+from iriftrace.medium.air import thermophysics as gas
+from iriftrace.medium.gradient import ROUNDS, cell_corners, consistent_gradient, point_gradient
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.tetrahedra import tetrahedra_of
 from iriftrace.part.part import Part
 from iriftrace.part.region_choice import placed_regions
 
@@ -67,7 +67,7 @@ def wall_state(field: IndexField, part: Part, bodies: Sequence[Part] = ()) -> Wa
     The flux is the gradient of the integral of the conductivity over the temperature, which is
     nearly linear in the distance where the air is at rest, so cells of finite height cause little
     error. Its length is corrected so that it fits the values along the cells' edges
-    (`consistent_gradient`). The conductivity is that of `iriftrace.air.thermophysics`.
+    (`consistent_gradient`). The conductivity is that of `iriftrace.medium.air.thermophysics`.
 
     Raises InputError if the field has no inner boundary, its wall is not hotter than the room, or
     the part is not closed.

@@ -6,11 +6,11 @@ from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from iriftrace.air import thermophysics as gas
 from iriftrace.core.arrays import FloatArray
 from iriftrace.flow.simulate.case import Case
 from iriftrace.flow.simulate.domain import BODY_LEVEL, WALL_LEVEL
 from iriftrace.flow.simulate.part_surface import write_stl
+from iriftrace.medium.air import thermophysics as gas
 
 # s; the wall heats air at rest. The step grows by a fifth each time until the flow limits it, so a
 # run that is continued loses little time either.

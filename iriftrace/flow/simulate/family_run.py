@@ -14,14 +14,9 @@ from pathlib import Path
 import pyvista as pv
 from attrs import evolve, frozen
 
-from iriftrace.air.refractivity import Air
 from iriftrace.core.errors import InputError, without_warnings
 from iriftrace.core.files import write_whole
 from iriftrace.core.plain import JsonObject
-from iriftrace.field.index_field import IndexField
-from iriftrace.field.origin import facts_of, origin_of, state_origin
-from iriftrace.field.read import read_field
-from iriftrace.field.source import FieldFacts
 from iriftrace.flow.between import write_field_between
 from iriftrace.flow.simulate.case import Case, read_record
 from iriftrace.flow.simulate.family import Member
@@ -30,7 +25,12 @@ from iriftrace.flow.simulate.part_surface import reflected_grid
 from iriftrace.flow.simulate.programs import Installation, find_openfoam
 from iriftrace.flow.simulate.run import expected_seconds, last_time, pieces_of
 from iriftrace.flow.simulate.simulate import Display, check_solver, prepare, simulate
-from iriftrace.geometry.vtk_files import write_vtk
+from iriftrace.io.field import read_field
+from iriftrace.io.vtk_write import write_vtk
+from iriftrace.medium.air.refractivity import Air
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.origin import facts_of, origin_of, state_origin
+from iriftrace.medium.source import FieldFacts
 
 FAMILY = "family.json"
 """Record in the family's folder: its members, and how each of the finished ones was made."""

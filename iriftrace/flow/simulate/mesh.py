@@ -12,10 +12,10 @@ import pyvista as pv
 from vtkmodules.vtkIOGeometry import vtkOpenFOAMReader
 
 from iriftrace.core.files import text_in, write_whole
-from iriftrace.field.readers.vtk_files import blocks_by_name
 from iriftrace.flow.simulate.case import Case, read_record
 from iriftrace.flow.simulate.case_files import nonuniform, uniform, write_start
 from iriftrace.flow.simulate.programs import Installation, OpenFoamError, cell_count, run_program
+from iriftrace.io.vtk_files import blocks_by_name
 from iriftrace.part.wall_temperature import wall_temperature
 
 _DONE = "mesh.json"

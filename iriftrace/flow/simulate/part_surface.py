@@ -11,7 +11,7 @@ import trimesh
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
-from iriftrace.field.gradient import MIRRORED_CORNERS
+from iriftrace.medium.gradient import MIRRORED_CORNERS
 from iriftrace.part.part import Part
 
 _TOLERANCE = 5e-3

@@ -9,22 +9,9 @@ import pyvista as pv
 from attrs import evolve
 from scipy.spatial import cKDTree
 
-from iriftrace.air.thermophysics import heat_content, heat_content_slope, temperature_of_density
 from iriftrace.core.arrays import Float32Array, FloatArray, as_float64
 from iriftrace.core.errors import SetupError
 from iriftrace.core.files import write_whole
-from iriftrace.field.flow import (
-    ENTHALPY_FLUX,
-    HEAT_STORAGE,
-    MOMENTUM_MEAN,
-    VELOCITY,
-    carried_heat,
-    state_heat,
-)
-from iriftrace.field.marked import chosen_cells
-from iriftrace.field.origin import WALL_HEAT, state_origin
-from iriftrace.field.readers import openfoam as openfoam_case
-from iriftrace.field.source import FieldFacts, FieldKind
 from iriftrace.flow.simulate.bodies import floor_below, write_bodies
 from iriftrace.flow.simulate.case import Case
 from iriftrace.flow.simulate.case_files import DENSITY_RATE
@@ -32,7 +19,24 @@ from iriftrace.flow.simulate.mesh import wall_patch
 from iriftrace.flow.simulate.part_surface import mirrored_grid
 from iriftrace.flow.simulate.programs import SOLVER, read_heat
 from iriftrace.flow.simulate.run import Steadiness
-from iriftrace.geometry.vtk_files import write_vtk
+from iriftrace.io import openfoam as openfoam_case
+from iriftrace.io.vtk_write import write_vtk
+from iriftrace.medium.air.thermophysics import (
+    heat_content,
+    heat_content_slope,
+    temperature_of_density,
+)
+from iriftrace.medium.flow import (
+    ENTHALPY_FLUX,
+    HEAT_STORAGE,
+    MOMENTUM_MEAN,
+    VELOCITY,
+    carried_heat,
+    state_heat,
+)
+from iriftrace.medium.marked import chosen_cells
+from iriftrace.medium.origin import WALL_HEAT, state_origin
+from iriftrace.medium.source import FieldFacts, FieldKind
 from iriftrace.part.wall_temperature import wall_temperature
 
 _MM = 1000.0
@@ -43,7 +47,7 @@ def mean_arrays(
 ) -> dict[str, FloatArray]:
     """Velocity and heat of a time average, as far as the solver wrote them.
 
-    `U` (n, 3) m/s, `ENTHALPY_FLUX` by `iriftrace.field.flow.carried_heat`, and `HEAT_STORAGE`, an
+    `U` (n, 3) m/s, `ENTHALPY_FLUX` by `iriftrace.medium.flow.carried_heat`, and `HEAT_STORAGE`, an
     exact difference between the last state at its points, `grid` with ``rhoMean``, ``UMean`` and
     ``rhoUMean``, and that of `seconds` earlier, `before`, when averaging began.
     """

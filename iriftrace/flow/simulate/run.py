@@ -15,7 +15,6 @@ from scipy.constants import g
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import write_whole
-from iriftrace.field.readers.openfoam import processor_folders, time_folders
 from iriftrace.flow.simulate.case import Case, read_record
 from iriftrace.flow.simulate.case_files import (
     AVERAGED,
@@ -34,6 +33,7 @@ from iriftrace.flow.simulate.programs import (
     step_times,
     tail,
 )
+from iriftrace.io.openfoam import processor_folders, time_folders
 
 STEADY_HEAT, STEADY_PLUME = 0.02, 0.01
 """Largest relative variation of the heat flow, and of the plume over the heating, if steady."""

@@ -15,7 +15,6 @@ from attrs import frozen
 from iriftrace.core.arrays import as_float64
 from iriftrace.core.errors import SetupError
 from iriftrace.core.files import write_whole
-from iriftrace.field.wall import inner_wall
 from iriftrace.flow.simulate.case import RECORD, UNFINISHED, Case, is_stored
 from iriftrace.flow.simulate.case_files import write_case
 from iriftrace.flow.simulate.mesh import make_mesh
@@ -31,6 +30,7 @@ from iriftrace.flow.simulate.run import (
     solve,
 )
 from iriftrace.flow.simulate.solver_check import try_solver
+from iriftrace.medium.wall import inner_wall
 from iriftrace.part.wall_temperature import wall_temperature
 
 

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 
-from iriftrace.air.refractivity import Air
 from iriftrace.core.errors import InputError, warn
-from iriftrace.field.index_field import IndexField
-from iriftrace.field.origin import state_origin
-from iriftrace.field.part_fit import fit_part_to_field
-from iriftrace.field.source import FieldFacts, FieldKind, FieldSource
 from iriftrace.flow.synthetic.mesh import AirMesh, air_mesh, usual_mesh
 from iriftrace.flow.synthetic.model import SyntheticAir
-from iriftrace.geometry.vtk_files import write_vtk
+from iriftrace.io.vtk_write import write_vtk
+from iriftrace.medium.air.refractivity import Air
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.origin import state_origin
+from iriftrace.medium.part_fit import fit_part_to_field
+from iriftrace.medium.source import FieldFacts, FieldKind, FieldSource
 from iriftrace.part.wall_temperature import wall_temperature
 
 _FACTS = FieldFacts(FieldKind.SYNTHETIC)

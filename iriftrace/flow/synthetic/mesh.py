@@ -15,15 +15,15 @@ from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
-from iriftrace.field.gradient import (
+from iriftrace.core.mesh.query import Surface
+from iriftrace.flow.synthetic.model import SyntheticAir
+from iriftrace.medium.gradient import (
     MIRRORED_CORNERS,
     PYRAMID,
     TETRAHEDRON,
     TETRAHEDRON_EDGES,
     WEDGE,
 )
-from iriftrace.flow.synthetic.model import SyntheticAir
-from iriftrace.geometry.query import Surface
 
 _MOST_POINTS = 1 << 31
 # A corner nearer to the wall than this fraction of its shortest edge is moved onto it, which avoids

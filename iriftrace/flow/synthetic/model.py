@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 from scipy.special import erf
 
-from iriftrace.air.thermophysics import reference_temperature
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
-from iriftrace.geometry.query import Surface
+from iriftrace.core.mesh.query import Surface
+from iriftrace.medium.air.thermophysics import reference_temperature
 from iriftrace.part.part import Part, refuse_unlikely_size
 from iriftrace.part.region_choice import values_by_region
 from iriftrace.part.wall_temperature import WallTemperatures, wall_temperature_gradient

@@ -1,0 +1,1 @@
+"""Triangle surfaces: rigid motions, topology, nearest points."""

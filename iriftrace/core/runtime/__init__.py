@@ -1,0 +1,1 @@
+"""Mitsuba variants and the libraries behind them."""

@@ -1,0 +1,316 @@
+"""Read a solver's result as a field of the refractive index."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pyvista as pv
+from attrs import evolve
+from numpy.typing import ArrayLike
+
+from iriftrace.core.arrays import IntArray
+from iriftrace.core.errors import InputError, warn
+from iriftrace.core.mesh.transform import apply
+from iriftrace.core.units import length_factor
+from iriftrace.io.members import read_state
+from iriftrace.io.scattered import cells_outside
+from iriftrace.io.states import Contents
+from iriftrace.io.vtk_check import Data
+from iriftrace.io.vtk_files import blocks_of
+from iriftrace.medium import arrays
+from iriftrace.medium.air.refractivity import TEMPERATURE_RANGE, Air
+from iriftrace.medium.flow import flow_in
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.marked import chosen_cells, unmarked, without_gaps
+from iriftrace.medium.origin import facts_of, one_line, origin_of, wall_heat_of
+from iriftrace.medium.source import FieldFacts, FieldSource
+from iriftrace.medium.volume import (
+    has_higher_order,
+    linear_volume,
+    refuse_repeated_cells,
+    volume_cells,
+    without_seams,
+)
+
+if TYPE_CHECKING:
+    from iriftrace.part.part import Part
+
+AMBIENT_TOLERANCE_K = 2.0
+"""A larger difference between the coolest air and the ambient temperature gives a warning."""
+
+_CELLS_TRIED = 2000
+# Fraction of the tried cells: curved sides of blocks whose meshes differ overlap a little.
+_MOST_OVERLAP = 0.05
+
+INDEX_TOLERANCE = 0.02
+"""A larger relative difference of n - 1 between temperature and index of a file gives a warning."""
+
+
+def read_field(
+    path: str | Path,
+    *,
+    array: str | None = None,
+    quantity: str | None = None,
+    temperature_unit: str | None = None,
+    length_unit: str | None = None,
+    air: Air | None = None,
+    transform: ArrayLike | None = None,
+    member: int | None = None,
+    part: Part | None = None,
+    flow: bool = False,
+) -> IndexField:
+    """Read a solver's result as a field of the refractive index.
+
+    Parameters
+    ----------
+    path : str or Path
+        ``.vtu``, ``.pvtu``, ``.vtk``, ``.vti``, ``.vtr``, ``.vts``, ``.vtm``, ``.pvd`` or
+        ``.series``, with point or cell data; EnSight's ``.case`` or ``.encas``; Exodus's ``.e``,
+        ``.ex2`` or ``.exo``; ``.cgns``; ``.xdmf`` or ``.xmf``; COMSOL's text exports and
+        tables of other programs, ``.txt``, ``.csv`` or ``.dat``; an OpenFOAM case, by its folder or
+        a ``.foam`` file in it, or one of its regions, by ``constant/<region>``.
+    array : str, optional
+        Name of the array; chosen by the usual names if omitted.
+    quantity : str, optional
+        What the array holds: ``"temperature"``, ``"index"`` (n or n - 1, determined from its
+        range) or ``"density"`` (kg/m3); determined from the array's name if omitted.
+    temperature_unit : str, optional
+        Unit of the temperatures; by default the unit stated in the file, else K.
+    length_unit : str, optional
+        Unit of the coordinates; by default the unit stated in the file (OpenFOAM: m), else mm.
+    air : Air, optional
+        Ambient air; `Air()` if omitted.
+    transform : (4, 4) array_like, optional
+        Applied to the coordinates after their conversion to mm.
+    member : int, optional
+        Number of the state in a file with several (`iriftrace.io.members`); the last
+        one if omitted.
+    part : Part, optional
+        The part, mm, world; needed only for scattered points, out of whose hull it is cut.
+    flow : bool, optional
+        Whether to read velocities too (`IndexField.flow`), for a heat balance.
+
+    Returns
+    -------
+    IndexField
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged or not a volume mesh; no array matches or several do; the
+        values are not finite or not possible; a given unit contradicts the file; scattered points
+        are given without a part.
+
+    Warns
+    -----
+    IriftraceWarning
+        The coolest air in the file is more than 2 K from the ambient temperature; temperature and
+        index in the file disagree by more than 2 % of n - 1; the values are cell data, or cells
+        are of higher order; the file has several states and none was chosen; cells are omitted
+        because the file marks them or the array is NaN there; the array is one of a moment although
+        the file has an average over time, or such an average of the temperature.
+    """
+    air = Air() if air is None else air
+    contents = read_volume(path, member=member, flow=flow)
+    length_unit = _length_unit(length_unit, contents.length_unit, str(path))
+    raw: pv.UnstructuredGrid = contents.data
+    factor = length_factor(length_unit)
+    if contents.scattered:
+        placed = _placed(raw, factor, transform)
+        raw = linear_volume(chosen_cells(raw, cells_outside(placed, part, str(path))))
+    choice = arrays.choose_array(raw, array, quantity, str(path))
+    raw = linear_volume(without_gaps(raw, choice.name, str(path)))
+    grid = _placed(raw, factor, transform)
+    values = arrays.point_values(raw, choice.name, str(path))
+    result = IndexField(
+        grid=grid,
+        refractivity=arrays.to_refractivity(
+            values, choice, contents.units, temperature_unit, air, str(path)
+        ),
+        air=air,
+        source=FieldSource(
+            path=str(path),
+            sha256=contents.sha256,
+            array=choice.name,
+            quantity=choice.quantity,
+            length_unit=length_unit,
+            origin=contents.origin,
+            wall_heat_w=contents.wall_heat_w,
+            unit_stated=contents.length_unit is not None,
+            facts=_facts(contents, choice.name),
+        ),
+        flow=flow_in(raw, choice.name, contents.units, transform, air) if flow else None,
+    )
+    _warn_of_other_ambient(result)
+    if choice.quantity == "temperature" and arrays.is_average(choice.name):
+        warn(
+            f"{choice.name!r} in {path} is an average over time, but the index follows the average "
+            "density, which differs from that of the average temperature where the air fluctuates; "
+            "average the density too, such as rhoMean, if the solver can."
+        )
+    if choice.quantity == "temperature" and quantity is None and array is None:
+        _warn_of_other_index(raw, result)
+    return result
+
+
+def read_volume(path: str | Path, *, member: int | None = None, flow: bool = False) -> Contents:
+    """Read the volume cells of a file or the folder of an OpenFOAM case, and the units it states.
+
+    Blocks (`.vtm`, `.pvd`) and pieces (`.pvtu`) are joined at points that coincide, and so are
+    the two sides of a seam inside a file (`iriftrace.medium.volume`). Voxels become hexahedra;
+    polyhedra and prisms with more than three sides are split into tetrahedra (OpenFOAM's around
+    their centroids); cells of higher order keep only their corners. Other cells are removed, and
+    then points that no cell uses. The data have the file's own length unit and its field data.
+
+    `member` is the number of the state in a file with several, the last one by default, with a
+    warning; only with `flow` are velocities of an OpenFOAM case read, which need memory. Raises
+    InputError if the file is missing, of another type, damaged, or has no volume cells.
+    """
+    path = Path(path)
+    contents = read_state(path, member, flow=flow)
+    if member is None and len(contents.states) > 1:
+        warn(
+            f"{path} has {len(contents.states)} states; the last one, {contents.states[-1][0]}, "
+            "is used; choose another with the time option (--time)."
+        )
+    grid = _joined(contents.data, path)
+    if has_higher_order(grid):
+        warn(f"{path} has cells of higher order; only the values at their corners are used.")
+    origins = (one_line(contents.origin), origin_of(contents.data))
+    volume = without_seams(linear_volume(grid))
+    refuse_repeated_cells(volume, str(path))
+    return evolve(
+        contents,
+        data=volume,
+        origin="; ".join(filter(None, origins)),
+        wall_heat_w=wall_heat_of(contents.data),
+        facts=facts_of(contents.data),
+    )
+
+
+def _joined(data: Data, path: Path) -> pv.UnstructuredGrid:
+    """The volume cells of all blocks as one grid."""
+    found = [unmarked(block) for block in blocks_of(data) if isinstance(block, pv.DataSet)]
+    left_out = sum(block.left_out for block in found)
+    if left_out:
+        count = left_out + sum(block.cells.n_cells for block in found)
+        names = ", ".join(sorted(set().union(*(block.names for block in found))))
+        if left_out == count:
+            raise InputError(
+                f"{path} marks all its {count} cells as hidden or without a value ({names}), so no "
+                "air is known; export the volume on which the solver has values."
+            )
+        warn(
+            f"{path} marks {left_out} of {count} cells as hidden, as copies or as without a value "
+            f"({names}); they are left out."
+        )
+    blocks = [volume_cells(block.cells) for block in found]
+    blocks = [block for block in blocks if block.n_cells]
+    if not blocks:
+        raise InputError(
+            f"{path} has no volume cells: it is empty, damaged or a surface, but rays need the "
+            "air volume; export the solver's volume mesh."
+        )
+    joined = blocks[0]
+    arrays_of = [{str(name) for name in block.array_names} for block in blocks]
+    if any(arrays_of) and not set.intersection(*arrays_of):
+        listed = "; ".join(", ".join(sorted(some)) or "none" for some in arrays_of)
+        raise InputError(
+            f"{path} has {len(blocks)} blocks without an array in common ({listed}); export the "
+            "blocks of the air alone, or with one name for the temperature."
+        )
+    if len(blocks) > 1:
+        joined = pv.MultiBlock(blocks).combine(merge_points=True, tolerance=0.0)
+        _refuse_overlap(joined, np.cumsum([block.n_cells for block in blocks]), path)
+    elif path.suffix.lower() == ".pvtu":
+        joined = joined.clean(tolerance=0.0)
+    return joined
+
+
+def _refuse_overlap(joined: pv.UnstructuredGrid, ends: IntArray, path: Path) -> None:
+    """Refuse blocks that lie in each other, by centres of cells of each; `ends` are the blocks'."""
+    tried = np.arange(0, joined.n_cells, 1 + joined.n_cells // _CELLS_TRIED)
+    found = np.asarray(joined.find_containing_cell(joined.cell_centers().points[tried]))
+    own, other = (np.searchsorted(ends, cells, side="right") for cells in (tried, found))
+    if np.mean((found >= 0) & (own != other)) > _MOST_OVERLAP:
+        raise InputError(
+            f"{path} has blocks that lie in each other, so the air there is ambiguous; export the "
+            "blocks of the air alone, each part of it once."
+        )
+
+
+def _facts(contents: Contents, array: str) -> FieldFacts:
+    """What the file and its array's name state."""
+    facts = contents.facts or FieldFacts()
+    return evolve(facts, time="mean") if arrays.is_average(array) else facts
+
+
+def _length_unit(given: str | None, stated: str | None, path: str) -> str:
+    """Unit of a file's coordinates; mm if neither file nor user states one."""
+    if given is not None and stated is not None and length_factor(given) != length_factor(stated):
+        factor = length_factor(given) / length_factor(stated)
+        raise InputError(
+            f"The coordinates in {path} are in {stated}, but the length unit given is {given}; "
+            "omit length_unit (--field-length-unit), or if the numbers are in "
+            f'{given} nevertheless, scale them (--field-transform "scale {factor:.6g}").'
+        )
+    return given or stated or "mm"
+
+
+def _placed(
+    raw: pv.UnstructuredGrid, factor: float, transform: ArrayLike | None
+) -> pv.UnstructuredGrid:
+    """The cells of a file in mm, world, without its data."""
+    points = np.asarray(raw.points)
+    if not np.isfinite(points).all():
+        raise InputError(
+            f"{np.count_nonzero(~np.isfinite(points).all(axis=1))} points of the field have "
+            "coordinates that are not finite numbers; export the mesh again."
+        )
+    if factor != 1.0:
+        points = np.asarray(points, dtype=np.float64) * factor
+    if transform is not None:
+        points = apply(np.asarray(transform, dtype=np.float64), points)
+    grid = pv.UnstructuredGrid()
+    grid.copy_structure(raw)
+    # Assigning to `points` would also move those of `raw`, which uses the same structure.
+    grid.SetPoints(pv.vtk_points(points))
+    return grid
+
+
+def _warn_of_other_ambient(result: IndexField) -> None:
+    coolest = float(result.temperature_k.min())
+    ambient = result.air.temperature_k
+    if abs(coolest - ambient) > AMBIENT_TOLERANCE_K:
+        warn(
+            f"The coolest air in {result.source.path} has {coolest:.1f} K, but the ambient "
+            f"temperature is {ambient:.1f} K, which puts a false step at the edge of the data; "
+            + (
+                f"give air=Air(temperature_k={coolest:.1f}) (--ambient '{coolest:.1f} K') if that "
+                "is the room."
+                if TEMPERATURE_RANGE[0] <= coolest <= TEMPERATURE_RANGE[1]
+                else "no room is like that: check the array's unit (temperature_unit, "
+                "--temperature-unit)."
+            )
+        )
+
+
+def _warn_of_other_index(raw: pv.UnstructuredGrid, result: IndexField) -> None:
+    name = arrays.other_index(raw)
+    if name is None or name not in raw.point_data:
+        return
+    stored = arrays.refractivity_of_index(np.asarray(raw.point_data[name], dtype=np.float64))
+    if stored is None:  # an array "n" that is not an index, such as a count
+        return
+    off = np.abs(stored / result.refractivity - 1.0)
+    worst = int(off.argmax())
+    if off[worst] > INDEX_TOLERANCE:
+        warn(
+            f"{result.source.path} also holds an index {name!r} that disagrees with its "
+            f"temperature {result.source.array!r}, which is used: where the air has "
+            f"{result.temperature_k[worst]:.0f} K, {name!r} says n-1 = {stored[worst]:.4g} and the "
+            f'density scaling {result.refractivity[worst]:.4g}; give array="{name}" '
+            f"(--array {name}) to use it."
+        )

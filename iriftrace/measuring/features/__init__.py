@@ -1,0 +1,1 @@
+"""Diameters, distances and angles of points."""

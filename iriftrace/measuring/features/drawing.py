@@ -1,0 +1,81 @@
+"""Points of a hot part carried back onto its drawing, and the uncertainty of that step.
+
+A size at the temperature of the drawing is fitted to the points where they lie on the drawing. Each
+point keeps its place in its triangle and its distance from the surface, which is divided by the
+triangle's stretch.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from attrs import frozen
+
+from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.measuring.features.quantity import DRAWING
+from iriftrace.part.growth import Growth
+from iriftrace.part.part import Part
+
+
+@frozen
+class GrowthUncertainty:
+    """Standard uncertainties of a part's thermal growth; None where one is not known."""
+
+    expansion: float | None = None  # of the thermal expansion, relative
+    temperature_k: float | None = None  # of the part's temperature, K
+
+    def of_value(self, growth: Growth, hot: float, drawn: float, angle: bool) -> float | None:
+        """Standard uncertainty of a value on the drawing, in its unit; None if not known.
+
+        To first order: the expansion scales the difference between the `hot` value and the `drawn`
+        one, and a temperature changes all lengths by the same fraction, but no angle. Both are
+        independent.
+        """
+        if self.expansion is None or self.temperature_k is None:
+            return None
+        by_temperature = 0.0 if angle else growth.expansion * self.temperature_k * drawn
+        return math.hypot((hot - drawn) * self.expansion, by_temperature) / growth.factor
+
+
+def drawing_cloud(points: FloatArray, face: IntArray, part: Part) -> dict[str, FloatArray]:
+    """The cloud `DRAWING` of points of a hot part; no cloud if it has not grown.
+
+    Parameters
+    ----------
+    points : (n, 3) array, mm, world
+        Points near the hot part.
+    face : (n,) array of int
+        Face of the part that each belongs to.
+    part : Part
+    """
+    if part.growth is None:
+        return {}
+    if part.drawing is None:
+        return {DRAWING: points / part.growth.factor}
+    hot, drawn = part.vertices[part.faces], part.drawing[part.faces]
+    places = _barycentric(points, hot[face])
+    foot, drawn_foot = (np.einsum("ij,ijk->ik", places, mesh[face]) for mesh in (hot, drawn))
+    stretch = (_perimeters(hot) / _perimeters(drawn))[face]
+    return {DRAWING: drawn_foot + (points - foot) / stretch[:, None]}
+
+
+def _barycentric(points: FloatArray, corners: FloatArray) -> FloatArray:
+    """Barycentric places (n, 3) in triangles (n, 3, 3) near points (n, 3); none is negative.
+
+    Extrapolated beyond slivers, the rounding of their corners would become millimetres.
+    """
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    arm = points - corners[:, 0]
+    normal = np.cross(first, second)
+    square = np.maximum(np.einsum("ij,ij->i", normal, normal), np.finfo(np.float64).tiny)
+    b = np.einsum("ij,ij->i", np.cross(arm, second), normal) / square
+    c = np.einsum("ij,ij->i", np.cross(first, arm), normal) / square
+    places = np.clip(np.column_stack((1.0 - b - c, b, c)), 0.0, 1.0)
+    return np.asarray(places / places.sum(axis=1, keepdims=True))
+
+
+def _perimeters(corners: FloatArray) -> FloatArray:
+    """Perimeters (m,) of triangles (m, 3, 3)."""
+    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    return np.asarray(sides.sum(axis=1))

@@ -1,0 +1,78 @@
+"""Outliers of a feature's points, removed by a gate of robust standard deviations."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from iriftrace.core.arrays import BoolArray, FloatArray
+from iriftrace.core.errors import InputError
+from iriftrace.core.mesh.query import Surface
+from iriftrace.measuring.features.fit import FEWEST, FLAT, SAMPLE, Feature, fit_feature
+
+GATE = 3.5
+"""Number of robust standard deviations beyond which a point is an outlier. With normal noise one of
+2,150 points is removed, which changes the standard deviation by 0.3 %."""
+
+LEAST_GATE = 1.0
+
+NORMAL_MAD = 1.4826
+"""Standard deviation of normal noise over the median of its sizes."""
+
+ROUNDS = 20
+"""Largest number of iterations of the robust start and of the gate, which take three to eight."""
+
+SETTLED = 0.05
+"""Fraction of the noise: a robust fit that moves by less is accurate enough to judge outliers."""
+
+
+def check_gate(gate: float | None) -> None:
+    """Refuse a gate that removes half of the points or is not a number."""
+    if gate is not None and not gate >= LEAST_GATE:
+        raise InputError(
+            f"The gate is {gate:g} robust standard deviations, which leaves out good points; give "
+            f"at least {LEAST_GATE:g}, or none for all points (--gate)."
+        )
+
+
+def inliers(
+    points: FloatArray, kind: str, gate: float | None, nearby: Surface | None = None
+) -> BoolArray:
+    """Mask (n,) of the points (n, 3), mm, that are not outliers of a feature; all without a gate.
+
+    They lie within `gate` robust standard deviations, 1.4826 times the median distance, of the
+    least-squares fit to themselves: starting from a robust fit, points are removed and the rest is
+    fitted again until the set does not change. Points as near to the surfaces `nearby` are removed,
+    too, unless half of all are: which of them belong to the feature depends on their noise.
+    """
+    if gate is None or len(points) < 2 * FEWEST[kind]:
+        return np.ones(len(points), dtype=bool)
+    # For points without noise, the rounding of single precision is not an outlier.
+    least = limit = FLAT * float(np.ptp(points, axis=0).max())
+    found = _robust_fit(points[:: max(1, len(points) // SAMPLE)], kind, least)
+    kept = np.zeros(len(points), dtype=bool)
+    for _ in range(ROUNDS):
+        off = np.abs(found.distances(points))
+        limit = max(gate * NORMAL_MAD * float(np.median(off)), least)
+        before, kept = kept, off <= limit
+        if np.array_equal(kept, before):
+            break
+        found = fit_feature(points[kept], kind, near=found)
+    if nearby is not None:
+        inner = nearby.distance(points[kept]) > limit
+        if inner.mean() > 0.5:
+            kept[kept] = inner
+    return kept
+
+
+def _robust_fit(points: FloatArray, kind: str, least: float) -> Feature:
+    """Robust fit: the loss soft_l1 by reweighted least squares."""
+    found = fit_feature(points, kind)
+    for _ in range(ROUNDS):
+        off = found.distances(points)
+        scale = NORMAL_MAD * float(np.median(np.abs(off)))
+        if scale <= least:
+            break
+        found = fit_feature(points, kind, 1.0 / np.sqrt(1.0 + (off / scale) ** 2), found)
+        if np.abs(found.distances(points) - off).max() < SETTLED * scale:
+            break
+    return found

@@ -1,0 +1,1 @@
+"""Weights of an ensemble's members from measured shifts or temperatures."""

@@ -1,0 +1,1 @@
+"""Points that two devices triangulate, and their correction."""

@@ -1,0 +1,392 @@
+"""Remove the refraction error from a measured point cloud.
+
+A sensor found X' where the straight lines of its devices meet; the refracted rays end on X. The
+error e(X) = X' - X of a point is computed by `lines_of_sight`, so X is the fixed point of
+X <- X' - e(X). Both are solved together: each round traces the lines of both devices once, aims
+them again and moves the point. A round reduces the residual as one of `lines_of_sight` does.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.tiles import tile_order
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
+from iriftrace.core.errors import InputError, warn
+from iriftrace.core.member_weights import MemberWeights
+from iriftrace.core.mesh.triangles import unit_vectors
+from iriftrace.measuring.two_devices.correction import (
+    Correction,
+    CorrectionStatus,
+    FieldState,
+    is_corrected,
+)
+from iriftrace.measuring.two_devices.device_check import MANY, check_devices, checked_pixels
+from iriftrace.measuring.two_devices.devices import (
+    Phase,
+    Sensor,
+    System,
+    provenance_of_two,
+    sensor_of,
+)
+from iriftrace.measuring.two_devices.larger import Larger, in_box, larger_than, sample_of
+from iriftrace.measuring.two_devices.two_points import lines_of_sight
+from iriftrace.part.part import Part
+from iriftrace.tracing.engine import choose
+from iriftrace.tracing.lost import warn_of_lost_points
+from iriftrace.tracing.scene import Scene
+
+REACH_MM = 1.0
+"""Largest distance of a point from the part at which it still belongs to the part.
+
+Forged parts deviate from their CAD model by some tenths of a millimetre.
+"""
+
+ON_THE_PART_MM = 0.05
+"""Tolerated gap along a ray between its end and a point on the part's surface."""
+
+SETTLED_MM = 1e-5
+"""Rounds end when point and aims move by less: a hundredth of what sensors resolve."""
+
+ROUNDS = 20
+"""A round straight down a plume reduces a residual to a third; twelve reduce 1 mm to 1 nm."""
+
+SAMPLE = 10_000
+"""Number of sampled points whose distance from the part is computed."""
+
+PIECE = 1_000_000
+"""Number of points that are corrected at a time: 0.6 GB of rays."""
+
+
+ON_PART_MM = 0.02
+"""Median distance below which a cloud lies on the part, so that its size is not checked."""
+
+MOSTLY_PART = 3
+"""Least ratio of points nearer than `REACH_MM` to points up to twice as far, in an aligned cloud
+that also holds the table. In a cloud that is not aligned both layers have as many points."""
+
+_DOUBTFUL = {
+    CorrectionStatus.FAR_FROM_PART: "are far from the part (more than 1 mm) or on its outline and "
+    "are not corrected; that is right for a table, clamps and outliers, otherwise align "
+    "the cloud with the part (--cloud-to-part).",
+    CorrectionStatus.UNCERTAIN: "are corrected by the members' mean, which is less than its "
+    "uncertainty (u_normal); add members closer to the air, or find their weights with a board "
+    "(iriftrace fit).",
+}
+
+_NOT_CORRECTED = {
+    CorrectionStatus.FAR_FROM_PART: "are far from the part",
+    CorrectionStatus.HIDDEN: "are hidden from a device",
+    CorrectionStatus.OUTSIDE_VIEW: "lie behind a device or beyond its lens",
+    CorrectionStatus.SEVERAL_IMAGES: "have several images",
+    CorrectionStatus.OUTSIDE_FIELD: "are seen through no hot air that is known",
+    CorrectionStatus.LOST: "have rays that were lost on the way",
+}
+
+
+def correct(
+    points: ArrayLike,
+    scene: Scene,
+    camera: Camera | None = None,
+    second: Camera | None = None,
+    *,
+    system: System | None = None,
+    phase: Phase | None = None,
+    field_uncertainty: float = 0.0,
+    pixels: ArrayLike | None = None,
+) -> Correction:
+    """Remove the refraction error from measured points.
+
+    For an ensemble of fields the correction is the weighted mean over its members, of every point
+    whose lines of sight are known: the best estimate of an error is its mean, however uncertain.
+    Its uncertainty is the members' scatter, or follows from the covariance of fitted weights
+    (:func:`iriftrace.fit_members`).
+
+    Parameters
+    ----------
+    points : (n, 3) array, mm, world
+        From one scan by these devices, before it was merged with others or aligned.
+    scene : Scene
+    camera, second, system, phase
+        As for `iriftrace.measure`. A laser's sheet is assumed to pass through each point, turned
+        about the laser.
+    field_uncertainty : float
+        Relative standard uncertainty of the air's contrast, n - n of the ambient air, to which
+        the correction is proportional: 0.05 for 5 %.
+    pixels : (n, 2) array, px, optional
+        Where the camera saw the points, centres of pixels at whole numbers; NaN where that is not
+        known. They are compared with the points, see `iriftrace.measuring.two_devices.device_check`.
+
+    Raises
+    ------
+    InputError
+        As `iriftrace.measure`, and if there are no points, some are not finite, none lies on the
+        part or can be corrected, there are not as many pixels, or the uncertainty is not a
+        fraction.
+
+    Warns
+    -----
+    IriftraceWarning
+        As :func:`iriftrace.tracing.engine.choose`; points do not belong to this part, contradict
+        the devices, or lie off the laser's sheet.
+    """
+    measured = _checked(points, field_uncertainty)
+    seen_at = None if pixels is None else checked_pixels(pixels, len(measured))
+    loaded, sensor = sensor_of(scene, camera, second, system, phase)
+    near_box, to_part = _near_part(measured, loaded.part)
+    traced = choose(loaded, *sensor.devices).scene
+    members = traced.alone()
+    # Clouds come in any order; neighbouring rays are traced faster.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        pixel, second_pixel = (device.project(measured) for device in sensor.devices)
+    in_view = np.asarray(np.isfinite(np.hstack((pixel, second_pixel))).all(axis=1))
+    order = tile_order(pixel)
+    order = order[(in_view & near_box)[order]]
+    found = [_in_one_field(measured, in_view, order, member, sensor) for member in members]
+    by_member, statuses, (face, *_) = zip(*found, strict=True)
+    weights = traced.weights if traced.members else None
+    status = _common_status(statuses, by_member, weights)
+    # What stands behind the part, such as a table, is hidden and does not belong to it.
+    hidden = np.flatnonzero(status == CorrectionStatus.HIDDEN)
+    far = loaded.part.surface.distance(measured[hidden]) > REACH_MM
+    status[hidden[far]] = CorrectionStatus.FAR_FROM_PART
+    _refuse_none(status, measured, loaded.part)
+    errors = np.where(is_corrected(status)[:, None], by_member, 0.0)
+    error = errors[0] if weights is None else weights.mean(errors)
+    larger = _larger(measured - error, loaded.part)
+    _warn_of_doubtful(status, larger, loaded.part)
+    if doubt := check_devices(measured, status, traced, sensor, seen_at).warning:
+        warn(doubt)
+    provenance = provenance_of_two(traced, sensor.camera)
+    one_line = sensor.system == "laser"
+    if one_line:
+        provenance["assumptions"]["sheet"] = "through each point, turned about the laser"
+        off = sensor.off_sheet(measured[is_corrected(status)])
+        one_line = not _warn_of_other_sheets(off)
+    return Correction(
+        measured=measured,
+        error=error,
+        status=status,
+        face=face,
+        normal=loaded.part.surface.normals[face],
+        system=sensor.system,
+        provenance=provenance,
+        field_uncertainty=field_uncertainty,
+        errors=None if weights is None else errors,
+        weights=weights,
+        to_part=to_part,
+        larger=larger,
+        growth=loaded.part.growth,
+        state=FieldState.of(loaded),
+        one_line=one_line,
+    )
+
+
+def _in_one_field(
+    measured: FloatArray,
+    in_view: BoolArray,
+    order: IntArray,
+    scene: Scene,
+    sensor: Sensor,
+) -> tuple[FloatArray, IntArray, IntArray]:
+    """`_robust_error` of the points whose rows are in `order`, and outcomes of all others."""
+    error = np.zeros_like(measured)
+    outside = (CorrectionStatus.FAR_FROM_PART, CorrectionStatus.OUTSIDE_VIEW)
+    status = np.where(in_view, *outside).astype(np.int64)
+    face = np.full(len(measured), -1)
+    for rows in np.array_split(order, math.ceil(len(order) / PIECE)) if len(order) else ():
+        error[rows], status[rows], face[rows] = _robust_error(measured[rows], scene, sensor)
+    return error, status, face
+
+
+def _checked(points: ArrayLike, field_uncertainty: float) -> FloatArray:
+    """The points (n, 3) of a cloud that can be corrected."""
+    measured = np.array(points, dtype=np.float64)
+    if measured.ndim != 2 or measured.shape[1:] != (3,) or len(measured) == 0:
+        raise InputError(
+            f"The cloud is an array of shape {measured.shape}; give n > 0 points, (n, 3), in mm."
+        )
+    if not np.isfinite(measured).all():
+        raise InputError("Some points of the cloud are not finite; leave them out.")
+    if not 0.0 <= field_uncertainty < 1.0:
+        raise InputError(
+            f"The field's uncertainty is {field_uncertainty:g}, but it is a fraction of the air's "
+            "contrast; give one from 0 to 1, such as 0.05 (5 %)."
+        )
+    return measured
+
+
+def _near_part(measured: FloatArray, part: Part) -> tuple[BoolArray, FloatArray]:
+    """Mask (n,) of the points in a box around a part, and the distance, mm, of a sample of them.
+
+    The box is larger than the part's by twice `REACH_MM`. Raises InputError for a cloud that does
+    not lie on the part.
+    """
+    near_box = in_box(measured, part, 2.0 * REACH_MM)
+    to_part = part.surface.distance(sample_of(measured[near_box], SAMPLE))
+    near = int((to_part <= REACH_MM).sum())
+    next_to_it = int((to_part <= 2 * REACH_MM).sum()) - near
+    if near <= 0.5 * len(to_part) and near <= MOSTLY_PART * next_to_it:
+        larger = larger_than(measured, part)
+        if larger is not None:
+            raise InputError(larger.sentence(part.growth))
+        middle = np.median(part.surface.distance(sample_of(measured, SAMPLE)))
+        raise InputError(
+            f"The cloud lies {middle:.3g} mm from the part (median), so it is another part's, in "
+            "another unit (--length-unit) or another frame (--cloud-to-part), or has other columns "
+            "(--columns); give its points in mm in the frame of the scene."
+        )
+    return near_box, to_part
+
+
+def _larger(points: FloatArray, part: Part) -> Larger | None:
+    """Size comparison of corrected points (n, 3) that do not lie on this part; None if they do.
+
+    On a strip of a surface refraction alone looks like another size, by as much as 2 %.
+    """
+    near = points[in_box(points, part, 2.0 * REACH_MM)]
+    to_part = part.surface.distance(sample_of(near, SAMPLE))
+    return larger_than(points, part) if np.median(to_part) > ON_PART_MM else None
+
+
+def _warn_of_doubtful(status: IntArray, larger: Larger | None, part: Part) -> None:
+    """Warn of a cloud of another size, and of many points that cannot belong to this part."""
+    if larger is not None:
+        warn(larger.sentence(part.growth))
+    for code, sentence in _DOUBTFUL.items():
+        fraction = np.mean(status == code)
+        # Points far from a part of another size are not a matter of the alignment.
+        explained = larger is not None and code == CorrectionStatus.FAR_FROM_PART
+        if fraction > MANY and not explained:
+            warn(f"{fraction:.0%} of the points {sentence}")
+    lost = int((status == CorrectionStatus.LOST).sum())
+    warn_of_lost_points(lost, len(status), "are not corrected")
+
+
+def _warn_of_other_sheets(off: FloatArray) -> bool:
+    """Warn of distances (n,), mm, from a laser's sheet, and say whether it has several lines."""
+    fraction = np.mean(off > REACH_MM)
+    several = bool(fraction > MANY)
+    if several:
+        warn(
+            f"{fraction:.0%} of the points lie off the laser's sheet, by up to {off.max():.3g} mm; "
+            "it is assumed that the sheet was turned and the laser and the camera stood still. If "
+            "the sensor or the part was moved, correct each line by itself with devices where they "
+            "stood then."
+        )
+    return several
+
+
+def _common_status(
+    statuses: Sequence[IntArray], by_member: Sequence[FloatArray], weights: MemberWeights | None
+) -> IntArray:
+    """Outcome (n,) of each point from its outcomes in the air of an ensemble's members."""
+    status = np.max(statuses, axis=0)
+    if weights is not None:
+        scatter, mean = weights.uncertainty(by_member), weights.mean(by_member)
+        vague = np.linalg.norm(scatter, axis=1) > np.linalg.norm(mean, axis=1)
+        status[vague & (status == CorrectionStatus.CORRECTED)] = CorrectionStatus.UNCERTAIN
+    return np.asarray(status)
+
+
+def _refuse_none(status: IntArray, measured: FloatArray, part: Part) -> None:
+    """Raise InputError if no point can be corrected."""
+    if is_corrected(status).any():
+        return
+    counts = {code: int((status == code).sum()) for code in _NOT_CORRECTED}
+    listed = ", ".join(f"{n:,} {_NOT_CORRECTED[code]}" for code, n in counts.items() if n)
+    raise InputError(
+        f"None of the {len(status):,} points can be corrected: {listed}; the cloud is "
+        f"{_across(measured):.3g} mm across and the part {_across(part.bounds):.3g} mm: "
+        "check its unit (--length-unit), its frame (--cloud-to-part) and where the scene has "
+        "the devices."
+    )
+
+
+def _across(points: FloatArray) -> float:
+    """Diagonal of the box around points (n, 3)."""
+    return float(np.linalg.norm(np.ptp(points, axis=0)))
+
+
+def _robust_error(
+    measured: FloatArray, scene: Scene, sensor: Sensor
+) -> tuple[FloatArray, IntArray, IntArray]:
+    """`_point_error` with the face of a point, and whether it is seen, made robust to noise.
+
+    Next to a rim, and where a line of sight grazes the part, a point a few micrometres inside the
+    material is hidden and one as far outside is not. The remaining points of a hole would then make
+    it too small. So the face is the nearest one, and points that seem hidden or far, or to lie on
+    another region, are judged as if they lay on it.
+    """
+    part = scene.part
+    error, status, face = _point_error(measured, scene, sensor, REACH_MM)
+    place = measured - error
+    foot, nearest = part.surface.nearest(place)
+    near = np.linalg.norm(foot - place, axis=1) <= REACH_MM
+    region = part.region_of_face
+    doubtful = np.isin(status, (CorrectionStatus.HIDDEN, CorrectionStatus.FAR_FROM_PART))
+    rows = np.flatnonzero(near & (doubtful | (region[face] != region[nearest])))
+    face[near] = nearest[near]
+    if len(rows):
+        on_part = foot[rows] + error[rows]
+        error[rows], status[rows], _ = _point_error(on_part, scene, sensor, ON_THE_PART_MM)
+    return error, status, face
+
+
+def _point_error(
+    measured: FloatArray, scene: Scene, sensor: Sensor, reach_mm: float
+) -> tuple[FloatArray, IntArray, IntArray]:
+    """`error`, `status` and `face` of points as in `Correction`, in one field.
+
+    Those whose rays end farther from them than `reach_mm` are hidden or far from the part.
+    """
+    place = measured.copy()
+    offsets = np.zeros((2, *measured.shape))
+    residual = np.full((len(measured), 2), np.nan)
+    face = np.full(len(measured), -1)
+    found, in_air, lost = np.zeros((3, len(measured)), dtype=bool)
+    for _ in range(ROUNDS):
+        rows = np.flatnonzero(~found & ~lost)
+        if len(rows) == 0:
+            break
+        one, other = (
+            lines_of_sight(scene, device.origin, place[rows], offset[rows], rounds=1)
+            for device, offset in zip(sensor.devices, offsets, strict=True)
+        )
+        aimed = np.array((one.offset, other.offset))
+        moved = np.linalg.norm(aimed - offsets[:, rows], axis=2).max(axis=0)
+        offsets[:, rows] = aimed
+        residual[rows] = np.column_stack((one.residual, other.residual))
+        face[rows] = one.face
+        in_air[rows] = one.in_air | other.in_air
+        lost[rows] = one.lost | other.lost
+        a, b = (
+            unit_vectors(place[rows] + offset - device.origin)
+            for device, offset in zip(sensor.devices, aimed, strict=True)
+        )
+        seen, _ = sensor.triangulated(a, b)
+        step = measured[rows] - seen
+        place[rows] += step
+        moved = np.maximum(moved, np.linalg.norm(step, axis=1))
+        found[rows] = moved <= SETTLED_MM
+    with np.errstate(invalid="ignore"):
+        # NaN where a ray misses the part.
+        far = ~(residual >= -reach_mm).all(axis=1)
+        hidden = (residual > reach_mm).any(axis=1)
+    status = np.select(
+        [lost, ~found, far, hidden, ~in_air],
+        [
+            CorrectionStatus.LOST,
+            CorrectionStatus.SEVERAL_IMAGES,
+            CorrectionStatus.FAR_FROM_PART,
+            CorrectionStatus.HIDDEN,
+            CorrectionStatus.OUTSIDE_FIELD,
+        ],
+        CorrectionStatus.CORRECTED,
+    )
+    return measured - place, status, face

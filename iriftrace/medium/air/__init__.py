@@ -1,0 +1,1 @@
+"""Refractive index and properties of air."""

@@ -1,0 +1,149 @@
+"""One pose: from a scene to its AOV image and metrics."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Collection, Mapping
+from pathlib import Path
+
+import numpy as np
+from attrs import evolve, frozen
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.errors import InputError
+from iriftrace.core.plain import JsonObject
+from iriftrace.image.aov_image import AovImage, Status, write_exr
+from iriftrace.image.metrics import PoseMetrics, pose_metrics, write_metrics
+from iriftrace.tracing.engine import choose
+from iriftrace.tracing.lost import warn_of_lost_rays
+from iriftrace.tracing.pose_image import pose_image
+from iriftrace.tracing.scene import Scene, ready_scene
+
+
+@frozen(eq=False)
+class Rendering:
+    """One pose's image and its metrics."""
+
+    image: AovImage
+    metrics: PoseMetrics
+
+    def __repr__(self) -> str:
+        width, height = self.image.resolution
+        return f"Rendering({width} x {height} px, {self.metrics!r})"
+
+    def save(self, path: str | Path, *, rgb: str | None = None) -> tuple[Path, Path]:
+        """Write the AOV EXR and, next to it, the metrics JSON; returns both names.
+
+        `rgb` is passed to :func:`iriftrace.write_exr`.
+        """
+        exr = Path(path)
+        started = time.perf_counter()
+        write_exr(exr, self.image, rgb=rgb)
+        self.metrics.add_time("write", time.perf_counter() - started)
+        report = exr.with_suffix(".json")
+        write_metrics(report, self.metrics)
+        return exr, report
+
+
+def render_scene(
+    scene: Scene,
+    *,
+    camera: Camera | None = None,
+    include: Collection[int] = (0,),
+    empty: bool = False,
+) -> Rendering:
+    """Trace a camera's straight and refracted rays through a scene, and reduce the hits to metrics.
+
+    The engine is chosen by :func:`iriftrace.tracing.engine.choose`; the metrics' key ``engine_test``
+    has the result of its test. For an ensemble (`Scene.members`) the image holds the mean
+    displacement of the members and its standard deviation, and the metrics have the key
+    ``ensemble``; see `pose_image`.
+
+    Parameters
+    ----------
+    scene : Scene
+    camera : Camera, optional
+        Used instead of the scene's own sensor.
+    include : collection of int
+        Status codes whose rays the metrics use.
+    empty : bool
+        Accept a picture without a good ray as a result instead of raising an error.
+
+    Raises
+    ------
+    InputError
+        If the camera stands in the hot air or in the part, the film would smear the channels, or
+        no ray hits the part in focus.
+
+    Warns
+    -----
+    IriftraceWarning
+        The shells are too few for the view, or over 0.5 % of its hits are lost (status 5 or 6).
+    """
+    loaded = ready_scene(scene)
+    compiled = loaded.compiled
+    if camera is None and loaded.camera is not compiled.camera:
+        camera = loaded.camera
+    began = time.perf_counter()
+    choice = choose(loaded, camera)
+    check_s = time.perf_counter() - began - choice.straight_s
+    image = pose_image(choice.scene, camera, include, choice.straight)
+    known = image.header["time_s"]
+    # Loading the field is part of the check, and done once for many poses.
+    known.update(load=compiled.load_s, build=compiled.build_s)
+    known["straight"] += choice.straight_s
+    if not empty:
+        _refuse_empty(image)
+    reduced = time.perf_counter()
+    metrics = pose_metrics(image, loaded.part, include=tuple(include))
+    warn_of_lost_rays(metrics.rays)
+    done = time.perf_counter()
+    times: dict[str, float | None] = {
+        **image.header["time_s"],
+        "check": check_s,
+        "metrics": done - reduced,
+        "write": 0.0,
+        "figures": 0.0,
+        # Further members of an ensemble are loaded after the start.
+        "total": compiled.load_s + compiled.build_s + done - began,
+    }
+    return Rendering(image, evolve(metrics, time_s=times, engine_test=choice.as_dict()))
+
+
+def keep_checks(metrics: PoseMetrics, earlier: JsonObject) -> PoseMetrics:
+    """Copy times and checks that only rendering knew to the metrics of an image reduced again.
+
+    `earlier` are the JSON values written when it was rendered; another pose's are not used.
+    """
+    known = earlier.get("time_s")
+    if earlier.get("pose") != metrics.as_dict()["pose"] or not isinstance(known, Mapping):
+        return metrics
+    return evolve(
+        metrics,
+        time_s={
+            key: known.get(key) if value is None else value for key, value in metrics.time_s.items()
+        },
+        engine_test=earlier.get("engine_test"),
+    )
+
+
+def _refuse_empty(image: AovImage) -> None:
+    if (image.channels["status.code"] == Status.GOOD).any():
+        return
+    status = image.status
+    if (status == Status.MISSED).all():
+        raise InputError(
+            "No ray of the camera hits the part; point the camera at it (lookat in the scene file)."
+        )
+    if np.isin(status, (Status.MISSED, Status.OUT_OF_FOCUS, Status.BLOCKED)).all():
+        camera = image.camera
+        hit = status == Status.OUT_OF_FOCUS
+        if not hit.any():
+            raise InputError("Another object hides the part from every pixel; move the camera.")
+        lengths = np.linalg.norm(image.vector("straight")[hit] - camera.origin, axis=1)
+        raise InputError(
+            f"No ray that hits the part is in focus: the hits are {lengths.min():.1f} to "
+            f"{lengths.max():.1f} mm away, the focus interval is {camera.focus_mm[0]:g} to "
+            f"{camera.focus_mm[1]:g} mm; move the camera or change focus_near and focus_far "
+            "(iriftrace scene --focus NEAR:FAR)."
+        )

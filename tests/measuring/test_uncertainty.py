@@ -1,0 +1,385 @@
+"""What several fields, or a stated uncertainty of one, say of a measurement and its correction.
+
+Against each member by itself, NumPy's standard deviations, and proportionality to the contrast.
+"""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista as pv
+from attrs import evolve
+
+from iriftrace.cli import main
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.member_weights import MemberWeights
+from iriftrace.measuring.features.drawing import GrowthUncertainty
+from iriftrace.measuring.features.fit import fit_feature
+from iriftrace.measuring.features.quantity import Quantity, WorstMember
+from iriftrace.measuring.two_devices.correct import correct
+from iriftrace.measuring.two_devices.correction import CorrectionStatus, FieldState
+from iriftrace.measuring.two_devices.measure import measure
+from iriftrace.measuring.two_devices.scan import Scan, ScanStatus
+from iriftrace.medium.air.refractivity import Air
+from iriftrace.medium.hot_air import AirState
+from iriftrace.medium.shells.stack import ShellStack
+from iriftrace.medium.shells.table import AirStatement
+from iriftrace.medium.source import FieldFacts, FieldKind
+from iriftrace.part.part import Part
+from iriftrace.scenes import folder_of
+from iriftrace.scenes.analytic import concentric_cylinders, slab
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.scene import Scene
+from iriftrace.tracing.write import write_ensemble_scene
+from iriftrace.tracing.xml import SceneSettings
+from validation.inputs import hot_block
+from validation.inputs.cameras import camera_at
+from validation.inputs.shell_fields import scaled
+
+SHARES = np.array((-0.1, 0.0, 0.15))
+"""How much more the index differs from ambient in each member than in the undisturbed."""
+
+CAMERA, PROJECTOR = (
+    camera_at((x, 1.0, 150.0), up=(0.0, 1.0, 0.0), focal_length_mm=20.0, resolution=(30, 25))
+    for x in (-60.0, 40.0)
+)
+TWO = SceneSettings(scale=1.0, second=PROJECTOR)
+
+FRINGE = folder_of("fringe_cylinder") / "scene.xml"
+
+Printed = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(scope="module")
+def three(variant: str, tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    """A plate under hot layers in three states, seen by a camera and a projector."""
+    part, stack = slab(5)
+    airs = (AirState(None, f"share {share}", ready=scaled(stack, share)) for share in SHARES)
+    xml, _ = write_ensemble_scene(tmp_path_factory.mktemp("three"), part, airs, CAMERA, TWO)
+    return load_scene(xml, variant=variant)
+
+
+@pytest.fixture(scope="module")
+def fringe(variant: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[Scan, Path]:
+    """A scan of the bundled cylinder, and its file."""
+    scan = measure(load_scene(FRINGE, {"scale": 0.1}, variant=variant))
+    return scan, scan.save(tmp_path_factory.mktemp("fringe") / "scan.vtp")[0]
+
+
+def member(scene: Scene, number: int) -> Scene:
+    return load_scene(scene.path, {"member": number}, variant=scene.variant)
+
+
+def test_a_measurement_is_the_mean_of_the_members(three: Scene) -> None:
+    scan = measure(three)
+    alone = [measure(member(three, number)) for number in (1, 2, 3)]
+    everywhere = np.all([one.status == ScanStatus.MEASURED for one in alone], axis=0)
+    assert (scan.status[everywhere] == ScanStatus.MEASURED).all()
+    assert len(scan.points) == everywhere.sum() > 300
+    assert scan.errors is not None
+    errors = np.array([one.error[everywhere[one.status == 0]] for one in alone])
+    np.testing.assert_allclose(scan.errors, errors, atol=1e-12)
+    np.testing.assert_allclose(scan.error, errors.mean(axis=0), atol=1e-12)
+    # To first order the error is proportional to the contrast.
+    ratio = scan.scatter_normal / np.abs(scan.error_normal)
+    np.testing.assert_allclose(ratio, SHARES.std(ddof=1) / (1.0 + SHARES.mean()), rtol=2e-3)
+
+
+def test_a_correction_is_the_mean_of_the_members(three: Scene) -> None:
+    """Points as they are in the second member's air, corrected by each."""
+    cloud = measure(member(three, 2)).points
+    found = correct(cloud, three, field_uncertainty=0.05)
+    alone = [correct(cloud, member(three, number)) for number in (1, 2, 3)]
+    good = found.status == CorrectionStatus.CORRECTED
+    assert good.mean() > 0.9
+    assert found.errors is not None
+    for errors, one in zip(found.errors, alone, strict=True):
+        np.testing.assert_allclose(errors[good], one.error[good], atol=1e-12)
+    np.testing.assert_allclose(found.error, found.errors.mean(axis=0), atol=1e-15)
+    along = np.einsum("kij,ij->ki", found.errors, found.normal)
+    expected = np.hypot(along.std(axis=0, ddof=1), 0.05 * along.mean(axis=0))
+    assert found.u_normal is not None
+    np.testing.assert_allclose(found.u_normal[good], expected[good], rtol=1e-9)
+    assert np.isnan(found.u_normal[~good]).all()
+    assert "3 fields" in found.provenance["assumptions"]["ensemble"]
+
+
+def test_weights_on_disk_are_those_of_the_mean(variant: str, tmp_path: Path) -> None:
+    """Fitted weights in the scene's table: mean by NumPy, u of what air does by x C x."""
+    part, stack = slab(5)
+    given, folder = np.array((0.2, 0.3, 0.5)), tmp_path / "weighted"
+    airs = [
+        AirState(None, "a", weight=2 * weight, ready=scaled(stack, share))
+        for share, weight in zip(SHARES, given, strict=True)
+    ]
+    xml, _ = write_ensemble_scene(folder, part, airs, CAMERA, TWO)
+    table = folder / "members" / "members.json"
+    listed = json.loads(table.read_text())
+    assert [row["weight"] for row in listed["members"]] == pytest.approx(given.tolist())
+    # Its last column scales the air as a whole.
+    factor = np.column_stack(((0.1, -0.2, 0.1), (0.0, 0.1, -0.1), 0.2 * given))
+    for row, values in zip(listed["members"], (factor @ factor.T).tolist(), strict=True):
+        row["covariance"] = values
+    table.write_text(json.dumps(listed))
+    scene = load_scene(xml, variant=variant)
+    scan = measure(scene)
+    assert scan.errors is not None
+    np.testing.assert_allclose(scan.error, np.average(scan.errors, 0, given), atol=1e-12)
+    values = scan.as_dict()
+    assert values["worst_member"] == 3
+    assert values["members"][0]["weight"] == pytest.approx(0.2)
+    origin = "50.0% synthetic: slab; 30.0% synthetic: slab; and 1 more"
+    assert values["assumptions"]["field_origin"] == origin
+    size = scan._with_scatter(Quantity("mm", {"cold": 10.0}, {}, (9.7, 10.0, 10.2)))
+    assert size.worst == WorstMember(1, 9.7)
+    spread = np.sqrt(np.cov((9.7, 10.0, 10.2), aweights=given))
+    assert size.scatter == pytest.approx(float(spread))
+    found = correct(scan.points, scene)
+    good = found.status == CorrectionStatus.CORRECTED
+    assert found.errors is not None
+    assert found.u_normal is not None
+    along = np.einsum("kij,ij->ki", found.errors, found.normal)
+    expected = np.linalg.norm(along.T @ factor, axis=1)
+    np.testing.assert_allclose(found.u_normal[good], expected[good], rtol=1e-9)
+    assert found._coverage_factor(1e-3, 1e-3) == 2
+    clouds = {"measured": 10.1, "corrected": 10.0}
+    sizes = Quantity("mm", clouds, {"corrected": 1e-3}, (9.7, 10.0, 10.2))
+    real = evolve(found, state=FieldState())
+    stated = real._with_uncertainty(sizes, GrowthUncertainty()).uncertainty
+    assert stated is not None
+    assert stated.coverage_factor == 2
+    assert stated.parts["air"] == pytest.approx(np.linalg.norm((-0.4, -0.1, 0.1) @ factor))
+    assert stated.expanded == pytest.approx(2 * np.hypot(stated.parts["air"], 1e-3))
+    listed["members"][1]["weight"] = -1.0
+    table.write_text(json.dumps(listed))
+    with pytest.raises(InputError, match="weights"):
+        load_scene(xml, variant=variant)
+
+
+def test_few_fields_take_a_larger_coverage_factor(three: Scene) -> None:
+    """GUM, table G.2, 95.45 %: 13.97 for one degree of freedom, 4.53 for two; 2 without scatter."""
+    found = correct(measure(member(three, 2)).points, three)
+    assert found.errors is not None
+    two = evolve(found, errors=found.errors[:2], weights=MemberWeights((0.5, 0.5)))
+    assert two._coverage_factor(1e-3, 1e-3) == pytest.approx(13.97, abs=0.005)
+    assert found._coverage_factor(1e-3, 1e-3) == pytest.approx(4.53, abs=0.005)
+    assert found._coverage_factor(1.0, 1e-3) == pytest.approx(2.0, abs=1e-9)
+    assert found._coverage_factor(1.0, 0.0) == 2
+
+
+@pytest.mark.parametrize(
+    ("contrasts", "make", "kind"),
+    [
+        ((1.0, 0.03), slab, "plane"),
+        ((-1.0, 0.1, 1.2), slab, "plane"),
+        ((1.0, 0.03), concentric_cylinders, "cylinder"),
+    ],
+)
+def test_what_scatters_by_more_than_itself_is_corrected_by_the_mean(
+    variant: str,
+    tmp_path: Path,
+    contrasts: tuple[float, ...],
+    make: Callable[[int], tuple[Part, ShellStack]],
+    kind: str,
+) -> None:
+    """Members of 100 and 3 % of the contrast, in air of 51.5 %, which is their mean.
+
+    Each point's correction is less than its uncertainty, and leaves less than a tenth of the error,
+    and of what the air does to a diameter.
+    """
+    part, stack = make(20)
+    mean = float(np.mean(contrasts))
+    airs = (AirState(None, f"{c}", ready=scaled(stack, c - 1.0)) for c in contrasts)
+    xml, _ = write_ensemble_scene(tmp_path / "vague", part, airs, CAMERA, TWO)
+    true = (AirState(None, "true", ready=scaled(stack, mean - 1.0)) for _ in range(2))
+    truth, _ = write_ensemble_scene(tmp_path / "true", part, true, CAMERA, TWO)
+    scan = measure(load_scene(truth, variant=variant))
+    with pytest.warns(IriftraceWarning, match="100% of the points are corrected by the members"):
+        found = correct(scan.points, load_scene(xml, variant=variant))
+    assert (found.status == CorrectionStatus.UNCERTAIN).mean() > 0.97
+    assert found.corrected.mean() > 0.97
+    left = np.linalg.norm(found.points - scan.true, axis=1)[found.corrected]
+    assert np.sqrt(np.mean(left**2)) < 0.1 * np.sqrt(np.mean(scan.error**2) * 3)
+    assert found.u_normal is not None
+    assert np.isfinite(found.u_normal[found.corrected]).all()
+    counts = found.as_dict()["points"]
+    assert counts["corrected"] == found.corrected.sum()
+    assert counts["uncertain"] == (found.status == CorrectionStatus.UNCERTAIN).sum()
+    (feature, *_) = found.features(part, [kind], gate=None)
+    assert feature.points + feature.left_out <= found.corrected.sum()
+    if kind == "cylinder":
+        true_size = fit_feature(scan.true[found.corrected], kind).size_mm
+        measured, corrected = (feature.size.by_cloud[key] for key in ("measured", "corrected"))
+        assert abs(corrected - true_size) < 0.1 * abs(measured - true_size)
+
+
+def test_nothing_is_known_of_one_field_alone(three: Scene) -> None:
+    one = member(three, 2)
+    assert measure(one).scatter_normal is None
+    assert correct(measure(one).points, one).u_normal is None
+    with pytest.raises(InputError, match="is 5, but it is a fraction"):
+        correct(measure(one).points, one, field_uncertainty=5.0)
+
+
+def test_a_diameter_has_the_uncertainty_of_its_correction(
+    fringe: tuple[Scan, Path], tmp_path: Path, capsys: Printed
+) -> None:
+    """5 % of the field are 5 % of what was taken out; U is twice that."""
+    scan, corrected = fringe[1], tmp_path / "corrected.vtp"
+    words = ["correct", str(scan), str(FRINGE), "-o", str(corrected), "--no-figures"]
+    assert main(words) == 0
+    said = capsys.readouterr().out
+    assert "The air's part of U is not known" in said
+    assert "U = at least " in said
+    for file in (scan, corrected):
+        numbers = json.loads(file.with_suffix(".json").read_text())
+        assert numbers["field"]["sha256"]
+        assert f"Field: {numbers['assumptions']['field_origin']}; " in said
+    assert "u_normal" not in pv.read(corrected).point_data
+    assert main([*words, "--field-uncertainty=5 %"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    row = next(
+        row
+        for row in json.loads(corrected.with_suffix(".json").read_text())["features"]
+        if row["kind"] == "cylinder"
+    )
+    air = row["size_mm"]["corrected"] - row["size_mm"]["measured"]
+    u = {part["group"]: part["u_mm"] for part in row["contributions"]}
+    assert u == {
+        "air": pytest.approx(0.05 * abs(air), rel=1e-9),
+        "fit": row["u_size_mm"]["corrected"],
+    }
+    assert list(u) == sorted(u, key=lambda group: -u[group])
+    total = 2 * np.hypot(*u.values())
+    assert row["U_mm"] == pytest.approx(total, rel=1e-9)
+    assert row["value_mm"] == row["size_mm"]["corrected"]
+    assert (row["k"], row["not_covered"]) == (2, [])
+    parts = ", ".join(f"{group} {2e3 * value:.3g} um" for group, value in u.items())
+    assert (
+        f"Corrected it is {row['value_mm']:.4f} mm, U = {1e3 * total:.3g} um (k = 2; {parts})."
+        in said
+        in said
+    )
+    assert "more than the air's effect" not in said
+    assert pv.read(corrected).point_data["u_normal"].max() > 0
+    assert main([*words, "--field-uncertainty=150 %"]) == 2
+    assert main([*words, "--field-uncertainty=much"]) == 2
+    assert 'write "5 %" or 0.05' in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_correction_smaller_than_the_fits_uncertainty_is_said_to_be_so(
+    fringe: tuple[Scan, Path], tmp_path: Path, capsys: Printed
+) -> None:
+    """Noise of 0.2 mm, of which 150 points leave more of the diameter than air does."""
+    scan, _ = fringe
+    rng = np.random.default_rng(1)
+    chosen = rng.choice(len(scan.points), 400, replace=False)
+    points = scan.points[chosen] + rng.normal(0, 0.2, (400, 3))
+    points[:8] += 0.7 * scan.normal[chosen[:8]]
+    cloud = tmp_path / "cloud.xyz"
+    np.savetxt(cloud, points, "%.9g")
+    words = ["correct", str(cloud), str(FRINGE), "-o", str(tmp_path / "c.vtp"), "--no-figures"]
+    words += ["--feature=cylinder:lateral", "--field-uncertainty=5 %"]
+    assert main(words) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "), more than the air's effect." in said
+    assert main([*words, "--gate=2"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "points left out, farther from it than 2 robust standard deviations" in said
+    assert main([*words, "--gate=none"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "left out" not in said
+    (row,) = json.loads((tmp_path / "c.json").read_text())["features"]
+    assert f"; {row['points']} points; " in said or f"; {row['points']} points." in said
+    assert main([*words, "--gate=0.1"]) == 2
+    assert "at least 1, or none for all points" in " ".join(capsys.readouterr().err.split())
+
+
+def with_facts(scene: Scene, facts: FieldFacts) -> Scene:
+    """A scene whose field states these facts."""
+    source = scene.compiled.stated.source
+    assert source is not None
+    return with_stated(scene, evolve(scene.compiled.stated, source=evolve(source, facts=facts)))
+
+
+def with_stated(scene: Scene, stated: AirStatement) -> Scene:
+    """A scene whose files state other air."""
+    other = evolve(scene, air=scene.air.with_states(scene.air.states))
+    other._held.compiled = evolve(scene.compiled, stated=stated)
+    return other
+
+
+def test_air_from_formulas_has_no_uncertainty(
+    tmp_path: Path, capsys: Printed, variant: str
+) -> None:
+    """Of a size, whatever is stated of the field: it is null, and said to be missing."""
+    part, field = tmp_path / "part.ply", tmp_path / "field.vtu"
+    view = ["--origin=0,-150,120", "--target=0,0,0", "--second=60,-150,120", "--focus=10:500"]
+    xml, scan = tmp_path / "s" / "scene.xml", tmp_path / "scan.vtp"
+    for words in (
+        ["part", "cylinder", "-o", str(part)],
+        ["field", "synthetic", str(part), "-o", str(field), "--cell-size=7 mm"],
+        ["scene", str(field), str(part), "-o", str(xml), "--layers=5", *view],
+        ["measure", str(xml), "-o", str(scan), "-D", "scale=0.05", "--no-figures"],
+        ["correct", str(scan), str(xml), "-o", str(tmp_path / "c.vtp"), "--field-uncertainty=5 %"],
+    ):
+        assert main(words) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "U = at least " in said
+    assert "; not known: air)" in said
+    assert "use a flow solution" in said
+    (row, *_) = [
+        row
+        for row in json.loads((tmp_path / "c.json").read_text())["features"]
+        if row["kind"] == "cylinder"
+    ]
+    assert row["not_covered"] == ["air"]
+    assert [part["group"] for part in row["contributions"]] == ["fit"]
+    assert row["U_mm"] > 0
+
+
+@pytest.mark.parametrize(
+    ("facts", "unsteadiness"),
+    [
+        (FieldFacts(FieldKind.STEADY, 0.001, 1.0), 0.0),
+        (FieldFacts(FieldKind.UNSTEADY, 0.12, 27.0), 0.12 / np.sqrt(12)),
+        (FieldFacts(FieldKind.UNSTEADY, 0.021, 180.0), 0.2 / np.sqrt(12)),
+        (FieldFacts(FieldKind.UNSTEADY), None),
+        (FieldFacts(), 0.0),
+    ],
+)
+def test_air_that_changes_in_time_is_uncertain(
+    three: Scene, facts: FieldFacts, unsteadiness: float | None
+) -> None:
+    """Of a range of 20 % the standard deviation is 20 % / root 12, as of a rectangular one."""
+    scene = with_facts(member(three, 2), facts)
+    shells = [evolve(row, temperature_k=1193.15) for row in scene.compiled.stated.shells]
+    stated = evolve(scene.compiled.stated, shells=shells, air=Air(temperature_k=293.15))
+    scene = with_stated(scene, stated)
+    assert FieldState.of(scene).unsteadiness == pytest.approx(unsteadiness)
+    found = correct(measure(scene).points, scene, field_uncertainty=0.05)
+    assert found.u_contrast == pytest.approx(np.hypot(0.05, unsteadiness or 0.0))
+    assert found.as_dict()["unsteadiness"] == found.state.unsteadiness
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("variant")
+def test_several_fields_become_a_scene_with_two_devices(tmp_path: Path, capsys: Printed) -> None:
+    field, part = hot_block.save(tmp_path)
+    cooler = pv.read(field)
+    cooler.point_data["T"] = 293.15 + 0.8 * (cooler.point_data["T"] - 293.15)
+    cooler.save(tmp_path / "cooler.vtu")
+    xml, cloud = tmp_path / "scene" / "scene.xml", tmp_path / "scan.vtp"
+    words = ["scene", str(field), str(part), "-o", str(xml), "--layers=3", *hot_block.CAMERA]
+    words.append(f"--member={tmp_path / 'cooler.vtu'}")
+    assert main([*words, "--second=1,0,0"]) == 2
+    assert main([*words, "--second=75,-20,70"]) == 0
+    assert "what both measure" in " ".join(capsys.readouterr().out.split())
+    assert main(["measure", str(xml), "-o", str(cloud)]) == 0
+    numbers = json.loads(cloud.with_suffix(".json").read_text())
+    assert numbers["scatter_normal_mm"]["median"] > 0
+    assert "scatter_normal" in pv.read(cloud).point_data
+    assert main(["correct", str(cloud), str(xml), "-o", str(tmp_path / "c.vtp")]) == 0
+    assert "Standard uncertainty of the correction" in capsys.readouterr().out

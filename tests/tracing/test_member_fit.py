@@ -1,0 +1,330 @@
+"""Weights of members from a board's shifts: a twin experiment in air of a formula, and by command.
+
+The truth lies between two members; the shifts of the dots have noise of 0.05 px.
+"""
+
+import json
+from pathlib import Path
+
+import attrs
+import numpy as np
+import pytest
+
+import iriftrace
+from iriftrace.cli import main
+from iriftrace.core.errors import InputError
+from iriftrace.io.measured_shift import MeasuredShift
+from iriftrace.measuring.camera_motion import interaction_matrix
+from iriftrace.measuring.fit.shift_mixture import ShiftMixture, simplex_weights
+from iriftrace.measuring.fit.shift_noise import shift_noise
+from iriftrace.measuring.two_devices.correct import CorrectionStatus
+from iriftrace.tracing.load import load_scene
+from validation.inputs.leaning_air import (
+    ACROSS,
+    BOARD,
+    BOARD_CAMERA,
+    CAMERA_ACROSS,
+    LEEWARD,
+    UPRIGHT,
+    along_normal,
+    hot_block_part,
+    leaning,
+    measured_shifts,
+)
+
+pytestmark = [
+    pytest.mark.usefixtures("variant"),
+    pytest.mark.filterwarnings("ignore:Hits of this view"),
+]
+
+LEANS = (0.0, 0.2, 0.4, 0.6)
+NOISE = 0.05
+Printed = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(scope="module")
+def fields(tmp_path_factory: pytest.TempPathFactory) -> list[iriftrace.IndexField]:
+    folder = tmp_path_factory.mktemp("fields")
+    return [leaning(lean, folder) for lean in LEANS]
+
+
+@pytest.fixture(scope="module")
+def board(fields: list[iriftrace.IndexField]) -> iriftrace.Scene:
+    """The board behind the block, in the air of the members."""
+    part = BOARD.part.transformed(UPRIGHT)
+    air = iriftrace.HotAir(fields, layers=9)
+    return iriftrace.Scene(part, air, BOARD_CAMERA, blockers=[hot_block_part()], engine="shells")
+
+
+def in_air(scene: iriftrace.Scene, field: iriftrace.IndexField) -> iriftrace.Scene:
+    return attrs.evolve(scene, air=iriftrace.HotAir(field, layers=9))
+
+
+def of_part(scene: iriftrace.Scene, air: iriftrace.HotAir) -> iriftrace.Scene:
+    """The block measured by two devices to its lee, in some air."""
+    camera, second = LEEWARD
+    return attrs.evolve(
+        scene,
+        part=scene.blockers[0],
+        air=air,
+        camera=camera,
+        second=second,
+        second_id="camera_2",
+        blockers=(),
+    )
+
+
+@pytest.fixture(scope="module")
+def true_air(tmp_path_factory: pytest.TempPathFactory) -> iriftrace.IndexField:
+    return leaning(0.3, tmp_path_factory.mktemp("truth"))
+
+
+@pytest.fixture(scope="module")
+def shifts(board: iriftrace.Scene, true_air: iriftrace.IndexField) -> MeasuredShift:
+    return measured_shifts(in_air(board, true_air), NOISE)
+
+
+@pytest.fixture(scope="module")
+def fit(board: iriftrace.Scene, shifts: MeasuredShift) -> iriftrace.MemberFit:
+    return iriftrace.fit_members(board, shifts)
+
+
+def test_twin(
+    board: iriftrace.Scene, true_air: iriftrace.IndexField, fit: iriftrace.MemberFit
+) -> None:
+    """What the weighted correction leaves, against the block's planes and beside still air's.
+
+    The angle of two of its faces, too, is within U, which is less than what air does to it.
+    """
+    assert fit.noise == pytest.approx(NOISE, rel=0.1)
+    assert fit.contained
+    assert fit.ratio < 1.3
+    assert 1.8 < fit.weights.effective < 2.2
+    assert fit.weights.weights @ LEANS == pytest.approx(0.3, abs=0.02)
+    truth = of_part(board, iriftrace.HotAir(true_air, layers=9))
+    scan, block = iriftrace.measure(truth), board.blockers[0]
+
+    def left(air: iriftrace.HotAir) -> tuple[float, iriftrace.Correction, np.ndarray]:
+        found = iriftrace.correct(scan.points, of_part(board, air))
+        good = found.status == CorrectionStatus.CORRECTED
+        assert good.mean() > 0.9
+        off = along_normal(block, found.points[good], scan.face[good])
+        return float(np.sqrt(np.mean(off**2))), found, off
+
+    states = board.air.states
+    weighted = iriftrace.HotAir([s.field for s in states], layers=9, weights=fit.weights)
+    after, found, off = left(weighted)
+    uncorrected = float(np.sqrt(np.mean(scan.error_normal**2)))
+    assert after <= 0.25 * uncorrected
+    assert after <= 0.25 * left(iriftrace.HotAir(states[0].field, layers=9))[0]
+    assert found.u_normal is not None
+    u = found.u_normal[found.status == CorrectionStatus.CORRECTED]
+    assert np.mean(np.abs(off) <= 2.0 * u) >= 0.9
+    assert np.median(u) < 0.3 * uncorrected
+    assert "by a fit to a measurement" in found.provenance["assumptions"]["ensemble"]
+    features = found.features(block)
+    (angle,) = (each.as_dict() for each in found.relations(features))
+    measured, corrected = (angle["angle_deg"][name] for name in ("measured", "corrected"))
+    total = angle["U_deg"]
+    assert abs(corrected - 90.0) < total < 0.5 * abs(measured - corrected)
+
+
+def test_other_signs_are_told(board: iriftrace.Scene, shifts: MeasuredShift) -> None:
+    up = attrs.evolve(shifts, shifts=shifts.shifts * (1.0, -1.0))
+    with pytest.warns(iriftrace.IriftraceWarning, match="With the other sign of dv"):
+        found = iriftrace.fit_members(board, up, noise_px=NOISE)
+    assert found.dots["measured"] == len(shifts.places)
+
+
+def test_places_that_were_left_out_are_counted(
+    board: iriftrace.Scene, shifts: MeasuredShift
+) -> None:
+    marked = attrs.evolve(shifts, failed=7, zeros=3)
+    dots = iriftrace.fit_members(board, marked).dots
+    assert (dots["measured"], dots["failed"], dots["zeros"]) == (len(shifts.places), 7, 3)
+
+
+def test_a_motion_of_the_camera_is_told_from_the_air(
+    board: iriftrace.Scene, shifts: MeasuredShift
+) -> None:
+    motion = np.array((0.02, -0.01, 0.03, 1e-4, -2e-4, 3e-4))
+    dots = BOARD.centres @ UPRIGHT[:3, :3].T + UPRIGHT[:3, 3]
+    nearest = np.argmin(
+        np.linalg.norm(BOARD_CAMERA.project(dots)[:, None] - shifts.places, axis=2), axis=0
+    )
+    moved = interaction_matrix(BOARD_CAMERA, dots[nearest]) @ motion
+    both = attrs.evolve(shifts, shifts=shifts.shifts + moved)
+    assert not iriftrace.fit_members(board, both).contained
+    fit = iriftrace.fit_members(board, both, camera_motion=True)
+    assert fit.ratio < 1.3
+    assert fit.weights.weights @ LEANS == pytest.approx(0.3, abs=0.03)
+    motion_found = fit.views[0].motion
+    assert motion_found is not None
+    # A turn and a move across the view are seen as nearly the same shift: compare what is seen.
+    seen = interaction_matrix(BOARD_CAMERA, dots[nearest]) @ motion_found
+    assert np.sqrt(np.mean((seen - moved) ** 2)) < 0.5 * NOISE < np.sqrt(np.mean(moved**2))
+
+
+@pytest.mark.slow
+def test_a_second_board_tells_the_direction(board: iriftrace.Scene, tmp_path: Path) -> None:
+    """The plume leans along the first camera's line of sight, too; the second looks across."""
+    family = [
+        leaning(lean, tmp_path, turn_deg=turn) for turn in (-20, 0, 20) for lean in (0.2, 0.4)
+    ]
+    true_air = leaning(0.3, tmp_path, turn_deg=10.0)
+    views = [
+        attrs.evolve(
+            board,
+            part=BOARD.part.transformed(to_world),
+            air=iriftrace.HotAir(family),
+            camera=camera,
+            engine="cells",
+        )
+        for to_world, camera in ((UPRIGHT, BOARD_CAMERA), (ACROSS, CAMERA_ACROSS))
+    ]
+    seen = [
+        measured_shifts(in_air(view, true_air), noise, to_world=to_world)
+        for view, noise, to_world in zip(
+            views, (NOISE, 0.6 * NOISE), (UPRIGHT, ACROSS), strict=True
+        )
+    ]
+    one = iriftrace.fit_members(views[0], seen[0])
+    both = iriftrace.fit_members(views[0], seen[0], others=[(views[1], seen[1])])
+    assert one.contained
+    assert both.ratio < 1.3
+    assert both.dots["measured"] == sum(len(shifts.places) for shifts in seen)
+    assert [view.noise for view in both.views] == pytest.approx([NOISE, 0.6 * NOISE], rel=0.15)
+    assert [view.residual / view.noise for view in both.views] == pytest.approx([1, 1], abs=0.2)
+
+    truth = attrs.evolve(of_part(board, iriftrace.HotAir(true_air)), engine="cells")
+    scan = iriftrace.measure(truth)
+
+    def left(fit: iriftrace.MemberFit) -> float:
+        air = iriftrace.HotAir(family, weights=fit.weights)
+        found = iriftrace.correct(scan.points, attrs.evolve(truth, air=air))
+        off = np.einsum("ij,ij->i", found.points - scan.true, scan.normal)
+        good = found.status == CorrectionStatus.CORRECTED
+        assert found.u_normal is not None
+        assert np.mean(np.abs(off[good]) <= 2.0 * found.u_normal[good]) >= 0.9
+        return float(np.sqrt(np.mean(off[good] ** 2)))
+
+    assert left(both) < 0.5 * left(one)
+    assert left(both) < 0.06 * float(np.sqrt(np.mean(scan.error_normal**2)))
+    others = attrs.evolve(views[1], air=iriftrace.HotAir(family[:4]))
+    with pytest.raises(InputError, match="other members than"):
+        iriftrace.fit_members(views[0], seen[0], others=[(others, seen[1])])
+
+
+def test_the_engine_is_stated_that_traced_the_members(
+    board: iriftrace.Scene, fields: list[iriftrace.IndexField], shifts: MeasuredShift
+) -> None:
+    """Too few shells, so that the fields' cells are traced."""
+    coarse = attrs.evolve(board, air=iriftrace.HotAir(fields, layers=6), engine="auto")
+    with pytest.warns(iriftrace.IriftraceWarning, match="field data were traced instead"):
+        found = iriftrace.fit_members(coarse, shifts)
+    assert found.provenance["engine"] == "cells"
+
+
+def test_weights_are_the_least_squares_on_the_simplex() -> None:
+    """Against the optimality conditions: the gradient is equal where w > 0 and larger where not."""
+    random = np.random.default_rng(4)
+    columns, target = random.normal(size=(40, 6)), random.normal(size=40)
+    weights = simplex_weights(columns, target)
+    assert weights.sum() == pytest.approx(1.0, abs=1e-12)
+    gradient = columns.T @ (columns @ weights - target)
+    level = gradient[weights > 0].mean()
+    np.testing.assert_allclose(gradient[weights > 0], level, atol=1e-5)
+    assert (gradient[weights == 0] > level).all()
+    assert 0 < (weights == 0).sum() < 5
+    mixture = np.array((0.0, 0.25, 0.0, 0.75, 0.0, 0.0))
+    np.testing.assert_allclose(simplex_weights(columns, columns @ mixture), mixture, atol=1e-7)
+
+
+def test_contrast_is_as_uncertain_as_single_dots() -> None:
+    """Half of the dots move by a fifth of the others and are off by 30 % of that."""
+    predicted = np.zeros((1, 200, 2))
+    predicted[0, :100, 0], predicted[0, 100:, 0] = 5.0, 1.0
+    off = np.where(np.arange(200) < 100, 0.0, 0.3 * (-1.0) ** np.arange(200))
+    fit = ShiftMixture(predicted, predicted[0] * (1.0 + off)[:, None])
+    assert np.sqrt(fit.covariance(1e-6)[0, 0]) == pytest.approx(0.3 / np.sqrt(2.0), rel=1e-6)
+
+
+def test_noise_is_told_from_the_signal() -> None:
+    random = np.random.default_rng(5)
+    places = random.uniform(0.0, 1000.0, (2000, 2))
+    x, y = places.T / 1000.0
+    signal = np.column_stack((3.0 * x**2 - y, np.sin(4.0 * x) * y))
+    noisy = signal + random.normal(0.0, 0.08, signal.shape)
+    assert shift_noise(places, noisy) == pytest.approx(0.08, rel=0.05)
+    assert shift_noise(places, signal) < 0.002
+    with pytest.raises(InputError, match="state it"):
+        shift_noise(places[:10], signal[:10])
+
+
+def test_shifts_that_cannot_be_fitted(board: iriftrace.Scene, shifts: MeasuredShift) -> None:
+    def refused(words: str, seen: MeasuredShift, scene: iriftrace.Scene = board) -> None:
+        with pytest.raises(InputError, match=words):
+            iriftrace.fit_members(scene, seen, noise_px=NOISE)
+
+    def some(rows: object, offset: float = 0.0) -> MeasuredShift:
+        return attrs.evolve(shifts, places=shifts.places[rows] + offset, shifts=shifts.shifts[rows])
+
+    refused("outside the camera's picture", some(slice(None), 1500.0))
+    refused("fewer than the 4 members", some(slice(3)))
+    middle = BOARD_CAMERA.project(np.random.default_rng(6).uniform(-4, 4, (40, 3)))
+    refused("hides the board", attrs.evolve(shifts, places=middle, shifts=np.zeros((40, 2))))
+    aside = board.part.transformed(
+        np.array(((1, 0, 0, 60), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1.0)))
+    )
+    refused("next to the board", shifts, attrs.evolve(board, part=aside))
+    front = board.part.transformed(
+        np.array(((1, 0, 0, 0), (0, 1, 0, -100), (0, 0, 1, 0), (0, 0, 0, 1.0)))
+    )
+    refused("in front of the part", shifts, attrs.evolve(board, part=front))
+    refused("has one field", shifts, in_air(board, board.air.states[0].field))
+
+
+@pytest.mark.slow
+def test_command(
+    board: iriftrace.Scene,
+    shifts: MeasuredShift,
+    fit: iriftrace.MemberFit,
+    tmp_path: Path,
+    capsys: Printed,
+) -> None:
+    """Files of the board's scene and of the part's; the weighted scenes correct as in memory."""
+    xml = attrs.evolve(board, second=LEEWARD[1], second_id="camera_2").save(
+        tmp_path / "board" / "scene.xml", scale=0.25
+    )
+    table = np.column_stack((shifts.places, shifts.shifts))
+    np.savetxt(
+        tmp_path / "s.csv", table, delimiter=",", header="u,v,du,dv", comments="", fmt="%.9g"
+    )
+    measuring = of_part(board, board.air).save(tmp_path / "part" / "scene.xml", scale=0.5)
+    words = ["fit", str(xml.path), str(tmp_path / "s.csv"), "--engine", "shells", "-o"]
+    assert main([*words, str(tmp_path / "fitted" / "scene.xml")]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "These members reproduce what was measured" in printed
+    assert "first blocker, the hot part, is the part of the fitted scene" in printed
+    written = json.loads((tmp_path / "fitted" / "fit.json").read_text())
+    weights = [row["weight"] for row in written["members"]]
+    np.testing.assert_allclose(weights, fit.weights.weights, atol=1e-6)
+    fitted = load_scene(tmp_path / "fitted" / "scene.xml")
+    np.testing.assert_allclose(fitted.part.bounds, board.blockers[0].bounds, atol=1e-5)
+    assert fitted.weights.covariance is not None
+    assert fitted.second_id == "camera_2"
+    other = tmp_path / "by_others" / "scene.xml"
+    twice = ["--view", str(xml.path), str(tmp_path / "s.csv")]
+    assert main([*words, str(other), "--scene", str(measuring.path), *twice]) == 0
+    assert len(json.loads(other.with_name("fit.json").read_text())["views"]) == 2
+    scan = iriftrace.measure(load_scene(other, {"member": 2}))
+    cloud, corrected = tmp_path / "cloud.vtp", tmp_path / "corrected.vtp"
+    scan.save(cloud)
+    capsys.readouterr()
+    assert main(["correct", str(cloud), str(other), "-o", str(corrected)]) == 0
+    assert "were fitted to a measurement" in " ".join(capsys.readouterr().out.split())
+    numbers = json.loads(corrected.with_suffix(".json").read_text())
+    rows = numbers["ensemble"]["members"]
+    assert [row["weight"] for row in rows] == pytest.approx(weights, abs=1e-9)
+    assert main([*words, str(tmp_path / "board" / "other.xml")]) == 2
+    assert "folder of its own" in " ".join(capsys.readouterr().err.split())

@@ -1,0 +1,167 @@
+"""Scenes saved from Python are those that the command makes: equal files, hence equal pictures.
+
+Expected values are the command's own files, bit for bit, and folders as they were where work fails.
+"""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import iriftrace
+from iriftrace.cli import main
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.medium.hot_air import HotAir
+from iriftrace.tracing.scene import Scene
+from validation.inputs import hot_block
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A user's folder with a field and a part."""
+    path = tmp_path_factory.mktemp("user")
+    hot_block.save(path)
+    return path
+
+
+CAMERA = iriftrace.Camera(
+    focal_length_mm=20.0,
+    sensor_mm=(6.0, 5.0),
+    resolution=(120, 100),
+    focus_mm=(50.0, 250.0),
+    matrix=iriftrace.look_at(origin=(60.0, -45.0, 70.0), target=(0.0, 0.0, 0.0)),
+)
+
+
+@pytest.mark.usefixtures("variant")
+@pytest.mark.filterwarnings("ignore:Hits of this view")
+def test_python_and_command_give_the_same_files(folder: Path) -> None:
+    field = iriftrace.read_field(folder / "air.vtu")
+    part = iriftrace.read_part(folder / "block.stl")
+    scene = Scene(part, HotAir(field, layers=5), CAMERA)
+    saved = scene.save(folder / "python" / "scene.xml", scale=1.0)
+    words = ["scene", str(folder / "air.vtu"), str(folder / "block.stl"), "--layers=5"]
+    xml = folder / "command" / "scene.xml"
+    assert main([*words, "-o", str(xml), *hot_block.CAMERA, "--target=0,0,0"]) == 0
+    files = sorted(path.relative_to(xml.parent) for path in xml.parent.rglob("*.*"))
+    assert Path("field.npz") in files
+    assert Path("shells/shell_01.ply") in files
+    for name in files:
+        same = (xml.parent / name).read_bytes() == (saved.path.parent / name).read_bytes()
+        # The archive of the field states when it was packed.
+        assert same or name == Path("field.npz"), name
+    assert saved.fits[0] is not None
+    assert saved.fits[0].gap_p95_mm < 0.1
+    shells = iriftrace.load_shells(xml.parent)
+    assert [len(shell.faces) for shell in shells.shells] == [
+        row.triangles for row in saved.reports[0]
+    ]
+
+
+@pytest.mark.usefixtures("variant")
+def test_objects_show_themselves_in_one_line(folder: Path, tmp_path: Path) -> None:
+    """Sizes with their units, and no array."""
+    field = iriftrace.read_field(folder / "air.vtu")
+    part = iriftrace.read_part(folder / "block.stl")
+    shells = iriftrace.contour_shells(field, 2)
+    saved = Scene(part, HotAir(field, shells=shells), CAMERA).save(tmp_path / "s.xml")
+    scene = iriftrace.load_scene(saved)
+    rendering = iriftrace.render_scene(scene)
+    shown = {
+        field: "air.vtu: 36 x 36 x 36 mm, 6,734 points, 5,616 cells",
+        part: "block.stl: 12 x 12 x 12 mm, 12 triangles, closed, 6 regions",
+        shells: "2 shells, ",
+        scene: "60 x 50 px, engine auto",
+        rendering: "60 x 50 px, PoseMetrics(",
+        rendering.image: "60 x 50 px, 17 channels",
+    }
+    for thing, words in shown.items():
+        text = repr(thing)
+        assert words in text, text
+        assert text.startswith(type(thing).__name__)
+        assert "\n" not in text
+        assert "array" not in text
+
+
+@pytest.mark.usefixtures("variant")
+@pytest.mark.filterwarnings("ignore:Hits of this view")
+def test_what_does_not_fit_is_stated_in_every_result(folder: Path, tmp_path: Path) -> None:
+    field = iriftrace.read_field(folder / "air.vtu")
+    shift = np.eye(4)
+    shift[0, 3] = 0.5
+    part = iriftrace.read_part(folder / "block.stl", transform=shift)
+    with pytest.warns(IriftraceWarning, match="does not fill the cavity") as caught:
+        saved = Scene(part, HotAir(field, layers=3), CAMERA).save(tmp_path / "scene.xml")
+    stated = iriftrace.render_scene(iriftrace.load_scene(saved)).metrics.assumptions["field_fit"]
+    assert stated in [str(warning.message) for warning in caught]
+
+
+def test_messages_say_what_to_give_in_python(folder: Path, tmp_path: Path) -> None:
+    with pytest.warns(IriftraceWarning, match=r"temperature_k=293\.[12]\) \(--ambient"):
+        field = iriftrace.read_field(folder / "air.vtu", air=iriftrace.Air(temperature_k=350.0))
+    assert field.air.temperature_k == 350.0
+    with pytest.warns(IriftraceWarning, match=r"unlikely.* check length_unit \(--length-unit\)"):
+        large = iriftrace.read_part(folder / "block.stl", length_unit="m")
+    with pytest.raises(InputError, match="in Python length_unit and transform of read_part"):
+        Scene(large, HotAir(field), CAMERA).save(tmp_path / "scene.xml")
+
+
+def test_ready_made_shells_need_no_field(folder: Path, tmp_path: Path) -> None:
+    part = iriftrace.read_part(folder / "block.stl")
+    shells = iriftrace.contour_shells(iriftrace.read_field(folder / "air.vtu"), 2)
+    saved = Scene(part, HotAir(shells=shells), CAMERA).save(tmp_path / "scene.xml")
+    assert saved.fits == (None,)
+    assert not (tmp_path / "field.npz").exists()
+    with pytest.raises(InputError, match="give a field, or shells"):
+        HotAir()
+
+
+def test_what_does_not_belong_together_is_refused(folder: Path, tmp_path: Path) -> None:
+    """And leaves no file."""
+    field = iriftrace.read_field(folder / "air.vtu")
+    part = iriftrace.read_part(folder / "block.stl")
+    path = tmp_path / "new" / "scene.xml"
+    close = CAMERA.at(iriftrace.look_at(origin=(8.0, 0.0, 0.0), target=(0.0, 0.0, 0.0)))
+    with pytest.raises(InputError, match="in the hot air"):
+        Scene(part, HotAir(field, layers=2), close).save(path)
+    with pytest.warns(IriftraceWarning, match="wall"):
+        Scene(part, HotAir(field, layers=2, wall_temperature_k=600.0), CAMERA).save(path)
+    shutil.rmtree(path.parent)
+    away = part.transformed(np.array(((1, 0, 0, 500.0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))))
+    with pytest.raises(InputError):
+        Scene(away, HotAir(field, layers=2), CAMERA).save(path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_full_disk_leaves_the_folder_as_it_was(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    field = iriftrace.read_field(folder / "air.vtu")
+    part = iriftrace.read_part(folder / "block.stl")
+    older = Scene(part, HotAir(field, layers=2), CAMERA).save(tmp_path / "scene.xml").path
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*.*")}
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("iriftrace.tracing.write.save_field_file", full)
+    for xml in (older, tmp_path / "a" / "b" / "scene.xml"):
+        with pytest.raises(InputError, match="No space left on device"):
+            Scene(part, HotAir(field, layers=3), CAMERA).save(xml)
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*.*")} == before
+    assert not (tmp_path / "a").exists()
+
+
+def test_a_warning_of_an_ensemble_names_the_members_concerned(folder: Path, tmp_path: Path) -> None:
+    """Of two members, the wall of one does not have the temperature of the part."""
+    part = iriftrace.read_part(folder / "block.stl")
+    cold = iriftrace.read_field(folder / "air.vtu")
+    grid = hot_block.air(12)
+    grid["T"] = 293.15 + 0.5 * (np.asarray(grid["T"]) - 293.15)
+    grid.save(tmp_path / "half.vtu")
+    half = iriftrace.read_field(tmp_path / "half.vtu")
+    wall = float(np.asarray(cold.temperature_k).max())
+    air = HotAir([cold, half], layers=2, labels=("full", "half"), wall_temperature_k=wall)
+    with pytest.warns(IriftraceWarning, match="^half: The air at the wall has"):
+        Scene(part, air, CAMERA).save(tmp_path / "s" / "scene.xml")
