@@ -22,8 +22,8 @@ from iriftrace.figures.style import COLOURS, write_figure
 from iriftrace.flow.synthetic.field import synthetic_field
 from iriftrace.flow.synthetic.mesh import usual_mesh
 from iriftrace.flow.synthetic.model import SyntheticAir
+from iriftrace.io.part_files import read_part
 from iriftrace.medium.hot_air import HotAir
-from iriftrace.part.part import read_part
 from iriftrace.scenes import folder_of
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.render import render_scene

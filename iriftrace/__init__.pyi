@@ -28,8 +28,6 @@ from .flow.synthetic.model import SyntheticAir as SyntheticAir
 from .flow.synthetic.model import synthetic_air as synthetic_air
 from .image.aov_image import AovImage as AovImage
 from .image.aov_image import Status as Status
-from .image.aov_image import read_exr as read_exr
-from .image.aov_image import write_exr as write_exr
 from .image.coverage import seen_areas as seen_areas
 from .image.displacement import DisplacementMap as DisplacementMap
 from .image.displacement import ShiftMap as ShiftMap
@@ -44,10 +42,14 @@ from .io.air_temperatures import AirTemperatures as AirTemperatures
 from .io.air_temperatures import read_air_temperatures as read_air_temperatures
 from .io.calibration import read_calibration as read_calibration
 from .io.calibration import read_stereo_calibration as read_stereo_calibration
+from .io.exr import read_exr as read_exr
+from .io.exr import write_exr as write_exr
 from .io.field import read_field as read_field
 from .io.iso_surfaces import import_shells as import_shells
 from .io.measured_shift import MeasuredShift as MeasuredShift
 from .io.measured_shift import read_measured_shift as read_measured_shift
+from .io.part_files import read_part as read_part
+from .io.part_files import save_part as save_part
 from .io.poses import from_convention as from_convention
 from .io.poses import read_poses as read_poses
 from .io.poses import to_convention as to_convention
@@ -89,8 +91,6 @@ from .medium.source import FieldSource as FieldSource
 from .part.board import Board as Board
 from .part.part import Part as Part
 from .part.part import part_of_mesh as part_of_mesh
-from .part.part import read_part as read_part
-from .part.part import save_part as save_part
 from .part.regions import Regions as Regions
 from .part.standards import cylinder as cylinder
 from .planning.cover import ViewLimits as ViewLimits

@@ -8,7 +8,8 @@ import mitsuba as mi
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.image.aov_image import CHANNELS, ERROR_CHANNEL
-from iriftrace.medium.path_data import FieldCells, load_field_file
+from iriftrace.io.field_npz import load_field_file
+from iriftrace.medium.path_data import FieldCells
 from iriftrace.plugins.aov_integrator import integrator_class
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.bundle import Trace

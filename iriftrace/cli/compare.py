@@ -54,7 +54,7 @@ def compare(
     figures
         Draw measured and simulated shifts and residuals.
     """
-    from iriftrace.image.aov_image import read_exr
+    from iriftrace.io.exr import read_exr
     from iriftrace.measuring.comparison import compare as compare_files
 
     checks.inputs(image, measured)

@@ -112,7 +112,7 @@ class PartOptions:
     def read(self, path: Path, field_wall: Callable[[Part], Temperatures] | None = None) -> Part:
         """Read the part; `field_wall` returns the temperatures of the field's wall, if needed."""
         from iriftrace.core.mesh.transform import parse_transform
-        from iriftrace.part.part import read_part
+        from iriftrace.io.part_files import read_part
         from iriftrace.part.uneven_growth import grown_unevenly
 
         hot = self.hot

@@ -213,7 +213,7 @@ def check_name(path: Path) -> None:
 
 def save_made(made: Part, path: Path) -> None:
     """Write a part and print its properties."""
-    from iriftrace.part.part import save_part
+    from iriftrace.io.part_files import save_part
     from iriftrace.part.region_choice import placed_regions
 
     save_part(made, path)

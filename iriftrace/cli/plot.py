@@ -127,7 +127,7 @@ def _shown(file: Path, length_unit: str | None) -> tuple[Any, FieldSource | None
     if cloud is not None:
         return cloud, _source_beside(file)
     if suffix in _MESHES:
-        from iriftrace.part.part import read_part
+        from iriftrace.io.part_files import read_part
 
         return read_part(file, length_unit=length_unit), None
     if suffix == ".xml":

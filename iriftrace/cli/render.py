@@ -94,8 +94,8 @@ def metrics(
         The JSON file; by default next to the EXR.
     """
     from iriftrace.cli.output import print_summary
-    from iriftrace.image.aov_image import read_exr
     from iriftrace.image.metrics import pose_metrics, write_metrics
+    from iriftrace.io.exr import read_exr, read_part_of
     from iriftrace.tracing.render import keep_checks
 
     checks.inputs(image, part)
@@ -104,7 +104,7 @@ def metrics(
     pixels = read_exr(image)
     checks.numbers(target, "iriftrace.pose")
     check_light(wavelength, pixels.header, image)
-    shown = pixels.part_from(part)
+    shown = read_part_of(pixels, part)
     started = time.perf_counter()
     with working("Reducing"):
         result = pose_metrics(pixels, shown, include=statuses(include))

@@ -123,9 +123,9 @@ def scene(
     from iriftrace.cli.output import print_shells
     from iriftrace.io.bodies import bodies_beside
     from iriftrace.io.members import chosen_members
+    from iriftrace.io.part_files import read_part
     from iriftrace.medium.hot_air import AirState
     from iriftrace.medium.part_fit import refuse_expanded_board
-    from iriftrace.part.part import read_part
     from iriftrace.tracing.save import save_scene
     from iriftrace.tracing.xml import SceneSettings, refuse_edited
 

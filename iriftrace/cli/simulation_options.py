@@ -182,7 +182,7 @@ class SimulationOptions:
     def bodies(self, length_unit: str) -> tuple[Body, ...]:
         """Bodies in the air besides the part, read in its unit."""
         from iriftrace.flow.simulate.bodies import Body
-        from iriftrace.part.part import read_part
+        from iriftrace.io.part_files import read_part
 
         files = self.body or []
         kelvins = [

@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 
 from iriftrace.core.errors import InputError
 from iriftrace.figures.style import write_figure
-from iriftrace.image.aov_image import AovImage, read_exr
+from iriftrace.image.aov_image import AovImage
+from iriftrace.io.exr import read_exr
 from iriftrace.planning.criteria import STANDARD, Criteria
 from iriftrace.sweep.store import read_sweep
 

@@ -180,8 +180,9 @@ def _scene(scene: Scene) -> tuple[Draw, FieldSource | None]:
 @_drawing.register
 def _pose(image: AovImage) -> tuple[Draw, FieldSource | None]:
     from iriftrace.image.displacement import good_mask
+    from iriftrace.io.exr import read_part_of
 
-    part, good = image.part, good_mask(image)
+    part, good = read_part_of(image), good_mask(image)
     if not good.any():
         raise InputError("The image has no good ray, so there is nothing to show.")
     hits = pv.PolyData(image.vector("straight", good).astype(np.float64))

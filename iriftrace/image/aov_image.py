@@ -1,39 +1,20 @@
-"""The AOV image of one pose and its OpenEXR file.
-
-Sizes and times of 1224 x 1024 x 17 float32 channels, 38 % of the pixels on the part, two cores:
-uncompressed 85 MB, 0.09 s; RLE 33 MB, 0.10 s; ZIP 25 MB, 0.32 s; ZIPS 26 MB, 0.31 s; PIZ 20 MB,
-0.34 s. ZSTD (14 MB, 0.11 s) is too new for most readers, so RLE is used: every reader
-knows it, and it removes the empty background.
-"""
+"""The AOV image of one pose: its channels, and the status of each ray."""
 
 from __future__ import annotations
 
 from enum import IntEnum
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
-import OpenEXR
 from attrs import field, frozen
+from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import sha256_of, whole_file
 from iriftrace.core.plain import JsonObject
-from iriftrace.io.exr_entries import (
-    PREFIX,
-    RGB,
-    RGB_ENTRY,
-    THREADS,
-    FloatImage,
-    colour_channels,
-    decoded,
-    encoded,
-    exr_content,
-    names_part,
-)
-from iriftrace.part.part import Part, read_part
+
+FloatImage = NDArray[np.float32]
 
 CHANNELS: tuple[str, ...] = (
     *(f"{name}.{axis}" for name in ("straight", "refracted", "displacement") for axis in "XYZ"),
@@ -75,8 +56,8 @@ SCHEMA = "iriftrace.aov/1"
 """Value of the header entry ``schema`` of the files that this version writes and reads."""
 
 
-_NEEDED = ("part", "camera", "pose", "counts", "assumptions", "time_s")
-_KNOWN = (*CHANNELS, ERROR_CHANNEL, *SCATTER_CHANNELS)
+NEEDED = ("part", "camera", "pose", "counts", "assumptions", "time_s")
+KNOWN = (*CHANNELS, ERROR_CHANNEL, *SCATTER_CHANNELS)
 
 
 class Status(IntEnum):
@@ -154,7 +135,7 @@ class AovImage:
         of_ensemble = not set(self.channels).isdisjoint(SCATTER_CHANNELS)
         needed = (*CHANNELS, *SCATTER_CHANNELS) if of_ensemble else CHANNELS
         missing = [name for name in needed if name not in self.channels]
-        surplus = [name for name in self.channels if name not in _KNOWN]
+        surplus = [name for name in self.channels if name not in KNOWN]
         if missing or surplus:
             raise InputError(
                 f"an AOV image has {len(needed)} channels; "
@@ -195,45 +176,6 @@ class AovImage:
         """Camera with which the picture was taken, in its pose; raises InputError if not named."""
         self.require("camera")
         return Camera.from_dict(self.header["camera"])
-
-    @cached_property
-    def part(self) -> Part:
-        """The part in the picture, in the world's frame; see `part_from`."""
-        return self.part_from()
-
-    def part_from(self, path: str | Path | None = None) -> Part:
-        """Read the part in the picture, in the world's frame.
-
-        Parameters
-        ----------
-        path
-            Where the part's file is now; by default where it was when the image was rendered.
-
-        Raises
-        ------
-        InputError
-            The header does not name the part, its file is missing, or it is not the file that was
-            rendered, so that its face numbers would not fit.
-        """
-        self.require(*_NEEDED)
-        named = self.header["part"]
-        if not names_part(named):
-            raise InputError(
-                "The image's header does not say which part it shows; render the scene again."
-            )
-        file = Path(named["path"] if path is None else path)
-        if not file.is_file():
-            raise InputError(
-                f"The part's file {file} is missing, and face areas and regions come from it; "
-                "give part_from its new place (--part)."
-            )
-        if sha256_of(file) != named["sha256"]:
-            raise InputError(
-                f"{file} is not the part the image was rendered with (its SHA-256 differs), so "
-                "face numbers would not fit; give part_from the right one (--part) or render "
-                "again."
-            )
-        return read_part(file, length_unit=named["length_unit"]).transformed(named["to_world"])
 
     def require(self, *keys: str) -> None:
         """Raise InputError if an entry of the image's header is missing."""
@@ -276,85 +218,3 @@ class AovImage:
         for i, plane in enumerate(planes):
             vectors[..., i] = plane
         return vectors
-
-
-def write_exr(path: str | Path, image: AovImage, *, rgb: str | None = None) -> None:
-    """Write an AOV image as OpenEXR (scan lines, RLE, float32).
-
-    Parameters
-    ----------
-    path
-        Name of the file; an existing one is replaced when the new one is complete.
-    image
-        The image. Its header entries become string attributes ``iriftrace.<key>``: strings
-        unchanged, other values as JSON.
-    rgb
-        A key of `RGB`: its channels are repeated as R, G and B, which the header's entry ``rgb``
-        states. `read_exr` leaves them out.
-
-    Raises
-    ------
-    InputError
-        There is no such key, a pixel is NaN or infinite, a header value is not plain JSON, or the
-        file cannot be written.
-    """
-    _refuse_not_finite(image, "cannot be written")
-    header = {"compression": OpenEXR.RLE_COMPRESSION, "type": OpenEXR.scanlineimage}
-    header.update({PREFIX + key: encoded(key, value) for key, value in image.header.items()})
-    # OpenEXR replaces the arrays of the dictionary that it is given, so it gets its own one.
-    channels = {
-        name: np.ascontiguousarray(image.channels[name])
-        for name in _KNOWN
-        if name in image.channels
-    }
-    if rgb is not None:
-        channels |= colour_channels(channels, rgb)
-        header[PREFIX + RGB_ENTRY] = "R, G, B repeat " + ", ".join(RGB[rgb])
-    with whole_file(path) as temporary:
-        try:
-            OpenEXR.File(header, channels, num_threads=THREADS).write(str(temporary))
-        except RuntimeError as error:
-            raise InputError(f"cannot write {path}: {error}") from error
-
-
-def read_exr(path: str | Path) -> AovImage:
-    """Read an AOV image that `write_exr` wrote.
-
-    Raises
-    ------
-    InputError
-        The file is missing, damaged, not OpenEXR, not from iriftrace, or of a newer schema.
-    """
-    name = str(path)
-    if not Path(path).is_file():
-        raise InputError(f"there is no file {name}; give the AOV EXR that a render wrote.")
-    attributes, channels = exr_content(
-        name, "give the AOV EXR that a render wrote, or render it again"
-    )
-    header = {
-        key.removeprefix(PREFIX): decoded(value)
-        for key, value in attributes.items()
-        if key.startswith(PREFIX) and key != PREFIX + RGB_ENTRY
-    }
-    schema = header.get("schema")
-    if schema != SCHEMA:
-        raise InputError(
-            f"{name} has schema {schema!r} instead of {SCHEMA!r}, so it is not an AOV image of "
-            "this version of iriftrace; render the scene again."
-        )
-    image = AovImage({key: channels[key] for key in _KNOWN if key in channels}, header)
-    _refuse_not_finite(image, f"in {name} is damaged")
-    return image
-
-
-def _refuse_not_finite(image: AovImage, consequence: str) -> None:
-    for name, pixels in image.channels.items():
-        # The sum is NaN or infinite if a pixel is; it is several times cheaper than a mask.
-        with np.errstate(over="ignore", invalid="ignore"):
-            suspicious = not np.isfinite(pixels.sum(dtype=np.float64))
-        if suspicious:
-            count = int(pixels.size - np.isfinite(pixels).sum())
-            raise InputError(
-                f"channel {name} {consequence}: {count} of its pixels are NaN or infinite, which "
-                "would spoil every mean; a quantity that does not exist is 0 with a status code."
-            )

@@ -176,7 +176,7 @@ class PoseMetrics(ViewMetrics):
 
 def pose_metrics(
     image: AovImage,
-    part: Part | None = None,
+    part: Part,
     *,
     include: Collection[int] = (Status.GOOD,),
 ) -> PoseMetrics:
@@ -187,7 +187,7 @@ def pose_metrics(
     image
         AOV image of the pose.
     part
-        The part in the image; by default the file that the image names.
+        The part in the image.
     include
         Status codes of the rays that count; 0 and 5 are possible.
 
@@ -201,8 +201,6 @@ def pose_metrics(
     IriftraceWarning
         The part's file changed since the rendering, or its faces are too small for the rays.
     """
-    if part is None:
-        part = image.part
     status = np.rint(image.channels["status.code"].ravel()).astype(np.uint8)
     face_plus_one = image.channels["part.face"].ravel()
     hits = np.flatnonzero(face_plus_one > 0)

@@ -7,8 +7,9 @@ from pathlib import Path
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import warn
+from iriftrace.io.part_files import read_part
 from iriftrace.medium.index_field import IndexField
-from iriftrace.part.part import Part, read_part
+from iriftrace.part.part import Part
 
 FOLDER = "bodies"
 """Folder next to a field: copies of the bodies around which it was solved, in mm, world."""

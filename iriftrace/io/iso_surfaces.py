@@ -69,10 +69,10 @@ def import_shells(
     """Read surfaces of equal temperature, density or index as shells.
 
     The triangles are split by value into shells. The layers between them follow from the midpoint
-    rule reversed (:func:`iriftrace.medium.shells.contour.layers_between`): ambient outside, midway between
-    neighbouring surfaces, and the same step again inside the innermost. The winding of the file is
-    ignored: each piece is oriented towards the cooler air, by the gradient if the file has one,
-    else by the neighbouring surfaces, else by its own centre.
+    rule reversed (:func:`iriftrace.medium.shells.contour.layers_between`): ambient outside, midway
+    between neighbouring surfaces, and the same step again inside the innermost. The winding of the
+    file is ignored: each piece is oriented towards the cooler air, by the gradient if the file has
+    one, else by the neighbouring surfaces, else by its own centre.
 
     Parameters
     ----------

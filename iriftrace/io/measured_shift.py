@@ -18,7 +18,7 @@ from attrs import evolve, frozen
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import array_in, sha256_of
-from iriftrace.io.exr_entries import exr_content
+from iriftrace.io.exr import exr_content
 from iriftrace.io.table import listed, read_table
 
 COLUMNS = ("u", "v", "du", "dv")

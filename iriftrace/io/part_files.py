@@ -8,15 +8,19 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from attrs import frozen
+from attrs import evolve, frozen
+from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import AnyArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of, whole_file
-from iriftrace.core.units import length_unit_of
+from iriftrace.core.mesh.transform import apply, checked_matrix
+from iriftrace.core.units import LENGTH_UNITS, length_factor, length_unit_of
 from iriftrace.io.ply import HEADER_LIMIT, PlyMesh, check_corners, read_ply, write_ply
 from iriftrace.part.growth import Growth
+from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.regions import Regions
+from iriftrace.part.soundness import check_unit, stated_growth
 
 # Mitsuba reads face properties only with a number at the end, and calls this one ``face_region``;
 # for any other name it prints a warning. It scales integers by their range, hence float.
@@ -206,3 +210,96 @@ def write_mesh_file(
         vertex_columns={} if drawing is None else dict(zip(_DRAWING, drawing.T, strict=True)),
         face_columns={_WRITTEN_PROPERTY: regions.of_face},
     )
+
+
+def read_part(
+    path: str | Path,
+    *,
+    length_unit: str | None = None,
+    transform: ArrayLike | None = None,
+    expansion: float | None = None,
+    reference_temperature_k: float = 293.15,
+    hot_temperature_k: float | None = None,
+    region_angle_deg: float = 30.0,
+) -> Part:
+    """Read a part's surface, check it and find its regions.
+
+    The coordinates are read in `length_unit`, then expanded about the file's origin, then
+    transformed.
+
+    Parameters
+    ----------
+    path
+        A mesh that trimesh reads: PLY, STL, OBJ, OFF, GLB and others.
+    length_unit
+        Unit of the file's coordinates; by default that stated in the file (glTF: m), else mm.
+    transform
+        (4, 4) array, part to world, mm.
+    expansion
+        Linear thermal expansion, 1/K. The file describes the part at `reference_temperature_k`.
+    reference_temperature_k, hot_temperature_k
+        Temperatures of the file and of the hot part, K; the second is needed with `expansion`.
+    region_angle_deg
+        Faces whose normals differ by less are smoothly connected.
+
+    Returns
+    -------
+    Part
+        Regions come from the PLY face property ``region`` (or ``region_0``) with names from
+        comments ``region NUMBER NAME``, otherwise from `iriftrace.part.regions.name_regions`.
+
+    Raises
+    ------
+    InputError
+        The file cannot be used, or an argument is wrong.
+
+    Warns
+    -----
+    IriftraceWarning
+        The surface is not closed, was turned over, has triangles that lie on others, which are
+        removed, or on their neighbours, is far from the origin, or its unit is doubtful.
+    """
+    path = Path(path)
+    if length_unit is not None:
+        length_factor(length_unit)  # refuses an unknown unit before the file is read
+        length_unit = LENGTH_UNITS.get(length_unit.casefold(), length_unit)
+    file = load_mesh_file(path)
+    growth, factor = stated_growth(
+        path, file.growth, expansion, reference_temperature_k, hot_temperature_k
+    )
+    stated = file.unit and LENGTH_UNITS.get(file.unit, file.unit)
+    length_unit = length_unit or stated or "mm"
+    scale = length_factor(length_unit) * factor
+    vertices = file.vertices * scale
+    check_unit(path, vertices[file.faces.ravel()], stated or length_unit, length_unit)
+    part = part_of_mesh(
+        vertices,
+        file.faces,
+        name=str(path),
+        sha256=file.sha256,
+        length_unit=length_unit,
+        regions=file.regions,
+        transform=transform,
+        region_angle_deg=region_angle_deg,
+    )
+    if growth is None or (file.drawing is None and transform is None):
+        return evolve(part, growth=growth)
+    drawing = vertices / growth.factor if file.drawing is None else file.drawing * scale
+    if transform is not None:
+        drawing = apply(checked_matrix(transform), drawing)
+    return evolve(part, growth=growth, drawing=drawing)
+
+
+def save_part(part: Part, path: str | Path) -> None:
+    """Write a part as binary PLY (float32, mm), or as STL, which many programs need.
+
+    The PLY keeps the order of the faces and the regions: Mitsuba, trimesh and ParaView read the
+    file, and `read_part` restores the regions.
+
+    Raises
+    ------
+    InputError
+        The name has another ending, or the folder does not exist.
+    """
+    regions = Regions(part.region_of_face, part.region_names)
+    write_mesh_file(Path(path), part.vertices, part.faces, regions, part.growth, part.drawing)

@@ -8,8 +8,7 @@ import numpy as np
 
 from iriftrace.core.arrays import FloatArray, as_float64
 from iriftrace.core.errors import InputError
-from iriftrace.image.aov_image import AovImage
-from iriftrace.io.exr_entries import FloatImage
+from iriftrace.image.aov_image import AovImage, FloatImage
 from iriftrace.io.ply import write_ply_points
 from iriftrace.io.vtk_write import write_vtk
 from iriftrace.medium.origin import one_line

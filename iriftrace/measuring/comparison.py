@@ -20,8 +20,9 @@ from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import sha256_of, write_json
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.statistics import rms, spread
-from iriftrace.image.aov_image import AovImage, Status, read_exr
+from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.displacement import shift_map
+from iriftrace.io.exr import read_exr
 from iriftrace.io.measured_shift import MeasuredShift, read_measured_shift
 from iriftrace.measuring.camera_motion import FEWEST_POINTS, CameraMotion, fit_camera_motion
 from iriftrace.measuring.fit.shift_signs import warn_of_signs

@@ -13,7 +13,8 @@ from attrs import Factory, evolve, field, frozen
 from iriftrace.core.errors import InputError
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.plain import JsonObject, plain
-from iriftrace.medium.path_data import FieldCells, cells_of, load_field_file
+from iriftrace.io.field_npz import load_field_file
+from iriftrace.medium.path_data import FieldCells, cells_of
 from iriftrace.medium.source import FieldSource
 
 if TYPE_CHECKING:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 from attrs import evolve, frozen
@@ -15,18 +14,14 @@ from iriftrace.core.mesh.query import Places, Surface
 from iriftrace.core.mesh.topology import weld
 from iriftrace.core.mesh.transform import apply, checked_matrix
 from iriftrace.core.mesh.triangles import unit_vectors
-from iriftrace.core.units import LENGTH_UNITS, length_factor
-from iriftrace.io.part_files import load_mesh_file, write_mesh_file
 from iriftrace.part.growth import Growth
 from iriftrace.part.regions import Regions, find_smooth_groups, name_regions
 from iriftrace.part.soundness import (
     PLAUSIBLE_SIZE_MM,
-    check_unit,
     distinct_faces,
     is_unlikely_size,
     oriented_outward,
     signed_volume,
-    stated_growth,
     warn_of_folds,
     warn_of_rounding,
 )
@@ -182,84 +177,6 @@ class Part:
         )
 
 
-def read_part(
-    path: str | Path,
-    *,
-    length_unit: str | None = None,
-    transform: ArrayLike | None = None,
-    expansion: float | None = None,
-    reference_temperature_k: float = 293.15,
-    hot_temperature_k: float | None = None,
-    region_angle_deg: float = 30.0,
-) -> Part:
-    """Read a part's surface, check it and find its regions.
-
-    The coordinates are read in `length_unit`, then expanded about the file's origin, then
-    transformed.
-
-    Parameters
-    ----------
-    path
-        A mesh that trimesh reads: PLY, STL, OBJ, OFF, GLB and others.
-    length_unit
-        Unit of the file's coordinates; by default that stated in the file (glTF: m), else mm.
-    transform
-        (4, 4) array, part to world, mm.
-    expansion
-        Linear thermal expansion, 1/K. The file describes the part at `reference_temperature_k`.
-    reference_temperature_k, hot_temperature_k
-        Temperatures of the file and of the hot part, K; the second is needed with `expansion`.
-    region_angle_deg
-        Faces whose normals differ by less are smoothly connected.
-
-    Returns
-    -------
-    Part
-        Regions come from the PLY face property ``region`` (or ``region_0``) with names from
-        comments ``region NUMBER NAME``, otherwise from `iriftrace.part.regions.name_regions`.
-
-    Raises
-    ------
-    InputError
-        The file cannot be used, or an argument is wrong.
-
-    Warns
-    -----
-    IriftraceWarning
-        The surface is not closed, was turned over, has triangles that lie on others, which are
-        removed, or on their neighbours, is far from the origin, or its unit is doubtful.
-    """
-    path = Path(path)
-    if length_unit is not None:
-        length_factor(length_unit)  # refuses an unknown unit before the file is read
-        length_unit = LENGTH_UNITS.get(length_unit.casefold(), length_unit)
-    file = load_mesh_file(path)
-    growth, factor = stated_growth(
-        path, file.growth, expansion, reference_temperature_k, hot_temperature_k
-    )
-    stated = file.unit and LENGTH_UNITS.get(file.unit, file.unit)
-    length_unit = length_unit or stated or "mm"
-    scale = length_factor(length_unit) * factor
-    vertices = file.vertices * scale
-    check_unit(path, vertices[file.faces.ravel()], stated or length_unit, length_unit)
-    part = part_of_mesh(
-        vertices,
-        file.faces,
-        name=str(path),
-        sha256=file.sha256,
-        length_unit=length_unit,
-        regions=file.regions,
-        transform=transform,
-        region_angle_deg=region_angle_deg,
-    )
-    if growth is None or (file.drawing is None and transform is None):
-        return evolve(part, growth=growth)
-    drawing = vertices / growth.factor if file.drawing is None else file.drawing * scale
-    if transform is not None:
-        drawing = apply(checked_matrix(transform), drawing)
-    return evolve(part, growth=growth, drawing=drawing)
-
-
 def part_of_mesh(
     vertices: ArrayLike,
     faces: ArrayLike,
@@ -353,21 +270,6 @@ def _refuse_unusable(name: str, points: FloatArray, triangles: IntArray) -> None
             f"{name} has a vertex {np.abs(points).max():.3g} mm from the origin, farther than any "
             f"part ({FARTHEST_MM:g} mm); export the part again."
         )
-
-
-def save_part(part: Part, path: str | Path) -> None:
-    """Write a part as binary PLY (float32, mm), or as STL, which many programs need.
-
-    The PLY keeps the order of the faces and the regions: Mitsuba, trimesh and ParaView read the
-    file, and `read_part` restores the regions.
-
-    Raises
-    ------
-    InputError
-        The name has another ending, or the folder does not exist.
-    """
-    regions = Regions(part.region_of_face, part.region_names)
-    write_mesh_file(Path(path), part.vertices, part.faces, regions, part.growth, part.drawing)
 
 
 def refuse_unlikely_size(part: Part) -> None:

@@ -98,8 +98,8 @@ def plan_pairs(
 ) -> PairPlan:
     """Rank the pairs of a sweep's poses as places of two devices.
 
-    Errors are those of :func:`iriftrace.measuring.two_devices.first_order.first_order_error` at the centres
-    of the faces that both poses see; rays are traced only to confirm the best pairs.
+    Errors are those of `iriftrace.measuring.two_devices.first_order.first_order_error` at the
+    centres of the faces that both poses see; rays are traced only to confirm the best pairs.
 
     Parameters
     ----------

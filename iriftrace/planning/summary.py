@@ -15,8 +15,9 @@ from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import counted
-from iriftrace.image.aov_image import AovImage, Status, read_exr
+from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.resolution import seen_frontally
+from iriftrace.io.exr import read_exr
 from iriftrace.medium.source import stated_source, synthetic_mark
 from iriftrace.planning.criteria import METRICS, STANDARD, Criteria, Statistic
 from iriftrace.planning.quantities import (

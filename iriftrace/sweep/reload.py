@@ -15,7 +15,8 @@ from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.engines import AUTO
 from iriftrace.core.errors import InputError, SetupError, warn, without_warnings
 from iriftrace.core.plain import JsonObject
-from iriftrace.part.part import Part, read_part
+from iriftrace.io.part_files import read_part
+from iriftrace.part.part import Part
 from iriftrace.sweep.rig import add_measured, rig_of
 from iriftrace.sweep.store import attribute, check_unchanged, scene_of, scene_of_pose
 from iriftrace.tracing.outline import blocker_surfaces, outermost_surface, read_surface

@@ -17,8 +17,9 @@ from iriftrace.core.engines import AUTO, ENGINES, Bending
 from iriftrace.core.errors import InputError
 from iriftrace.core.runtime import variant as runtime
 from iriftrace.core.units import parse_quantity
+from iriftrace.io.field_npz import FIELD_FILE
 from iriftrace.medium.air.refractivity import dispersion
-from iriftrace.medium.path_data import FIELD_FILE, FieldCells
+from iriftrace.medium.path_data import FieldCells
 from iriftrace.medium.shells.table import AirStatement
 from iriftrace.medium.source import FieldSource
 from iriftrace.part.part import Part, part_of_mesh

@@ -14,8 +14,8 @@ from attrs import frozen
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import check_readable
+from iriftrace.io.field_npz import FIELD_FILE
 from iriftrace.io.ply import read_ply
-from iriftrace.medium.path_data import FIELD_FILE
 from iriftrace.medium.shells.hessian import PLY_COLUMNS
 
 if TYPE_CHECKING:

@@ -16,9 +16,10 @@ from iriftrace.core.engines import AUTO
 from iriftrace.core.errors import InputError, without_warnings
 from iriftrace.core.runtime import variant as runtime
 from iriftrace.core.units import parse_quantity
+from iriftrace.io.field_npz import FIELD_FILE
+from iriftrace.io.part_files import read_part
 from iriftrace.medium.hot_air import AirFiles, AirState, HotAir
-from iriftrace.medium.path_data import FIELD_FILE
-from iriftrace.part.part import Part, read_part
+from iriftrace.part.part import Part
 from iriftrace.tracing.air import air_statement_of, other_shells, traced_air, warn_of_another_part
 from iriftrace.tracing.compiled import (
     Compiled,

@@ -12,8 +12,9 @@ from attrs import evolve, frozen
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
-from iriftrace.image.aov_image import AovImage, Status, write_exr
+from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.metrics import PoseMetrics, pose_metrics, write_metrics
+from iriftrace.io.exr import write_exr
 from iriftrace.tracing.engine import choose
 from iriftrace.tracing.lost import warn_of_lost_rays
 from iriftrace.tracing.pose_image import pose_image
@@ -54,9 +55,9 @@ def render_scene(
 ) -> Rendering:
     """Trace a camera's straight and refracted rays through a scene, and reduce the hits to metrics.
 
-    The engine is chosen by :func:`iriftrace.tracing.engine.choose`; the metrics' key ``engine_test``
-    has the result of its test. For an ensemble (`Scene.members`) the image holds the mean
-    displacement of the members and its standard deviation, and the metrics have the key
+    The engine is chosen by :func:`iriftrace.tracing.engine.choose`; the metrics' key
+    ``engine_test`` has the result of its test. For an ensemble (`Scene.members`) the image holds
+    the mean displacement of the members and its standard deviation, and the metrics have the key
     ``ensemble``; see `pose_image`.
 
     Parameters

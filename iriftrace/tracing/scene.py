@@ -18,8 +18,8 @@ from iriftrace.core.engines import AUTO, Bending
 from iriftrace.core.errors import InputError, warn, without_warnings
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.runtime import variant as runtime
+from iriftrace.io.field_npz import FIELD_FILE
 from iriftrace.medium.hot_air import AirFiles, AirState, FieldMember, HotAir, weights_of
-from iriftrace.medium.path_data import FIELD_FILE
 from iriftrace.part.part import Part
 from iriftrace.tracing.compiled import (
     Compiled,

@@ -16,12 +16,13 @@ from attrs import evolve
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
+from iriftrace.io.field_npz import FIELD_FILE, save_field_file
+from iriftrace.io.part_files import save_part
 from iriftrace.io.shells import remove_stale, save_shells
 from iriftrace.medium.hot_air import AirState, FieldMember, weights_of
-from iriftrace.medium.path_data import FIELD_FILE, save_field_file
 from iriftrace.medium.shells.stack import ShellStack
 from iriftrace.medium.shells.table import PartOrigin
-from iriftrace.part.part import Part, save_part
+from iriftrace.part.part import Part
 from iriftrace.tracing.ensemble import (
     FOLDER,
     INCLUDED,

@@ -13,10 +13,10 @@ from pathlib import Path
 from attrs import evolve
 
 from iriftrace.io.field import read_field
+from iriftrace.io.part_files import read_part
 from iriftrace.medium.hot_air import AirState
 from iriftrace.medium.shells.contour import contour_shells
 from iriftrace.medium.shells.report import report_shells
-from iriftrace.part.part import read_part
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import concentric_cylinders, slab
 from iriftrace.tracing.write import write_scene

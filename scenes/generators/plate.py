@@ -1,6 +1,6 @@
 """Hot vertical plate in still air: the laminar boundary layer of air with its real properties.
 
-The air's density, viscosity, conductivity and heat capacity are those of `iriftrace.air`.
+The air's density, viscosity, conductivity and heat capacity are those of `iriftrace.medium.air`.
 """
 
 from __future__ import annotations

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from iriftrace.core.errors import InputError
+from iriftrace.io.part_files import read_part
 from iriftrace.io.ply import read_ply, write_ply
-from iriftrace.part.part import read_part
 
 CORNERS = np.array(((0.0, 0, 0), (10, 0, 0), (0, 10, 0), (0, 0, 10)))
 FACES = np.array(((0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)))

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from iriftrace.io.clouds import read_cloud
-from iriftrace.part.part import read_part
+from iriftrace.io.part_files import read_part
 
 BOX = trimesh.creation.box(extents=(40.12345, 30.12345, 20.12345))
 

@@ -28,11 +28,13 @@ from iriftrace.figures.scene import (
 )
 from iriftrace.figures.space import View, box_around, fitting_view, view_direction
 from iriftrace.figures.style import write_figure
-from iriftrace.image.aov_image import CHANNELS, SCHEMA, AovImage, Status, write_exr
+from iriftrace.image.aov_image import CHANNELS, SCHEMA, AovImage, Status
+from iriftrace.io.exr import write_exr
+from iriftrace.io.part_files import read_part
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.shells.levels import index_levels
 from iriftrace.medium.shells.stack import Shell, ShellStack
-from iriftrace.part.part import Part, read_part
+from iriftrace.part.part import Part
 
 WIDTH, HEIGHT = 60, 40
 # What the synthetic picture shows: (rows, columns) of the part, and of a step in depth on it.

@@ -19,13 +19,14 @@ from iriftrace.flow.check.nusselt import horizontal_cylinder_diameter
 from iriftrace.flow.check.wall import gradient_errors, wall_state
 from iriftrace.flow.simulate.bodies import Body, write_bodies
 from iriftrace.io.field import read_field
+from iriftrace.io.part_files import read_part
 from iriftrace.medium.air import thermophysics as gas
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.index_field import IndexField
 from iriftrace.medium.origin import state_origin
 from iriftrace.medium.shells.contour import contour_shells
 from iriftrace.medium.source import FieldFacts, FieldSource
-from iriftrace.part.part import Part, read_part
+from iriftrace.part.part import Part
 from iriftrace.scenes import folder_of
 from validation.inputs import hot_block
 from validation.inputs.conducting_sphere import (

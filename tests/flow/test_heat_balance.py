@@ -14,13 +14,13 @@ from iriftrace.flow.check.check import check_field
 from iriftrace.flow.check.heat_balance import HeatBalance, heat_balance
 from iriftrace.flow.simulate.part_surface import mirrored_grid
 from iriftrace.io.field import read_field
+from iriftrace.io.part_files import read_part
 from iriftrace.medium.air import thermophysics as gas
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.flow import ENTHALPY_FLUX, HEAT_STORAGE, AirFlow, carried_heat
 from iriftrace.medium.index_field import IndexField
 from iriftrace.medium.origin import WALL_HEAT
 from iriftrace.medium.source import FieldFacts, FieldKind, FieldSource
-from iriftrace.part.part import read_part
 from validation.inputs import hot_block
 from validation.inputs.conducting_sphere import RADIUS, ROOM, WALL, conducting_sphere, finding
 from validation.inputs.hot_block import HALF, OUTER

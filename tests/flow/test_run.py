@@ -16,7 +16,8 @@ from iriftrace.flow.simulate.domain import mesh_size
 from iriftrace.flow.simulate.programs import Installation, OpenFoamError
 from iriftrace.flow.simulate.run import expected_seconds, judge_steadiness, last_time, solve
 from iriftrace.flow.simulate.times import Times
-from iriftrace.part.part import part_of_mesh, read_part
+from iriftrace.io.part_files import read_part
+from iriftrace.part.part import part_of_mesh
 from iriftrace.part.wall_temperature import WallTemperatures
 from iriftrace.scenes import folder_of
 

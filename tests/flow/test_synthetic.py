@@ -19,7 +19,7 @@ from iriftrace.flow.synthetic import mesh
 from iriftrace.flow.synthetic.field import synthetic_field
 from iriftrace.flow.synthetic.mesh import AirMesh, air_mesh, usual_mesh
 from iriftrace.flow.synthetic.model import SyntheticAir, laminar_boundary_layer_mm, synthetic_air
-from iriftrace.image.aov_image import read_exr
+from iriftrace.io.exr import read_exr
 from iriftrace.io.field import read_field
 from iriftrace.medium.index_field import IndexField
 from iriftrace.medium.origin import origin_of
@@ -355,7 +355,7 @@ def test_file_says_that_it_is_synthetic(written: Path) -> None:
 @pytest.mark.usefixtures("variant")
 def test_every_result_says_that_it_is_synthetic(written: Path) -> None:
     """Shells' table, field for the continuous engine, XML, EXR header, metrics."""
-    from iriftrace.medium.path_data import load_field_file
+    from iriftrace.io.field_npz import load_field_file
 
     table = json.loads((written / "scene" / "shells" / "shells.json").read_text())
     assert table["source"]["origin"].startswith("synthetic: ")

@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from iriftrace.core.errors import InputError
-from iriftrace.image.aov_image import CHANNELS, SCHEMA, AovImage, read_exr, write_exr
+from iriftrace.image.aov_image import CHANNELS, SCHEMA, AovImage
+from iriftrace.io.exr import read_exr, write_exr
 
 HEADER = {
     "schema": SCHEMA,

@@ -10,7 +10,8 @@ from attrs import evolve
 
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
-from iriftrace.image.aov_image import AovImage, Status, read_exr
+from iriftrace.image.aov_image import AovImage, Status
+from iriftrace.io.exr import read_exr, read_part_of
 from iriftrace.io.surface import write_surface
 from iriftrace.scenes import folder_of
 
@@ -33,12 +34,12 @@ def assert_points_are_the_hits(points: np.ndarray, image: AovImage, hit: np.ndar
     straight = image.vector("straight", hit)
     np.testing.assert_allclose(points, straight, rtol=0, atol=np.spacing(np.float32(128.0)))
     face = image.channels["part.face"][hit].astype(int) - 1
-    height = np.einsum("ij,ij->i", points, image.part.face_normals[face])
-    np.testing.assert_allclose(height, image.part.face_offsets[face], rtol=0, atol=1e-11)
+    height = np.einsum("ij,ij->i", points, read_part_of(image).face_normals[face])
+    np.testing.assert_allclose(height, read_part_of(image).face_offsets[face], rtol=0, atol=1e-11)
 
 
 def test_vtp_has_the_numbers_of_the_exr(image: AovImage, tmp_path: Path) -> None:
-    write_surface(tmp_path / "out.vtp", image, image.part)
+    write_surface(tmp_path / "out.vtp", image, read_part_of(image))
     cloud = pv.read(tmp_path / "out.vtp")
     hit = image.channels["part.face"] > 0
     assert {Status.GOOD, Status.OUT_OF_FOCUS} <= set(image.status[hit].tolist())
@@ -70,7 +71,7 @@ def test_a_field_may_have_any_name(image: AovImage, tmp_path: Path) -> None:
 
 
 def test_ply_has_the_numbers_of_the_exr(image: AovImage, tmp_path: Path) -> None:
-    write_surface(tmp_path / "out.ply", image, image.part)
+    write_surface(tmp_path / "out.ply", image, read_part_of(image))
     hit = image.channels["part.face"] > 0
     with (tmp_path / "out.ply").open("rb") as file:
         cloud = trimesh.load(file, file_type="ply", process=False)
@@ -87,7 +88,7 @@ def test_other_endings_are_refused(
     image: AovImage, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(InputError, match=r"neither in \.vtp nor in \.ply"):
-        write_surface(tmp_path / "out.csv", image, image.part)
+        write_surface(tmp_path / "out.csv", image, read_part_of(image))
     scene = str(folder_of("cylinder") / "scene.xml")
     assert main(["render", scene, "-o", str(tmp_path / "a.exr"), "--surface", "out.csv"]) == 2
     assert "must end in .vtp" in capsys.readouterr().err

@@ -9,7 +9,7 @@ import pytest
 
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.io.field import read_field
-from iriftrace.part.part import read_part
+from iriftrace.io.part_files import read_part
 from validation.field_files import comsol
 from validation.inputs.field_grids import AMBIENT, box
 from validation.inputs.hot_block import air, block

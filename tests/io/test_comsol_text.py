@@ -11,8 +11,9 @@ from numpy.testing import assert_allclose
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.io.field import read_field
 from iriftrace.io.members import members
+from iriftrace.io.part_files import read_part
 from iriftrace.medium.index_field import IndexField
-from iriftrace.part.part import Part, read_part
+from iriftrace.part.part import Part
 from validation.field_files import comsol
 from validation.inputs.field_grids import AMBIENT, box, saved
 from validation.inputs.hot_block import HALF, OUTER, WALL, air, block

@@ -12,7 +12,8 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.mesh.triangles import polydata
 from iriftrace.flow.simulate.case import Case, natural_case, symmetric_case
 from iriftrace.io.measured import read_measured_wall
-from iriftrace.part.part import Part, save_part
+from iriftrace.io.part_files import save_part
+from iriftrace.part.part import Part
 from iriftrace.part.wall_temperature import MeasuredWall, measured_wall, wall_temperature
 from validation.inputs.parts import papers_cylinder
 

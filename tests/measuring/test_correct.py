@@ -20,6 +20,7 @@ from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.image.aov_image import Status
 from iriftrace.io.field import read_field
+from iriftrace.io.part_files import read_part
 from iriftrace.io.ply import read_ply
 from iriftrace.measuring.features.fit import fit_feature
 from iriftrace.measuring.two_devices.correct import correct
@@ -27,7 +28,6 @@ from iriftrace.measuring.two_devices.correction import CorrectionStatus
 from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.measuring.two_devices.scan import Scan, ScanStatus
 from iriftrace.medium.shells.contour import contour_shells
-from iriftrace.part.part import read_part
 from iriftrace.scenes import folder_of
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.rays import trace_rays

@@ -9,13 +9,14 @@ from attrs import evolve
 
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import IriftraceWarning
+from iriftrace.io.part_files import read_part, save_part
 from iriftrace.measuring.features.drawing import GrowthUncertainty, drawing_cloud
 from iriftrace.measuring.features.fit import fit_feature
 from iriftrace.measuring.features.fitted import FittedFeature, fit_features
 from iriftrace.measuring.features.relations import Relation, relations
 from iriftrace.measuring.two_devices.correction import Correction
 from iriftrace.part.growth import Growth
-from iriftrace.part.part import Part, part_of_mesh, read_part, save_part
+from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.standards import between_poles, circle, cylinder
 from iriftrace.part.tessellation import subdivide_part
 from iriftrace.part.uneven_growth import grown_unevenly

@@ -11,11 +11,12 @@ from scipy.spatial.transform import Rotation
 
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.mesh.query import Surface
+from iriftrace.io.part_files import read_part
 from iriftrace.measuring.features.choice import FeatureChoice, found_features, surface_kind
 from iriftrace.measuring.features.fit import Feature, fit_feature
 from iriftrace.measuring.features.fitted import fit_features
 from iriftrace.measuring.features.outliers import inliers
-from iriftrace.part.part import Part, part_of_mesh, read_part
+from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.standards import cylinder
 from iriftrace.scenes import folder_of
 

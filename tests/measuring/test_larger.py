@@ -8,9 +8,10 @@ from attrs import evolve
 from scipy.spatial.transform import Rotation
 
 from iriftrace.core.arrays import FloatArray
+from iriftrace.io.part_files import read_part
 from iriftrace.measuring.two_devices.larger import larger_than
 from iriftrace.part.growth import Growth
-from iriftrace.part.part import Part, read_part
+from iriftrace.part.part import Part
 from iriftrace.scenes import folder_of
 
 PART = read_part(folder_of("cylinder") / "part.ply")

@@ -6,8 +6,9 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from iriftrace.core.mesh.transform import apply
+from iriftrace.io.part_files import read_part
 from iriftrace.measuring.two_devices.placement import remedy
-from iriftrace.part.part import Part, read_part
+from iriftrace.part.part import Part
 
 MOTION = np.eye(4)
 MOTION[:3, :3] = Rotation.from_euler("xyz", (20, -35, 50), degrees=True).as_matrix()

@@ -11,13 +11,14 @@ from attrs import evolve
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.mesh.transform import parse_transform
 from iriftrace.io.field import read_field
+from iriftrace.io.part_files import read_part
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.index_field import IndexField
 from iriftrace.medium.part_fit import Fit, fit_part_to_field, in_air
 from iriftrace.medium.path_data import cells_of
 from iriftrace.medium.source import FieldSource
 from iriftrace.medium.volume import linear_volume
-from iriftrace.part.part import Part, read_part
+from iriftrace.part.part import Part
 from iriftrace.scenes import folder_of
 from validation.inputs import hot_block
 from validation.oracles.aov_by_hand import make_part

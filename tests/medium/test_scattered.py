@@ -7,8 +7,9 @@ import pytest
 import pyvista as pv
 import trimesh
 
+from iriftrace.io.part_files import read_part
 from iriftrace.io.scattered import cells_outside, tetrahedra_between
-from iriftrace.part.part import Part, read_part
+from iriftrace.part.part import Part
 
 Mask = np.ndarray
 

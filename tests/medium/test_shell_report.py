@@ -6,10 +6,10 @@ import pyvista as pv
 from attrs import evolve
 from numpy.testing import assert_allclose
 
+from iriftrace.io.part_files import read_part
 from iriftrace.medium.shells.contour import contour_shells
 from iriftrace.medium.shells.report import report_shells
 from iriftrace.medium.shells.stack import Shell, ShellStack
-from iriftrace.part.part import read_part
 from validation.inputs.shell_fields import AIR, AMBIENT, HOTTEST, field_of, hexahedra, sphere_field
 
 

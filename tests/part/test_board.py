@@ -9,8 +9,8 @@ import pytest
 
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
+from iriftrace.io.part_files import read_part
 from iriftrace.part.board import LARGER, Board
-from iriftrace.part.part import read_part
 
 MM = 72.0 / 25.4
 """Points of a PDF."""

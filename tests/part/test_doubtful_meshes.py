@@ -12,7 +12,7 @@ import trimesh
 
 from iriftrace.cli.field_options import PartOptions
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.part.part import read_part
+from iriftrace.io.part_files import read_part
 
 BOX = trimesh.creation.box((4.0, 3.0, 2.0))
 OBJ = trimesh.exchange.obj.export_obj(BOX)

@@ -7,7 +7,8 @@ import pytest
 import trimesh
 
 from iriftrace.core.errors import IriftraceWarning
-from iriftrace.part.part import Part, read_part
+from iriftrace.io.part_files import read_part
+from iriftrace.part.part import Part
 
 BOX = trimesh.creation.box(extents=(40, 30, 20))
 SIDES = {"plane -x", "plane +x", "plane -y", "plane +y", "plane -z", "plane +z"}

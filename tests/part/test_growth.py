@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from iriftrace.core.errors import InputError
+from iriftrace.io.part_files import read_part, save_part
 from iriftrace.part.growth import Growth
-from iriftrace.part.part import read_part, save_part
 from iriftrace.scenes import folder_of
 
 STEEL = Growth(14e-6, 293.15, 1323.15)

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.part.part import Part, part_of_mesh, read_part, save_part
+from iriftrace.io.part_files import read_part, save_part
+from iriftrace.part.part import Part, part_of_mesh
 
 CYLINDER = Path(__file__).parents[2] / "scenes" / "cylinder" / "part.ply"
 

@@ -9,7 +9,8 @@ import pytest
 import trimesh
 
 from iriftrace.cli import main
-from iriftrace.part.part import Part, read_part
+from iriftrace.io.part_files import read_part
+from iriftrace.part.part import Part
 from iriftrace.part.standards import ball_bar, cylinder, plate, sphere
 
 

@@ -8,7 +8,8 @@ import trimesh
 
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
-from iriftrace.part.part import part_of_mesh, read_part
+from iriftrace.io.part_files import read_part
+from iriftrace.part.part import part_of_mesh
 from iriftrace.part.standards import cylinder
 from iriftrace.part.tessellation import decimate_part, subdivide_part
 

@@ -8,7 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from iriftrace.core.errors import InputError
-from iriftrace.part.part import Part, part_of_mesh, read_part, save_part
+from iriftrace.io.part_files import read_part, save_part
+from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.standards import cylinder
 from iriftrace.part.tessellation import subdivide_part
 from iriftrace.part.uneven_growth import grown_unevenly

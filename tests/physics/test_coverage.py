@@ -14,7 +14,8 @@ from iriftrace.core.errors import IriftraceWarning
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.coverage import seen_areas
 from iriftrace.image.metrics import pose_metrics
-from iriftrace.part.part import Part, read_part
+from iriftrace.io.part_files import read_part
+from iriftrace.part.part import Part
 from iriftrace.part.regions import Regions
 from validation.inputs.cameras import camera_at
 from validation.oracles.aov_by_hand import cast, image_of_hits, make_image, make_part, plate

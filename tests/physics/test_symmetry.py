@@ -9,10 +9,10 @@ import xarray as xr
 
 from iriftrace.camera.orbit import Orbit, orbit_poses
 from iriftrace.io.field import read_field
+from iriftrace.io.part_files import read_part
 from iriftrace.io.shells import load_shells
 from iriftrace.medium.shells.contour import contour_shells
 from iriftrace.medium.shells.stack import Shell, ShellStack
-from iriftrace.part.part import read_part
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.sweep import run_sweep
 from iriftrace.tracing.load import load_scene

@@ -13,9 +13,11 @@ from attrs import evolve
 
 from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.image.aov_image import CHANNELS, ERROR_CHANNEL, Status, read_exr
+from iriftrace.image.aov_image import CHANNELS, ERROR_CHANNEL, Status
+from iriftrace.io.exr import read_exr
+from iriftrace.io.field_npz import FIELD_FILE, load_field_file, save_field_file
 from iriftrace.medium.hot_air import AirState
-from iriftrace.medium.path_data import FIELD_FILE, cells_of, load_field_file, save_field_file
+from iriftrace.medium.path_data import cells_of
 from iriftrace.medium.shells.contour import contour_shells
 from iriftrace.medium.tetrahedra import tetrahedra_of
 from iriftrace.part.part import Part, part_of_mesh

@@ -13,7 +13,7 @@ import xarray as xr
 from failing import Failing
 
 from iriftrace.cli import main
-from iriftrace.image.aov_image import read_exr
+from iriftrace.io.exr import read_exr
 from iriftrace.tracing.load import load_scene
 from validation.inputs.hot_block import HotBlock
 

@@ -8,7 +8,7 @@ import pytest
 
 from iriftrace.cli import main
 from iriftrace.cli.compare import _with_deviation
-from iriftrace.image.aov_image import read_exr
+from iriftrace.io.exr import read_exr
 from validation.inputs.hot_block import HotBlock
 
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from iriftrace.cli import main
+from iriftrace.io.part_files import read_part
 from iriftrace.io.shells import load_shells
 from iriftrace.medium.shells.report import DATA_BOUNDARY, PART_WALL
-from iriftrace.part.part import read_part
 from iriftrace.scenes import folder_of, shells_of
 from iriftrace.tracing.write import write_scene
 from iriftrace.tracing.xml import SceneSettings

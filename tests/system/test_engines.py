@@ -9,8 +9,8 @@ import pytest
 from iriftrace.cli import main
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.core.runtime import variant as runtime
-from iriftrace.image.aov_image import read_exr
-from iriftrace.medium.path_data import FIELD_FILE
+from iriftrace.io.exr import read_exr
+from iriftrace.io.field_npz import FIELD_FILE
 from iriftrace.sweep.reload import load_swept_scene
 from iriftrace.sweep.store import read_sweep
 from iriftrace.tracing.load import load_scene

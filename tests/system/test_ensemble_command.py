@@ -10,7 +10,8 @@ import pyvista as pv
 from failing import Failing, Run
 
 from iriftrace.cli import main
-from iriftrace.image.aov_image import Status, read_exr
+from iriftrace.image.aov_image import Status
+from iriftrace.io.exr import read_exr
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.tracing.ensemble import read_members
 from iriftrace.tracing.load import load_scene

@@ -12,8 +12,8 @@ from iriftrace.cli import main
 from iriftrace.cli.field_options import FieldOptions, PartOptions
 from iriftrace.core.errors import InputError
 from iriftrace.io.field import read_field
+from iriftrace.io.part_files import read_part, save_part
 from iriftrace.part import uneven_growth
-from iriftrace.part.part import read_part, save_part
 from iriftrace.part.standards import cylinder
 from validation.inputs import hot_block
 

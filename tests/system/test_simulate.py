@@ -21,7 +21,7 @@ from iriftrace.flow.simulate.programs import find_openfoam, step_times
 from iriftrace.flow.simulate.simulate import check_solver, prepare
 from iriftrace.flow.simulate.times import Times
 from iriftrace.io.field import read_field
-from iriftrace.part.part import read_part
+from iriftrace.io.part_files import read_part
 from iriftrace.part.wall_temperature import WallTemperatures
 from iriftrace.tracing.load import load_scene
 from validation.lost_rays import lost_in

@@ -12,8 +12,8 @@ import pytest
 from failing import Failing
 
 from iriftrace.cli import main
+from iriftrace.io.field_npz import FIELD_FILE
 from iriftrace.io.ply import write_ply_points
-from iriftrace.medium.path_data import FIELD_FILE
 from validation.inputs.hot_block import CAMERA, HotBlock
 
 

@@ -14,7 +14,8 @@ import xarray as xr
 from failing import Failing
 
 from iriftrace.cli import main
-from iriftrace.image.aov_image import AovImage, read_exr
+from iriftrace.image.aov_image import AovImage
+from iriftrace.io.exr import read_exr
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.tracing.load import load_scene
 from validation.inputs import hot_block

@@ -13,10 +13,11 @@ from iriftrace.core.errors import InputError
 from iriftrace.figures.window import view
 from iriftrace.flow.simulate.bodies import Body, floor_below, write_bodies
 from iriftrace.image.aov_image import Status
+from iriftrace.io.part_files import save_part
 from iriftrace.medium.origin import state_origin
 from iriftrace.medium.source import FieldFacts
 from iriftrace.part.board import Board
-from iriftrace.part.part import part_of_mesh, save_part
+from iriftrace.part.part import part_of_mesh
 from iriftrace.tracing.outline import blocker_surfaces
 from validation.inputs import hot_block
 from validation.inputs.cameras import camera_at

@@ -14,12 +14,12 @@ from iriftrace.camera.pose import look_at
 from iriftrace.camera.pose_set import PoseSet
 from iriftrace.cli import main
 from iriftrace.core.errors import IriftraceWarning
-from iriftrace.image.aov_image import read_exr
+from iriftrace.io.exr import read_exr
 from iriftrace.io.field import read_field
+from iriftrace.io.part_files import read_part
 from iriftrace.io.shells import load_shells
 from iriftrace.medium.hot_air import AirState, HotAir
 from iriftrace.medium.shells.stack import Shell, ShellStack
-from iriftrace.part.part import read_part
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.reload import load_swept_scene
 from iriftrace.sweep.sweep import run_sweep

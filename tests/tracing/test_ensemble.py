@@ -16,9 +16,9 @@ from iriftrace.camera.pose import look_at
 from iriftrace.camera.pose_set import PoseSet
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.image.aov_image import CHANNELS, MEMBERS_CHANNEL, Status
+from iriftrace.io.part_files import save_part
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.hot_air import AirState, FieldMember
-from iriftrace.part.part import save_part
 from iriftrace.scenes.analytic import slab, slab_heights
 from iriftrace.sweep.sweep import run_sweep
 from iriftrace.tracing import scene as scenes_of_values

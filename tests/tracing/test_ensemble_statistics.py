@@ -10,16 +10,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.member_weights import MemberWeights
-from iriftrace.image.aov_image import (
-    CHANNELS,
-    MEMBERS_CHANNEL,
-    SCATTER_CHANNELS,
-    AovImage,
-    Status,
-    read_exr,
-    write_exr,
-)
+from iriftrace.image.aov_image import CHANNELS, MEMBERS_CHANNEL, SCATTER_CHANNELS, AovImage, Status
 from iriftrace.image.ray_statistics import Statistics, ensemble_metrics
+from iriftrace.io.exr import read_exr, write_exr
 from iriftrace.tracing.pose_image import EnsembleStatistics
 from validation.inputs.cameras import camera_at
 from validation.oracles.aov_by_hand import make_image, plate

@@ -10,7 +10,8 @@ from attrs import evolve
 
 from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError
-from iriftrace.image.aov_image import CHANNELS, Status, read_exr
+from iriftrace.image.aov_image import CHANNELS, Status
+from iriftrace.io.exr import read_exr
 from iriftrace.medium.shells.stack import Shell, ShellStack
 from iriftrace.part.part import part_of_mesh
 from iriftrace.scenes import folder_of

@@ -15,7 +15,8 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import Distortion
 from iriftrace.camera.pose import look_at
 from iriftrace.cli import main
-from iriftrace.part.part import Part, part_of_mesh, read_part
+from iriftrace.io.part_files import read_part
+from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import concentric_cylinders
 from iriftrace.tracing.viewpoint import default_viewpoint, farthest_mm, part_view

@@ -8,17 +8,17 @@ from pathlib import Path
 
 from attrs import frozen
 
-from iriftrace.image.aov_image import read_exr
 from iriftrace.io.calibration import read_calibration, read_stereo_calibration
 from iriftrace.io.clouds import read_cloud
+from iriftrace.io.exr import read_exr, read_part_of
 from iriftrace.io.field import read_field
+from iriftrace.io.field_npz import FIELD_FILE, load_field_file
 from iriftrace.io.iso_surfaces import import_shells
 from iriftrace.io.measured_shift import read_measured_shift
+from iriftrace.io.part_files import read_part
 from iriftrace.io.poses import read_poses
 from iriftrace.io.shells import load_shells
 from iriftrace.medium.hot_air import HotAir
-from iriftrace.medium.path_data import FIELD_FILE, load_field_file
-from iriftrace.part.part import read_part
 from iriftrace.sweep.journal import journal_of, open_journal
 from iriftrace.sweep.store import read_sweep
 from iriftrace.tracing.load import load_scene
@@ -64,7 +64,7 @@ def _scene_of(name: str) -> Callable[[Path], object]:
 
 def _metrics(folder: Path) -> object:
     image = read_exr(folder / "out.exr")
-    return image.camera, image.part_from(folder / "scene/part.ply")
+    return image.camera, read_part_of(image, folder / "scene/part.ply")
 
 
 def _read_journal(folder: Path) -> None:

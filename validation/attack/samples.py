@@ -18,9 +18,9 @@ from iriftrace.camera.pose_set import PoseSet
 from iriftrace.cli import main
 from iriftrace.io.cloud_write import save_cloud
 from iriftrace.io.field import read_field
+from iriftrace.io.part_files import read_part, save_part
 from iriftrace.io.poses import write_poses
 from iriftrace.medium.hot_air import HotAir
-from iriftrace.part.part import read_part, save_part
 from iriftrace.sweep.journal import Piece, Work, open_journal
 from iriftrace.tracing.scene import Scene
 from validation.field_files import comsol, ensight

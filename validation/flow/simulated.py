@@ -16,8 +16,9 @@ from iriftrace.cli import main
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.io.field import read_field
+from iriftrace.io.part_files import save_part
 from iriftrace.medium.index_field import IndexField
-from iriftrace.part.part import Part, part_of_mesh, save_part
+from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.tracing.rays import trace_rays
 from validation.inputs.cameras import camera_at
 

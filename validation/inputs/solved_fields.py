@@ -11,9 +11,10 @@ from attrs import evolve, frozen
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.io.field import read_field
+from iriftrace.io.part_files import read_part
 from iriftrace.medium.index_field import IndexField
 from iriftrace.medium.tetrahedra import tetrahedra_of
-from iriftrace.part.part import Part, read_part
+from iriftrace.part.part import Part
 from iriftrace.scenes import folder_of
 
 DATA = Path(__file__).parents[1] / "data"

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from iriftrace.io.field import read_field
+from iriftrace.io.part_files import read_part
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.shells.contour import contour_shells
-from iriftrace.part.part import read_part
 from iriftrace.scenes import folder_of
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.render import render_scene

@@ -9,10 +9,10 @@ from attrs import evolve
 
 from iriftrace.core.runtime.variant import ensure
 from iriftrace.io.field import read_field
+from iriftrace.io.part_files import read_part
 from iriftrace.medium.hot_air import HotAir
 from iriftrace.medium.shells.contour import contour_shells
 from iriftrace.medium.shells.levels import RULES
-from iriftrace.part.part import read_part
 from iriftrace.scenes import folder_of
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.scene import Scene

@@ -15,10 +15,10 @@ from iriftrace.core.errors import IriftraceWarning
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.io.field import read_field
+from iriftrace.io.part_files import read_part
 from iriftrace.medium.index_field import IndexField
 from iriftrace.medium.shells.contour import contour_shells
 from iriftrace.medium.tetrahedra import tetrahedra_of
-from iriftrace.part.part import read_part
 from iriftrace.plugins.kernels.between import length_gain
 from iriftrace.scenes import folder_of
 from iriftrace.tracing.load import load_scene

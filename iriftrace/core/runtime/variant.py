@@ -192,8 +192,8 @@ def _set_variant(name: str) -> None:
             require_llvm()  # says what to install, should there still be none
             raise SetupError(
                 f"Mitsuba was imported before it could find a usable LLVM and cannot look again "
-                f"({cause}); restart Python and call iriftrace.core.runtime.variant.ensure() before "
-                "importing mitsuba."
+                f"({cause}); restart Python and call iriftrace.core.runtime.variant.ensure() "
+                "before importing mitsuba."
             ) from error
         raise SetupError(f"Mitsuba cannot work with {name}: {cause}") from error
 

@@ -78,8 +78,8 @@ def nusselt_horizontal_cylinder(
 
     It was derived for small differences of temperature. For gas at a hot wall its properties are
     evaluated at Sparrow and Gregg's `reference_temperature`, with beta = 1 / T_ambient. Air is that
-    of `iriftrace.medium.air.thermophysics`. Raises InputError if the wall is not hotter than the air, or
-    the flow is not laminar.
+    of `iriftrace.medium.air.thermophysics`. Raises InputError if the wall is not hotter than the
+    air, or the flow is not laminar.
     """
     if not (diameter_mm > 0.0 and wall_k > ambient_k > 0.0 and pressure_pa > 0.0):
         raise InputError(

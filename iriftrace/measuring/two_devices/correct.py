@@ -120,7 +120,8 @@ def correct(
         the correction is proportional: 0.05 for 5 %.
     pixels : (n, 2) array, px, optional
         Where the camera saw the points, centres of pixels at whole numbers; NaN where that is not
-        known. They are compared with the points, see `iriftrace.measuring.two_devices.device_check`.
+        known. They are compared with the points, see
+        `iriftrace.measuring.two_devices.device_check`.
 
     Raises
     ------

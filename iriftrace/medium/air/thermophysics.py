@@ -20,7 +20,7 @@ from iriftrace.core.arrays import FloatArray, as_float64
 MOLAR_MASS = 28.85
 """g/mol."""
 GAS_CONSTANT = 8.314462618
-"""J/(mol K), CODATA 2018; `iriftrace.air` has the one that its equations were made with."""
+"""J/(mol K), CODATA 2018; `iriftrace.medium.air` has the one that its equations were made with."""
 SPECIFIC_GAS_CONSTANT = GAS_CONSTANT / (MOLAR_MASS * 1e-3)
 """J/(kg K)."""
 SUTHERLAND_AS = 1.458e-06

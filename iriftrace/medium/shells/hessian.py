@@ -30,7 +30,7 @@ needs the number also behind a single one, ``hessian_xx_1``. The gradient shows 
 
 
 def derivative_rows(magnitude: FloatArray, hessian: FloatArray, step: float = 1.0) -> FloatArray:
-    """The derivatives (n, 7) that a :class:`iriftrace.medium.shells.stack.Shell` keeps, over its step.
+    """The derivatives (n, 7) that a `iriftrace.medium.shells.stack.Shell` keeps, over its step.
 
     Of the magnitude (n,) of the gradient of n, 1/mm, and the symmetric Hessian (n, 3, 3) of n,
     1/mm^2, world; `step` is the shell's ``ext - int_``.

@@ -121,8 +121,8 @@ class ShellStack:
     air : Air
         Relates refractivity and temperature.
     rule : str
-        How surfaces and layers were chosen: one of `iriftrace.medium.shells.levels.RULES`, ``"custom"`` or
-        ``"imported"``.
+        How surfaces and layers were chosen: one of `iriftrace.medium.shells.levels.RULES`,
+        ``"custom"`` or ``"imported"``.
     source : FieldSource or None
         The file of the shells, if there is one.
     small_components : tuple of SmallComponents
