@@ -1,5 +1,4 @@
 """Image: the AOV image of a pose and everything that is computed from it.
 
-Displacement and shift maps, metrics, coverage, what each pose of a sweep sees of each face, and
-the comparison with measured shifts.
+Displacement and shift maps, metrics, coverage, and what each pose of a sweep sees of each face.
 """

@@ -1,5 +1,5 @@
 """The measured part: a closed triangle surface with named regions.
 
-Read from any mesh file (`read_part`), made from arrays (`part_of_mesh`) or from dimensions
-(`standards`, `board`), and written with its regions (`save_part`).
+Made from arrays (`part_of_mesh`) or from dimensions (`standards`, `board`), cold or with its thermal
+growth. `io` reads and writes the files.
 """
