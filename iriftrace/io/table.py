@@ -164,21 +164,27 @@ def table_in(text: str, path: Path, separator: str = "") -> Table:
     lines = text.splitlines()
     if lines and (stated := _SEPARATOR_LINE.fullmatch(lines[0])):
         lines[0], separator = "", stated[1]
-    # Spreadsheets end with rows of empty cells, COMSOL's header with an empty comment.
+    # Tables of spreadsheets end with rows of empty cells, COMSOL's header with an empty comment.
     filled = [number for number, line in enumerate(lines) if line.strip(' \t,;"#%/')]
     begin = next((k for k, number in enumerate(filled) if _is_row(lines[number])), None)
     if begin is None:
         raise InputError(f"{path} has no row of numbers; export it again.")
-    above, body = filled[:begin], filled[begin:]
-    while _is_comment(lines[body[-1]]):
-        body.pop()
+    above, first = filled[:begin], filled[begin]
+    last_row = max(number for number in filled[begin:] if not _is_comment(lines[number]))
+    separator = separator or separator_of(lines[first])
+    # A row of empty cells between others is a place of an organised cloud without a point.
+    known = set(filled)
+    body = [
+        number
+        for number in range(first, last_row + 1)
+        if number in known or (separator != _BLANKS and separator in lines[number])
+    ]
     if among := next((number for number in body if _is_comment(lines[number])), 0):
         raise InputError(
             f"{path}, line {among + 1}: the comment {lines[among].strip()!r} is between rows, as "
             "if it parted several tables; give each as a file of its own, or remove the comment."
         )
     rows = [lines[number] for number in body]
-    separator = separator or separator_of(rows[0])
     width = _width(rows[0], separator)
     for number, row in zip(body, rows, strict=True):
         if (count := _width(row, separator)) != width:

@@ -154,6 +154,19 @@ def test_columns_of_words_are_left_out(tmp_path: Path) -> None:
     assert len(cloud.points) == 2
 
 
+@pytest.mark.parametrize("row", [";;;", "\t\t\t", ",,,"])
+def test_a_row_of_empty_cells_keeps_its_place(tmp_path: Path, row: str) -> None:
+    """In an organised cloud a point's number is its pixel; those at the end are no rows."""
+    mark, file = row[0], tmp_path / "cloud.csv"
+    lines = ["x;y;z;i", "1.12345;2;3;", row, "4;5;6;7", row, row]
+    file.write_text("\n".join(lines).replace(";", mark) + "\n")
+    with pytest.warns(IriftraceWarning, match="1 of 3 points"):
+        cloud = read_cloud(file)
+    assert cloud.measured.tolist() == [True, False, True]
+    assert_array_equal(cloud.points, [(1.12345, 2.0, 3.0), (4.0, 5.0, 6.0)])
+    assert_array_equal(cloud.columns["i"], [np.nan, np.nan, 7.0])
+
+
 @pytest.mark.parametrize(("value", "are"), [(0.0, r"exactly \(0, 0, 0\)"), (np.nan, "not finite")])
 def test_pixels_without_a_point_are_left_out(tmp_path: Path, value: float, are: str) -> None:
     """Organised clouds have a row for every pixel; sensors write their own origin, or NaN."""
