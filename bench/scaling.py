@@ -23,8 +23,8 @@ from iriftrace.flow.synthetic.field import synthetic_field
 from iriftrace.flow.synthetic.mesh import usual_mesh
 from iriftrace.flow.synthetic.model import SyntheticAir
 from iriftrace.io.part_files import read_part
-from iriftrace.medium.hot_air import HotAir
 from iriftrace.scenes import folder_of
+from iriftrace.tracing.hot_air import HotAir
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.render import render_scene
 from iriftrace.tracing.scene import Scene

@@ -75,7 +75,6 @@ from .measuring.two_devices.scan import Scan as Scan
 from .measuring.two_devices.scan import ScanStatus as ScanStatus
 from .medium.air.refractivity import Air as Air
 from .medium.flow import AirFlow as AirFlow
-from .medium.hot_air import HotAir as HotAir
 from .medium.index_field import IndexField as IndexField
 from .medium.part_fit import Fit as Fit
 from .medium.part_fit import fit_part_to_field as fit_part_to_field
@@ -107,6 +106,7 @@ from .sweep.store import read_sweep as read_sweep
 from .sweep.sweep import SweepOptions as SweepOptions
 from .sweep.sweep import run_sweep as run_sweep
 from .sweep.workers import pose_workers as pose_workers
+from .tracing.hot_air import HotAir as HotAir
 from .tracing.load import load_scene as load_scene
 from .tracing.rays import RayHits as RayHits
 from .tracing.rays import trace_rays as trace_rays

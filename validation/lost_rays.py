@@ -19,11 +19,11 @@ from iriftrace.core.files import whole_file
 from iriftrace.flow.simulate.part_surface import mirrored_grid
 from iriftrace.image.aov_image import Status
 from iriftrace.io.field import read_field
-from iriftrace.medium.hot_air import AirState
 from iriftrace.medium.index_field import IndexField
 from iriftrace.medium.shells.contour import contour_shells
 from iriftrace.part.part import Part
 from iriftrace.scenes import folder_of
+from iriftrace.tracing.hot_air import AirState
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.rays import trace_rays
 from iriftrace.tracing.scene import Scene

@@ -20,11 +20,11 @@ from iriftrace.core.units import ZERO_CELSIUS_K, counted
 if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
     from iriftrace.io.members import Member
-    from iriftrace.medium.hot_air import AirState
     from iriftrace.medium.index_field import IndexField
     from iriftrace.medium.shells.stack import ShellStack
     from iriftrace.part.part import Part
     from iriftrace.part.uneven_growth import Temperatures
+    from iriftrace.tracing.hot_air import AirState
     from iriftrace.tracing.xml import SceneSettings
 
 
@@ -124,8 +124,8 @@ def scene(
     from iriftrace.io.bodies import bodies_beside
     from iriftrace.io.members import chosen_members
     from iriftrace.io.part_files import read_part
-    from iriftrace.medium.hot_air import AirState
     from iriftrace.medium.part_fit import refuse_expanded_board
+    from iriftrace.tracing.hot_air import AirState
     from iriftrace.tracing.save import save_scene
     from iriftrace.tracing.xml import SceneSettings, refuse_edited
 
@@ -212,7 +212,7 @@ def _ensemble(
     wall_k: float | None,
 ) -> None:
     """Write the scene of several fields, each cut when it is needed, and print a summary."""
-    from iriftrace.medium.hot_air import AirState
+    from iriftrace.tracing.hot_air import AirState
     from iriftrace.tracing.save import named, save_scene
 
     hottest_k: list[float] = []

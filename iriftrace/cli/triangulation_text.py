@@ -10,8 +10,8 @@ from iriftrace.cli.options import celsius
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import counted
 from iriftrace.measuring.features.quantity import DRAWING, Quantity
-from iriftrace.medium.hot_air import OUTSIDE
 from iriftrace.part.region_choice import placed_regions
+from iriftrace.tracing.hot_air import OUTSIDE
 
 if TYPE_CHECKING:
     from iriftrace.measuring.features.fitted import FittedFeature

@@ -16,9 +16,9 @@ from iriftrace.image.ray_statistics import percent
 from iriftrace.measuring.features.fitted import cone_place
 from iriftrace.measuring.features.quantity import DRAWING, Quantity
 from iriftrace.measuring.two_devices.statistics import RegionValues
-from iriftrace.medium.hot_air import OUTSIDE
 from iriftrace.medium.source import stated_source, synthetic_mark
 from iriftrace.sweep.store import attribute, scene_of, traced_through_cells
+from iriftrace.tracing.hot_air import OUTSIDE
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -10,7 +10,7 @@ from pathlib import Path
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import write_json
 from iriftrace.core.plain import structured
-from iriftrace.medium.hot_air import FieldMember, weights_of
+from iriftrace.tracing.hot_air import FieldMember, weights_of
 
 MEMBER = "member"
 """Parameter of an ensemble's scene: number of the member that is traced alone, from 1."""

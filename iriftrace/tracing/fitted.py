@@ -14,7 +14,6 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of, write_json
 from iriftrace.core.plain import JsonObject
 from iriftrace.io.shells import TABLE as SHELLS_TABLE
-from iriftrace.medium.hot_air import OUTSIDE, FieldMember
 from iriftrace.tracing.ensemble import (
     FOLDER,
     INCLUDED,
@@ -23,6 +22,7 @@ from iriftrace.tracing.ensemble import (
     read_members,
     write_members,
 )
+from iriftrace.tracing.hot_air import OUTSIDE, FieldMember
 from iriftrace.tracing.write import remove_stale_blockers, written_together
 from iriftrace.tracing.xml import BLOCKER_FILE, PART_FILE, refuse_edited, sealed
 

@@ -18,7 +18,6 @@ from iriftrace.core.runtime import variant as runtime
 from iriftrace.core.units import parse_quantity
 from iriftrace.io.field_npz import FIELD_FILE
 from iriftrace.io.part_files import read_part
-from iriftrace.medium.hot_air import AirFiles, AirState, HotAir
 from iriftrace.part.part import Part
 from iriftrace.tracing.air import air_statement_of, other_shells, traced_air, warn_of_another_part
 from iriftrace.tracing.compiled import (
@@ -40,6 +39,7 @@ from iriftrace.tracing.file import (
     read_scene_file,
     readable,
 )
+from iriftrace.tracing.hot_air import AirFiles, AirState, HotAir
 from iriftrace.tracing.scene import Scene
 from iriftrace.tracing.write import SHELLS_FOLDER
 

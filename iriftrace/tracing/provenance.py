@@ -10,9 +10,9 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.engines import ENGINES
 from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import JsonObject, plain
-from iriftrace.medium.hot_air import OUTSIDE
 from iriftrace.medium.source import FieldSource
 from iriftrace.tracing.compiled import Compiled
+from iriftrace.tracing.hot_air import OUTSIDE
 from iriftrace.tracing.scene import Scene
 
 _MOST_LISTED = 2

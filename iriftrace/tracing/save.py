@@ -11,20 +11,20 @@ from typing import TYPE_CHECKING
 from attrs import evolve, field, frozen
 
 from iriftrace.core.errors import InputError, warn
-from iriftrace.medium.hot_air import AirState
 from iriftrace.medium.part_fit import body_in_air
 from iriftrace.medium.shells.report import ShellReport, report_shells
 from iriftrace.tracing.ensemble import FOLDER
+from iriftrace.tracing.hot_air import AirState
 from iriftrace.tracing.viewpoint import refuse_bad_places
 from iriftrace.tracing.write import SHELLS_FOLDER, write_ensemble_scene, write_scene
 from iriftrace.tracing.xml import PART_FILE, SceneSettings, refuse_edited
 
 if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
-    from iriftrace.medium.hot_air import FieldMember
     from iriftrace.medium.part_fit import Fit
     from iriftrace.medium.shells.stack import ShellStack
     from iriftrace.part.part import Part
+    from iriftrace.tracing.hot_air import FieldMember
 
 
 @frozen(eq=False)

@@ -19,7 +19,6 @@ from iriftrace.core.errors import InputError, warn, without_warnings
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.runtime import variant as runtime
 from iriftrace.io.field_npz import FIELD_FILE
-from iriftrace.medium.hot_air import AirFiles, AirState, FieldMember, HotAir, weights_of
 from iriftrace.part.part import Part
 from iriftrace.tracing.compiled import (
     Compiled,
@@ -32,6 +31,7 @@ from iriftrace.tracing.compiled import (
 )
 from iriftrace.tracing.ensemble import MEMBER
 from iriftrace.tracing.file import WAVELENGTH
+from iriftrace.tracing.hot_air import AirFiles, AirState, FieldMember, HotAir, weights_of
 from iriftrace.tracing.objects import kept_camera, kept_part
 from iriftrace.tracing.viewpoint import refuse_bad_places
 from iriftrace.tracing.xml import SCALE, SceneSettings

@@ -18,10 +18,10 @@ from iriftrace.core.units import ZERO_CELSIUS_K
 
 if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
-    from iriftrace.medium.hot_air import AirState
     from iriftrace.medium.index_field import IndexField
     from iriftrace.medium.shells.stack import ShellStack
     from iriftrace.part.part import Part
+    from iriftrace.tracing.hot_air import AirState
 
 
 DIAGONAL = np.array((0.62, -0.42, 0.66))

@@ -19,7 +19,6 @@ from iriftrace.core.files import sha256_of
 from iriftrace.io.field_npz import FIELD_FILE, save_field_file
 from iriftrace.io.part_files import save_part
 from iriftrace.io.shells import remove_stale, save_shells
-from iriftrace.medium.hot_air import AirState, FieldMember, weights_of
 from iriftrace.medium.shells.stack import ShellStack
 from iriftrace.medium.shells.table import PartOrigin
 from iriftrace.part.part import Part
@@ -30,6 +29,7 @@ from iriftrace.tracing.ensemble import (
     TABLE,
     write_members,
 )
+from iriftrace.tracing.hot_air import AirState, FieldMember, weights_of
 from iriftrace.tracing.xml import (
     BLOCKER_FILE,
     PART_FILE,

@@ -14,11 +14,11 @@ from attrs import evolve
 
 from iriftrace.io.field import read_field
 from iriftrace.io.part_files import read_part
-from iriftrace.medium.hot_air import AirState
 from iriftrace.medium.shells.contour import contour_shells
 from iriftrace.medium.shells.report import report_shells
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import concentric_cylinders, slab
+from iriftrace.tracing.hot_air import AirState
 from iriftrace.tracing.write import write_scene
 from iriftrace.tracing.xml import PART_FILE, SceneSettings
 from scenes.generators.components import (

@@ -19,12 +19,12 @@ from iriftrace.core.files import whole_file
 from iriftrace.io.field import read_field
 from iriftrace.io.part_files import save_part
 from iriftrace.io.shells import load_shells
-from iriftrace.medium.hot_air import AirState
 from iriftrace.medium.shells.contour import contour_shells
 from iriftrace.medium.shells.decimate import decimate
 from iriftrace.medium.shells.report import report_shells
 from iriftrace.medium.shells.stack import ShellStack
 from iriftrace.part.part import Part
+from iriftrace.tracing.hot_air import AirState
 from iriftrace.tracing.write import SHELLS_FOLDER, write_scene
 from iriftrace.tracing.xml import PART_FILE, SceneSettings, scene_xml, shell_shapes
 from scenes.generators.bevel_gear import TOOTH, bevel_gear

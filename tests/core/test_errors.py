@@ -7,8 +7,8 @@ import trimesh
 
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.io.clouds import read_cloud
-from iriftrace.medium.hot_air import HotAir
 from iriftrace.part.part import part_of_mesh
+from iriftrace.tracing.hot_air import HotAir
 from iriftrace.tracing.scene import Scene
 from validation.inputs.cameras import camera_at
 from validation.inputs.shell_fields import sphere_field

@@ -20,8 +20,8 @@ from iriftrace.measuring.two_devices.devices import nearest_point, on_plane
 from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.measuring.two_devices.scan import Scan, ScanStatus
 from iriftrace.measuring.two_devices.two_points import MISS_MM, lines_of_sight
-from iriftrace.medium.hot_air import AirState
 from iriftrace.scenes.analytic import slab
+from iriftrace.tracing.hot_air import AirState
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.rays import refracted_hits
 from iriftrace.tracing.scene import Scene

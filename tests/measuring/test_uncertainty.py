@@ -23,13 +23,13 @@ from iriftrace.measuring.two_devices.correction import CorrectionStatus, FieldSt
 from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.measuring.two_devices.scan import Scan, ScanStatus
 from iriftrace.medium.air.refractivity import Air
-from iriftrace.medium.hot_air import AirState
 from iriftrace.medium.shells.stack import ShellStack
 from iriftrace.medium.shells.table import AirStatement
 from iriftrace.medium.source import FieldFacts, FieldKind
 from iriftrace.part.part import Part
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import concentric_cylinders, slab
+from iriftrace.tracing.hot_air import AirState
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.scene import Scene
 from iriftrace.tracing.write import write_ensemble_scene

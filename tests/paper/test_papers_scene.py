@@ -7,8 +7,8 @@ import pytest
 from attrs import evolve
 
 from iriftrace.image.aov_image import Status
-from iriftrace.medium.hot_air import HotAir
 from iriftrace.medium.index_field import IndexField
+from iriftrace.tracing.hot_air import HotAir
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.scene import Scene
 from validation.inputs.study_inputs import field_and_scene

@@ -7,10 +7,10 @@ from iriftrace.camera.pose import look_at
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.io.field import read_field
 from iriftrace.io.part_files import read_part
-from iriftrace.medium.hot_air import AirState
 from iriftrace.medium.index_field import IndexField
 from iriftrace.medium.shells.contour import contour_shells
 from iriftrace.scenes import folder_of
+from iriftrace.tracing.hot_air import AirState
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.pose_image import pose_image
 from iriftrace.tracing.scene import Scene

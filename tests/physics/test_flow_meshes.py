@@ -13,9 +13,9 @@ from iriftrace.image.aov_image import Status
 from iriftrace.io.field import read_field
 from iriftrace.io.vtk_check import read_case
 from iriftrace.medium.gradient import TETRAHEDRON_EDGES
-from iriftrace.medium.hot_air import AirState
 from iriftrace.medium.polyhedra import SPLIT
 from iriftrace.medium.tetrahedra import OPPOSITE, Tetrahedra, tetrahedra_of
+from iriftrace.tracing.hot_air import AirState
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.rays import trace_rays
 from iriftrace.tracing.scene import Scene

@@ -16,12 +16,12 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.image.aov_image import CHANNELS, ERROR_CHANNEL, Status
 from iriftrace.io.exr import read_exr
 from iriftrace.io.field_npz import FIELD_FILE, load_field_file, save_field_file
-from iriftrace.medium.hot_air import AirState
 from iriftrace.medium.path_data import cells_of
 from iriftrace.medium.shells.contour import contour_shells
 from iriftrace.medium.tetrahedra import tetrahedra_of
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.plugins.calibrated_camera import sensor_of
+from iriftrace.tracing.hot_air import AirState
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.rays import is_inside, trace_rays
 from iriftrace.tracing.render import render_scene

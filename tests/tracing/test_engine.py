@@ -18,12 +18,12 @@ from iriftrace.io.exr import read_exr
 from iriftrace.io.field import read_field
 from iriftrace.io.part_files import read_part
 from iriftrace.io.shells import load_shells
-from iriftrace.medium.hot_air import AirState, HotAir
 from iriftrace.medium.shells.stack import Shell, ShellStack
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.reload import load_swept_scene
 from iriftrace.sweep.sweep import run_sweep
 from iriftrace.tracing.engine import EngineTest, choose
+from iriftrace.tracing.hot_air import AirState, HotAir
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.rays import trace_rays
 from iriftrace.tracing.render import render_scene

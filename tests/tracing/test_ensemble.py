@@ -18,11 +18,11 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.image.aov_image import CHANNELS, MEMBERS_CHANNEL, Status
 from iriftrace.io.part_files import save_part
 from iriftrace.medium.air.refractivity import Air
-from iriftrace.medium.hot_air import AirState, FieldMember
 from iriftrace.scenes.analytic import slab, slab_heights
 from iriftrace.sweep.sweep import run_sweep
 from iriftrace.tracing import scene as scenes_of_values
 from iriftrace.tracing.ensemble import read_members
+from iriftrace.tracing.hot_air import AirState, FieldMember
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.rays import trace_rays
 from iriftrace.tracing.render import render_scene

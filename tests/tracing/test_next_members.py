@@ -3,8 +3,8 @@
 import pytest
 
 from iriftrace.measuring.fit.next_members import Blown, draught_of, members_to_solve
-from iriftrace.medium.hot_air import FieldMember
 from iriftrace.medium.source import FieldSource
+from iriftrace.tracing.hot_air import FieldMember
 
 
 def source(path: str, origin: str = "OpenFOAM buoyantPimpleFoam, coarse") -> FieldSource:

@@ -12,7 +12,7 @@ import pytest
 import iriftrace
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.medium.hot_air import HotAir
+from iriftrace.tracing.hot_air import HotAir
 from iriftrace.tracing.scene import Scene
 from validation.inputs import hot_block
 

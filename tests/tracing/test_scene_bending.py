@@ -9,12 +9,12 @@ import trimesh
 from attrs import evolve
 
 from iriftrace.core.errors import InputError
-from iriftrace.medium.hot_air import AirState
 from iriftrace.medium.shells.contour import contour_shells
 from iriftrace.medium.shells.hessian import HESSIAN_AXES, PLY_COLUMNS
 from iriftrace.medium.shells.stack import ShellStack
 from iriftrace.part.part import part_of_mesh
 from iriftrace.scenes.analytic import concentric_cylinders
+from iriftrace.tracing.hot_air import AirState
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.rays import trace_rays
 from iriftrace.tracing.render import render_scene

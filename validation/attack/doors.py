@@ -18,9 +18,9 @@ from iriftrace.io.measured_shift import read_measured_shift
 from iriftrace.io.part_files import read_part
 from iriftrace.io.poses import read_poses
 from iriftrace.io.shells import load_shells
-from iriftrace.medium.hot_air import HotAir
 from iriftrace.sweep.journal import journal_of, open_journal
 from iriftrace.sweep.store import read_sweep
+from iriftrace.tracing.hot_air import HotAir
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.scene import Scene
 from validation.attack import samples

@@ -20,8 +20,8 @@ from iriftrace.io.cloud_write import save_cloud
 from iriftrace.io.field import read_field
 from iriftrace.io.part_files import read_part, save_part
 from iriftrace.io.poses import write_poses
-from iriftrace.medium.hot_air import HotAir
 from iriftrace.sweep.journal import Piece, Work, open_journal
+from iriftrace.tracing.hot_air import HotAir
 from iriftrace.tracing.scene import Scene
 from validation.field_files import comsol, ensight
 from validation.field_files.openfoam import write_case

@@ -14,13 +14,13 @@ import pyvista as pv
 import trimesh
 from numpy.typing import NDArray
 
-from iriftrace.medium.hot_air import AirState
 from iriftrace.medium.index_field import IndexField
 from iriftrace.medium.path_data import cells_of
 from iriftrace.medium.shells.stack import ShellStack
 from iriftrace.part.part import Part
 from iriftrace.plugins.kernels.tetrahedra import TetrahedralAir
 from iriftrace.scenes.analytic import CYLINDER_RADIUS_MM, HOT_AIR_RADIUS_MM, SLAB_MM, WALL_K
+from iriftrace.tracing.hot_air import AirState
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.scene import Scene
 from iriftrace.tracing.write import write_scene

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from iriftrace.io.field import read_field
 from iriftrace.io.part_files import read_part
-from iriftrace.medium.hot_air import HotAir
 from iriftrace.medium.index_field import IndexField
+from iriftrace.tracing.hot_air import HotAir
 from iriftrace.tracing.scene import Scene
 from validation.inputs import hot_block
 from validation.inputs.cameras import camera_at

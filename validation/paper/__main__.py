@@ -18,7 +18,7 @@ from iriftrace.cli.field_options import FieldOptions, PartOptions, Rule
 from iriftrace.cli.options import Flag, Numbers, Output, Whole
 from iriftrace.core.errors import InputError, IriftraceError
 from iriftrace.core.runtime import variant
-from iriftrace.medium.hot_air import HotAir
+from iriftrace.tracing.hot_air import HotAir
 from iriftrace.tracing.scene import Scene
 from iriftrace.tracing.viewpoint import refuse_camera_inside
 from validation.paper.figures import study_figure

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from attrs import evolve, field, frozen
 
 from iriftrace.core.errors import InputError, without_warnings
-from iriftrace.medium.hot_air import HotAir
 from iriftrace.medium.index_field import IndexField
 from iriftrace.medium.shells.contour import contour_shells
 from iriftrace.medium.shells.levels import RULES
 from iriftrace.medium.shells.stack import ShellStack
+from iriftrace.tracing.hot_air import HotAir
 from iriftrace.tracing.scene import Scene
 
 

@@ -10,10 +10,10 @@ from attrs import evolve
 from iriftrace.core.runtime.variant import ensure
 from iriftrace.io.field import read_field
 from iriftrace.io.part_files import read_part
-from iriftrace.medium.hot_air import HotAir
 from iriftrace.medium.shells.contour import contour_shells
 from iriftrace.medium.shells.levels import RULES
 from iriftrace.scenes import folder_of
+from iriftrace.tracing.hot_air import HotAir
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.scene import Scene
 from validation.line import Line, Section

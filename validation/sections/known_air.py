@@ -13,11 +13,11 @@ from iriftrace.flow.synthetic.field import synthetic_field
 from iriftrace.flow.synthetic.model import SyntheticAir, synthetic_air
 from iriftrace.image.aov_image import Status
 from iriftrace.medium.air.refractivity import Air
-from iriftrace.medium.hot_air import AirState
 from iriftrace.medium.index_field import IndexField
 from iriftrace.medium.shells.contour import contour_shells
 from iriftrace.part.part import Part
 from iriftrace.scenes.analytic import CYLINDER_RADIUS_MM
+from iriftrace.tracing.hot_air import AirState
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.rays import trace_rays
 from iriftrace.tracing.write import write_scene

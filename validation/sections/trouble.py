@@ -17,12 +17,12 @@ from iriftrace.image.aov_image import Status
 from iriftrace.image.ray_statistics import RayCounts
 from iriftrace.io.field import read_field
 from iriftrace.io.part_files import read_part
-from iriftrace.medium.hot_air import HotAir
 from iriftrace.medium.index_field import IndexField
 from iriftrace.medium.shells.contour import contour_shells
 from iriftrace.medium.shells.stack import ShellStack
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import CYLINDER_RADIUS_MM
+from iriftrace.tracing.hot_air import HotAir
 from iriftrace.tracing.scene import Scene
 from validation.inputs.cameras import camera_at
 from validation.line import Line, Section

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iriftrace.image.aov_image import AovImage, Status
-from iriftrace.medium.hot_air import AirState
 from iriftrace.medium.index_field import IndexField
 from iriftrace.medium.shells.contour import contour_shells
 from iriftrace.part.part import Part
+from iriftrace.tracing.hot_air import AirState
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.pose_image import pose_image
 from iriftrace.tracing.write import write_scene

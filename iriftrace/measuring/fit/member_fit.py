@@ -17,7 +17,7 @@ from iriftrace.core.plain import JsonObject
 from iriftrace.core.statistics import rms
 from iriftrace.measuring.fit.next_members import members_to_solve
 from iriftrace.measuring.fit.shift_mixture import MOST_OUTLIERS, ShiftMixture
-from iriftrace.medium.hot_air import FieldMember
+from iriftrace.tracing.hot_air import FieldMember
 from iriftrace.tracing.scene import Scene
 
 SCHEMA = "iriftrace.fit/3"

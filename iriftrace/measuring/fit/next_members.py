@@ -9,8 +9,8 @@ from pathlib import Path
 
 from attrs import frozen
 
-from iriftrace.medium.hot_air import FieldMember
 from iriftrace.medium.source import FieldSource
+from iriftrace.tracing.hot_air import FieldMember
 
 _NAME = re.compile(r"^at_(\d+\.\d+)(?:_from_(\d+(?:\.\d+)?))?\.vtu$")
 _DRAUGHT = re.compile(r"draught of (\S+) m/s from (\S+) deg")

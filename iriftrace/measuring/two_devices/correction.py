@@ -33,10 +33,10 @@ from iriftrace.measuring.two_devices.statistics import (
     region_values,
     worst_member,
 )
-from iriftrace.medium.hot_air import OUTSIDE
 from iriftrace.medium.source import FieldKind
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
+from iriftrace.tracing.hot_air import OUTSIDE
 from iriftrace.tracing.scene import Scene
 
 SCHEMA = "iriftrace.correction/2"
