@@ -147,7 +147,7 @@ def _drawing(shown: object) -> tuple[Draw, FieldSource | None]:
 @_drawing.register
 def _scene(scene: Scene) -> tuple[Draw, FieldSource | None]:
     state = scene.air.states[0]
-    shells = state.shells if state.files and state.files.shells else None
+    shells = None if state.files and state.files.shells is None else state.shells
     blockers = [(body.vertices, body.faces) for body in scene.blockers]
     named = {"part": space.PART_COLOUR, "camera": SIGHT_COLOUR}
     if scene.second is not None:

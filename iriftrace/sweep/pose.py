@@ -50,8 +50,7 @@ class PoseTask:
     `series` is the number of its series, from 0, and `source` that of its scene; None for a scene
     in memory, which this process alone knows. `include` has the status codes of the rays that the
     metrics use; `exr` is the AOV image's absolute path, or empty; `second` is the other device of a
-    sensor that measures by
-    triangulation.
+    sensor that measures by triangulation.
     """
 
     number: int
