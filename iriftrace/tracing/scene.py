@@ -341,7 +341,8 @@ class Scene:
         Raises
         ------
         InputError
-            As for `ready`; or the XML file was edited by hand, or the folder cannot be written.
+            As for `ready`; or the air was read from a folder, the XML file was edited by hand, or
+            the folder cannot be written.
 
         Warns
         -----
@@ -350,6 +351,12 @@ class Scene:
         """
         from iriftrace.tracing.save import save_scene
 
+        if any(state.files for state in self.air.states):
+            raise InputError(
+                f"{self.name} has the air of a scene that exists already, whose files hold more "
+                "than can be written here; copy its folder, or give the Scene the air of fields "
+                "(HotAir(read_field(...)))."
+            )
         settings = SceneSettings(
             scale=scale,
             normals=self.air.normals,

@@ -102,3 +102,10 @@ def test_the_air_of_a_mitsuba_scene_is_known_to_mitsuba_alone(cylinder: iriftrac
 def test_a_path_is_no_scene(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="load_scene"):
         iriftrace.render_scene(tmp_path / "scene.xml")  # type: ignore[arg-type]
+
+
+def test_a_scene_of_files_is_not_written_again(cylinder: iriftrace.Scene, tmp_path: Path) -> None:
+    """Its folder holds a field and shells that would be lost, or rounded a second time."""
+    with pytest.raises(InputError, match="copy its folder"):
+        cylinder.save(tmp_path / "again" / "scene.xml")
+    assert not list(tmp_path.iterdir())
