@@ -106,6 +106,7 @@ from .sweep.store import read_sweep as read_sweep
 from .sweep.sweep import SweepOptions as SweepOptions
 from .sweep.sweep import run_sweep as run_sweep
 from .sweep.workers import pose_workers as pose_workers
+from .tracing.from_mitsuba import from_mitsuba as from_mitsuba
 from .tracing.hot_air import HotAir as HotAir
 from .tracing.load import load_scene as load_scene
 from .tracing.rays import RayHits as RayHits

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import frozen
@@ -13,9 +14,11 @@ from iriftrace.core.files import arrays_in, check_readable, whole_file
 from iriftrace.core.plain import plain, structured
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.gradient import CORNERS
-from iriftrace.medium.index_field import IndexField
 from iriftrace.medium.path_data import FieldCells, cells_of
 from iriftrace.medium.source import FieldSource
+
+if TYPE_CHECKING:
+    from iriftrace.medium.index_field import IndexField
 
 FIELD_FILE = "field.npz"
 """Name of the field file next to a scene's XML."""

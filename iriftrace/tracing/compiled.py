@@ -196,7 +196,7 @@ def of_objects(
 
 
 def of_mitsuba(scene: mi.Scene) -> tuple[Compiled, Part, tuple[Camera, Camera | None, str]]:
-    """A scene made with Mitsuba, its part and its devices; see `iriftrace.Scene.from_mitsuba`."""
+    """A scene made with Mitsuba, its part and its devices; see `iriftrace.from_mitsuba`."""
     variant = runtime.ensure()
     import mitsuba as mi
 
@@ -204,7 +204,7 @@ def of_mitsuba(scene: mi.Scene) -> tuple[Compiled, Part, tuple[Camera, Camera | 
 
     if not isinstance(scene, mi.Scene):
         raise InputError(
-            f"Scene.from_mitsuba takes a mitsuba.Scene of the variant {mi.variant()}, not a "
+            f"from_mitsuba takes a mitsuba.Scene of the variant {mi.variant()}, not a "
             f"{type(scene).__name__}; `load_scene` reads files."
         )
     name = "Your mi.Scene"

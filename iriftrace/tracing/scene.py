@@ -25,20 +25,17 @@ from iriftrace.tracing.compiled import (
     Held,
     Origin,
     check_engine,
-    of_mitsuba,
     of_objects,
     same,
 )
 from iriftrace.tracing.ensemble import MEMBER
 from iriftrace.tracing.file import WAVELENGTH
-from iriftrace.tracing.hot_air import AirFiles, AirState, FieldMember, HotAir, weights_of
+from iriftrace.tracing.hot_air import FieldMember, HotAir, weights_of
 from iriftrace.tracing.objects import kept_camera, kept_part
 from iriftrace.tracing.viewpoint import refuse_bad_places
 from iriftrace.tracing.xml import SCALE, SceneSettings
 
 if TYPE_CHECKING:
-    import mitsuba as mi
-
     from iriftrace.medium.part_fit import Fit
     from iriftrace.tracing.save import SavedScene
 
@@ -374,42 +371,6 @@ class Scene:
             ensemble=len(self.air.states) > 1,
             wall_temperature_k=self.air.wall_temperature_k,
         )
-
-    @classmethod
-    def from_mitsuba(cls, scene: mi.Scene) -> Scene:
-        """Use a scene made with Mitsuba in `render_scene`, `trace_rays` and `measure`.
-
-        Parameters
-        ----------
-        scene : mitsuba.Scene
-            A scene of the current variant, loaded with ``optimize=False``, with the integrator
-            ``first_hit`` or ``gradient_path``, a part (mm) and one or two sensors
-            ``calibrated_camera``.
-
-        Returns
-        -------
-        Scene
-            Its part has the mesh's triangles, and regions by their form. Of its air only what
-            bends the rays is known: no wavelength, no source, no shells and no cells. It is the
-            scene as it is now: after a change by `mitsuba.traverse` it is refused, and made anew.
-
-        Raises
-        ------
-        InputError
-            If it is something else, or has no sensor, no part, or another integrator, or the
-            current variant traces no rays here.
-        """
-        compiled, part, devices = of_mitsuba(scene)
-        own = cls(
-            part,
-            HotAir.of_states([AirState(None, files=AirFiles(None, None, None))]),
-            *devices,
-            engine=compiled.engine,
-            variant=compiled.variant,
-            stored=True,
-        )
-        own._held.compiled = compiled
-        return own
 
 
 def ready_scene(scene: Scene) -> Scene:

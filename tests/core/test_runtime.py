@@ -19,11 +19,13 @@ from iriftrace.core.runtime import llvm
 from iriftrace.core.runtime import variant as runtime
 
 WITHOUT_VTK = (
-    "air.refractivity camera.camera core.errors core.units geometry.transform image.aov_image "
-    "image.displacement image.metrics image.resolution part.part runtime.doctor runtime.llvm "
-    "runtime.variant"
+    "medium.air.refractivity camera.camera core.errors core.units core.mesh.transform "
+    "image.aov_image image.displacement image.metrics image.resolution part.part "
+    "core.runtime.doctor core.runtime.llvm core.runtime.variant io.exr io.field_npz"
 ).split()
-WITHOUT_MITSUBA = "field.part_fit field.read shells.contour shells.imported shells.report".split()
+WITHOUT_MITSUBA = (
+    "medium.part_fit io.field medium.shells.contour io.iso_surfaces medium.shells.report".split()
+)
 OLD_LIBRARIES = [library.path for library in llvm.llvm_libraries() if not library.ok]
 #: Seconds after which a process that does not end says on stderr where it stands.
 TOO_LONG = 60

@@ -122,7 +122,7 @@ def test_file_does_not_depend_on_the_thread_count(
     image = random_image(shape=(300, 40))
     files = []
     for threads in (0, 1, 4):
-        monkeypatch.setattr("iriftrace.image.aov_image.THREADS", threads)
+        monkeypatch.setattr("iriftrace.io.exr.THREADS", threads)
         write_exr(tmp_path / "a.exr", image)
         files.append((tmp_path / "a.exr").read_bytes())
     assert files[0] == files[1] == files[2]

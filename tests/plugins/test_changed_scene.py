@@ -69,7 +69,7 @@ def test_changed_indices_are_those_of_a_scene_built_with_them(
     """Of picture, rays and a scene in use: the bsdf had kept its first numbers."""
     scene = loaded(shapes)
     mi.render(scene)
-    of_before = iriftrace.Scene.from_mitsuba(scene)
+    of_before = iriftrace.from_mitsuba(scene)
     changed = 1.00027200000001, 1.00023, 1.00022, 1.00018
     parameters = mi.traverse(scene)
     for k in (1, 2, 3):
@@ -82,7 +82,7 @@ def test_changed_indices_are_those_of_a_scene_built_with_them(
         of_before.compiled.mitsuba_scene  # noqa: B018
     ray = ([(1.0, -100.0, 2.0)], [(0.0, 1.0, 0.0)])
     one, other = (
-        iriftrace.trace_rays(iriftrace.Scene.from_mitsuba(each), *ray) for each in (scene, fresh)
+        iriftrace.trace_rays(iriftrace.from_mitsuba(each), *ray) for each in (scene, fresh)
     )
     np.testing.assert_array_equal(one.refracted, other.refracted)
 
@@ -127,12 +127,12 @@ def test_a_film_of_another_size_is_refused(shapes: dict[str, Any]) -> None:
 def test_what_was_made_of_a_changed_scene_is_refused(shapes: dict[str, Any]) -> None:
     scene = loaded(shapes)
     ray = ([(1.0, -100.0, 2.0)], [(0.0, 1.0, 0.0)])
-    of_before = iriftrace.Scene.from_mitsuba(scene)
+    of_before = iriftrace.from_mitsuba(scene)
     hit = iriftrace.trace_rays(of_before, *ray).straight
     parameters = mi.traverse(scene)
     smaller_part(parameters)
     parameters.update()
     with pytest.raises(InputError, match=r"changed since from_mitsuba; call from_mitsuba again"):
         iriftrace.trace_rays(of_before, *ray)
-    after = iriftrace.trace_rays(iriftrace.Scene.from_mitsuba(scene), *ray).straight
+    after = iriftrace.trace_rays(iriftrace.from_mitsuba(scene), *ray).straight
     assert np.linalg.norm(after) == pytest.approx(0.5 * np.linalg.norm(hit), rel=0.05)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from iriftrace import Scene, trace_rays
+import iriftrace
+from iriftrace import trace_rays
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.image.aov_image import Status
 from iriftrace.medium.shells.hessian import HESSIAN_AXES
@@ -108,7 +109,7 @@ def test_a_shell_that_is_missing_between_others_is_warned_of(tmp_path: Path, mis
     assert hit.sum() > 100
     assert (status[hit] == Status.INDEX_MISMATCH).all()
     with pytest.warns(IriftraceWarning, match=between):
-        own = Scene.from_mitsuba(loaded)
+        own = iriftrace.from_mitsuba(loaded)
     hits = trace_rays(own, [(1.0, -100.0, 2.0)], [(0.0, 1.0, 0.0)])
     assert hits.status[0] == Status.INDEX_MISMATCH
 

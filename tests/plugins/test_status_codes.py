@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from iriftrace import Scene
+import iriftrace
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.image.aov_image import CHANNELS, Status
 from iriftrace.part.part import part_of_mesh
@@ -173,7 +173,7 @@ def test_a_wall_behind_the_part_is_in_no_rays_way(tmp_path: Path, trace_all: boo
     glass = nested_spheres(tmp_path, (20.0,), (1.0, 1.2), subdivisions=4)
     wall = ply(tmp_path / "wall.ply", box((300, 1, 300), (0, 60, 0)), bsdf={"type": "diffuse"})
     content = {"part": part(tmp_path, sphere(10.0)), **glass, "wall": wall}
-    codes = pose_image(Scene.from_mitsuba(scene(content, trace_all=trace_all))).status
+    codes = pose_image(iriftrace.from_mitsuba(scene(content, trace_all=trace_all))).status
     near = impact_parameter()
     ring = (near > 10.05) & (near < 11.9)
     expected = Status.ONLY_REFRACTED if trace_all else Status.MISSED

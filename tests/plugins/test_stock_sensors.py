@@ -122,7 +122,7 @@ def test_a_near_plane_in_the_hot_air_is_named(shapes: dict[str, Any], sensor_typ
         mi.render(loaded)
     assert re.search(words, str(caught.value.__cause__))
     with pytest.raises(InputError, match=words):
-        iriftrace.render_scene(iriftrace.Scene.from_mitsuba(loaded))
+        iriftrace.render_scene(iriftrace.from_mitsuba(loaded))
     sensor["near_clip"] = 79.0
     status = channels(scene(shapes, sensor))["status.code"]
     assert set(status.ravel()) == {Status.GOOD, Status.MISSED}

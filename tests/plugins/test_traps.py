@@ -10,6 +10,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+import iriftrace
 from iriftrace.core.errors import InputError, IriftraceWarning, SetupError
 from iriftrace.core.runtime import variant as runtime
 from iriftrace.io.shells import read_shell, write_shell
@@ -17,7 +18,6 @@ from iriftrace.medium.shells.stack import Shell, ShellStack
 from iriftrace.scenes.analytic import slab
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.rays import trace_rays
-from iriftrace.tracing.scene import Scene
 from iriftrace.tracing.write import write_scene
 from validation.inputs.scene_rays import ANY_CAMERA
 from validation.inputs.small_scenes import (
@@ -269,7 +269,7 @@ def test_stock_dielectric_counts_as_shell_and_warns(xml: Path, edit: Edit) -> No
     with pytest.warns(
         IriftraceWarning, match=r"^Your mi\.Scene has shells with Mitsuba's dielectric"
     ):
-        Scene.from_mitsuba(loaded.compiled.mitsuba_scene)
+        iriftrace.from_mitsuba(loaded.compiled.mitsuba_scene)
     rough = trace_rays(loaded, *ray)
     assert rough.crossings[0] == exact.crossings[0] == 3
     assert rough.status[0] == 0

@@ -62,7 +62,7 @@ def test_what_traces_takes_a_scene_and_no_path() -> None:
         for name, function in functions.items()
         if inspect.isfunction(function) and function.__annotations__.get("return") == "Scene"
     }
-    assert returned == {"load_scene"}
+    assert returned == {"load_scene", "from_mitsuba"}
 
 
 def test_exported_functions_take_exported_classes() -> None:

@@ -19,7 +19,7 @@ SCALE = "0.02"
 @pytest.fixture(scope="module")
 def own() -> iriftrace.Scene:
     iriftrace.plugins.register()
-    return iriftrace.Scene.from_mitsuba(mi.load_file(str(SCENE), optimize=False, scale=SCALE))
+    return iriftrace.from_mitsuba(mi.load_file(str(SCENE), optimize=False, scale=SCALE))
 
 
 @pytest.mark.filterwarnings("ignore::iriftrace.IriftraceWarning")
@@ -47,12 +47,12 @@ def test_its_picture_and_rays_are_those_of_the_same_file(own: iriftrace.Scene) -
 def test_what_cannot_be_traced_is_refused(content: dict[str, Any], words: str) -> None:
     iriftrace.plugins.register()
     with pytest.raises(InputError, match=words):
-        iriftrace.Scene.from_mitsuba(mi.load_dict({"type": "scene", **content}))
+        iriftrace.from_mitsuba(mi.load_dict({"type": "scene", **content}))
 
 
 def test_a_file_is_loaded_by_another_function() -> None:
     with pytest.raises(InputError, match=r"takes a mitsuba\.Scene.*not a str; `load_scene`"):
-        iriftrace.Scene.from_mitsuba("scene.xml")  # type: ignore[arg-type]
+        iriftrace.from_mitsuba("scene.xml")  # type: ignore[arg-type]
 
 
 TWO_DEVICES = folder_of("fringe_cylinder") / "scene.xml"
@@ -65,7 +65,7 @@ def test_two_devices_whose_films_mitsuba_merged_are_refused(scale: str) -> None:
     merged = mi.load_file(str(TWO_DEVICES), scale=scale)
     words = r"'camera' and 'projector' share one film.*optimize=False"
     with pytest.raises(InputError, match=words):
-        iriftrace.Scene.from_mitsuba(merged)
+        iriftrace.from_mitsuba(merged)
     for number in (0, 1):
         with pytest.raises(RuntimeError) as caught:
             mi.render(merged, sensor=number)
@@ -75,7 +75,7 @@ def test_two_devices_whose_films_mitsuba_merged_are_refused(scale: str) -> None:
 @pytest.mark.parametrize("scale", ["0.1", "0.2", "0.5"])
 def test_two_devices_are_those_of_the_same_file(scale: str) -> None:
     iriftrace.plugins.register()
-    own = iriftrace.Scene.from_mitsuba(mi.load_file(str(TWO_DEVICES), optimize=False, scale=scale))
+    own = iriftrace.from_mitsuba(mi.load_file(str(TWO_DEVICES), optimize=False, scale=scale))
     of_file = iriftrace.load_scene(TWO_DEVICES, {"scale": scale}, engine="shells")
     assert own.second is not None
     assert of_file.second is not None

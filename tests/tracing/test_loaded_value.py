@@ -93,7 +93,7 @@ def test_air_and_bodies_are_those_of_the_folder(cylinder: iriftrace.Scene) -> No
 
 
 def test_the_air_of_a_mitsuba_scene_is_known_to_mitsuba_alone(cylinder: iriftrace.Scene) -> None:
-    own = iriftrace.Scene.from_mitsuba(cylinder.compiled.mitsuba_scene)
+    own = iriftrace.from_mitsuba(cylinder.compiled.mitsuba_scene)
     assert_same(own, cylinder)
     with pytest.raises(InputError):
         picture(evolve(own, engine="cells"))
