@@ -21,7 +21,6 @@ from iriftrace.camera.distortion import (
     Distortion,
     distorted,
     fold_radius,
-    jacobian,
     newton_steps,
     undistorted,
 )
@@ -321,32 +320,6 @@ class Camera:
             places[~(np.hypot(x, y) < fold_radius(self.distortion))] = np.nan
             on_sensor = places * self.focal_length_mm
         return on_sensor / self.pixel_pitch_mm + self.principal_point_px
-
-    def pixel_solid_angle(self) -> FloatArray:
-        """Solid angle of every pixel of a pinhole camera, (h, w) array, sr.
-
-        Exact: the solid angle of a rectangle seen from the pinhole is the alternating sum over its
-        corners of ``atan(x y / (f sqrt(x^2 + y^2 + f^2)))``. With lens distortion the value at the
-        pixel's centre, by the Jacobian; too large or small by about (pixel / f)^2.
-        """
-        if self.distortion is not None:
-            places = undistorted(self._normalised(self._pixel_centres()), self.distortion)
-            x, y = np.ascontiguousarray(places.T)
-            xx, xy, yy = jacobian(x, y, self.distortion.coefficients)
-            stretch = (xx * yy - xy * xy) * np.sqrt(x * x + y * y + 1.0) ** 3
-            angle: FloatArray = self.pixel_area_mm2 / self.focal_length_mm**2 / stretch
-            return angle.reshape(self.resolution[::-1])
-        edges = [
-            (np.arange(n + 1) - 0.5 - c) * pitch
-            for n, c, pitch in zip(
-                self.resolution, self.principal_point_px, self.pixel_pitch_mm, strict=True
-            )
-        ]
-        x, y = np.meshgrid(*edges)
-        f = self.focal_length_mm
-        corner = np.arctan2(x * y, f * np.sqrt(x * x + y * y + f * f))
-        angle = corner[1:, 1:] - corner[1:, :-1] - corner[:-1, 1:] + corner[:-1, :-1]
-        return angle
 
     def as_dict(self) -> JsonObject:
         """Plain values for JSON; an unlimited far focus is None."""

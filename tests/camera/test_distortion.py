@@ -130,39 +130,6 @@ def test_rays_and_projection_are_inverse(lens: Distortion) -> None:
     np.testing.assert_allclose(found, pixels, rtol=0, atol=1e-10)
 
 
-@lenses
-def test_solid_angle_is_that_between_rays(lens: Distortion) -> None:
-    """Of the polygon that rays through a pixel's border make; so are all pixels those of the whole.
-
-    The value at the centre is off by (pixel / f)^2 times a few: pixels of 28 mrad leave 1e-3.
-    """
-    camera = lens_camera(lens).scaled(0.01)
-    found = camera.pixel_solid_angle()
-    assert found.shape == (20, 24)
-    for row, column in ((0, 0), (19, 23), (10, 12), (3, 20)):
-        border = np.array((column, row)) + around(16)
-        assert found[row, column] == pytest.approx(polygon_solid_angle(camera, border), rel=2e-3)
-    whole = polygon_solid_angle(camera, (24, 20) * around(400))
-    assert found.sum() == pytest.approx(whole, rel=5e-4)
-
-
-def around(count: int) -> np.ndarray:
-    """Places along the border of a unit square, as many on each side."""
-    step = np.arange(count) / count
-    right = np.column_stack((step, 0 * step))
-    down = np.column_stack((0 * step + 1, step))
-    return np.concatenate((right, down, 1 - right, 1 - down))
-
-
-def polygon_solid_angle(camera: Camera, border: np.ndarray) -> float:
-    """By triangles from the axis (Van Oosterom and Strackee 1983); from the picture's corner."""
-    _, edge = camera.rays(border - 0.5)
-    a, b, c = np.broadcast_to(camera.forward, edge.shape), edge, np.roll(edge, -1, axis=0)
-    above = np.einsum("ij,ij->i", a, np.cross(b, c))
-    below = 1 + sum(np.einsum("ij,ij->i", p, q) for p, q in ((a, b), (b, c), (c, a)))
-    return float(2 * np.arctan2(above, below).sum())
-
-
 def test_scaled_and_cropped_cameras_see_the_same() -> None:
     camera = lens_camera(LENSES["rational"])
     points = np.random.default_rng(10).uniform(-30, 30, (50, 3))
