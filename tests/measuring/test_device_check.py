@@ -114,6 +114,17 @@ def test_half_a_pixel_is_a_convention(cloud: FloatArray, scene: Scene) -> None:
     correct(cloud, scene, *DEVICES, pixels=DEVICES[0].project(cloud) + 0.5)
 
 
+@pytest.mark.parametrize("scale", [0.25, 0.5, 2.0])
+def test_a_resized_picture_has_the_same_lines_of_sight(
+    cloud: FloatArray, scene: Scene, scale: float
+) -> None:
+    """Pixel centres are whole numbers; a shift along the part is seen in it as well."""
+    pixels = scale * (DEVICES[0].project(cloud) + 0.5) - 0.5
+    correct(cloud, scene, *DEVICES, pixels=pixels)
+    with pytest.warns(IriftraceWarning, match="from their pixels"):
+        correct(cloud + 5.0 * ALONG, scene, *DEVICES, pixels=pixels)
+
+
 def test_pixels_of_other_points_are_refused(cloud: FloatArray, scene: Scene) -> None:
     with pytest.raises(InputError, match=r"\(3, 2\), but there are"):
         correct(cloud, scene, *DEVICES, pixels=np.zeros((3, 2)))

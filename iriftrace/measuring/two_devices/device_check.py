@@ -31,6 +31,9 @@ It is 0 but for noise and for half of the gap between two cameras' lines, which 
 pixel. Where whole numbers are corners of pixels instead of centres it is 0.71 px.
 """
 
+RESIZED = 0.1
+"""Relative difference in size from which on pixels can be those of a resized picture."""
+
 SAMPLE = 10_000
 """Number of points that are compared."""
 
@@ -146,10 +149,17 @@ def _to_hit(points: FloatArray, scene: Scene, camera: Camera) -> float:
 def _off(points: FloatArray, pixels: FloatArray, camera: Camera) -> tuple[float, float] | None:
     """`DeviceCheck.off` of points (n, 3) with pixels (n, 2); None if no pair is finite."""
     with np.errstate(invalid="ignore"):
-        offset = camera.project(points) - pixels
+        projected = camera.project(points)
+        offset = projected - pixels
     known = np.isfinite(offset).all(axis=1)
     if not known.any():
         return None
+    # A smaller or larger picture, as by a scene's parameter ``scale``, has the same lines of sight;
+    # half a pixel lies between its corner and the centre of its first pixel.
+    ratio = np.median((pixels[known] + 0.5) / (projected[known] + 0.5))
+    scaled = projected - ((pixels + 0.5) / ratio - 0.5)
+    if abs(ratio - 1.0) > RESIZED and ratio * np.median(row_lengths(scaled[known])) < MOST_PX:
+        offset = scaled
     depth = camera.to_camera(points[known])[:, 2]
     at_point = row_lengths(offset[known] * camera.pixel_pitch_mm) * depth / camera.focal_length_mm
     return float(np.median(row_lengths(offset[known]))), float(np.median(at_point))
