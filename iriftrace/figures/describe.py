@@ -1,4 +1,4 @@
-"""What results state about themselves, as rows of tables and as sentences of the report."""
+"""Rows of tables and sentences of the report in which results state what they are."""
 
 from __future__ import annotations
 
