@@ -31,7 +31,7 @@ def run(arguments: list[str]) -> int:
         # Our warnings are messages to the user, even if Python was set to make warnings errors.
         warnings.simplefilter("default", IriftraceWarning)
         warnings.showwarning = lambda message, category, *_, **__: show_warning(
-            _with_options_of_the_command(str(message), arguments), category
+            _with_option(str(message), message, arguments), category
         )
         try:
             _import_listed(arguments)
@@ -42,22 +42,22 @@ def run(arguments: list[str]) -> int:
                 result_action="return_value",
             )
         except (IriftraceError, CycloptsError, OSError) as error:
-            return _refused(sentence(error), arguments)
+            return _refused(_with_option(sentence(error), error, arguments))
         except MemoryError:
-            return _refused(_out_of_memory(arguments), arguments)
+            return _refused(_out_of_memory(arguments))
         except ImportError as error:
             # The loader's words where the memory does not suffice for a library.
             if "failed to map segment" not in error.msg:
                 raise
-            return _refused(_out_of_memory(arguments), arguments)
+            return _refused(_out_of_memory(arguments))
     return 0
 
 
-def _refused(text: str, arguments: list[str]) -> int:
+def _refused(text: str) -> int:
     """Print the error that ends a command; returns its exit status."""
     raise_if_noticed()
     notes.print("[bold red]error:[/] ", end="")
-    notes.print(_with_options_of_the_command(text, arguments), markup=False, soft_wrap=True)
+    notes.print(text, markup=False, soft_wrap=True)
     return 2
 
 
@@ -100,23 +100,22 @@ def _import_listed(arguments: list[str]) -> None:
         called[name]
 
 
-_OPTIONS = re.compile(r" \((?!iriftrace )(?P<inside>[^()]*?(?P<option>--[a-z][a-z-]+)[^()]*)\)")
-"""Options that a message names in parentheses."""
-
-
-def _with_options_of_the_command(text: str, arguments: list[str]) -> str:
-    """A message without the options that the command does not have, or as those of `scene`."""
+def _with_option(text: str, fault: object, arguments: list[str]) -> str:
+    """A message and the option of its `argument`: the command's, or else that of `scene`."""
+    while isinstance(fault, CycloptsError) and fault.__cause__ is not None:
+        fault = fault.__cause__
+    name = getattr(fault, "argument", None)
     command = _called(arguments)
-    if command.default_command is None:  # a group
+    if not isinstance(name, str) or command.default_command is None:  # a group has no options
         return text
-
-    def checked(match: re.Match[str]) -> str:
-        if match["option"] in _options(command):
-            return match[0]
-        of_scene = match["option"] in _options(app["scene"])
-        return f" ({match['inside']} of iriftrace scene)" if of_scene else ""
-
-    return _OPTIONS.sub(checked, text)
+    option = f"--{name.replace('_', '-')}"
+    if option in text:
+        return text
+    if option in _options(command):
+        return f"{text.removesuffix('.')} ({option})."
+    if option in _options(app["scene"]):
+        return f"{text.removesuffix('.')} ({option} of iriftrace scene)."
+    return text
 
 
 def _options(command: App) -> set[str]:

@@ -1,19 +1,41 @@
 """Errors and the warning of iriftrace.
 
-Every message says what is wrong (with the value), why it matters and what to do.
+Every message says what is wrong (with the value), why it matters and what to do, in words of
+Python; the command line adds its option from the error's `argument`.
 """
 
 from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from traceback import walk_stack
+from typing import Any, Self
 
 
 class IriftraceError(Exception):
-    """Root of all errors raised on purpose; the command line shows the message and exits with 2."""
+    """Root of all errors raised on purpose; the command line shows the message and exits with 2.
+
+    Parameters
+    ----------
+    text
+        The message, one sentence or two.
+    code
+        Stable name of the fault, ``room.fact``, such as "field.no_array"; docs/errors.md lists all.
+    argument
+        Name of the argument or field of a class that is wrong, or with which to mend it.
+    """
+
+    def __init__(self, text: str, *, code: str = "", argument: str | None = None) -> None:
+        super().__init__(text)
+        self.code = code
+        self.argument = argument
+
+    def __reduce__(self) -> tuple[Callable[..., Self], tuple[Any, ...]]:
+        # Errors travel between processes, which keep the positional arguments alone.
+        return partial(type(self), code=self.code, argument=self.argument), self.args
 
 
 class InputError(IriftraceError, ValueError):
@@ -25,16 +47,23 @@ class SetupError(IriftraceError, RuntimeError):
 
 
 class IriftraceWarning(UserWarning):
-    """The result is valid, but the user should know its limits."""
+    """The result is valid, but the user should know its limits.
+
+    `argument` is the name of the argument, or field of a class, with which to change it.
+    """
+
+    def __init__(self, text: str, *, argument: str | None = None) -> None:
+        super().__init__(text)
+        self.argument = argument
 
 
-def warn(text: str) -> None:
+def warn(text: str, *, argument: str | None = None) -> None:
     """Issue an `IriftraceWarning` at the line of the user's program that called the package."""
     package = __name__.partition(".")[0]
     # What attrs generates has no module's name, and other packages may be in between.
     modules = [frame.f_globals.get("__name__", package) for frame, _ in walk_stack(sys._getframe())]
     ours = [n for n, name in enumerate(modules) if name.partition(".")[0] == package]
-    warnings.warn(text, IriftraceWarning, stacklevel=ours[-1] + 2)
+    warnings.warn(IriftraceWarning(text, argument=argument), stacklevel=ours[-1] + 2)
 
 
 @contextmanager
