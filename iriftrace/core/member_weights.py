@@ -76,9 +76,21 @@ class MemberWeights:
         return abs(self.effective - len(self.weights)) < 1e-6
 
     @property
-    def degrees_of_freedom(self) -> float:
-        """Those of `uncertainty`: effective members - 1 for a sample; infinite for a fit."""
-        return np.inf if self.covariance is not None else max(self.effective - 1.0, 0.0)
+    def sampled(self) -> int:
+        """Number of members that the mean has; the others are variations of one of them."""
+        return int(np.count_nonzero(self.weights))
+
+    @property
+    def of_mixtures(self) -> FloatArray:
+        """Covariance (k, k) of the weights of the real air, which is a mixture of the members.
+
+        That of the fit; or else of Dirichlet's distribution with the parameters n w, for n members
+        in the mean, which for equal weights is uniform over all mixtures.
+        """
+        if self.covariance is not None:
+            return self.covariance
+        matrix = np.diag(self.weights) - np.outer(self.weights, self.weights)
+        return np.asarray(matrix / (self.sampled + 1.0))
 
     def mean(self, values: ArrayLike) -> FloatArray:
         """Weighted mean (...) of one value or array per member, (k, ...)."""
@@ -99,13 +111,11 @@ class MemberWeights:
     def uncertainty(self, effects: ArrayLike) -> FloatArray:
         """Standard uncertainty (...) of the weighted mean as a statement about the real air.
 
-        With the covariance C of fitted weights, the root of ``x C x``; without it the `scatter`.
-        `effects` x (k, ...) are 0 without hot air: C scales the air as a whole, too, so a size must
-        be given as its difference from the measured one.
+        The root of ``x C x`` with the covariance C of the weights (`of_mixtures`). `effects` x
+        (k, ...) are 0 without hot air: the C of a fit scales the air as a whole, too, so a size
+        must be given as its difference from the measured one.
         """
         numbers = np.asarray(effects, dtype=np.float64)
-        if self.covariance is None:
-            return self.scatter(numbers)
         flat = numbers.reshape(len(numbers), -1)
-        variance = np.einsum("in,in->n", flat, self.covariance @ flat)
+        variance = np.einsum("in,in->n", flat, self.of_mixtures @ flat)
         return np.asarray(np.sqrt(np.maximum(variance, 0.0)).reshape(numbers.shape[1:]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import Enum
+from typing import Literal
 
 from attrs import frozen
 
@@ -18,6 +19,25 @@ class FieldKind(Enum):
     UNSTEADY = "unsteady"
     """Unsteady air: a snapshot or a mean."""
     NOT_STATED = "not stated"
+
+
+@frozen
+class Variation:
+    """What was changed in a flow solution that only says what this input changes.
+
+    Attributes
+    ----------
+    quantity : str
+        ``"wall"``, ``"ambient"`` or ``"pressure"``.
+    step : float
+        By how much, K or Pa.
+    of : str
+        SHA-256 of the file of the field that was solved with the input as it is.
+    """
+
+    quantity: Literal["wall", "ambient", "pressure"]
+    step: float
+    of: str
 
 
 @frozen
@@ -41,6 +61,8 @@ class FieldFacts:
         Such as "mirrored at y = 0 mm", or "none, all sides were solved"; "" if not stated.
     draught_m_s : (3,) tuple of float or None, m/s, the file's coordinates
         Velocity of the draught in which the field was solved; None in still air or if not stated.
+    variation : Variation or None
+        Of a field that varies another one.
     """
 
     kind: FieldKind = FieldKind.NOT_STATED
@@ -50,6 +72,7 @@ class FieldFacts:
     time: str = ""
     symmetry: str = ""
     draught_m_s: tuple[float, float, float] | None = None
+    variation: Variation | None = None
 
 
 @frozen

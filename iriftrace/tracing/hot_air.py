@@ -132,7 +132,9 @@ class FieldMember:
                 f"The shells of member {number} do not state the field they come from, which "
                 "results must name; make them from a field."
             )
-        return cls(number, state.label, state.time, source, state.weight, state.covariance)
+        # A field that varies another one says what an input changes, and is not in the mean.
+        weight = state.weight if source.facts.variation is None else 0.0
+        return cls(number, state.label, state.time, source, weight, state.covariance)
 
     def as_dict(self) -> JsonObject:
         """Plain JSON values."""

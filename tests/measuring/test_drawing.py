@@ -10,11 +10,13 @@ from attrs import evolve
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.io.part_files import read_part, save_part
-from iriftrace.measuring.features.drawing import GrowthUncertainty, drawing_cloud
+from iriftrace.measuring.features.drawing import drawing_cloud, u_of_growth
 from iriftrace.measuring.features.fit import fit_feature
 from iriftrace.measuring.features.fitted import FittedFeature, fit_features
 from iriftrace.measuring.features.relations import Relation, relations
 from iriftrace.measuring.two_devices.correction import Correction
+from iriftrace.measuring.uncertainty.air_groups import AIR
+from iriftrace.measuring.uncertainty.inputs import Inputs
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.standards import between_poles, circle, cylinder
@@ -171,21 +173,20 @@ def test_an_evenly_hot_part_has_the_scatter_of_its_growth() -> None:
     face = np.repeat(np.flatnonzero(part.region_of_face == 0), 3)
     points = part.vertices[part.faces[face[::3]]].reshape(-1, 3)
     found = corrected(part, points, face)
-    (size,) = [
-        each.size
-        for each in found.features(part, ["cylinder:lateral"], u_expansion=0.02, u_temperature_k=10)
-    ]
+    stated = evolve(found, inputs=Inputs(expansion=0.02, part_temperature_k=10))
+    (size,) = [each.size for each in stated.features(part, ["cylinder:lateral"])]
     assert size.by_cloud["corrected"] == pytest.approx(60.8652, abs=1e-6)
     assert size.answer == pytest.approx(60.0, abs=1e-6)
     rng = np.random.default_rng(1)
     expansion = ALPHA * (1 + 0.02 * rng.normal(size=20000))
     sizes = 60.8652 / (1 + expansion * (1030.0 + 10.0 * rng.normal(size=20000)))
     assert size.uncertainty is not None
-    assert size.uncertainty.parts["expansion"] == pytest.approx(sizes.std(), rel=0.02)
-    assert size.uncertainty.missing == ("air",)
-    (size,) = [each.size for each in found.features(part, ["cylinder:lateral"], u_expansion=0.02)]
+    assert size.uncertainty.parts["growth of the part"] == pytest.approx(sizes.std(), rel=0.02)
+    assert size.uncertainty.missing == (AIR,)
+    unknown = evolve(found, inputs=Inputs(expansion=0.02))
+    (size,) = [each.size for each in unknown.features(part, ["cylinder:lateral"])]
     assert size.uncertainty is not None
-    assert size.uncertainty.missing == ("air", "expansion")
+    assert size.uncertainty.missing == (AIR, "growth of the part")
 
 
 def test_a_part_that_was_moved_has_its_place_on_the_drawing(tmp_path: Path) -> None:
@@ -205,12 +206,12 @@ def test_a_part_that_was_moved_has_its_place_on_the_drawing(tmp_path: Path) -> N
 def test_the_growth_of_an_angle_is_uncertain_but_not_by_a_common_temperature() -> None:
     """An angle that growth changes by 0.1 degrees, by 2 % of that; a temperature changes none."""
     growth = Growth(1e-5, COLD_K, 1293.15)
-    u = GrowthUncertainty(0.02, 10.0)
-    assert u.of_value(growth, 90.1, 90.0, angle=True) == pytest.approx(0.002 / 1.01)
-    assert u.of_value(growth, 101.0, 100.0, angle=False) == pytest.approx(
+    both = Inputs(expansion=0.02, part_temperature_k=10.0)
+    assert u_of_growth(both, growth, 90.1, 90.0, angle=True) == pytest.approx(0.002 / 1.01)
+    assert u_of_growth(both, growth, 101.0, 100.0, angle=False) == pytest.approx(
         np.hypot(0.02, 0.01) / 1.01
     )
-    assert GrowthUncertainty(None, 10.0).of_value(growth, 2.0, 1.0, angle=False) is None
+    assert u_of_growth(Inputs(part_temperature_k=10.0), growth, 2.0, 1.0, angle=False) is None
 
 
 def test_points_beyond_slivers_stay_finite() -> None:

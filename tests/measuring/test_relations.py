@@ -9,13 +9,11 @@ from scipy.spatial.transform import Rotation
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.measuring.features.choice import FeatureChoice
 from iriftrace.measuring.features.fitted import fit_features
-from iriftrace.measuring.features.quantity import (
-    Quantity,
-    Uncertainty,
-    WorstMember,
-)
+from iriftrace.measuring.features.quantity import Quantity, WorstMember
 from iriftrace.measuring.features.relations import Relation, relations
 from iriftrace.measuring.two_devices.statistics import region_values
+from iriftrace.measuring.uncertainty.budget import Contribution, Uncertainty
+from iriftrace.measuring.uncertainty.decision import Tolerance, decide
 from iriftrace.part.part import Part, part_of_mesh
 
 PLANES = (FeatureChoice("plane"),)
@@ -73,6 +71,10 @@ def test_uncertainties_are_those_of_repeated_measurements() -> None:
         assert values[:, 1].mean() == pytest.approx(values[:, 0].std(ddof=1), rel=0.1)
 
 
+SENSOR = Contribution("sensor", 3.0, "B", "stated")
+EXACT = Uncertainty(9.0, (), (9.0, 9.0))
+
+
 @pytest.mark.parametrize(
     "value",
     [
@@ -80,11 +82,12 @@ def test_uncertainties_are_those_of_repeated_measurements() -> None:
         Quantity("deg", {"cold": 9.0}, {"cold": 0.1}, (8.0, 9.5), 0.7, WorstMember(1, 8.0)),
         Quantity(
             *("mm", {"corrected": 9.0}, {"corrected": 0.1}, (8.0, 9.5), None, WorstMember(1, 8.0)),
-            Uncertainty({"air": 4.0, "fit": 3.0}, 2.0),
+            Uncertainty(9.0, (Contribution("air", 4.0, "A", "fit"), SENSOR), (-1.0, 19.0)),
+            decide(Tolerance(9.0, -0.1, 0.1), EXACT, 9.0),
         ),
         Quantity(
             *("deg", {"corrected": 90.0, "drawing": 90.1}, {"corrected": 0.1}, (), None, None),
-            Uncertainty({"fit": 0.2}, 13.97, ("air", "expansion")),
+            Uncertainty(90.1, (SENSOR,), (84.1, 96.1), ("air", "growth")),
         ),
     ],
 )

@@ -10,32 +10,27 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from attrs import frozen
 
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.measuring.features.quantity import DRAWING
+from iriftrace.measuring.uncertainty.inputs import Inputs
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
 
 
-@frozen
-class GrowthUncertainty:
-    """Standard uncertainties of a part's thermal growth; None where one is not known."""
+def u_of_growth(
+    inputs: Inputs, growth: Growth, hot: float, drawn: float, angle: bool
+) -> float | None:
+    """Standard uncertainty of a value on the drawing by the growth, in its unit; None if not known.
 
-    expansion: float | None = None  # of the thermal expansion, relative
-    temperature_k: float | None = None  # of the part's temperature, K
-
-    def of_value(self, growth: Growth, hot: float, drawn: float, angle: bool) -> float | None:
-        """Standard uncertainty of a value on the drawing, in its unit; None if not known.
-
-        To first order: the expansion scales the difference between the `hot` value and the `drawn`
-        one, and a temperature changes all lengths by the same fraction, but no angle. Both are
-        independent.
-        """
-        if self.expansion is None or self.temperature_k is None:
-            return None
-        by_temperature = 0.0 if angle else growth.expansion * self.temperature_k * drawn
-        return math.hypot((hot - drawn) * self.expansion, by_temperature) / growth.factor
+    To first order: the expansion scales the difference between the `hot` value and the `drawn`
+    one, and a temperature changes all lengths by the same fraction, but no angle. Both are
+    independent.
+    """
+    if inputs.expansion is None or inputs.part_temperature_k is None:
+        return None
+    by_temperature = 0.0 if angle else growth.expansion * inputs.part_temperature_k * drawn
+    return math.hypot((hot - drawn) * inputs.expansion, by_temperature) / growth.factor
 
 
 def drawing_cloud(points: FloatArray, face: IntArray, part: Part) -> dict[str, FloatArray]:

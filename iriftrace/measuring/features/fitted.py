@@ -67,6 +67,11 @@ class FittedFeature:
     not_corrected: int = 0
 
     @property
+    def name(self) -> str:
+        """The feature as users name it: "cylinder:bore", or "sphere" of all points."""
+        return str(FeatureChoice(self.kind, self.region))
+
+    @property
     def points(self) -> int:
         """Number of points that were fitted."""
         return len(next(iter(self.fits.values())).residuals)
@@ -99,6 +104,19 @@ class FittedFeature:
             **({"by_member": by_member} if members else {}),
             **self.size.statements(),
         }
+
+
+def check_names(names: Iterable[str], features: Sequence[FittedFeature]) -> None:
+    """Raise InputError for a name that is not that of a fitted feature with a size."""
+    known = [feature.name for feature in features if feature.size.answer is not None]
+    for name in names:
+        if name not in known:
+            raise InputError(
+                f"There is a tolerance of {name!r}, which is not among the diameters that were "
+                f"fitted: {', '.join(known) or 'none'}.",
+                code="tolerance.of_no_feature",
+                argument="tolerance",
+            )
 
 
 _COUNTED = ("kind", "region", "points", "left_out", "not_corrected")

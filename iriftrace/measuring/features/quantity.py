@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import Literal
 
-from attrs import frozen
+from attrs import evolve, frozen
 
 from iriftrace.core.plain import JsonObject, structured
+from iriftrace.measuring.uncertainty.budget import Uncertainty
+from iriftrace.measuring.uncertainty.decision import Decision
 
 Unit = Literal["mm", "deg"]
 
@@ -21,22 +22,6 @@ class WorstMember:
 
     number: int
     value: float
-
-
-@frozen
-class Uncertainty:
-    """Uncertainty of a corrected value, in its unit."""
-
-    parts: dict[str, float]  # standard uncertainties by source, the largest first
-    # k of 95 %, by Student's t for as many fields as that of the air was estimated from (GUM,
-    # annex G); 2 for many or one.
-    coverage_factor: float
-    missing: tuple[str, ...] = ()  # sources that are not known, so that U is a lower bound
-
-    @property
-    def expanded(self) -> float:
-        """U = k u of all parts, which are independent, together."""
-        return self.coverage_factor * math.hypot(*self.parts.values())
 
 
 @frozen
@@ -59,6 +44,8 @@ class Quantity:
     worst : WorstMember or None
     uncertainty : Uncertainty or None
         Of a corrected value.
+    decision : Decision or None
+        Whether it conforms to its tolerance.
     """
 
     unit: Unit
@@ -68,6 +55,7 @@ class Quantity:
     scatter: float | None = None
     worst: WorstMember | None = None
     uncertainty: Uncertainty | None = None
+    decision: Decision | None = None
 
     @classmethod
     def of(cls, row: JsonObject) -> Quantity:
@@ -85,13 +73,12 @@ class Quantity:
         }
         if "worst_member" in row:
             values["worst"] = {"number": row["worst_member"], "value": row[f"worst_{key}"]}
+        found = structured(values, cls)
         if f"U_{unit}" in row:
-            values["uncertainty"] = {
-                "parts": {part["group"]: part[f"u_{unit}"] for part in row["contributions"]},
-                "coverage_factor": row["k"],
-                "missing": row["not_covered"],
-            }
-        return structured(values, cls)
+            found = evolve(found, uncertainty=Uncertainty.of(row, unit))
+        if "decision" in row:
+            found = evolve(found, decision=Decision.of(row["decision"]))
+        return found
 
     @property
     def key(self) -> str:
@@ -113,17 +100,11 @@ class Quantity:
         """Plain JSON values of all but `by_cloud`, `u` and `by_member`."""
         unit, row = self.unit, {}
         if self.uncertainty is not None:
-            row = {
-                f"value_{unit}": self.answer,
-                f"U_{unit}": self.uncertainty.expanded,
-                "k": self.uncertainty.coverage_factor,
-                "contributions": [
-                    {"group": group, f"u_{unit}": u} for group, u in self.uncertainty.parts.items()
-                ],
-                "not_covered": list(self.uncertainty.missing),
-            }
+            row = self.uncertainty.as_dict(unit)
         elif self.by_member:
             row = {f"size_scatter_{unit}": self.scatter}
         if self.worst is not None:
             row |= {"worst_member": self.worst.number, f"worst_{self.key}": self.worst.value}
+        if self.decision is not None:
+            row["decision"] = self.decision.as_dict()
         return row

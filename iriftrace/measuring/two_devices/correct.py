@@ -23,7 +23,6 @@ from iriftrace.core.mesh.triangles import unit_vectors
 from iriftrace.measuring.two_devices.correction import (
     Correction,
     CorrectionStatus,
-    FieldState,
     is_corrected,
 )
 from iriftrace.measuring.two_devices.device_check import MANY, check_devices, checked_pixels
@@ -36,6 +35,8 @@ from iriftrace.measuring.two_devices.devices import (
 )
 from iriftrace.measuring.two_devices.larger import Larger, in_box, larger_than, sample_of
 from iriftrace.measuring.two_devices.two_points import lines_of_sight
+from iriftrace.measuring.uncertainty.air_groups import AirGroups
+from iriftrace.measuring.uncertainty.inputs import NOTHING_STATED, Inputs
 from iriftrace.part.part import Part
 from iriftrace.tracing.engine import choose
 from iriftrace.tracing.lost import warn_of_lost_points
@@ -97,14 +98,14 @@ def correct(
     *,
     system: System | None = None,
     phase: Phase | None = None,
-    field_uncertainty: float = 0.0,
+    inputs: Inputs = NOTHING_STATED,
     pixels: ArrayLike | None = None,
 ) -> Correction:
     """Remove the refraction error from measured points.
 
     For an ensemble of fields the correction is the weighted mean over its members, of every point
     whose lines of sight are known: the best estimate of an error is its mean, however uncertain.
-    Its uncertainty is the members' scatter, or follows from the covariance of fitted weights
+    The real air may be any mixture of the members, or one within the covariance of fitted weights
     (:func:`iriftrace.fit_members`).
 
     Parameters
@@ -115,9 +116,8 @@ def correct(
     camera, second, system, phase
         As for `iriftrace.measure`. A laser's sheet is assumed to pass through each point, turned
         about the laser.
-    field_uncertainty : float
-        Relative standard uncertainty of the air's contrast, n - n of the ambient air, to which
-        the correction is proportional: 0.05 for 5 %.
+    inputs : Inputs
+        Standard uncertainties of what the correction rests on.
     pixels : (n, 2) array, px, optional
         Where the camera saw the points, centres of pixels at whole numbers; NaN where that is not
         known. They are compared with the points, see
@@ -127,8 +127,7 @@ def correct(
     ------
     InputError
         As `iriftrace.measure`, and if there are no points, some are not finite, none lies on the
-        part or can be corrected, there are not as many pixels, or the uncertainty is not a
-        fraction.
+        part or can be corrected, or there are not as many pixels.
 
     Warns
     -----
@@ -136,7 +135,7 @@ def correct(
         As :func:`iriftrace.tracing.engine.choose`; points do not belong to this part, contradict
         the devices, or lie off the laser's sheet.
     """
-    measured = _checked(points, field_uncertainty)
+    measured = _checked(points)
     seen_at = None if pixels is None else checked_pixels(pixels, len(measured))
     loaded, sensor = sensor_of(scene, camera, second, system, phase)
     near_box, to_part = _near_part(measured, loaded.part)
@@ -177,13 +176,12 @@ def correct(
         normal=loaded.part.surface.normals[face],
         system=sensor.system,
         provenance=provenance,
-        field_uncertainty=field_uncertainty,
+        inputs=inputs,
+        groups=AirGroups.of(traced, inputs),
         errors=None if weights is None else errors,
-        weights=weights,
         to_part=to_part,
         larger=larger,
         growth=loaded.part.growth,
-        state=FieldState.of(loaded),
         one_line=one_line,
     )
 
@@ -205,7 +203,7 @@ def _in_one_field(
     return error, status, face
 
 
-def _checked(points: ArrayLike, field_uncertainty: float) -> FloatArray:
+def _checked(points: ArrayLike) -> FloatArray:
     """The points (n, 3) of a cloud that can be corrected."""
     measured = np.array(points, dtype=np.float64)
     if measured.ndim != 2 or measured.shape[1:] != (3,) or len(measured) == 0:
@@ -214,11 +212,6 @@ def _checked(points: ArrayLike, field_uncertainty: float) -> FloatArray:
         )
     if not np.isfinite(measured).all():
         raise InputError("Some points of the cloud are not finite; leave them out.")
-    if not 0.0 <= field_uncertainty < 1.0:
-        raise InputError(
-            f"The field's uncertainty is {field_uncertainty:g}, but it is a fraction of the air's "
-            "contrast; give one from 0 to 1, such as 0.05 (5 %)."
-        )
     return measured
 
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from attrs import asdict, evolve, field, frozen
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from iriftrace.core.member_weights import MemberWeights
@@ -20,10 +19,11 @@ from iriftrace.core.units import length_factor
 from iriftrace.io.cloud_write import by_axis, save_cloud
 from iriftrace.io.clouds import Cloud
 from iriftrace.measuring.features.choice import FeatureChoice, on_region
-from iriftrace.measuring.features.drawing import GrowthUncertainty, drawing_cloud
-from iriftrace.measuring.features.fitted import FittedFeature, fit_features
+from iriftrace.measuring.features.drawing import drawing_cloud, u_of_growth
+from iriftrace.measuring.features.fit import FEWEST
+from iriftrace.measuring.features.fitted import FittedFeature, check_names, fit_features
 from iriftrace.measuring.features.outliers import GATE
-from iriftrace.measuring.features.quantity import DRAWING, Quantity, Uncertainty
+from iriftrace.measuring.features.quantity import DRAWING, Quantity
 from iriftrace.measuring.features.relations import Relation, relations
 from iriftrace.measuring.two_devices.larger import Larger
 from iriftrace.measuring.two_devices.statistics import (
@@ -33,22 +33,14 @@ from iriftrace.measuring.two_devices.statistics import (
     region_values,
     worst_member,
 )
-from iriftrace.medium.source import FieldKind
+from iriftrace.measuring.uncertainty.air_groups import AirGroups
+from iriftrace.measuring.uncertainty.budget import Contribution, uncertainty_of
+from iriftrace.measuring.uncertainty.decision import Tolerance, decide
+from iriftrace.measuring.uncertainty.inputs import NOTHING_STATED, Inputs
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
-from iriftrace.tracing.hot_air import OUTSIDE
-from iriftrace.tracing.scene import Scene
 
 SCHEMA = "iriftrace.correction/2"
-
-COVERAGE_FACTOR = 2
-"""Coverage factor of well-known expanded uncertainties: 95.45 % of a normal distribution."""
-
-COVERED = 0.9772498680518208
-"""Fraction of that distribution below twice its standard deviation."""
-
-_RANGE = 2.0 * math.sqrt(3.0)
-"""Range over standard deviation of a value that may lie anywhere in between (GUM, 4.3.7)."""
 
 
 class CorrectionStatus(PointStatus):
@@ -78,34 +70,6 @@ def is_corrected(status: IntArray) -> BoolArray:
     return np.isin(status, (CorrectionStatus.CORRECTED, CorrectionStatus.UNCERTAIN))
 
 
-@frozen
-class FieldState:
-    """What the file of a scene's field states about the uncertainty of a correction."""
-
-    synthetic: bool = False  # air from formulas, whose uncertainty is not known
-    # Relative standard uncertainty of the air's contrast because it changes in time while a scan
-    # sees one state; 0 for steady air and where nothing is stated, None for unsteady air whose
-    # changes are not stated.
-    unsteadiness: float | None = 0.0
-
-    @classmethod
-    def of(cls, scene: Scene) -> FieldState:
-        """State of a scene's field; the scatter of an ensemble's fields has their unsteadiness."""
-        if not scene.members:
-            sources = [scene.compiled.source]
-        else:
-            sources = [member.source for member in scene.members]
-        kinds = [source.facts.kind for source in sources if source is not None]
-        if scene.compiled.source is None or scene.members or FieldKind.UNSTEADY not in kinds:
-            return cls(synthetic=FieldKind.SYNTHETIC in kinds)
-        facts, heating_k = scene.compiled.source.facts, scene.compiled.stated.heating_k
-        if facts.heat_variation is None or facts.plume_swing_k is None or heating_k is None:
-            return cls(unsteadiness=None)
-        # The larger of heat flow's and plume's relative range, as a rectangular distribution.
-        relative = max(facts.heat_variation, facts.plume_swing_k / heating_k)
-        return cls(unsteadiness=relative / _RANGE)
-
-
 @frozen(eq=False)
 class Correction:
     """Corrected points.
@@ -124,14 +88,13 @@ class Correction:
     system : str
     provenance : dict
         As in `iriftrace.Scan`.
-    field_uncertainty : float
-        Relative standard uncertainty of the air's contrast, n - n of the ambient air, without the
-        part that comes from unsteady air; 0 if it is not stated.
+    inputs : Inputs
+        Stated standard uncertainties.
+    groups : AirGroups
+        What is known of the uncertainty of the air's effect.
     errors : (k, n, 3) array or None, mm
         Refraction error by each member of an ensemble, whose weighted mean `error` is; None for
         one field.
-    weights : MemberWeights or None
-        Of the members.
     to_part : (m,) array or None, mm
         Distance of a sample of the measured points in a box around the part from it.
     larger : Larger or None
@@ -139,8 +102,6 @@ class Correction:
     growth : Growth or None
         Thermal expansion of the part, with the hot temperature for which sizes hold; None where it
         is not known.
-    state : FieldState
-        Whether the air is synthetic, and how unsteady it is.
     one_line : bool
         The points are those of one line of a laser.
     """
@@ -152,13 +113,12 @@ class Correction:
     normal: FloatArray
     system: str
     provenance: JsonObject
-    field_uncertainty: float = 0.0
+    inputs: Inputs = NOTHING_STATED
+    groups: AirGroups = field(factory=AirGroups)
     errors: FloatArray | None = None
-    weights: MemberWeights | None = None
     to_part: FloatArray | None = None
     larger: Larger | None = None
     growth: Growth | None = None
-    state: FieldState = field(factory=FieldState)
     one_line: bool = False
 
     @property
@@ -167,27 +127,34 @@ class Correction:
         return is_corrected(self.status)
 
     @property
-    def u_contrast(self) -> float:
-        """Relative standard uncertainty of the air's contrast with unsteadiness; 0: unknown."""
-        if not self.field_uncertainty:
-            return 0.0
-        return math.hypot(self.field_uncertainty, self.state.unsteadiness or 0.0)
+    def weights(self) -> MemberWeights | None:
+        """Weights of an ensemble's members; None for one field."""
+        return self.groups.weights
 
     @property
     def u_normal(self) -> FloatArray | None:
-        """(n,) array, mm: standard uncertainty of the correction along the normal.
+        """(n,) array, mm: standard uncertainty of each point along the normal.
 
-        Root sum of squares of that of the members' mean (`MemberWeights.uncertainty`) and of the
-        contrast's uncertainty times the correction, which is proportional to the contrast. NaN for
-        points without a correction; None where neither is known.
+        By the groups of the air and that of the sensor. NaN for points without a correction; None
+        where nothing is known of the air.
         """
-        if self.errors is None and not self.u_contrast:
+        if not self.groups.known:
             return None
-        found: FloatArray = self.u_contrast * np.einsum("ij,ij->i", self.error, self.normal)
-        if self.errors is not None and self.weights is not None:
-            along = each_along(self.errors, self.normal)
-            found = np.hypot(found, self.weights.uncertainty(along))
-        return np.where(self.corrected, np.abs(found), np.nan)
+        along = np.einsum("ij,ij->i", self.error, self.normal)
+        by_member = None if self.errors is None else each_along(self.errors, self.normal)
+        found = np.hypot(self.groups.total(along, by_member), self.inputs.sensor_mm or 0.0)
+        return np.where(self.corrected, found, np.nan)
+
+    @property
+    def u(self) -> FloatArray | None:
+        """(n,) array, mm: that of the place, the root of the sum of the variances of x, y and z."""
+        if not self.groups.known:
+            return None
+        axes = range(3)
+        errors = [None if self.errors is None else self.errors[..., axis] for axis in axes]
+        totals = [self.groups.total(self.error[:, a], errors[a]) for a in axes]
+        found = np.hypot(np.linalg.norm(totals, axis=0), self.inputs.sensor_mm or 0.0)
+        return np.where(self.corrected, found, np.nan)
 
     @property
     def points(self) -> FloatArray:
@@ -200,16 +167,15 @@ class Correction:
         choices: Sequence[str | FeatureChoice] = (),
         gate: float | None = GATE,
         *,
-        u_expansion: float | None = None,
-        u_temperature_k: float | None = None,
+        tolerances: Mapping[str, Tolerance] = {},
     ) -> tuple[FittedFeature, ...]:
         """Features of the corrected points; see `fit_features`.
 
         The clouds are ``"measured"``, ``"corrected"``, and of an expanded part ``"drawing"``, the
-        corrected points carried back onto its drawing. Sizes have their uncertainties (that of the
-        air is not known for synthetic air), by the standard uncertainties of the expansion
-        (relative) and of the hot temperature (K) too, and of an ensemble the member by which they
-        are farthest from the mean.
+        corrected points carried back onto its drawing. Sizes have their uncertainties by group
+        (the air is not known for synthetic air), of an ensemble the member by which they are
+        farthest from the mean, and the verdict on those of `tolerances`, by the names of features,
+        such as "cylinder:bore". Raises InputError for a tolerance of no fitted feature.
         """
         good = self.corrected
         measured, face, points = self.measured[good], self.face[good], self.points[good]
@@ -218,74 +184,68 @@ class Correction:
         line = self.one_line
         fitted = fit_features(clouds, face, part, choices, by_member, gate, one_line=line)
         stays = self.face[~good & (self.face >= 0)]
-        growth = GrowthUncertainty(u_expansion, u_temperature_k)
+        check_names(tolerances, fitted)
         return tuple(
             evolve(
                 each,
-                size=self._with_uncertainty(each.size, growth),
+                size=self._with_uncertainty(
+                    each.size, tolerances.get(each.name), self._u_sensor(each)
+                ),
                 not_corrected=int(on_region(each.region, stays, part).sum()),
             )
             for each in fitted
         )
 
-    def relations(
-        self,
-        features: Sequence[FittedFeature],
-        *,
-        u_expansion: float | None = None,
-        u_temperature_k: float | None = None,
-    ) -> tuple[Relation, ...]:
+    def relations(self, features: Sequence[FittedFeature]) -> tuple[Relation, ...]:
         """Distances and angles between `features`, with the same statements."""
-        growth = GrowthUncertainty(u_expansion, u_temperature_k)
         return tuple(
-            evolve(each, value=self._with_uncertainty(each.value, growth))
-            for each in relations(features)
+            evolve(each, value=self._with_uncertainty(each.value)) for each in relations(features)
         )
 
-    def _with_uncertainty(self, value: Quantity, growth: GrowthUncertainty) -> Quantity:
+    def _with_uncertainty(
+        self, value: Quantity, tolerance: Tolerance | None = None, sensor: float | None = None
+    ) -> Quantity:
+        """A value with its uncertainty and verdict; `sensor` is u by the stated one of a point."""
         measured, corrected = value.by_cloud["measured"], value.by_cloud["corrected"]
         if measured is None or corrected is None:
             return value
-        scatter, worst = 0.0, None
+        members, worst = None, None
         if self.weights is not None:
             members = np.array(value.by_member, dtype=np.float64)
-            scatter = float(self.weights.uncertainty(members - measured))
-            worst = worst_member(members, corrected, self.provenance)
+            worst = worst_member(members, corrected, self.weights, self.provenance)
+        effect = None if members is None else members - measured
+        parts = self.groups.parts(corrected - measured, effect)
+        sources = self.groups.sources()
+        found = [Contribution(name, float(u), "B", sources[name]) for name, u in parts.items()]
         drawn = value.by_cloud.get(DRAWING)
-        sources = {
-            "air": self._u_air(measured - corrected, scatter),
-            "fit": value.u["corrected" if drawn is None else DRAWING],
-        }
+        by_points = value.u["corrected" if drawn is None else DRAWING]
+        if sensor is not None:
+            found.append(Contribution("sensor", sensor, "B", "stated"))
+        elif by_points is not None:
+            found.append(Contribution("sensor", by_points, "A", "scatter of the points"))
+        missing = list(self.groups.missing)
+        angle = value.unit == "deg"
         if drawn is not None and self.growth is not None:
-            angle = value.unit == "deg"
-            sources["expansion"] = growth.of_value(self.growth, corrected, drawn, angle)
-        known = {name: u for name, u in sources.items() if u is not None}
-        parts = dict(sorted(known.items(), key=lambda part: -part[1]))
-        missing = tuple(name for name in sources if name not in known)
-        if OUTSIDE in self.provenance.get("assumptions", {}):
-            missing += ("air outside the members",)
-        factor = self._coverage_factor(math.hypot(*parts.values()), scatter)
-        return evolve(value, uncertainty=Uncertainty(parts, factor, missing), worst=worst)
+            u = u_of_growth(self.inputs, self.growth, corrected, drawn, angle)
+            if u is None:
+                missing.append("growth of the part")
+            else:
+                found.append(Contribution("growth of the part", u, "B", "stated"))
+        if self.inputs.other_mm and not angle:
+            found.append(Contribution("other", self.inputs.other_mm, "B", "stated"))
+        mixture = self.groups.mixture(effect)
+        stated = uncertainty_of(corrected if drawn is None else drawn, found, mixture, missing)
+        decision = None if tolerance is None else decide(tolerance, stated, measured)
+        return evolve(value, uncertainty=stated, decision=decision, worst=worst)
 
-    def _u_air(self, removed: float, scatter: float) -> float | None:
-        """Standard uncertainty of what was removed from a value; None if it is not known."""
-        if self.u_normal is None or self.state.synthetic:
+    def _u_sensor(self, feature: FittedFeature) -> float | None:
+        """Standard uncertainty of a diameter by the stated one of a point; None if not stated."""
+        fit = feature.fits["corrected"]
+        if self.inputs.sensor_mm is None or fit.u_size_mm is None:
             return None
-        return math.hypot(self.u_contrast * removed, scatter)
-
-    def _coverage_factor(self, total: float, scatter: float) -> float:
-        """k for as many degrees of freedom as Welch and Satterthwaite's formula gives (GUM, G.4).
-
-        The `scatter` over n equally weighted fields has n - 1 degrees of freedom; the other parts
-        of the `total` standard uncertainty are assumed to be exact.
-        """
-        if self.weights is None or not scatter:
-            return COVERAGE_FACTOR
-        own = self.weights.degrees_of_freedom
-        degrees = own * (total / scatter) ** 4
-        if math.isinf(degrees):
-            return COVERAGE_FACTOR
-        return float(stdtrit(degrees, COVERED))
+        freedom = max(len(fit.residuals) - FEWEST[fit.kind], 1)
+        scatter = math.sqrt(float(fit.residuals @ fit.residuals) / freedom)
+        return fit.u_size_mm * self.inputs.sensor_mm / scatter if scatter else 0.0
 
     def as_dict(self) -> JsonObject:
         """Plain JSON values, schema `SCHEMA`."""
@@ -304,8 +264,7 @@ class Correction:
             **({} if self.to_part is None else {"to_part_mm": spread(self.to_part)}),
             **({} if self.larger is None else {"larger": asdict(self.larger)}),
             "growth": None if self.growth is None else asdict(self.growth),
-            "field_uncertainty": self.field_uncertainty or None,
-            "unsteadiness": self.state.unsteadiness,
+            "inputs": plain(self.inputs),
         }
 
     def regions(self, part: Part) -> tuple[RegionValues, ...]:
@@ -349,7 +308,9 @@ class Correction:
         unit = cloud.unit if cloud is not None and in_cloud_frame else "mm"
         back = np.asarray(np.linalg.inv(moved) if in_cloud_frame else np.eye(4), dtype=np.float64)
         factor = 1.0 / length_factor(unit)
-        u = {} if self.u_normal is None else {"u_normal": factor * self.u_normal}
+        u = {}
+        if self.u_normal is not None and self.u is not None:
+            u = {"u_normal": factor * self.u_normal, "u": factor * self.u}
         added = {**by_axis("correction", factor * (-self.error @ back[:3, :3].T)), **u}
         points, status = factor * apply(back, self.points), self.status.astype(np.int32)
         values = self.as_dict() | {
@@ -367,7 +328,7 @@ class Correction:
         further = cloud.columns if in_cloud_frame else cloud.turned_columns(moved[:3, :3])
         columns = dict(further)
         for name, column in added.items():
-            columns[name] = np.full(len(rows), np.nan if name == "u_normal" else 0.0)
+            columns[name] = np.full(len(rows), np.nan if name in u else 0.0)
             columns[name][cloud.measured] = column
         columns["status"] = np.full(len(rows), CorrectionStatus.NOT_MEASURED, dtype=np.int32)
         columns["status"][cloud.measured] = status

@@ -266,7 +266,7 @@ class Scan:
         if self.weights is None or true is None:
             return value
         members = np.array(value.by_member, dtype=np.float64)
-        worst = worst_member(members, true, self.provenance)
+        worst = worst_member(members, true, self.weights, self.provenance)
         return evolve(value, scatter=float(self.weights.scatter(members)), worst=worst)
 
     def regions(self, part: Part) -> tuple[RegionValues, ...]:

@@ -9,6 +9,7 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.statistics import spread
 from iriftrace.measuring.features.quantity import WorstMember
@@ -35,9 +36,11 @@ def each_along(errors: FloatArray, normal: FloatArray) -> FloatArray:
     return along
 
 
-def worst_member(values: FloatArray, true: float, provenance: JsonObject) -> WorstMember:
-    """The member of an ensemble whose value of the (k,) is farthest from the true one."""
-    worst = int(np.argmax(np.abs(values - true)))
+def worst_member(
+    values: FloatArray, true: float, weights: MemberWeights, provenance: JsonObject
+) -> WorstMember:
+    """The member in the mean whose value of the (k,) is farthest from the true one."""
+    worst = int(np.argmax(np.abs(values - true) * (weights.weights > 0.0)))
     number = provenance["ensemble"]["members"][worst]["number"]
     return WorstMember(number, float(values[worst]))
 

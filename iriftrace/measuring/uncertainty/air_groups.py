@@ -1,0 +1,215 @@
+"""Groups of inputs on which the effect of the air depends, and what each changes.
+
+The effect of the air on anything that is measured (a displacement, a point, a diameter) is linear
+in the members of an ensemble. Other inputs scale it, or change it by as much as a member that was
+solved again with one input changed differs from the one that it varies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from attrs import Factory, frozen
+from numpy.typing import ArrayLike
+
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
+from iriftrace.core.member_weights import MemberWeights
+from iriftrace.measuring.uncertainty.budget import Mixture
+from iriftrace.measuring.uncertainty.inputs import Inputs
+from iriftrace.measuring.uncertainty.similarity import SOURCE, humidity_effect, relative_effects
+from iriftrace.medium.source import FieldKind
+from iriftrace.tracing.hot_air import OUTSIDE
+
+if TYPE_CHECKING:
+    from iriftrace.tracing.scene import Scene
+
+AIR = "air around the part"
+"""The group of the members."""
+
+UNSTEADY = "unsteadiness of the air"
+
+_RANGE = 2.0 * np.sqrt(3.0)
+"""Range over standard deviation of a value that may lie anywhere in between (GUM, 4.3.7)."""
+
+
+@frozen
+class Scaled:
+    """A group by which the whole effect of the air scales: its relative standard uncertainty."""
+
+    relative: float
+    source: str
+
+
+@frozen
+class Varied:
+    """A group by a member that was solved again: its number and that of what it varies, from 0.
+
+    `factor` is the stated standard uncertainty over the step between both.
+    """
+
+    member: int
+    base: int
+    factor: float
+    source: str
+
+
+@frozen(eq=False)
+class AirGroups:
+    """What is known of the uncertainty of the effect of a scene's air.
+
+    Attributes
+    ----------
+    weights : MemberWeights or None
+        Of an ensemble's members.
+    scaled, varied : mappings
+        By the name of the group.
+    source : str
+        Where the group of the members comes from; "" if the air is not known.
+    outside : bool
+        The air that was measured lies outside the members.
+    """
+
+    weights: MemberWeights | None = None
+    scaled: Mapping[str, Scaled] = Factory(dict)
+    varied: Mapping[str, Varied] = Factory(dict)
+    source: str = ""
+    outside: bool = False
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Groups of the air that are not known, without which U is a lower bound."""
+        air = () if self.source else (AIR,)
+        return (*air, *(["air outside the members"] if self.outside else []))
+
+    @property
+    def known(self) -> bool:
+        """True if the uncertainty by any group is known."""
+        return bool(self.source or self.scaled or self.varied)
+
+    def parts(self, mean: ArrayLike, by_member: FloatArray | None) -> dict[str, FloatArray]:
+        """Standard uncertainties (...) by group of the air's effect.
+
+        Parameters
+        ----------
+        mean : (...) array
+            The effect, 0 without hot air.
+        by_member : (k, ...) array or None
+            That in the air of each member.
+        """
+        effect = np.asarray(mean, dtype=np.float64)
+        found = {name: np.abs(one.relative * effect) for name, one in self.scaled.items()}
+        if by_member is not None and self.weights is not None:
+            for name, one in self.varied.items():
+                step = by_member[one.member] - by_member[one.base]
+                found[name] = np.abs(one.factor * step)
+            if self.source and AIR not in self.scaled:
+                found[AIR] = self.weights.uncertainty(by_member)
+        return found
+
+    def mixture(self, by_member: FloatArray | None) -> Mixture | None:
+        """Distribution of the effect (k,) over all mixtures of members that were not fitted."""
+        if by_member is None or self.weights is None or self.weights.covariance is not None:
+            return None
+        if not self.source or AIR in self.scaled:
+            return None
+        return Mixture(AIR, self.weights.weights, by_member)
+
+    def total(self, mean: ArrayLike, by_member: FloatArray | None) -> FloatArray:
+        """Combined standard uncertainty (...) of the air's effect by all groups."""
+        squares = [np.square(u) for u in self.parts(mean, by_member).values()]
+        return np.asarray(np.sqrt(np.sum(squares, axis=0)))
+
+    def sources(self) -> dict[str, str]:
+        """Where each group comes from."""
+        both: dict[str, Scaled | Varied] = {**self.scaled, **self.varied}
+        return {AIR: self.source, **{name: one.source for name, one in both.items()}}
+
+    @classmethod
+    def of(cls, scene: Scene, inputs: Inputs) -> AirGroups:
+        """The groups of a scene's air with the stated uncertainties.
+
+        Raises InputError for a member that varies a field which is not in the scene.
+        """
+        weights = scene.weights if scene.members else None
+        scaled = _scaled(scene, inputs)
+        varied = _varied(scene, inputs)
+        for name in varied:
+            scaled.pop(name, None)
+        synthetic = FieldKind.SYNTHETIC in _kinds(scene)
+        source = ""
+        if inputs.air is not None:
+            source = "stated"
+        elif weights is not None and weights.covariance is not None:
+            source = f"{weights.sampled} members, fitted to a measurement"
+        elif weights is not None and weights.sampled > 1:
+            source = f"any mixture of {weights.sampled} members"
+        outside = OUTSIDE in scene.compiled.stated.notes
+        return cls(weights, scaled, varied, "" if synthetic else source, outside)
+
+
+def _kinds(scene: Scene) -> list[FieldKind]:
+    """Kinds of the fields of which the mean consists."""
+    if not scene.members:
+        source = scene.compiled.source
+        return [] if source is None else [source.facts.kind]
+    return [one.source.facts.kind for one in scene.members if one.weight > 0.0]
+
+
+def _scaled(scene: Scene, inputs: Inputs) -> dict[str, Scaled]:
+    stated = scene.compiled.stated
+    found = {}
+    if inputs.air is not None:
+        found[AIR] = Scaled(inputs.air, "stated")
+    if inputs.mesh is not None:
+        found["mesh and model of the flow"] = Scaled(inputs.mesh, "stated")
+    if (change := unsteadiness(scene)) is not None and not scene.members:
+        found[UNSTEADY] = Scaled(change, "range over time that the field states")
+    if stated.air is not None and stated.heating_k is not None:
+        wall_k = stated.air.temperature_k + stated.heating_k
+        for name, relative in relative_effects(inputs, wall_k, stated.air).items():
+            found[name] = Scaled(abs(relative), SOURCE)
+        if inputs.humidity is not None:
+            change = humidity_effect(inputs.humidity, stated.air)
+            found["humidity"] = Scaled(abs(change), "index of moist air")
+    return found
+
+
+def _varied(scene: Scene, inputs: Inputs) -> dict[str, Varied]:
+    """Groups of the members that were solved again with one input changed."""
+    given = {"wall": inputs.wall_k, "ambient": inputs.ambient_k, "pressure": inputs.pressure_pa}
+    found: dict[str, Varied] = {}
+    place = {one.source.sha256: number for number, one in enumerate(scene.members)}
+    for number, one in enumerate(scene.members):
+        variation = one.source.facts.variation
+        if variation is None:
+            continue
+        base, stated = place.get(variation.of), given[variation.quantity]
+        if base is None:
+            raise InputError(
+                f'Member {one.number} ("{one.label}") varies the {variation.quantity} of a field '
+                "that is not in the scene; make the scene with both.",
+                code="air.varies_nothing",
+                argument="member",
+            )
+        if stated is not None:
+            factor = stated / variation.step
+            found[variation.quantity] = Varied(number, base, factor, "solved again")
+    return found
+
+
+def unsteadiness(scene: Scene) -> float | None:
+    """Relative standard uncertainty of unsteady air, which a scan sees in one state.
+
+    By the larger of the relative ranges of heat flow and plume, as a rectangular distribution; None
+    for other air, or if the field does not state its range.
+    """
+    source, heating_k = scene.compiled.source, scene.compiled.stated.heating_k
+    if source is None or scene.members or source.facts.kind is not FieldKind.UNSTEADY:
+        return None
+    facts = source.facts
+    if facts.heat_variation is None or facts.plume_swing_k is None or heating_k is None:
+        return None
+    return float(max(facts.heat_variation, facts.plume_swing_k / heating_k) / _RANGE)

@@ -1,0 +1,206 @@
+"""Uncertainty of one value from independent groups of inputs, by Monte Carlo (JCGM 101:2008).
+
+A value is y plus one term for each group. Terms are linear in their inputs, so the variances of
+the groups add up, and the share of a group in their sum is its first-order Sobol index. All but
+one are normal and together one normal variable; air that lies somewhere between the members of an
+ensemble is not:
+
+    Y = y + s Z + sum_i (w_i - E w_i) x_i,   Z normal, w Dirichlet(n E w),
+
+where x_i is the value that member i of n gives. Equal weights are the uniform distribution over
+all mixtures. The interval is the probabilistically symmetric one of a scrambled Sobol sequence,
+which is repeated and doubled until the scatter of its ends is below half a digit of U.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+from attrs import field, frozen
+from scipy.special import gammaincinv, ndtri
+from scipy.stats import qmc
+
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.plain import JsonObject
+
+COVERED = 0.9544997361036416
+"""Probability of the interval: that of a normal distribution within k = 2."""
+
+SCRAMBLINGS, DRAWS, MOST_DRAWS = 8, 2**11, 2**15
+"""Number of Sobol sequences, and of the draws of each at first and at most."""
+
+SEED = 20251663
+"""Seed of the scramblings, so that the same inputs give the same digits."""
+
+Kind = Literal["A", "B"]
+"""Evaluation of an uncertainty: from statistics, or from other knowledge (GUM, 3.3.4)."""
+
+
+def _size(u: float) -> float:
+    return abs(float(u))
+
+
+@frozen
+class Contribution:
+    """Standard uncertainty of a value by one group of inputs, in the value's unit."""
+
+    group: str
+    u: float = field(converter=_size)
+    kind: Kind = "B"
+    source: str = ""
+
+
+@frozen(eq=False)
+class Mixture:
+    """A group whose value is any mixture of members: the value of each, in the value's unit."""
+
+    group: str
+    weights: FloatArray  # (k,) of the mean; those of members that it does not have are 0
+    values: FloatArray  # (k,)
+
+
+@frozen
+class Uncertainty:
+    """Uncertainty of a corrected value, in its unit.
+
+    Attributes
+    ----------
+    value : float
+        Best estimate.
+    contributions : tuple of Contribution
+        The largest first.
+    interval : tuple of two float
+        Ends between which the true value lies with the probability `COVERED`.
+    missing : tuple of str
+        Groups that are not known, so that U is a lower bound.
+    """
+
+    value: float
+    contributions: tuple[Contribution, ...]
+    interval: tuple[float, float]
+    missing: tuple[str, ...] = ()
+
+    @property
+    def parts(self) -> dict[str, float]:
+        """Standard uncertainties by group, the largest first."""
+        return {one.group: one.u for one in self.contributions}
+
+    @property
+    def standard(self) -> float:
+        """Combined standard uncertainty."""
+        return math.hypot(*self.parts.values())
+
+    @property
+    def expanded(self) -> float:
+        """U: the larger distance of the interval's ends from the value."""
+        return max(self.interval[1] - self.value, self.value - self.interval[0])
+
+    @property
+    def coverage_factor(self) -> float:
+        """k = U / u."""
+        return self.expanded / self.standard if self.standard else 2.0
+
+    def share(self, one: Contribution) -> float:
+        """Fraction of the variance by one group."""
+        return (one.u / self.standard) ** 2 if self.standard else 0.0
+
+    def as_dict(self, unit: str) -> JsonObject:
+        """Plain JSON values; `unit` is part of the keys."""
+        rows = [
+            {
+                "group": one.group,
+                f"u_{unit}": one.u,
+                "share": self.share(one),
+                "type": one.kind,
+                "source": one.source,
+            }
+            for one in self.contributions
+        ]
+        return {
+            f"value_{unit}": self.value,
+            f"U_{unit}": self.expanded,
+            "k": self.coverage_factor,
+            f"interval_{unit}": list(self.interval),
+            "contributions": rows,
+            "not_covered": list(self.missing),
+        }
+
+    @classmethod
+    def of(cls, row: JsonObject, unit: str) -> Uncertainty:
+        """The uncertainty that plain JSON values state; LookupError or TypeError for others."""
+        contributions = tuple(
+            Contribution(one["group"], one[f"u_{unit}"], one["type"], one["source"])
+            for one in row["contributions"]
+        )
+        low, high = row[f"interval_{unit}"]
+        return cls(row[f"value_{unit}"], contributions, (low, high), tuple(row["not_covered"]))
+
+
+def uncertainty_of(
+    value: float,
+    contributions: Sequence[Contribution],
+    mixture: Mixture | None = None,
+    missing: Sequence[str] = (),
+) -> Uncertainty:
+    """Combine independent groups.
+
+    Parameters
+    ----------
+    value : float
+    contributions : sequence of Contribution
+    mixture : Mixture, optional
+        Distribution of the one of them that is not normal.
+    missing : sequence of str
+        Groups that are not known.
+    """
+    listed = sorted((one for one in contributions if one.u > 0.0), key=lambda one: -one.u)
+    if mixture is None:
+        half = 2.0 * math.hypot(*(one.u for one in listed))
+        low, high = -half, half
+    else:
+        normal = math.hypot(*(one.u for one in listed if one.group != mixture.group))
+        low, high = _interval(normal, mixture)
+    return Uncertainty(value, tuple(listed), (value + low, value + high), tuple(missing))
+
+
+def _interval(normal: float, mixture: Mixture) -> tuple[float, float]:
+    """Ends, relative to the mean, of the sum of a mixture and a normal variable."""
+    tails = [0.5 * (1.0 - COVERED), 0.5 * (1.0 + COVERED)]
+    draws = DRAWS
+    while True:
+        ends = np.quantile(drawn(normal, mixture, draws), tails, axis=1)
+        low, high = ends.mean(axis=1)
+        scatter = 2.0 * float(ends.std(axis=1, ddof=1).max()) / math.sqrt(SCRAMBLINGS)
+        if scatter < half_a_digit(max(high, -low)) or draws >= MOST_DRAWS:
+            return float(low), float(high)
+        draws *= 2
+
+
+def half_a_digit(expanded: float) -> float:
+    """Half of the last of the two digits with which an uncertainty is stated."""
+    return 0.5 * 10.0 ** (math.floor(math.log10(expanded)) - 1) if expanded > 0.0 else math.inf
+
+
+def drawn(normal: float, mixture: Mixture, draws: int) -> FloatArray:
+    """Deviations from the mean (SCRAMBLINGS, draws) of a mixture plus a normal variable."""
+    used = mixture.weights > 0.0
+    z, shares = _unit_draws(tuple(map(float, mixture.weights[used])), draws)
+    centred = mixture.values[used] - mixture.weights @ mixture.values
+    return np.asarray(normal * z + shares @ centred)
+
+
+@lru_cache(maxsize=8)
+def _unit_draws(weights: tuple[float, ...], draws: int) -> tuple[FloatArray, FloatArray]:
+    """A normal variable (s, draws) and Dirichlet's weights (s, draws, n) of n E w = `weights`."""
+    shape = len(weights) * np.array(weights)
+    generators = np.random.default_rng(SEED).spawn(SCRAMBLINGS)
+    units = np.array(
+        [qmc.Sobol(len(weights) + 1, rng=generator).random(draws) for generator in generators]
+    )
+    units = np.clip(units, 1e-12, 1.0 - 1e-12)
+    gammas = gammaincinv(shape, units[..., 1:])
+    return ndtri(units[..., 0]), gammas / gammas.sum(axis=-1, keepdims=True)

@@ -1,0 +1,73 @@
+"""Standard uncertainties of the inputs of a correction, as a user states them."""
+
+from __future__ import annotations
+
+import math
+
+from attrs import Attribute, field, frozen
+
+from iriftrace.core.errors import InputError
+
+
+def _uncertainty(_: object, attribute: Attribute[float | None], value: float | None) -> None:
+    if value is not None and not 0.0 <= value < math.inf:
+        raise InputError(
+            f"The uncertainty of {attribute.name} is {value:g}; give 0 or a positive number.",
+            code="uncertainty.negative",
+            argument=attribute.name,
+        )
+
+
+def _fraction(_: object, attribute: Attribute[float | None], value: float | None) -> None:
+    if value is not None and not 0.0 <= value < 1.0:
+        raise InputError(
+            f"The uncertainty of {attribute.name} is {value:g}, but it is a fraction; give one "
+            "from 0 to 1, such as 0.05 (5 %).",
+            code="uncertainty.no_fraction",
+            argument=attribute.name,
+        )
+
+
+@frozen(kw_only=True)
+class Inputs:
+    """Standard uncertainties of what a correction rests on; None where one is not stated.
+
+    Attributes
+    ----------
+    air : float or None
+        Of the air's contrast in refractive index, n - n of the ambient air, as a fraction. It
+        stands for all that is not known of the air, where there are no members.
+    mesh : float or None
+        Of the effect of the air by the mesh and model of the flow solution, as a fraction.
+    wall_k, ambient_k : float or None, K
+        Of the temperatures of the part's wall and of the ambient air.
+    pressure_pa : float or None, Pa
+        Of the air pressure.
+    humidity : float or None
+        Of the relative humidity, 0 to 1.
+    sensor_mm : float or None, mm
+        Of one measured point along the normal; independent of the other points. By default by the
+        scatter of the points about each feature.
+    expansion : float or None
+        Of the part's thermal expansion, as a fraction.
+    part_temperature_k : float or None, K
+        Of the temperature by which the part grew.
+    other_mm : float or None, mm
+        Of a length by all else that does not come from the air, such as the sensor's scale or a
+        warm window; not of angles.
+    """
+
+    air: float | None = field(default=None, validator=_fraction)
+    mesh: float | None = field(default=None, validator=_fraction)
+    wall_k: float | None = field(default=None, validator=_uncertainty)
+    ambient_k: float | None = field(default=None, validator=_uncertainty)
+    pressure_pa: float | None = field(default=None, validator=_uncertainty)
+    humidity: float | None = field(default=None, validator=_fraction)
+    sensor_mm: float | None = field(default=None, validator=_uncertainty)
+    expansion: float | None = field(default=None, validator=_fraction)
+    part_temperature_k: float | None = field(default=None, validator=_uncertainty)
+    other_mm: float | None = field(default=None, validator=_uncertainty)
+
+
+NOTHING_STATED = Inputs()
+"""No uncertainty is stated."""
