@@ -32,6 +32,9 @@ CHANNELS: tuple[str, ...] = (
 ERROR_CHANNEL = "path.error"
 """Estimated error of the refracted hit, mm; only the cells engine delivers it."""
 
+U_CHANNEL = "displacement.u.norm"
+"""Standard uncertainty of the displacement, mm: root of the sum of its variances along the axes."""
+
 MEMBERS_CHANNEL = "ensemble.members"
 """Number of members of an ensemble in which the pixel's ray counts."""
 
@@ -57,7 +60,7 @@ SCHEMA = "iriftrace.aov/1"
 
 
 NEEDED = ("part", "camera", "pose", "counts", "assumptions", "time_s")
-KNOWN = (*CHANNELS, ERROR_CHANNEL, *SCATTER_CHANNELS)
+KNOWN = (*CHANNELS, ERROR_CHANNEL, U_CHANNEL, *SCATTER_CHANNELS)
 
 
 class Status(IntEnum):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,22 +40,34 @@ def pose_image(
     camera: Camera | None = None,
     include: Collection[int] = (0,),
     straight: StraightHits | None = None,
+    each: Callable[[int, AovImage], None] | None = None,
 ) -> AovImage:
     """Trace straight and refracted rays of a scene's own sensor, or of a camera instead of it.
 
-    All members of an ensemble are traced, one after the other. Straight rays are traced once, or
-    not at all if their hits are given. Rays with a code in `include` enter its mean and scatter.
+    All members of an ensemble are traced, one after the other, and passed to `each` with their
+    place, from 0. Those without weight, which vary another one, are traced for `each` alone.
+    Straight rays are traced once, or not at all if their hits are given. Rays with a code in
+    `include` enter its mean and scatter.
     A camera in the hot air or in the part is refused, and so is a film that would smear the
     channels.
     """
     if not scene.members:
-        return _one_field(scene, camera, straight)[0]
+        image, _ = _one_field(scene, camera, straight)
+        if each is not None:
+            each(0, image)
+        return image
     statistics = EnsembleStatistics(include)
     time_s: dict[str, float] = {}
     counts: dict[str, int] = {}
     members = zip(scene.members, scene.alone(), strict=True)
-    for listed, member in members:
+    for place, (listed, member) in enumerate(members):
+        if each is None and not listed.weight:
+            continue
         image, straight = _one_field(member, camera, straight, f" of member {listed.number}")
+        if each is not None:
+            each(place, image)
+        if not listed.weight:
+            continue
         statistics.add(image, listed.weight, listed.number)
         last = image.header
         for key, seconds in last["time_s"].items():

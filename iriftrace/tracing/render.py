@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +52,7 @@ def render_scene(
     camera: Camera | None = None,
     include: Collection[int] = (0,),
     empty: bool = False,
+    each: Callable[[int, AovImage], None] | None = None,
 ) -> Rendering:
     """Trace a camera's straight and refracted rays through a scene, and reduce the hits to metrics.
 
@@ -69,6 +70,9 @@ def render_scene(
         Status codes whose rays the metrics use.
     empty : bool
         Accept a picture without a good ray as a result instead of raising an error.
+    each : callable, optional
+        Called with the place, from 0, and the image of each member of an ensemble, or of the one
+        field.
 
     Raises
     ------
@@ -88,7 +92,7 @@ def render_scene(
     began = time.perf_counter()
     choice = choose(loaded, camera)
     check_s = time.perf_counter() - began - choice.straight_s
-    image = pose_image(choice.scene, camera, include, choice.straight)
+    image = pose_image(choice.scene, camera, include, choice.straight, each)
     known = image.header["time_s"]
     # Loading the field is part of the check, and done once for many poses.
     known.update(load=compiled.load_s, build=compiled.build_s)

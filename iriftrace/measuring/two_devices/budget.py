@@ -1,0 +1,67 @@
+"""Uncertainty of the features that two devices will measure, before anything is measured.
+
+A measurement is simulated in the mean air, and corrected by it; what is left is the uncertainty.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from attrs import frozen
+
+from iriftrace.measuring.features.choice import FeatureChoice
+from iriftrace.measuring.features.fitted import FittedFeature
+from iriftrace.measuring.features.outliers import GATE
+from iriftrace.measuring.features.relations import Relation
+from iriftrace.measuring.two_devices.correction import Correction, CorrectionStatus
+from iriftrace.measuring.two_devices.devices import Phase, System
+from iriftrace.measuring.two_devices.measure import measure
+from iriftrace.measuring.uncertainty.air_groups import AirGroups
+from iriftrace.measuring.uncertainty.decision import Tolerance
+from iriftrace.measuring.uncertainty.inputs import NOTHING_STATED, Inputs
+from iriftrace.tracing.scene import Scene, ready_scene
+
+
+@frozen(eq=False)
+class FeatureBudget:
+    """Features of a simulated measurement after its correction, with their uncertainties."""
+
+    correction: Correction
+    features: tuple[FittedFeature, ...]
+    relations: tuple[Relation, ...]
+
+
+def feature_budget(
+    scene: Scene,
+    inputs: Inputs = NOTHING_STATED,
+    *,
+    choices: Sequence[str | FeatureChoice] = (),
+    tolerances: Mapping[str, Tolerance] = {},
+    gate: float | None = GATE,
+    system: System | None = None,
+    phase: Phase | None = None,
+) -> FeatureBudget:
+    """Simulate what two devices measure, and state the uncertainty of its corrected features.
+
+    Costs as much as :func:`iriftrace.measure`, whose errors and warnings it has; `choices`,
+    `tolerances` and `gate` are those of `Correction.features`.
+    """
+    ready = ready_scene(scene)
+    scan = measure(ready, system=system, phase=phase)
+    correction = Correction(
+        measured=scan.points,
+        error=scan.error,
+        status=np.full(len(scan.points), CorrectionStatus.CORRECTED, dtype=np.int64),
+        face=scan.face,
+        normal=scan.normal,
+        system=scan.system,
+        provenance=scan.provenance,
+        inputs=inputs,
+        groups=AirGroups.of(ready, inputs),
+        errors=scan.errors,
+        growth=scan.growth,
+        one_line=scan.one_line,
+    )
+    features = correction.features(ready.part, choices, gate, tolerances=tolerances)
+    return FeatureBudget(correction, features, correction.relations(features))

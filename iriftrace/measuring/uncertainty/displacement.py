@@ -1,0 +1,103 @@
+"""Uncertainty of what one camera sees: of each pixel's displacement, and of its statistics."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+from attrs import evolve, frozen
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import BoolArray, Float32Array, FloatArray
+from iriftrace.core.errors import InputError
+from iriftrace.image.aov_image import U_CHANNEL, AovImage
+from iriftrace.image.displacement import good_mask
+from iriftrace.measuring.uncertainty.air_groups import AirGroups
+from iriftrace.measuring.uncertainty.budget import Contribution, Uncertainty, uncertainty_of
+from iriftrace.measuring.uncertainty.inputs import Inputs
+from iriftrace.tracing.render import Rendering, render_scene
+from iriftrace.tracing.scene import Scene, ready_scene
+
+_AXES = tuple(f"displacement.{axis}" for axis in "XYZ")
+_SHIFT = ("shift.px.X", "shift.px.Y")
+
+STATISTICS = {"median": 50.0, "95th percentile": 95.0}
+"""Percentiles of a pose that have an uncertainty."""
+
+
+@frozen(eq=False)
+class PoseUncertainty:
+    """A pose with the uncertainty of its displacement.
+
+    Attributes
+    ----------
+    rendering : Rendering
+        Its image has the channel `U_CHANNEL`.
+    displacement_mm, shift_px : dict of Uncertainty
+        Of the percentiles `STATISTICS` over the pixels that are good in all members, by name.
+    """
+
+    rendering: Rendering
+    displacement_mm: dict[str, Uncertainty]
+    shift_px: dict[str, Uncertainty]
+
+
+def render_with_uncertainty(
+    scene: Scene,
+    inputs: Inputs,
+    *,
+    camera: Camera | None = None,
+    include: Collection[int] = (0,),
+) -> PoseUncertainty:
+    """Trace a pose as :func:`iriftrace.render_scene`, with the uncertainty of its displacement.
+
+    Raises
+    ------
+    InputError
+        As `render_scene`, and if nothing is known of the uncertainty of the air.
+    """
+    ready = ready_scene(scene)
+    groups = AirGroups.of(ready, inputs)
+    if not groups.known:
+        raise InputError(
+            "Nothing is known of the uncertainty of the air; state that of its contrast, or make "
+            "the scene of several fields.",
+            code="uncertainty.nothing_known",
+            argument="air_uncertainty",
+        )
+    images: list[tuple[BoolArray, Float32Array]] = []
+
+    def keep(_: int, image: AovImage) -> None:
+        planes = [image.channels[name] for name in (*_AXES, *_SHIFT)]
+        images.append((good_mask(image, tuple(include)), np.stack(planes)))
+
+    rendering = render_scene(ready, camera=camera, include=include, each=keep)
+    good = np.logical_and.reduce([mask for mask, _ in images])
+    values = np.array([planes[:, good] for _, planes in images], dtype=np.float64)
+    weights = groups.weights
+    mean = values[0] if weights is None else weights.mean(values)
+    members = None if weights is None else values
+    u = np.linalg.norm(groups.total(mean[:3], None if members is None else members[:, :3]), axis=0)
+    plane = np.zeros(good.shape, dtype=np.float32)
+    plane[good] = u
+    image = evolve(rendering.image, channels={**rendering.image.channels, U_CHANNEL: plane})
+    lengths = [np.linalg.norm(values[:, rows], axis=1) for rows in (slice(0, 3), slice(3, 5))]
+    means = [np.linalg.norm(mean[rows], axis=0) for rows in (slice(0, 3), slice(3, 5))]
+    displacement, shift = (_statistics(groups, *pair) for pair in zip(means, lengths, strict=True))
+    return PoseUncertainty(evolve(rendering, image=image), displacement, shift)
+
+
+def _statistics(
+    groups: AirGroups, mean: FloatArray, by_member: FloatArray
+) -> dict[str, Uncertainty]:
+    """Percentiles of the lengths (n,) of the mean and (k, n) of members, with uncertainties."""
+    sources, found = groups.sources(), {}
+    for name, percentile in STATISTICS.items():
+        value = float(np.percentile(mean, percentile))
+        members = None
+        if groups.weights is not None:
+            members = np.percentile(by_member, percentile, axis=1)
+        parts = groups.parts(value, members)
+        listed = [Contribution(group, float(u), "B", sources[group]) for group, u in parts.items()]
+        found[name] = uncertainty_of(value, listed, groups.mixture(members), groups.missing)
+    return found
