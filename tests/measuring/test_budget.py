@@ -1,0 +1,185 @@
+"""Budgets against closed forms, GTC and plain Monte Carlo; verdicts against the normal tables."""
+
+from __future__ import annotations
+
+import math
+
+import GTC
+import numpy as np
+import pytest
+from scipy.stats import norm, sobol_indices
+
+from iriftrace.core.errors import InputError
+from iriftrace.core.member_weights import MemberWeights
+from iriftrace.measuring.uncertainty.air_groups import AIR, AirGroups, Scaled, Varied
+from iriftrace.measuring.uncertainty.budget import (
+    COVERED,
+    Contribution,
+    Mixture,
+    drawn,
+    half_a_digit,
+    uncertainty_of,
+)
+from iriftrace.measuring.uncertainty.decision import Tolerance, decide
+from iriftrace.measuring.uncertainty.inputs import Inputs
+from iriftrace.measuring.uncertainty.similarity import humidity_effect, relative_effects
+from iriftrace.medium.air.refractivity import Air
+
+HOT_K = 1373.15
+
+
+def test_a_linear_budget_is_that_of_gtc() -> None:
+    """A diameter by air, sensor and growth; GTC propagates the same inputs by itself."""
+    air, sensor = GTC.ureal(0.020, 0.003), GTC.ureal(20.21, 0.0007)
+    scale = GTC.ureal(0.0, 0.002, 12)
+    diameter = sensor - air * 1.1 + 20.0 * scale
+    found = uncertainty_of(
+        diameter.x,
+        [
+            Contribution("air", 1.1 * 0.003),
+            Contribution("sensor", 0.0007),
+            Contribution("scale", 20.0 * 0.002),
+        ],
+    )
+    assert found.standard == pytest.approx(diameter.u, rel=1e-9)
+    assert found.expanded == pytest.approx(2.0 * diameter.u, rel=1e-9)
+    assert [one.group for one in found.contributions] == ["scale", "air", "sensor"]
+    assert sum(map(found.share, found.contributions)) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("normal", [0.0, 0.4, 5.0])
+@pytest.mark.parametrize(
+    ("weights", "values"),
+    [
+        ((0.5, 0.5), (0.0, 3.0)),
+        ((0.2, 0.3, 0.5, 0.0), (-0.4, 0.1, 2.0, 50.0)),
+        ((1 / 6,) * 6, range(6)),
+    ],
+)
+def test_air_between_members_is_that_of_plain_draws(
+    normal: float, weights: tuple[float, ...], values: tuple[float, ...]
+) -> None:
+    """Against a million independent draws of NumPy's Dirichlet and normal generators."""
+    w, x = np.array(weights), np.array(values, dtype=np.float64)
+    used, rng = w > 0.0, np.random.default_rng(4)
+    shares = rng.dirichlet(used.sum() * w[used], 1_000_000)
+    plain = shares @ x[used] - w @ x + normal * rng.normal(size=len(shares))
+    u_air = MemberWeights(w).uncertainty(x)
+    assert u_air == pytest.approx((shares @ x[used]).std(), rel=3e-3)
+    parts = [Contribution(AIR, float(u_air)), Contribution("rest", normal)]
+    found = uncertainty_of(7.0, parts, Mixture(AIR, w, x))
+    assert found.standard == pytest.approx(plain.std(), rel=3e-3)
+    ends = np.quantile(plain, (0.5 * (1 - COVERED), 0.5 * (1 + COVERED)))
+    np.testing.assert_allclose(np.array(found.interval) - 7.0, ends, atol=0.01 * ends[1])
+    assert 1.0 < found.coverage_factor < 2.6
+
+
+def test_the_interval_is_known_to_half_a_digit() -> None:
+    mixture = Mixture(AIR, np.array((0.5, 0.5)), np.array((0.0, 3.0)))
+    ends = np.quantile(drawn(0.4, mixture, 2**11), 0.977, axis=1)
+    assert 2.0 * ends.std(ddof=1) / math.sqrt(len(ends)) < half_a_digit(ends.mean())
+    assert half_a_digit(0.0123) == pytest.approx(0.0005)
+
+
+def test_shares_are_sobol_indices() -> None:
+    """Terms add up, so the fraction of the variance is the first-order index of a group."""
+    x, even = np.array((0.0, 1.0, 4.0)), np.full(3, 1 / 3)
+    u = float(MemberWeights(even).uncertainty(x))
+    found = uncertainty_of(0.0, [Contribution(AIR, u), Contribution("rest", 0.5)])
+
+    def model(units: np.ndarray) -> np.ndarray:
+        gammas = -np.log(units[:3])
+        return ((gammas / gammas.sum(axis=0)).T @ x + 0.5 * norm.ppf(units[3]))[None]
+
+    a, b = np.random.default_rng(2).uniform(size=(2, 4, 2**16))
+    mixed = []
+    for rows in (slice(0, 3), slice(3, 4)):
+        ab = a.copy()
+        ab[rows] = b[rows]
+        mixed.append(model(ab))
+    runs = {"f_A": model(a), "f_B": model(b), "f_AB": np.array(mixed)}
+    indices = sobol_indices(func=runs, n=2**16)
+    shares = [found.share(one) for one in found.contributions]
+    np.testing.assert_allclose(indices.first_order.ravel(), shares, atol=0.01)
+
+
+def test_groups_scale_or_vary_the_effect() -> None:
+    """Two members, the first of them solved again with the wall 20 K hotter."""
+    weights = MemberWeights((0.5, 0.5, 0.0))
+    groups = AirGroups(
+        weights,
+        {"mesh": Scaled(0.02, "stated")},
+        {"wall": Varied(2, 0, 10.0 / 20.0, "solved again")},
+        "any mixture of 2 members",
+    )
+    values = np.array([[1.0, -2.0], [3.0, -2.0], [1.4, -2.2]])
+    parts = groups.parts(weights.mean(values), values)
+    np.testing.assert_allclose(parts["mesh"], (0.04, 0.04))
+    np.testing.assert_allclose(parts["wall"], (0.2, 0.1))
+    # Uniform between 1 and 3.
+    np.testing.assert_allclose(parts[AIR], (2.0 / math.sqrt(12.0), 0.0), atol=1e-12)
+    np.testing.assert_allclose(
+        groups.total(weights.mean(values), values), np.sqrt(sum(u**2 for u in parts.values()))
+    )
+
+
+def test_similarity_is_that_of_plates_solved_again() -> None:
+    """Ostrach's layer with real properties, 1100 degC: +0.98, -1.67, +1.19 %."""
+    steps = Inputs(pressure_pa=2000.0, ambient_k=5.0, wall_k=20.0)
+    found = relative_effects(steps, HOT_K, Air())
+    assert found["pressure"] == pytest.approx(0.0098, rel=0.01)
+    assert found["ambient"] == pytest.approx(-0.0167, rel=0.1)
+    assert found["wall"] == pytest.approx(0.0119, rel=0.2)
+    # Ciddor: moist air of 20 degC has 3e-8 less for each 10 %.
+    assert humidity_effect(0.1, Air()) == pytest.approx(-0.0003, rel=0.2)
+    assert humidity_effect(0.3, Air(relative_humidity=0.9)) > 0.0
+
+
+@pytest.mark.parametrize(
+    ("value", "verdict", "outside"),
+    [
+        (20.00, "accepted", 2 * norm.cdf(-5.0)),
+        (20.033, "accepted", norm.cdf(-1.7)),
+        (20.034, "not decided", norm.cdf(-1.6)),
+        (20.066, "not decided", norm.cdf(1.6)),
+        (20.067, "rejected", norm.cdf(1.7)),
+        (19.90, "rejected", norm.cdf(5.0)),
+    ],
+)
+def test_a_guard_band_of_165_u_keeps_the_risk_below_5_percent(
+    value: float, verdict: str, outside: float
+) -> None:
+    found = decide(
+        Tolerance(20.0, -0.05, 0.05), uncertainty_of(value, [Contribution("all", 0.01)]), 20.2
+    )
+    assert found.verdict == verdict
+    assert found.outside == pytest.approx(outside, abs=1e-6)
+    assert found.measured is False
+    if verdict == "not decided":
+        assert found.risk is None
+    else:
+        assert found.risk is not None
+        assert found.risk <= 0.05
+
+
+def test_nothing_is_decided_with_a_lower_bound() -> None:
+    least = uncertainty_of(20.0, [Contribution("sensor", 1e-4)], missing=(AIR,))
+    found = decide(Tolerance(20.0, -0.05, 0.05), least)
+    assert (found.verdict, found.risk) == ("not decided", None)
+    assert AIR in found.reason
+
+
+@pytest.mark.parametrize(
+    ("make", "code"),
+    [
+        (lambda: Inputs(sensor_mm=-0.1), "uncertainty.negative"),
+        (lambda: Inputs(mesh=1.5), "uncertainty.no_fraction"),
+        (lambda: Tolerance(20.0, 0.1, -0.1), "tolerance.no_width"),
+        (lambda: Tolerance(math.nan, -0.1, 0.1), "tolerance.no_width"),
+    ],
+)
+def test_wrong_statements_are_refused(make: object, code: str) -> None:
+    assert callable(make)
+    with pytest.raises(InputError) as error:
+        make()
+    assert error.value.code == code

@@ -1,0 +1,160 @@
+"""How often U holds: worlds drawn from the stated inputs, each traced, measured and corrected.
+
+A cylinder of 12 mm in air of a formula, whose plume leans in a draught. In each world the draught is
+any mixture of the members', and wall, ambient air and pressure are off by normal errors; its air is
+made anew on the mesh and traced, so that the truth does not come from the linear model that the
+budget uses. The cloud has the sensor's noise.
+
+    python -m validation.coverage 200
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pyvista as pv
+import trimesh
+from attrs import evolve, frozen
+
+import iriftrace
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import IriftraceWarning
+from iriftrace.measuring.uncertainty.inputs import Inputs
+from iriftrace.medium.air.refractivity import Air
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.source import Variation
+from iriftrace.part.part import part_of_mesh
+from validation.inputs.cameras import camera_at
+
+RADIUS = 6.0
+LEANS = (0.0, 0.2, 0.4, 0.6)
+AMBIENT_K, WALL_K, PRESSURE_PA = 293.15, 993.15, 101325.0
+
+INPUTS = Inputs(wall_k=15.0, ambient_k=2.0, pressure_pa=300.0, sensor_mm=0.0005)
+"""Standard uncertainties of the worlds."""
+
+
+@frozen
+class State:
+    """Draught by the weights of the members, and wall, ambient air (K) and pressure (Pa)."""
+
+    weights: tuple[float, ...]
+    wall_k: float = WALL_K
+    ambient_k: float = AMBIENT_K
+    pressure_pa: float = PRESSURE_PA
+
+
+def alone(member: int) -> tuple[float, ...]:
+    """Weights of one member by itself."""
+    return tuple(float(n == member) for n in range(len(LEANS)))
+
+
+def field_in(state: State, folder: Path, name: str) -> IndexField:
+    """The air of a state: a layer whose thickness has the similarity's p^(-1/2), and a plume."""
+    axes = [np.linspace(-18.0, end, n) for end, n in ((42.0, 21), (18.0, 13), (42.0, 21))]
+    grid = pv.StructuredGrid(*np.meshgrid(*axes, indexing="ij")).cast_to_unstructured_grid()
+    x, y, z = np.asarray(grid.points).T
+    off = np.hypot(np.maximum(np.hypot(x, y) - RADIUS, 0.0), np.maximum(np.abs(z) - RADIUS, 0.0))
+    thickness = 3.0 * (state.pressure_pa / PRESSURE_PA) ** -0.5
+    around = np.exp(-off / thickness) * np.maximum(1.0 - off / 11.0, 0.0)
+    height = np.maximum(z - RADIUS, 0.0)
+    plume = np.zeros(len(x))
+    for weight, lean in zip(state.weights, LEANS, strict=True):
+        across = (x - lean * height) ** 2 + y**2
+        one = height / (height + 4.0) * np.exp(-across / (2.0 * (4.0 + 0.05 * height) ** 2))
+        plume += weight * one * np.maximum(1.0 - (height / 34.0) ** 2, 0.0)
+    rise = state.wall_k - state.ambient_k
+    grid.point_data["T"] = state.ambient_k + rise * (around + 0.65 * plume)
+    file = folder / f"{name}.vtu"
+    grid.save(file)
+    air = Air(temperature_k=state.ambient_k, pressure_pa=state.pressure_pa)
+    return iriftrace.read_field(file, air=air)
+
+
+def members(folder: Path) -> list[IndexField]:
+    """The draughts, and the first of them solved again with each input off by one step."""
+    fields = [field_in(State(alone(n)), folder, f"lean{n}") for n in range(len(LEANS))]
+    of = fields[0].source.sha256
+    steps = {"wall": ("wall_k", 20.0), "ambient": ("ambient_k", 4.0), "pressure": ("pressure_pa", 1000.0)}
+    for quantity, (attribute, step) in steps.items():
+        state = State(alone(0))
+        changed = evolve(state, **{attribute: getattr(state, attribute) + step})
+        one = field_in(changed, folder, quantity)
+        facts = evolve(one.source.facts, variation=Variation(quantity, step, of))
+        fields.append(evolve(one, source=evolve(one.source, facts=facts)))
+    return fields
+
+
+def cylinder() -> iriftrace.Part:
+    """The part, mm."""
+    mesh = trimesh.creation.cylinder(RADIUS, 2.0 * RADIUS, sections=256)
+    return part_of_mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces), name="cylinder")
+
+
+def scene_in(air: iriftrace.HotAir, part: iriftrace.Part) -> iriftrace.Scene:
+    """Two devices that look from above past the plume."""
+    first, second = (
+        camera_at((55.0, y, 70.0), (0.0, 0.0, 0.0), focal_length_mm=20.0, resolution=(36, 30))
+        for y in (-25.0, 25.0)
+    )
+    return iriftrace.Scene(part, air, first, second, "camera_2", engine="cells")
+
+
+def drawn(rng: np.random.Generator) -> State:
+    """One world."""
+    assert INPUTS.wall_k and INPUTS.ambient_k and INPUTS.pressure_pa
+    return State(
+        tuple(rng.dirichlet(np.ones(len(LEANS)))),
+        WALL_K + INPUTS.wall_k * rng.normal(),
+        AMBIENT_K + INPUTS.ambient_k * rng.normal(),
+        PRESSURE_PA + INPUTS.pressure_pa * rng.normal(),
+    )
+
+
+@frozen
+class Held:
+    """What one world says of U."""
+
+    error: float  # of the corrected diameter, mm
+    expanded: float
+    ratios: FloatArray  # of the points: error along the normal over u
+
+
+def held_in(world: State, scene: iriftrace.Scene, folder: Path, rng: np.random.Generator) -> Held:
+    """Measure in a world, correct by the scene, compare with the truth."""
+    field = field_in(world, folder, "world")
+    scan = iriftrace.measure(scene_in(iriftrace.HotAir(field), scene.part))
+    noise = INPUTS.sensor_mm * rng.normal(size=(len(scan.points), 1)) * scan.normal
+    found = iriftrace.correct(scan.points + noise, scene, inputs=INPUTS)
+    (feature,) = [f for f in found.features(scene.part, ["cylinder"], gate=None)]
+    good = found.corrected
+    mantle = good & (scene.part.region_of_face[np.maximum(found.face, 0)] == scene.part.region_names.index(feature.region))
+    true = iriftrace.fit_feature(scan.true[mantle], "cylinder").size_mm
+    size = feature.size
+    along = np.einsum("ij,ij->i", found.points - scan.true, found.normal)[good]
+    assert size.uncertainty is not None
+    return Held(size.answer - true, size.uncertainty.expanded, along / found.u_normal[good])
+
+
+def main(count: int) -> None:
+    warnings.simplefilter("ignore", IriftraceWarning)
+    rng = np.random.default_rng(53)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        air = iriftrace.HotAir(members(folder))
+        scene = scene_in(air, cylinder())
+        worlds = [held_in(drawn(rng), scene, folder, rng) for _ in range(count)]
+    inside = np.mean([abs(one.error) <= one.expanded for one in worlds])
+    points = np.mean(np.abs(np.concatenate([one.ratios for one in worlds])) <= 2.0)
+    errors = np.array([abs(one.error) for one in worlds])
+    print(f"{inside:.1%} of {count} true diameters lie within U")
+    print(f"{points:.1%} of the points lie within 2 u")
+    print(f"median U {1e3 * np.median([one.expanded for one in worlds]):.3g} um, median error {1e3 * np.median(errors):.3g} um")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]))
