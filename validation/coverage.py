@@ -1,8 +1,8 @@
 """How often U holds: worlds drawn from the stated inputs, each traced, measured and corrected.
 
-A cylinder of 12 mm in air of a formula, whose plume leans in a draught. In each world the draught is
-any mixture of the members', and wall, ambient air and pressure are off by normal errors; its air is
-made anew on the mesh and traced, so that the truth does not come from the linear model that the
+A cylinder of 12 mm in air of a formula, whose plume leans in a draught. In each world the draught
+is any mixture of the members', and wall, ambient air and pressure are off by normal errors; its air
+is made anew on the mesh and traced, so that the truth does not come from the linear model that the
 budget uses. The cloud has the sensor's noise.
 
     python -m validation.coverage 200
@@ -14,6 +14,7 @@ import sys
 import tempfile
 import warnings
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pyvista as pv
@@ -23,6 +24,7 @@ from attrs import evolve, frozen
 import iriftrace
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import IriftraceWarning
+from iriftrace.measuring.features.choice import on_region
 from iriftrace.measuring.uncertainty.inputs import Inputs
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.index_field import IndexField
@@ -34,8 +36,20 @@ RADIUS = 6.0
 LEANS = (0.0, 0.2, 0.4, 0.6)
 AMBIENT_K, WALL_K, PRESSURE_PA = 293.15, 993.15, 101325.0
 
-INPUTS = Inputs(wall_k=15.0, ambient_k=2.0, pressure_pa=300.0, sensor_mm=0.0005)
+U_WALL_K, U_AMBIENT_K, U_PRESSURE_PA, U_SENSOR_MM = 15.0, 2.0, 300.0, 0.0005
 """Standard uncertainties of the worlds."""
+
+INPUTS = Inputs(
+    wall_k=U_WALL_K, ambient_k=U_AMBIENT_K, pressure_pa=U_PRESSURE_PA, sensor_mm=U_SENSOR_MM
+)
+
+
+STEPS: tuple[tuple[Literal["wall", "ambient", "pressure"], str, float], ...] = (
+    ("wall", "wall_k", 20.0),
+    ("ambient", "ambient_k", 4.0),
+    ("pressure", "pressure_pa", 1000.0),
+)
+"""Inputs with which the first member is solved again, and by how much more."""
 
 
 @frozen
@@ -79,8 +93,7 @@ def members(folder: Path) -> list[IndexField]:
     """The draughts, and the first of them solved again with each input off by one step."""
     fields = [field_in(State(alone(n)), folder, f"lean{n}") for n in range(len(LEANS))]
     of = fields[0].source.sha256
-    steps = {"wall": ("wall_k", 20.0), "ambient": ("ambient_k", 4.0), "pressure": ("pressure_pa", 1000.0)}
-    for quantity, (attribute, step) in steps.items():
+    for quantity, attribute, step in STEPS:
         state = State(alone(0))
         changed = evolve(state, **{attribute: getattr(state, attribute) + step})
         one = field_in(changed, folder, quantity)
@@ -106,12 +119,11 @@ def scene_in(air: iriftrace.HotAir, part: iriftrace.Part) -> iriftrace.Scene:
 
 def drawn(rng: np.random.Generator) -> State:
     """One world."""
-    assert INPUTS.wall_k and INPUTS.ambient_k and INPUTS.pressure_pa
     return State(
         tuple(rng.dirichlet(np.ones(len(LEANS)))),
-        WALL_K + INPUTS.wall_k * rng.normal(),
-        AMBIENT_K + INPUTS.ambient_k * rng.normal(),
-        PRESSURE_PA + INPUTS.pressure_pa * rng.normal(),
+        WALL_K + U_WALL_K * rng.normal(),
+        AMBIENT_K + U_AMBIENT_K * rng.normal(),
+        PRESSURE_PA + U_PRESSURE_PA * rng.normal(),
     )
 
 
@@ -128,11 +140,11 @@ def held_in(world: State, scene: iriftrace.Scene, folder: Path, rng: np.random.G
     """Measure in a world, correct by the scene, compare with the truth."""
     field = field_in(world, folder, "world")
     scan = iriftrace.measure(scene_in(iriftrace.HotAir(field), scene.part))
-    noise = INPUTS.sensor_mm * rng.normal(size=(len(scan.points), 1)) * scan.normal
+    noise = U_SENSOR_MM * rng.normal(size=(len(scan.points), 1)) * scan.normal
     found = iriftrace.correct(scan.points + noise, scene, inputs=INPUTS)
-    (feature,) = [f for f in found.features(scene.part, ["cylinder"], gate=None)]
+    (feature,) = found.features(scene.part, ["cylinder"], gate=None)
     good = found.corrected
-    mantle = good & (scene.part.region_of_face[np.maximum(found.face, 0)] == scene.part.region_names.index(feature.region))
+    mantle = good & on_region(feature.region, found.face, scene.part)
     true = iriftrace.fit_feature(scan.true[mantle], "cylinder").size_mm
     size = feature.size
     along = np.einsum("ij,ij->i", found.points - scan.true, found.normal)[good]
@@ -153,7 +165,8 @@ def main(count: int) -> None:
     errors = np.array([abs(one.error) for one in worlds])
     print(f"{inside:.1%} of {count} true diameters lie within U")
     print(f"{points:.1%} of the points lie within 2 u")
-    print(f"median U {1e3 * np.median([one.expanded for one in worlds]):.3g} um, median error {1e3 * np.median(errors):.3g} um")
+    expanded = 1e3 * np.median([one.expanded for one in worlds])
+    print(f"median U {expanded:.3g} um, median error {1e3 * np.median(errors):.3g} um")
 
 
 if __name__ == "__main__":

@@ -169,6 +169,36 @@ def test_nothing_is_decided_with_a_lower_bound() -> None:
     assert AIR in found.reason
 
 
+def test_inputs_are_read_as_users_write_them() -> None:
+    found = Inputs.of("wall 10 K, ambient 2 K,pressure 2 hPa, sensor 8 um, air 5 %, mesh 0.02")
+    assert found == Inputs(
+        wall_k=10.0, ambient_k=2.0, pressure_pa=200.0, sensor_mm=0.008, air=0.05, mesh=0.02
+    )
+    assert found.stated()["pressure"] == 200.0
+    assert Inputs.of("") == Inputs()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *(
+            "wall 10",
+            "wall 10 degC",
+            "walls 10 K",
+            "sensor 8",
+            "air much",
+            "wall",
+            "wall 1 K, wall 2 K",
+        ),
+        *("air -5 %", "sensor -8 um", "air 150 %", "wall K"),
+    ],
+)
+def test_inputs_without_unit_or_sense_are_refused(text: str) -> None:
+    with pytest.raises(InputError) as error:
+        Inputs.of(text)
+    assert error.value.code.startswith("uncertainty.")
+
+
 @pytest.mark.parametrize(
     ("make", "code"),
     [

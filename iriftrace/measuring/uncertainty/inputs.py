@@ -7,6 +7,7 @@ import math
 from attrs import Attribute, field, frozen
 
 from iriftrace.core.errors import InputError
+from iriftrace.core.units import parse_quantity
 
 
 def _uncertainty(_: object, attribute: Attribute[float | None], value: float | None) -> None:
@@ -68,6 +69,71 @@ class Inputs:
     part_temperature_k: float | None = field(default=None, validator=_uncertainty)
     other_mm: float | None = field(default=None, validator=_uncertainty)
 
+    @classmethod
+    def of(cls, text: str) -> Inputs:
+        """Inputs of ``"wall 10 K, ambient 2 K, pressure 2 hPa, sensor 8 um, air 5 %"``.
+
+        Raises InputError for an unknown name, a number without its unit, or one given twice.
+        """
+        found: dict[str, float] = {}
+        for piece in filter(None, map(str.strip, text.split(","))):
+            name, _, value = piece.partition(" ")
+            if name not in NAMES:
+                raise _wrong(f"{name!r} is not an input", f"use {', '.join(NAMES)}")
+            attribute, unit = NAMES[name]
+            if attribute in found:
+                raise _wrong(f"{name!r} is given twice", "give it once")
+            found[attribute] = _value(name, value.strip(), unit)
+        return cls(**found)
+
+    def stated(self) -> dict[str, float]:
+        """The values that are stated, by the names of `of`."""
+        values = {name: getattr(self, attribute) for name, (attribute, _) in NAMES.items()}
+        return {name: value for name, value in values.items() if value is not None}
+
+
+NAMES = {
+    "air": ("air", "dimensionless"),
+    "mesh": ("mesh", "dimensionless"),
+    "wall": ("wall_k", "K"),
+    "ambient": ("ambient_k", "K"),
+    "pressure": ("pressure_pa", "pascal"),
+    "humidity": ("humidity", "dimensionless"),
+    "sensor": ("sensor_mm", "mm"),
+    "expansion": ("expansion", "dimensionless"),
+    "part": ("part_temperature_k", "K"),
+    "other": ("other_mm", "mm"),
+}
+"""Attribute and unit of each input by its name in `Inputs.of`."""
+
+
+def _wrong(fault: str, remedy: str) -> InputError:
+    return InputError(
+        f"Among the uncertainties {fault}; {remedy}.",
+        code="uncertainty.not_read",
+        argument="uncertainty",
+    )
+
+
+def _value(name: str, text: str, unit: str) -> float:
+    """A number with its unit; differences of temperatures are in K."""
+    try:
+        float(text)
+        bare = True
+    except ValueError:
+        bare = False
+    if bare and unit != "dimensionless":
+        raise _wrong(f"{name} has no unit", f'write it with one, like "{name} {EXAMPLES[unit]}"')
+    if unit == "K" and not text.endswith("K"):
+        raise _wrong(f"{name} is {text!r}", f'give a difference in K, like "{name} 10 K"')
+    try:
+        return float(text.removesuffix("K")) if unit == "K" else parse_quantity(text, unit)
+    except (InputError, ValueError):
+        raise _wrong(f"{name} is {text!r}", f'write it like "{name} {EXAMPLES[unit]}"') from None
+
+
+EXAMPLES = {"dimensionless": "5 %", "K": "10 K", "pascal": "2 hPa", "mm": "8 um"}
+"""How values are written, by unit."""
 
 NOTHING_STATED = Inputs()
 """No uncertainty is stated."""
