@@ -1,0 +1,185 @@
+"""Members that were solved again with one input changed, against closed forms of slab and cylinder.
+
+The effect on a point is to first order proportional to J = int (n_ambient - n) ds, in closed form
+for air of linear and of logarithmic temperature; the budget's parts are its changes.
+"""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from attrs import evolve
+
+from iriftrace.core.errors import InputError
+from iriftrace.measuring.two_devices.budget import feature_budget
+from iriftrace.measuring.two_devices.correct import correct
+from iriftrace.measuring.two_devices.measure import measure
+from iriftrace.measuring.uncertainty.air_groups import AIR, AirGroups
+from iriftrace.measuring.uncertainty.displacement import render_with_uncertainty
+from iriftrace.measuring.uncertainty.inputs import Inputs
+from iriftrace.medium.air.refractivity import Air
+from iriftrace.medium.shells.stack import ShellStack
+from iriftrace.medium.source import FieldFacts, FieldSource, Variation
+from iriftrace.part.part import Part
+from iriftrace.scenes import analytic
+from iriftrace.tracing.hot_air import AirState, HotAir
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.scene import Scene
+from validation.inputs.cameras import camera_at
+
+pytestmark = pytest.mark.usefixtures("variant")
+
+WALL_K, AMBIENT_K, PRESSURE_PA = 1373.15, 293.15, 101325.0
+STEPS = {"wall": 20.0, "ambient": 5.0, "pressure": 2000.0}
+STATED = Inputs(wall_k=10.0, ambient_k=2.0, pressure_pa=500.0)
+
+Make = Callable[..., tuple[Part, ShellStack]]
+
+
+def slab_integral(wall: float, ambient: float, pressure: float) -> float:
+    """J of a layer of linear temperature, in any unit."""
+    mean = math.log(wall / ambient) / (wall - ambient)
+    return pressure * (1.0 / ambient - mean)
+
+
+def cylinder_integral(wall: float, ambient: float, pressure: float) -> float:
+    """The limit of reference case E2: int (n_ambient - n) / r^2 dr, by Gauss and Legendre."""
+    nodes, weights = np.polynomial.legendre.leggauss(80)
+    inner, outer = analytic.CYLINDER_RADIUS_MM, analytic.HOT_AIR_RADIUS_MM
+    r = inner + 0.5 * (outer - inner) * (nodes + 1.0)
+    kelvin = wall + (ambient - wall) * np.log(r / inner) / np.log(outer / inner)
+    return pressure * float(weights @ ((1.0 / ambient - 1.0 / kelvin) / r**2))
+
+
+def source(name: str, sha256: str, facts: FieldFacts) -> FieldSource:
+    return FieldSource(name, sha256, "n", "index", "mm", facts=facts)
+
+
+def states(make: Make, monkeypatch: pytest.MonkeyPatch) -> tuple[Part, list[AirState]]:
+    """The air as it is, and with each input changed."""
+    part, stack = make(60)
+    found = [AirState(None, "base", ready=evolve(stack, source=source("b", "0", FieldFacts())))]
+    for number, (quantity, step) in enumerate(STEPS.items(), start=1):
+        with monkeypatch.context() as changed:
+            if quantity == "wall":
+                changed.setattr(analytic, "WALL_K", WALL_K + step)
+            air = Air(
+                temperature_k=AMBIENT_K + step * (quantity == "ambient"),
+                pressure_pa=PRESSURE_PA + step * (quantity == "pressure"),
+            )
+            facts = FieldFacts(variation=Variation(quantity, step, "0"))
+            stack = make(60, air=air)[1]
+        own = evolve(stack, source=source(quantity, f"{number}", facts))
+        found.append(AirState(None, quantity, ready=own))
+    return part, found
+
+
+def devices(kind: str) -> tuple[object, object]:
+    """Two that look at the plate from above, or at the cylinder from the front."""
+    place = (0.0, 0.4, 0.0) if kind == "slab" else (0.1, -analytic.CYLINDER_RADIUS_MM, 0.0)
+    away = np.array((0.0, 0.0, 300.0) if kind == "slab" else (0.0, -20_000.0, 0.0))
+    side = np.array((173.0, 0.0, 0.0) if kind == "slab" else (0.0, 0.0, 1_750.0))
+    one, other = (
+        camera_at(
+            tuple(np.array(place) + away + sign * side),
+            place,
+            up=(1.0, 0.2, 0.3),
+            focal_length_mm=float(np.linalg.norm(away + side)),
+            sensor_mm=(1.0, 1.0),
+            resolution=(12, 10),
+        )
+        for sign in (-1.0, 1.0)
+    )
+    return one, other
+
+
+@pytest.mark.parametrize(
+    ("kind", "integral"), [("slab", slab_integral), ("cylinder", cylinder_integral)]
+)
+def test_parts_are_the_changes_of_the_closed_form(
+    kind: str, integral: Callable[..., float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make = analytic.slab if kind == "slab" else analytic.concentric_cylinders
+    part, airs = states(make, monkeypatch)
+    first, second = devices(kind)
+    scene = Scene(part, HotAir.of_states(airs), first, second, "camera_2", engine="shells").ready
+    assert scene.weights.weights.tolist() == [1.0, 0.0, 0.0, 0.0]
+    groups = AirGroups.of(scene, STATED)
+    scan = measure(scene)
+    along = np.einsum("kij,ij->ki", scan.errors, scan.normal)
+    parts = groups.parts(scan.error_normal, along)
+    now = (WALL_K, AMBIENT_K, PRESSURE_PA)
+    for number, (name, step) in enumerate(STEPS.items()):
+        changed = list(now)
+        changed[number] += step
+        relative = integral(*changed) / integral(*now) - 1.0
+        stated = {"wall": 10.0, "ambient": 2.0, "pressure": 500.0}[name]
+        expected = abs(relative * stated / step * scan.error_normal)
+        np.testing.assert_allclose(parts[name], expected, rtol=0.02)
+    # The mean is that of the base alone.
+    base = measure(evolve(scene, air=scene.air.alone(1)))
+    np.testing.assert_allclose(scan.error, base.error, atol=1e-12)
+
+
+def test_one_field_with_variations_does_not_cover_the_air(monkeypatch: pytest.MonkeyPatch) -> None:
+    part, airs = states(analytic.slab, monkeypatch)
+    scene = Scene(part, HotAir.of_states(airs), *devices("slab"), "camera_2", engine="shells")
+    found = feature_budget(scene, STATED, gate=None).correction
+    assert found.groups.missing == (AIR,)
+    assert set(found.groups.varied) == set(STEPS)
+    back = correct(found.measured, scene, inputs=STATED)
+    np.testing.assert_allclose(back.u_normal, found.u_normal, rtol=1e-3)
+    again = evolve(found, groups=AirGroups.of(scene.ready, evolve(STATED, air=0.05)))
+    assert again.groups.missing == ()
+    assert (again.u_normal > found.u_normal).all()
+
+
+def test_a_picture_has_the_same_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The displacement of a far oblique camera is proportional to J, too."""
+    part, airs = states(analytic.slab, monkeypatch)
+    camera, _ = devices("slab")
+    wide = evolve(camera, resolution=(12, 10))
+    scene = Scene(part, HotAir.of_states(airs), wide, engine="shells")
+    found = render_with_uncertainty(scene, STATED)
+    median = found.displacement_mm["median"]
+    now = (WALL_K, AMBIENT_K, PRESSURE_PA)
+    for number, (name, step) in enumerate(STEPS.items()):
+        changed = list(now)
+        changed[number] += step
+        relative = slab_integral(*changed) / slab_integral(*now) - 1.0
+        stated = {"wall": 10.0, "ambient": 2.0, "pressure": 500.0}[name]
+        assert median.parts[name] / median.value == pytest.approx(
+            abs(relative) * stated / step, rel=0.03
+        )
+    image = found.rendering.image
+    u = image.channels["displacement.u.norm"]
+    norm = image.channels["displacement.norm"]
+    total = math.hypot(*median.parts.values()) / median.value
+    np.testing.assert_allclose(u[norm > 0.0] / norm[norm > 0.0], total, rtol=0.03)
+
+
+def test_a_variation_of_a_field_that_is_not_there_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    part, (_, *varied) = states(analytic.slab, monkeypatch)
+    first, second = devices("slab")
+    other = AirState(
+        None, "other", ready=evolve(varied[0].shells, source=source("o", "9", FieldFacts()))
+    )
+    scene = Scene(part, HotAir.of_states([other, *varied]), first, second, engine="shells")
+    with pytest.raises(InputError) as error:
+        AirGroups.of(scene.ready, STATED)
+    assert error.value.code == "air.varies_nothing"
+
+
+def test_a_saved_scene_keeps_what_its_members_vary(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    part, airs = states(analytic.slab, monkeypatch)
+    scene = Scene(part, HotAir.of_states(airs), *devices("slab"), "camera_2", engine="shells")
+    scene.save(tmp_path / "scene.xml")
+    again = load_scene(tmp_path / "scene.xml")
+    assert again.weights.weights.tolist() == [1.0, 0.0, 0.0, 0.0]
+    assert {one.source.facts.variation.quantity for one in again.members[1:]} == set(STEPS)
