@@ -201,6 +201,7 @@ for _module, _names in {
     "plot": ("plot", "view", "report"),
     "measure": ("measure",),
     "correct": ("correct",),
+    "budget": ("budget",),
     "compare": ("compare",),
     "fit": ("fit",),
     "field": ("field",),

@@ -1,0 +1,46 @@
+"""Tolerances of features as users write them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from iriftrace.core.errors import InputError
+from iriftrace.core.units import parse_quantity
+from iriftrace.measuring.uncertainty.decision import Tolerance
+
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)"
+_TEXT = re.compile(
+    rf"(?P<name>.+?)=\s*(?P<nominal>{_NUMBER})\s+(?P<lower>{_NUMBER})\s+(?P<upper>{_NUMBER})"
+    r"\s*(?P<unit>\S+)?"
+)
+
+
+def tolerances_of(texts: Iterable[str]) -> dict[str, Tolerance]:
+    """Tolerances, mm, of diameters: ``"cylinder:bore=20.22 -0.02 +0.02 mm"`` by the feature's name.
+
+    Raises InputError for another text, a tolerance without unit or width, or one given twice.
+    """
+    found: dict[str, Tolerance] = {}
+    for text in texts:
+        match = _TEXT.fullmatch(text.strip())
+        if match is None or match["unit"] is None:
+            raise InputError(
+                f"The tolerance {text!r} is not FEATURE=NOMINAL LOWER UPPER UNIT; write it like "
+                '"cylinder:bore=20.22 -0.02 +0.02 mm".',
+                code="tolerance.not_read",
+                argument="tolerance",
+            )
+        name = match["name"].strip()
+        if name in found:
+            raise InputError(
+                f"{name!r} has two tolerances; give one.",
+                code="tolerance.twice",
+                argument="tolerance",
+            )
+        values = [
+            parse_quantity(f"{match[key]} {match['unit']}", "mm")
+            for key in ("nominal", "lower", "upper")
+        ]
+        found[name] = Tolerance(*values)
+    return found
