@@ -131,7 +131,9 @@ def refuse_expanded_board(field: IndexField, part: Part, blockers: Sequence[Part
         raise InputError(
             f"{part.path} stands apart from the hot air around the blocker {hot.path}, so it is a "
             "board that stays cold; leave out --expansion, which applies to PART, and give the hot "
-            "part as the scene of its own has it (--blocker SCENE/part.ply)."
+            "part as the scene of its own has it (--blocker SCENE/part.ply).",
+            code="part.expanded_board",
+            argument="expansion",
         )
 
 
@@ -170,7 +172,9 @@ def fit_part_to_field(
     if _apart(part.bounds, data):
         raise InputError(
             f"{unreached}they do not overlap; {advice} If the part is a board seen past a hot "
-            "part, give that one as a blocker (--blocker)."
+            "part, give that one as a blocker (--blocker).",
+            code="field.not_at_part",
+            argument=argument or "blocker",
         )
     larger = _diagonal(part.bounds) / _diagonal(data)
     wider = _diagonal(cavity) / _diagonal(part.bounds)
@@ -180,7 +184,9 @@ def fit_part_to_field(
     ):
         if ratio > MOST_LARGER:
             raise InputError(
-                f"{unreached}{larger_one} is {ratio:.3g} times as large as the {than}; {advice}"
+                f"{unreached}{larger_one} is {ratio:.3g} times as large as the {than}; {advice}",
+                code="field.not_at_part",
+                argument=argument,
             )
     bodies = list({id(body): body for body in (part, *blockers)}.values())
     gaps = np.min([body.surface.distance(wall.points) for body in bodies], axis=0)
@@ -188,7 +194,9 @@ def fit_part_to_field(
     if gaps.min() > 0.5 * min(_diagonal(cavity), _diagonal(part.bounds)):
         raise InputError(
             f"{unreached}the field's inner wall stays {gaps.min():.3g} mm away from the part; "
-            f"{advice}"
+            f"{advice}",
+            code="field.not_at_part",
+            argument=argument,
         )
     median, p95 = (float(gap) for gap in np.percentile(gaps, (50, 95)))
     temperature = float(np.median(field.air.temperature(as_float64(wall["refractivity"]))))
@@ -247,14 +255,18 @@ def _fit_without_wall(
 ) -> Fit:
     """The temperature of the air at the part; refuses a part elsewhere or of another size."""
     if _apart(part.bounds, data):
-        raise InputError(f"{unreached}they do not overlap; check units and axes.")
+        raise InputError(
+            f"{unreached}they do not overlap; check units and axes.", code="field.not_at_part"
+        )
     sizes = _diagonal(data), _diagonal(part.bounds)
     if max(sizes) > MOST_DATA_LARGER * min(sizes):
         raise InputError(
             f"The field {field.source.path} measures {_size(data)} and the part {part.path} "
             f"{_size(part.bounds)}, so one of them was read in the wrong unit; give the part's "
             "(--length-unit) or the field's (--field-length-unit), or scale the field "
-            '(--field-transform "scale 0.001").'
+            '(--field-transform "scale 0.001").',
+            code="field.wrong_unit",
+            argument="length_unit",
         )
     found = field.sample(part.vertices)
     known = found[np.isfinite(found)]

@@ -77,7 +77,9 @@ def contour_shells(
         raise InputError(
             f"The field has no surface between n - 1 = {surfaces[0]:.6g} and {surfaces[-1]:.6g}; "
             "check the index range, the levels and the ambient air."
-            + _size_advice(field, min_size_mm)
+            + _size_advice(field, min_size_mm),
+            code="shells.none",
+            argument="field_length_unit" if advice else None,
         )
     _warn_of_missing(field, surfaces, found.keys())
     shells = []
