@@ -40,7 +40,7 @@ def memory_bytes() -> float:
 def check_picture_size(width: int, height: int, channels: int) -> None:
     """Raise InputError for traced pixels and channels beyond memory, or than an array can hold."""
     pixels = width * height
-    advice = "lower the resolution (-D scale=...), or crop the film"
+    advice = "lower the resolution or the scale, or crop the film"
     needed, there = BYTES_PER_PIXEL * pixels, memory_bytes()
     if needed > there:
         raise InputError(

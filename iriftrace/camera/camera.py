@@ -116,7 +116,7 @@ class Camera:
             )
         if not (0 < width < math.inf and 0 < height < math.inf):
             raise InputError(
-                f"Sensor size is {width} x {height} mm, so no picture forms; both must be positive.",
+                f"Sensor size is {width} x {height} mm, so no picture forms; make both positive.",
                 code="camera.sensor_not_positive",
                 argument="sensor",
             )

@@ -138,8 +138,8 @@ class AovImage:
         surplus = [name for name in self.channels if name not in KNOWN]
         if missing or surplus:
             raise InputError(
-                f"an AOV image has {len(needed)} channels; "
-                f"missing: {', '.join(missing) or 'none'}, unknown: {', '.join(surplus) or 'none'}.",
+                f"an AOV image has {len(needed)} channels; missing: "
+                f"{', '.join(missing) or 'none'}, unknown: {', '.join(surplus) or 'none'}.",
                 code="picture.channels",
             )
         shape = self.channels[CHANNELS[0]].shape

@@ -80,8 +80,8 @@ def choose_array(grid: pv.DataSet, array: str | None, quantity: str | None, path
         found = quantity or quantity_of(array)
         if found is None:
             raise InputError(
-                f"The name {array!r} does not say what the array in {path} holds; state it with "
-                f"the quantity option (--quantity): {', '.join(QUANTITIES)}.",
+                f"The name {array!r} does not say what the array in {path} holds; state it as "
+                f"`quantity`: {', '.join(QUANTITIES)}.",
                 code="field.no_quantity",
                 argument="quantity",
             )
@@ -93,7 +93,7 @@ def choose_array(grid: pv.DataSet, array: str | None, quantity: str | None, path
         if len(likely) > 1:
             raise InputError(
                 f"{path} has several arrays that could be the {candidate}: {', '.join(likely)}; "
-                "name the one to use with the array option (--array).",
+                "name the one to use as `array`.",
                 code="field.several_arrays",
                 argument="array",
             )
@@ -106,8 +106,8 @@ def choose_array(grid: pv.DataSet, array: str | None, quantity: str | None, path
             return Choice(name, quantity_of(name) or "")
     raise InputError(
         f"{path} has no array named as {quantity or 'a temperature, index or density'} usually "
-        f"is; its arrays are {listed}. Name one with the array option (--array), and what it holds "
-        "(--quantity).",
+        f"is; its arrays are {listed}; name one as `array`, and what it "
+        "holds as `quantity`.",
         code="field.no_array",
         argument="array",
     )
@@ -164,7 +164,7 @@ def _is_usual(name: str, quantity: str) -> bool:
 def _warn_of_averages(name: str, averages: list[str], path: str) -> None:
     warn(
         f"{path} has {name!r}, which is used, of one moment, and its average over time; for air "
-        f"that is not steady give {averages[0]!r} (--array {averages[0]}).",
+        f"that is not steady use {averages[0]!r}.",
         argument="array",
     )
 
@@ -223,7 +223,7 @@ def _unit_of(
     if given is not None and _scale(given, quantity) != _scale(stated, quantity):
         raise InputError(
             f"{path} states that {name!r} is in {stated}, but the temperature unit given is "
-            f"{given}; leave the option out (--temperature-unit), or correct the file.",
+            f"{given}; leave it out, or correct the file.",
             code="field.two_units",
             argument="temperature_unit",
         )
@@ -232,7 +232,7 @@ def _unit_of(
 
 def _remedy(quantity: str) -> str:
     if quantity == "temperature":
-        return "give the temperature unit (--temperature-unit K or degC)."
+        return "give the temperature unit, K or degC."
     return f"write its unit into the header, such as ({SI[quantity]})."
 
 
@@ -320,9 +320,8 @@ def to_refractivity(
     if lowest < _COLDEST_K:
         raise InputError(
             f"The array {choice.name!r} in {path} goes down to {lowest:g} K, colder than any "
-            "air around a hot part; if it is in degC, give the temperature "
-            f"unit (--temperature-unit degC), or call the array '{choice.name} [degF]' if it is in "
-            "Fahrenheit.",
+            "air around a hot part; if it is in degC, give this unit, or call the array "
+            f"'{choice.name} [degF]' if it is in Fahrenheit.",
             code="field.too_cold",
             argument="temperature_unit",
         )

@@ -133,7 +133,7 @@ class IndexField:
         if not wall.n_points:
             raise InputError(
                 f"{self.source.path} has no inner boundary around a part, so the wall's "
-                "temperature is unknown; give the temperatures of the part (--hot-temperature).",
+                "temperature is unknown; give the temperatures of the part.",
                 code="field.no_wall",
                 argument="hot_temperature",
             )

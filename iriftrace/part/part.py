@@ -294,8 +294,8 @@ def refuse_unlikely_size(part: Part) -> None:
         smallest, largest = PLAUSIBLE_SIZE_MM
         raise InputError(
             f"{part.path} is {size:.3g} mm across when read as {part.length_unit}, and air is made "
-            f"for parts of {smallest:g} mm to {largest / 1000:g} m; give the file's unit with "
-            "length_unit (--length-unit m, for example).",
+            f"for parts of {smallest:g} mm to {largest / 1000:g} m; give the file's unit as "
+            "length_unit.",
             code="part.unlikely_size",
             argument="length_unit",
         )

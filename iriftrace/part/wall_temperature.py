@@ -73,8 +73,8 @@ class MeasuredWall:
         if far.all():
             raise InputError(
                 f"the temperatures in {self.path} lie {distance.min():.3g} mm or more from the "
-                "part, so they are not those of its wall; check their unit "
-                "(--wall-length-unit) and that both have the same coordinates.",
+                "part, so they are not those of its wall; check that both have the same "
+                "coordinates, in the same unit.",
                 code="wall.too_far",
                 argument="wall_length_unit",
             )
@@ -111,7 +111,7 @@ class WallTemperatures:
         if self.measured is not None and lowest < ambient_k - _COOLER_THAN_AIR:
             raise InputError(
                 f"the wall temperatures in {self.measured.path} go down to {lowest:g} K in air of "
-                f"{ambient_k:g} K; check their unit (--wall-temperature-unit degC) and --ambient.",
+                f"{ambient_k:g} K; check the temperature of the air and the unit of the wall's.",
                 code="wall.colder_than_air",
                 argument="wall_temperature_unit",
             )
@@ -126,7 +126,7 @@ class WallTemperatures:
         if self.transition and len(self.of_regions(part)) < 2:
             raise InputError(
                 "a transition needs two temperatures to lie between; give one region another "
-                "temperature (--region-temperature), or leave the transition out.",
+                "temperature, or leave the transition out.",
                 code="wall.one_temperature",
                 argument="region_temperature",
             )
@@ -204,8 +204,7 @@ def wall_temperature_gradient(
         return np.full(len(points), kelvins[0]), np.zeros((len(points), 3))
     if wall.transition == 0.0:
         raise InputError(
-            "the temperature between regions has no gradient without a transition; give its width "
-            "(--transition).",
+            "the temperature between regions has no gradient without a transition; give its width.",
             code="wall.no_transition",
             argument="transition",
         )

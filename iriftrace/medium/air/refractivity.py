@@ -208,12 +208,12 @@ def _check_ranges(
     relative_humidity: ArrayLike,
     co2_ppm: ArrayLike,
 ) -> None:
-    for name, value, (low, high), unit, hint in (
-        ("wavelength", wavelength_nm, WAVELENGTH_RANGE, " nm", "give it in nm"),
-        ("ambient temperature", temperature_k, TEMPERATURE_RANGE, " K", _AMBIENT),
-        ("pressure", pressure_pa, PRESSURE_RANGE, " Pa", "give it in Pa or with its unit"),
-        ("relative humidity", relative_humidity, (0.0, 1.0), "", "50 % is 0.5"),
-        ("CO2 content", co2_ppm, CO2_RANGE, " ppm", "give it in ppm"),
+    for name, argument, value, (low, high), unit, hint in (
+        ("wavelength", "wavelength", wavelength_nm, WAVELENGTH_RANGE, " nm", "give it in nm"),
+        ("ambient temperature", "ambient", temperature_k, TEMPERATURE_RANGE, " K", _AMBIENT),
+        ("pressure", "pressure", pressure_pa, PRESSURE_RANGE, " Pa", "give it with its unit"),
+        ("relative humidity", "humidity", relative_humidity, (0.0, 1.0), "", "50 % is 0.5"),
+        ("CO2 content", "co2", co2_ppm, CO2_RANGE, " ppm", "give it in ppm"),
     ):
         array = np.asarray(value, float)
         slack = 1e-9 * high  # -40 degC in floating point is a little colder than 233.15 K
@@ -244,7 +244,7 @@ def dispersion(air: Air | None, wavelength_nm: float) -> float:
     if air is None:
         raise InputError(
             f"The scene does not state its air, so n - 1 at {wavelength_nm:g} nm is not known; "
-            "make the scene with `iriftrace scene ... --wavelength` instead.",
+            "make the scene for this wavelength.",
             code="air.not_stated",
         )
     there = evolve(air, wavelength_nm=wavelength_nm)
