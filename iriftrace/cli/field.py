@@ -88,7 +88,7 @@ def check(
         )
     if diameter is not None and not diameter > 0.0:
         raise InputError(
-            f"--diameter is {diameter:g} mm, but a cylinder's diameter is positive.",
+            f"A diameter of {diameter:g} mm is that of no cylinder; give a positive one.",
             code="cylinder.diameter",
             argument="diameter",
         )

@@ -120,7 +120,7 @@ def _shown(file: Path, length_unit: str | None) -> tuple[Any, FieldSource | None
     if length_unit is not None and suffix not in _MESHES:
         raise InputError(
             f"A length unit is for the mesh of a part, and {file} is not one "
-            f"({', '.join(_MESHES)}); leave it out (--length-unit).",
+            f"({', '.join(_MESHES)}); leave it out.",
             code="file.no_mesh",
             argument="length_unit",
         )

@@ -87,8 +87,7 @@ def check_field(
         set_k = wall_temperature(expected, part, wall.points)
     elif regions_k:
         raise InputError(
-            "regions have a temperature, but the rest of the wall has none; give "
-            "`wall_temperature_k` too.",
+            "regions have a temperature, but the rest of the wall has none; give it one too.",
             code="region.no_wall_temperature",
             argument="wall_temperature",
         )
