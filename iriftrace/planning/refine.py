@@ -182,8 +182,7 @@ def refine_pose(
     """
     check_evaluations(evaluations)
     around = around_pose(dataset, plan.best)
-    # Larger than any other score.
-    without_score = 1.0 + sum(plan.criteria.weights.values())
+    without_score = 1.0 + sum(plan.criteria.weights.values())  # larger than any other score
 
     def trial(place: FloatArray) -> _Trial:
         metrics = _metrics(swept, around.matrix(place), plan) or {}
@@ -199,8 +198,8 @@ def refine_pose(
             )
         if abs(start.score - swept_score) > _SAME_SCORE:
             warn(
-                f"Pose {plan.best} scores {start.score:.3f} and scored {swept_score:.3f} in the sweep, "
-                "so the air has changed; sweep again."
+                f"The scene gives pose {plan.best} the score {start.score:.3f}, its sweep gave "
+                f"{swept_score:.3f}, so the air is not that of the sweep; run it again."
             )
 
     start, best, count, converged = _search(trial, check, 4, evaluations, progress)
