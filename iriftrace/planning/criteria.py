@@ -27,14 +27,18 @@ def _is_weight(_: object, attribute: Attribute[float | None], value: float | Non
     if value is not None and not (math.isfinite(value) and value >= 0):
         raise InputError(
             f"The weight of {attribute.name} is {value}, which would make its bad values good; "
-            "give zero or a positive number."
+            "give zero or a positive number.",
+            code="weight.below_zero",
+            argument=attribute.name,
         )
 
 
 def _is_factor(_: object, __: Attribute[float], value: float) -> None:
     if not (math.isfinite(value) and value >= 0):
         raise InputError(
-            f"{value} standard deviations over the members are to be added; give 0 or more."
+            f"{value} standard deviations over the members are to be added; give 0 or more.",
+            code="robust.below_zero",
+            argument="robust",
         )
 
 
@@ -42,7 +46,9 @@ def _one_of(choices: object) -> Callable[[object, Attribute[str], str], None]:
     def check(_: object, attribute: Attribute[str], value: str) -> None:
         if value not in get_args(choices):
             raise InputError(
-                f"Unknown {attribute.name} '{value}'; use one of {', '.join(get_args(choices))}."
+                f"Unknown {attribute.name} '{value}'; use one of {', '.join(get_args(choices))}.",
+                code="plan.unknown_name",
+                argument=attribute.name,
             )
 
     return check
@@ -114,22 +120,29 @@ class Criteria:
         if not any(self.weights.values()):
             raise InputError(
                 "All weights are zero, so every pose would be equally good; make at least one "
-                "positive."
+                "positive.",
+                code="weight.all_zero",
             )
         if not 0 < self.percentile <= 100:
             raise InputError(
                 f"The percentile is {self.percentile}, so no metric can be normalised; give a "
-                "number above 0 and up to 100."
+                "number above 0 and up to 100.",
+                code="percentile.range",
+                argument="percentile",
             )
         if self.min_hits < 1:
             raise InputError(
                 f"The smallest number of good rays is {self.min_hits}, so empty views would "
-                "be ranked; give at least 1."
+                "be ranked; give at least 1.",
+                code="hits.below_one",
+                argument="min_hits",
             )
         if not 0 <= self.min_coverage <= 1:
             raise InputError(
                 f"The smallest coverage is {self.min_coverage:g}, but it is a fraction of the "
-                "area; give a number from 0 to 1, such as 0.3."
+                "area; give a number from 0 to 1, such as 0.3.",
+                code="coverage.range",
+                argument="min_coverage",
             )
 
     @property

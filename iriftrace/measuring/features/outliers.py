@@ -30,7 +30,9 @@ def check_gate(gate: float | None) -> None:
     if gate is not None and not gate >= LEAST_GATE:
         raise InputError(
             f"The gate is {gate:g} robust standard deviations, which leaves out good points; give "
-            f"at least {LEAST_GATE:g}, or none for all points (--gate)."
+            f"at least {LEAST_GATE:g}, or none for all points.",
+            code="gate.too_small",
+            argument="gate",
         )
 
 
