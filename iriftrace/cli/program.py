@@ -202,6 +202,7 @@ for _module, _names in {
     "measure": ("measure",),
     "correct": ("correct",),
     "budget": ("budget",),
+    "twin": ("twin",),
     "compare": ("compare",),
     "fit": ("fit",),
     "field": ("field",),
