@@ -205,8 +205,8 @@ def scenes_attribute(
             **files,
             "variables": scene.variables,
             "variant": scene.compiled.variant,
-            "engine": scene.compiled.engine,
-            "wanted_engine": scene.engine,
+            "engine": scene.compiled.engine.value,
+            "requested_engine": scene.engine.value,
             "field": plain(scene.compiled.source),
         }
         if scene.members:

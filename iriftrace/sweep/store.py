@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import BoolArray, FloatArray, Variables
+from iriftrace.core.engines import engine_named
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of, whole_file
 from iriftrace.core.plain import JsonObject
@@ -246,8 +247,9 @@ def traced_through_cells(dataset: xr.Dataset) -> BoolArray:
     """Mask (n,) of the poses whose rays the field's cells bend."""
     names = dataset["scene"].values.astype(str)
     _, first, scene = np.unique(names, return_index=True, return_inverse=True)
-    asked = [scene_of_pose(dataset, int(pose)).get("engine") == "cells" for pose in first]
-    chosen: BoolArray = np.array(asked)[scene] | (dataset["through_cells"].values == 1)
+    engines = [scene_of_pose(dataset, int(pose)).get("engine") for pose in first]
+    cells = np.array([name is not None and engine_named(name).through_cells for name in engines])
+    chosen: BoolArray = cells[scene] | (dataset["through_cells"].values == 1)
     return chosen
 
 

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from attrs import Attribute, Factory, evolve, field, frozen
+from attrs import Factory, evolve, field, frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.engines import AUTO, Bending
+from iriftrace.core.engines import Bending, Engine, engine_named
 from iriftrace.core.errors import InputError, warn, without_warnings
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.runtime import variant as runtime
@@ -24,7 +24,6 @@ from iriftrace.tracing.compiled import (
     Compiled,
     Held,
     Origin,
-    check_engine,
     of_objects,
     same,
 )
@@ -66,7 +65,7 @@ class Scene:
         Its kind: ``"projector"``, ``"camera_2"`` or ``"laser"``.
     wavelength_nm : float or None, nm
         Wavelength of the light in vacuum; by default that of the air.
-    engine : str
+    engine : Engine or str
         ``"shells"``, ``"cells"``, or ``"auto"`` for shells, and cells in views for which they are
         too few (:func:`iriftrace.tracing.engine.choose`).
     variant : str or None
@@ -82,7 +81,7 @@ class Scene:
     second: Camera | None = None
     second_id: str = "projector"
     wavelength_nm: float | None = None
-    engine: str = field(default=AUTO)
+    engine: Engine = field(default=Engine.AUTO, converter=engine_named)
     variant: str | None = None
     blockers: tuple[Part, ...] = field(default=(), converter=_parts)
     _origin: Origin | None = field(default=None, repr=False)
@@ -107,10 +106,6 @@ class Scene:
         values = (*bodies, self.wavelength_nm, self.engine, self.variant, self._stored)
         if not same(self._held.values, values):
             object.__setattr__(self, "_held", Held(values))
-
-    @engine.validator
-    def _check_engine(self, _: Attribute[str], engine: str) -> None:
-        check_engine(engine)
 
     def __repr__(self) -> str:
         width, height = self.camera.resolution
@@ -221,7 +216,7 @@ class Scene:
             wavelength_nm=self.wavelength_nm,
             variant=runtime.ensure(self.variant),
         )
-        return self._through_cells(shells) if self.engine == "cells" else shells
+        return self._through_cells(shells) if self.engine.through_cells else shells
 
     def alone(self) -> Iterator[Scene]:
         """Scenes of one field each, in order; those above the memory limit are freed after use."""
@@ -272,7 +267,7 @@ class Scene:
 
     def with_cells(self) -> Scene:
         """The same scene traced through its field's cells; InputError if there is no field."""
-        cells = evolve(self, engine="cells")
+        cells = evolve(self, engine=Engine.CELLS)
         if self.members:
             cells._held.shells = evolve(self, held=Held())
             return cells
@@ -304,7 +299,7 @@ class Scene:
         return self._like(held.cells)
 
     def _found_cells(self) -> Scene | None:
-        if self.engine != AUTO or self.compiled.bending is not Bending.LAYERS:
+        if not self.engine.free or self.compiled.bending is not Bending.LAYERS:
             return None
         with suppress(InputError), without_warnings():
             found = self.with_cells()

@@ -7,7 +7,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 import iriftrace
+from iriftrace.core.engines import Engine
 
 CHECKOUT = Path(__file__).parents[2]
 EXPORTS = set(iriftrace.__all__) - {"__version__"}
@@ -63,6 +66,66 @@ def test_what_traces_takes_a_scene_and_no_path() -> None:
         if inspect.isfunction(function) and function.__annotations__.get("return") == "Scene"
     }
     assert returned == {"load_scene", "from_mitsuba"}
+
+
+def _names_an_engine(node: ast.expr) -> bool:
+    """True for a word of an engine, and for what holds one by its name."""
+    match node:
+        case ast.Constant(value=value):
+            return value in list(Engine)
+        case ast.Attribute(value=ast.Name(id="Engine")) | ast.Attribute(attr="engine"):
+            return True
+        case ast.Name(id=name):
+            return name in ("engine", "Engine")
+        case ast.Subscript(slice=ast.Constant(value="engine")):
+            return True
+        case ast.Call(func=ast.Attribute(attr="get"), args=[ast.Constant(value="engine"), *_]):
+            return True
+        case ast.Tuple(elts=items) | ast.List(elts=items) | ast.Set(elts=items):
+            return any(map(_names_an_engine, items))
+    return False
+
+
+def engine_comparisons(source: str) -> list[int]:
+    """Lines that compare with an engine's name, also as a case."""
+    return [
+        node.lineno
+        for node in ast.walk(ast.parse(source))
+        if (
+            isinstance(node, ast.Compare)
+            and any(map(_names_an_engine, (node.left, *node.comparators)))
+        )
+        or (isinstance(node, ast.MatchValue) and _names_an_engine(node.value))
+    ]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        'scene.engine == "cells"',
+        'kind != "shells"',
+        'header["engine"] in known',
+        'named.get("engine") == word',
+        "one is Engine.AUTO",
+        'kind in ("shells", "cells")',
+        'match kind:\n    case "cells":\n        pass',
+    ],
+)
+def test_comparisons_with_an_engine_are_found(line: str) -> None:
+    assert engine_comparisons(line)
+    assert not engine_comparisons("engine.through_cells and scene.engine.free")
+
+
+def test_only_the_choice_of_the_engine_compares_engines() -> None:
+    """Others ask an `Engine` what differs, such as `through_cells`."""
+    found = {
+        f"{path.relative_to(CHECKOUT)}:{line}"
+        for folder in ("iriftrace", "plugins")
+        for path in (CHECKOUT / folder).rglob("*.py")
+        if path != CHECKOUT / "iriftrace" / "tracing" / "engine.py"
+        for line in engine_comparisons(path.read_text(encoding="utf-8"))
+    }
+    assert found == set()
 
 
 def test_exported_functions_take_exported_classes() -> None:
