@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from iriftrace.core.arrays import BoolArray, FloatArray, Variables
 from iriftrace.core.engines import engine_named
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.core.files import FileOrigin, sha256_of, whole_file
 from iriftrace.core.plain import JsonObject
 from iriftrace.image.sightings import COLUMNS, COUNTS, ROW, FaceSightings
 from iriftrace.io.netcdf import json_attributes, read_netcdf
@@ -212,7 +212,15 @@ def read_sweep(path: str | Path) -> xr.Dataset:
     except InputError:
         dataset.close()
         raise
+    origin = FileOrigin.of(file)
+    dataset.encoding |= {"source": origin.path, "sha256": origin.sha256}
     return dataset
+
+
+def origin_of(dataset: xr.Dataset) -> FileOrigin | None:
+    """The file that a sweep was read from; None for a sweep in memory."""
+    stated = dataset.encoding
+    return FileOrigin(stated["source"], stated["sha256"]) if "sha256" in stated else None
 
 
 def check_sweep(dataset: xr.Dataset) -> None:

@@ -109,20 +109,12 @@ class Compiled:
         own, its = (one.source.sha256 if one.source else None for one in (self, other))
         return own == its
 
-    def through_cells(
-        self,
-        name: str,
-        field_file: Path,
-        variables: Mapping[str, str],
-        cells: FieldCells | None = None,
-    ) -> Compiled:
-        """The same scene traced through cells: those of a file, or given ones."""
+    def through_cells(self, name: str, cells: FieldCells) -> Compiled:
+        """The same scene traced through cells."""
         started = time.perf_counter()
         with runtime.using(self.variant):
-            integrator = integrator_for(self.integrator, Engine.CELLS, name, field_file)
-            set_wavelength(integrator, variables)
-            if cells is not None:
-                integrator.use(cells)
+            integrator = integrator_for(self.integrator, Engine.CELLS, name, Path(FIELD_FILE))
+            integrator.use(cells)
             integrator.prepare_as(self.integrator)
             tables = integrator.prepare(self.mitsuba_scene).tables
         return evolve(

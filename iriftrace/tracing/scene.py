@@ -18,7 +18,6 @@ from iriftrace.core.engines import Bending, Engine, engine_named
 from iriftrace.core.errors import InputError, warn, without_warnings
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.runtime import variant as runtime
-from iriftrace.io.field_npz import FIELD_FILE
 from iriftrace.part.part import Part
 from iriftrace.tracing.compiled import (
     Compiled,
@@ -276,13 +275,10 @@ class Scene:
 
     def _through_cells(self, shells: Compiled) -> Compiled:
         """The scene that is compiled with shells, through the cells of its field."""
-        files = self.air.states[0].files
-        if files is not None and files.field is not None:
-            return shells.through_cells(self.name, files.field, self.variables)
         cells = self.air.states[0].cells
         if self.wavelength_nm is not None:
             cells = cells.at_wavelength(self.wavelength_nm)
-        return shells.through_cells(self.name, Path(FIELD_FILE), {}, cells)
+        return shells.through_cells(self.name, cells)
 
     @property
     def through_cells(self) -> Scene | None:

@@ -68,6 +68,67 @@ def test_what_traces_takes_a_scene_and_no_path() -> None:
     assert returned == {"load_scene", "from_mitsuba"}
 
 
+PATH = re.compile(r"\b(Path|PathLike)\b")
+OF_FILES = re.compile(r"(read|load|import)_|save|write")
+DESTINATIONS = {"view.picture", "run_sweep.path"}
+COMPUTE = ("camera", "figures", "image", "measuring", "medium", "part", "planning")
+
+
+def paths_of(function: ast.FunctionDef) -> list[str]:
+    """Parameters that are paths, besides the file of what reads and that of what writes."""
+    arguments = function.args
+    paths = [
+        each.arg
+        for each in (*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs)
+        if each.annotation and PATH.search(ast.unparse(each.annotation))
+    ]
+    if OF_FILES.match(function.name):
+        return paths[1:]
+    return [name for name in paths if f"{function.name}.{name}" not in DESTINATIONS]
+
+
+def functions_in(path: Path, names: set[str]) -> list[ast.FunctionDef]:
+    """Public functions of a module and methods of its classes; only of these names if any."""
+    found = []
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and (not names or node.name in names):
+            found += [n for n in ast.walk(node) if isinstance(n, ast.FunctionDef)]
+    return [function for function in found if not function.name.startswith("_")]
+
+
+@pytest.mark.parametrize(
+    "line", ["def compare(image: str | Path)", "def write_it(to: Path, of: Path)"]
+)
+def test_paths_are_found(line: str) -> None:
+    (function,) = ast.parse(f"{line}: ...").body
+    assert isinstance(function, ast.FunctionDef)
+    assert paths_of(function)
+
+
+def test_what_computes_takes_no_path() -> None:
+    """Values are read before, and state their file: `FileOrigin`, or path and SHA-256.
+
+    Of all rooms the exported functions; of those without folders of their own all functions.
+    """
+    library = CHECKOUT / "iriftrace"
+    modules: dict[Path, set[str]] = {
+        path: set() for room in COMPUTE for path in (library / room).rglob("*.py")
+    }
+    for node in ast.parse((library / "__init__.pyi").read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.ImportFrom):
+            path = library.joinpath(*str(node.module).split(".")).with_suffix(".py")
+            if modules.get(path) != set():
+                modules.setdefault(path, set()).update(alias.name for alias in node.names)
+    assert len(modules) > 100
+    taken = {
+        f"{path.relative_to(library)}: {function.name}({name})"
+        for path, names in modules.items()
+        for function in functions_in(path, names)
+        for name in paths_of(function)
+    }
+    assert taken == set()
+
+
 def _names_an_engine(node: ast.expr) -> bool:
     """True for a word of an engine, and for what holds one by its name."""
     match node:
