@@ -130,6 +130,7 @@ class Origin:
     """The file that a scene was read from; a scene with other part, air or blockers has none."""
 
     path: Path  # absolute
+    sha256: str
     given: str  # as the user wrote it
     variables: dict[str, str]  # values given for the file's parameters
     part_to_world: FloatArray  # (4, 4), of the part's file

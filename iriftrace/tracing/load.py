@@ -14,6 +14,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.engines import Engine, engine_named
 from iriftrace.core.errors import InputError, without_warnings
+from iriftrace.core.files import sha256_of
 from iriftrace.core.runtime import variant as runtime
 from iriftrace.core.units import parse_quantity
 from iriftrace.io.field_npz import FIELD_FILE
@@ -137,6 +138,7 @@ def load_scene(
         )
     origin = Origin(
         path=xml,
+        sha256=sha256_of(xml),
         given=given,
         variables=values,
         part_to_world=read.file.part_to_world,

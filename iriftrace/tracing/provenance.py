@@ -7,7 +7,6 @@ from importlib.metadata import version
 from pathlib import Path
 
 from iriftrace.camera.camera import Camera
-from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import JsonObject, plain
 from iriftrace.medium.source import FieldSource
 from iriftrace.tracing.compiled import Compiled
@@ -29,7 +28,7 @@ def provenance(scene: Scene, camera: Camera) -> JsonObject:
         "version": version("iriftrace"),
         "scene": {
             "path": None if scene.path is None else str(scene.path.resolve()),
-            "sha256": None if scene.path is None else sha256_of(scene.path),
+            "sha256": scene.sha256,
             "variables": scene.variables,
         },
         "engine": compiled.engine.value,

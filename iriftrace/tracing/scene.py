@@ -125,6 +125,11 @@ class Scene:
         return None if self._origin is None else self._origin.path
 
     @property
+    def sha256(self) -> str | None:
+        """SHA-256 of that file when it was read."""
+        return None if self._origin is None else self._origin.sha256
+
+    @property
     def variables(self) -> dict[str, str]:
         """Values given for the file's ``<default>`` parameters, and the wavelength (nm)."""
         light = {} if self.wavelength_nm is None else {WAVELENGTH: repr(self.wavelength_nm)}
