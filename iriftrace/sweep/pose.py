@@ -101,7 +101,7 @@ def render_pose(task: PoseTask, scene: Scene) -> Piece:
         except InputError as error:
             return Piece(task.number, {"metrics": None, "failure": str(error)})
     if task.exr:
-        rendering.save(task.exr)
+        rendering = rendering.saved(task.exr)
     metrics = rendering.metrics.as_dict()
     measured = {key: value for key, value in metrics.items() if key not in _OF_ALL_POSES}
     if task.second is not None:
