@@ -123,9 +123,9 @@ def _copy_member(
     shutil.copytree(member_folder(scene, number), target)
     included = read_xml(target / INCLUDED)
     for name in included.iterfind(".//string[@name='filename']"):
-        file = str(name.get("value"))
-        if file.startswith(own := f"{FOLDER}/{number}/"):
-            name.set("value", f"{FOLDER}/{member.number}/{file.removeprefix(own)}")
+        mesh = str(name.get("value"))
+        if mesh.startswith(own := f"{FOLDER}/{number}/"):
+            name.set("value", f"{FOLDER}/{member.number}/{mesh.removeprefix(own)}")
     ElementTree.ElementTree(included).write(target / INCLUDED, "utf-8", xml_declaration=True)
     for file in target.rglob(SHELLS_TABLE):
         table: JsonObject = json.loads(file.read_text(encoding="utf-8"))

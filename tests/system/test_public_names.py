@@ -3,6 +3,7 @@
 import ast
 import inspect
 import re
+from collections import Counter
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -70,6 +71,7 @@ def test_what_traces_takes_a_scene_and_no_path() -> None:
 
 PATH = re.compile(r"\b(Path|PathLike)\b")
 OF_FILES = re.compile(r"(read|load|import)_|save|write")
+ASKING = re.compile(r'"""(What|How|Which|Where|When|Why)\b')
 DESTINATIONS = {"view.picture", "run_sweep.path"}
 COMPUTE = ("camera", "figures", "image", "measuring", "medium", "part", "planning")
 
@@ -187,6 +189,29 @@ def test_only_the_choice_of_the_engine_compares_engines() -> None:
         for line in engine_comparisons(path.read_text(encoding="utf-8"))
     }
     assert found == set()
+
+
+def test_no_two_classes_have_one_name() -> None:
+    found = Counter(
+        node.name
+        for folder in ("iriftrace", "plugins")
+        for path in (CHECKOUT / folder).rglob("*.py")
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
+    )
+    assert [name for name, count in found.items() if count > 1] == []
+
+
+def test_modules_are_described_by_nouns() -> None:
+    asking = [
+        str(path.relative_to(CHECKOUT))
+        for folder in ("iriftrace", "plugins", "scenes", "validation", "bench", "tests", "tools")
+        for path in (CHECKOUT / folder).rglob("*.py")
+        if re.match(
+            r"\s*(\"{3})(What|How|Which|Where|When|Why)\b", path.read_text(encoding="utf-8")
+        )
+    ]
+    assert asking == []
 
 
 def test_exported_functions_take_exported_classes() -> None:
