@@ -18,7 +18,7 @@ import OpenEXR
 
 from iriftrace.core.arrays import AnyArray
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import is_number, sha256_of, whole_file
+from iriftrace.core.files import FileOrigin, is_number, sha256_of, whole_file
 from iriftrace.core.plain import JsonObject
 from iriftrace.image.aov_image import KNOWN, NEEDED, SCHEMA, AovImage, FloatImage
 from iriftrace.io.part_files import read_part
@@ -155,7 +155,8 @@ def read_exr(path: str | Path) -> AovImage:
             f"{name} has schema {schema!r} instead of {SCHEMA!r}, so it is not an AOV image of "
             "this version of iriftrace; render the scene again."
         )
-    image = AovImage({key: channels[key] for key in KNOWN if key in channels}, header)
+    known = {key: channels[key] for key in KNOWN if key in channels}
+    image = AovImage(known, header, FileOrigin.of(path))
     _refuse_not_finite(image, f"in {name} is damaged")
     return image
 

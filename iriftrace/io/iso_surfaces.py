@@ -49,7 +49,7 @@ class Soup:
     faces: IntArray  # (m, 3)
     refractivity: FloatArray  # (m,), n - 1 of every triangle's surface
     gradient: FloatArray | None  # (n, 3), along grad(n) at the vertices, with arbitrary length
-    choice: arrays.Choice  # the array that was used
+    choice: arrays.UsedArray  # the array that was used
     origin: str  # what the file states about its origin; "" if nothing
     facts: FieldFacts
 

@@ -17,7 +17,7 @@ from attrs import frozen
 
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import sha256_of_list, text_in
-from iriftrace.io.openfoam_mesh import Piece, joined, split_piece
+from iriftrace.io.openfoam_mesh import MeshPiece, joined, split_piece
 from iriftrace.io.openfoam_walls import set_values_of_gradients, unpacked
 from iriftrace.io.states import Contents, State, state_number
 from iriftrace.io.vtk_check import read_case
@@ -238,7 +238,7 @@ def _solver(folder: Path) -> str:
     return f" {found[1]}" if found else ""
 
 
-def _piece(folder: Path, time: str, region: str, flow: bool) -> Piece:
+def _piece(folder: Path, time: str, region: str, flow: bool) -> MeshPiece:
     """Cells and patches of one folder with a polyMesh, or of a region in it."""
     data, named = read_case(folder, time, region)
     blocks = blocks_by_name(data)

@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError, warn
-from iriftrace.io.openfoam_mesh import Piece
+from iriftrace.io.openfoam_mesh import MeshPiece
 from iriftrace.medium.gradient import corners_in
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ _TOKEN = re.compile(
 )
 
 
-def set_values_of_gradients(piece: Piece, folder: Path, names: frozenset[str]) -> None:
+def set_values_of_gradients(piece: MeshPiece, folder: Path, names: frozenset[str]) -> None:
     """Compute the values of patches for which the files of some fields, by name, state a gradient.
 
     `folder` is the time's. Refuses a wall with neither value nor gradient; warns of other patches.
@@ -148,7 +148,7 @@ def _fits(pattern: str, patch: str) -> bool:
         return False
 
 
-def _set_value(piece: Piece, patch: str, name: str, entries: Entries, file: Path) -> None:
+def _set_value(piece: MeshPiece, patch: str, name: str, entries: Entries, file: Path) -> None:
     """Replace VTK's values on one patch."""
     mesh = piece.patches[patch]
     gradient = _numbers(entries.get("gradient"), mesh.n_cells, file)

@@ -265,13 +265,13 @@ def read_part(
         length_unit = LENGTH_UNITS.get(length_unit.casefold(), length_unit)
     file = load_mesh_file(path)
     growth, factor = stated_growth(
-        path, file.growth, expansion, reference_temperature_k, hot_temperature_k
+        str(path), file.growth, expansion, reference_temperature_k, hot_temperature_k
     )
     stated = file.unit and LENGTH_UNITS.get(file.unit, file.unit)
     length_unit = length_unit or stated or "mm"
     scale = length_factor(length_unit) * factor
     vertices = file.vertices * scale
-    check_unit(path, vertices[file.faces.ravel()], stated or length_unit, length_unit)
+    check_unit(str(path), vertices[file.faces.ravel()], stated or length_unit, length_unit)
     part = part_of_mesh(
         vertices,
         file.faces,

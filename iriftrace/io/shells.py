@@ -18,7 +18,7 @@ from iriftrace.core.mesh.triangles import polydata
 from iriftrace.core.plain import plain, structured
 from iriftrace.io import ply
 from iriftrace.io.vtk_write import write_vtk
-from iriftrace.medium.shells.hessian import HESSIAN_AXES, PLY_COLUMNS
+from iriftrace.medium.shells.hessian import PLY_COLUMNS, vertex_columns
 from iriftrace.medium.shells.stack import Shell, ShellStack
 from iriftrace.medium.shells.table import SCHEMA, AirStatement, PartOrigin
 
@@ -124,22 +124,6 @@ def load_shells(folder: str | Path) -> ShellStack:
 
 def _stem(shell: Shell) -> str:
     return f"shell_{shell.layer:02d}"
-
-
-def vertex_columns(
-    normals: Float32Array | None, derivatives: Float32Array | None
-) -> dict[str, Float32Array]:
-    """Mitsuba's vertex attributes of a shell, (n, 1) or (n, 3) each, by name."""
-    if normals is None:
-        return {}
-    found = {"normal": normals}
-    if derivatives is not None:
-        found["gradient"] = normals * derivatives[:, :1]
-        found |= {
-            name: derivatives[:, column : column + 1]
-            for column, name in enumerate(HESSIAN_AXES, start=1)
-        }
-    return found
 
 
 def write_shell(

@@ -1,4 +1,4 @@
-"""Which columns of a cloud are the measured points: declared by names, the ending, or chosen."""
+"""Columns of a cloud with the measured points: declared by names, the ending, or chosen."""
 
 import warnings
 from pathlib import Path
