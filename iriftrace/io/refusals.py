@@ -36,9 +36,17 @@ def check_schema(path: str | Path, stated: object, schema: str, remedy: str) -> 
         )
 
 
-def damaged(path: str | Path, reason: object, remedy: str = "export it again") -> InputError:
+def damaged(
+    path: str | Path,
+    reason: object,
+    remedy: str = "export it again",
+    *,
+    argument: str | None = None,
+) -> InputError:
     """The error for a file that is cut short, damaged or of another kind than its name says."""
-    return InputError(f"{path} cannot be read ({reason}); {remedy}.", code="file.damaged")
+    return InputError(
+        f"{path} cannot be read ({reason}); {remedy}.", code="file.damaged", argument=argument
+    )
 
 
 def not_read(
@@ -70,7 +78,7 @@ def chosen_unit(
         factor = length_factor(given) / length_factor(stated)
         raise InputError(
             f"{path} states its coordinates in {stated}, but they were to be read in {given}; "
-            f"leave out the unit, or scale them by {factor:.6g} if they are in {given} nevertheless.",
+            f"leave out the unit, or scale them by {factor:.6g} if they are in {given} after all.",
             code="units.contradict",
             argument=argument,
         )
