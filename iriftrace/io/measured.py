@@ -44,7 +44,7 @@ def read_measured_wall(
     contradicts it.
     """
     check_exists(path)
-    check_ending(path, (*_TABLES, *_SURFACES), "a table of x, y, z, T or a file of VTK")
+    check_ending(path, (*_TABLES, *_SURFACES), "a file of wall temperatures")
     suffix = path.suffix.lower()
     data: pv.DataSet
     faces, unit, stated = None, None, None
