@@ -132,8 +132,8 @@ def read_poses(
     ):
         if said and _folded(said) != _folded(given):
             raise InputError(
-                f"{path} states the {name} {said!r}, but is read with {given!r}, which would "
-                "misplace every camera; read it with its own.",
+                f"{path} states the {name.replace('_', ' ')} {said!r}, but is read with {given!r}, "
+                "which would misplace every camera; read it with its own.",
                 code="poses.contradict",
                 argument=name,
             )
@@ -168,7 +168,7 @@ def write_poses(path: str | Path, poses: PoseSet, convention: str = "opencv") ->
     pose, or the file cannot be written.
     """
     path = Path(path)
-    check_ending(path, _FORMATS, "poses")
+    check_ending(path, _FORMATS, "a file of poses")
     matrices = to_convention(poses.matrices, convention)
     if len(poses) == 0:
         raise InputError(
@@ -232,7 +232,7 @@ def _hand_eye(matrix: ArrayLike) -> FloatArray:
 
 def _stated(path: Path, robot: RobotName | None) -> StatedPoses:
     """What a file states of its poses, in its own convention and unit."""
-    check_ending(path, _FORMATS, "poses")
+    check_ending(path, _FORMATS, "a file of poses")
     check_exists(path)
     kind = path.suffix.lower()
     if robot is not None and kind != ".csv":

@@ -54,7 +54,7 @@ def not_read(
 ) -> InputError:
     """The error for a dialect of a format that is not read: `path` has `found`."""
     return InputError(
-        f"{path} has {found}, which is not read; {remedy}.", code="file.dialect", argument=argument
+        f"{path} has {found}, so it is not read; {remedy}.", code="file.dialect", argument=argument
     )
 
 

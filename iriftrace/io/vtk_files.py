@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pyvista as pv
 
+from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
 from iriftrace.io.refusals import damaged, not_read
 from iriftrace.io.states import Contents, State, column_of, state_number, states_of
@@ -61,6 +62,8 @@ def _series(path: Path) -> dict[float, list[Path]]:
                 # As Windows separates folders.
                 file = path.parent / name.replace("\\", "/")
             found.setdefault(float(time), []).append(file)
+    except InputError:
+        raise
     except (ElementTree.ParseError, LookupError, TypeError, ValueError) as error:
         raise damaged(path, error, "check that it is a complete file of its type") from error
     if not found or not np.isfinite(list(found)).all():
