@@ -55,10 +55,10 @@ def compare(
         Draw measured and simulated shifts and residuals.
     """
     from iriftrace.io.exr import read_exr
-    from iriftrace.measuring.comparison import compare as compare_files
+    from iriftrace.measuring.comparison import compare as compare_shifts
 
     checks.inputs(image, measured)
-    header = read_exr(image).header
+    rendering = read_exr(image)
     target = output or image.with_name(f"{image.stem}_against_{measured.stem}.json")
     checks.output(target, "comparison.json")
     if target.resolve() == measured.resolve():
@@ -67,10 +67,10 @@ def compare(
             code="file.replaces_input",
         )
     used = statuses(include)
-    check_light(wavelength, header, image)
+    check_light(wavelength, rendering.header, image)
     shifts = read_shifts(measured, without_zeros)
     with working("Comparing"):
-        comparison = compare_files(image, shifts, positions=positions, include=used)
+        comparison = compare_shifts(rendering, shifts, positions=positions, include=used)
     report = comparison.as_dict()
     written = [target]
     if figures:

@@ -20,6 +20,7 @@ from iriftrace.cli.triangulation_text import (
     say_relations,
     um,
 )
+from iriftrace.core.engines import engine_named
 from iriftrace.core.units import counted
 
 if TYPE_CHECKING:
@@ -157,7 +158,8 @@ def _say_far_points(scan: Scan) -> None:
     """Say that few points, for which shells are too coarse, determine form deviations."""
     size = np.abs(scan.error_normal)
     usual = float(np.quantile(size, _USUAL))
-    if scan.provenance["engine"] == "shells" and size.max() > _FAR * usual:
+    engine = engine_named(scan.provenance["engine"])
+    if not engine.through_cells and size.max() > _FAR * usual:
         say(
             f"{counted(int((size > _FAR * usual).sum()), 'point')} of {len(size):,} have errors of "
             f"up to {um(size.max())}, while {_USUAL:.1%} have at most {um(usual)}: the shells may "

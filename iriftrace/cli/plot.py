@@ -13,6 +13,7 @@ from iriftrace.cli.options import LightOf, Output, Whole
 from iriftrace.cli.plan import Ranking, ViewOptions
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
+from iriftrace.core.files import FileOrigin
 from iriftrace.planning.criteria import STANDARD
 
 if TYPE_CHECKING:
@@ -220,12 +221,18 @@ def report(
         summary = summarise(dataset, ranking)
         with working("Writing the report"):
             missing = write_report(
-                output, file, dataset, summary, top=top, views=several.views, limits=limits
+                output, dataset, summary, top=top, views=several.views, limits=limits
             )
     elif (ranking, top, wavelength, several) == (STANDARD, 10, None, ViewOptions()):
         from iriftrace.figures.report import write_scan_report
 
-        missing = write_scan_report(output, *_numbers(file))
+        numbers, values = _numbers(file)
+        picture = numbers.with_suffix(".png")
+        png = picture.read_bytes() if picture.is_file() else b""
+        write_scan_report(output, values, FileOrigin.of(numbers), png)
+        missing = (
+            () if png else (f"There is no picture {picture}: compute the result with figures.",)
+        )
     else:
         raise InputError(
             f"Options of rankings, views and light are for a sweep (.nc), and {file} is none; "

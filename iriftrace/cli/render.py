@@ -8,6 +8,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from attrs import evolve
+
 from iriftrace.cli import checks
 from iriftrace.cli.console import command_line, say, working
 from iriftrace.cli.options import LightOf, Output
@@ -108,7 +110,7 @@ def metrics(
     started = time.perf_counter()
     with working("Reducing"):
         result = pose_metrics(pixels, shown, include=statuses(include))
-    result.time_s["metrics"] = time.perf_counter() - started
+    result = evolve(result, time_s={**result.time_s, "metrics": time.perf_counter() - started})
     with suppress(OSError, ValueError, AttributeError):
         # There may be no report of this image yet.
         result = keep_checks(result, json.loads(target.read_text(encoding="utf-8")))
@@ -176,9 +178,9 @@ def _render(
             for name, figure in pose_figures(rendering.image, exr.stem, include).items():
                 pictures.append(exr.with_name(f"{name}.png"))
                 write_figure(figure, pictures[-1])
-            rendering.metrics.add_time("figures", time.perf_counter() - started)
+            rendering = rendering.with_time("figures", started)
     with working("Writing"):
-        return rendering, [*rendering.save(exr, rgb=rgb), *pictures]
+        return rendering.saved(exr, rgb=rgb), [exr, exr.with_suffix(".json"), *pictures]
 
 
 def _print_rendering(rendering: Rendering, loaded: Scene, files: list[Path]) -> None:

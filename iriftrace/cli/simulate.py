@@ -25,7 +25,7 @@ from iriftrace.core.units import ZERO_CELSIUS_K
 if TYPE_CHECKING:
     from iriftrace.flow.simulate.case import Case
     from iriftrace.flow.simulate.draught import Draught
-    from iriftrace.flow.simulate.family import Member
+    from iriftrace.flow.simulate.family import FamilyMember
     from iriftrace.flow.simulate.family_run import Cost, Solve, Task
     from iriftrace.flow.simulate.programs import Installation
     from iriftrace.flow.simulate.run import State
@@ -224,7 +224,7 @@ def next_scene(
 
 def family_cases(
     part: Part, simulation: SimulationOptions, wind: DraughtOptions, processes: int
-) -> tuple[tuple[Member, ...], dict[str, Case]]:
+) -> tuple[tuple[FamilyMember, ...], dict[str, Case]]:
     """Members of a family, and the case of each by name."""
     from iriftrace.flow.simulate.case import symmetric_case
     from iriftrace.flow.simulate.family import plan_family
@@ -253,7 +253,7 @@ def family_cases(
 
 
 def simulate_family(
-    members: Sequence[Member],
+    members: Sequence[FamilyMember],
     cases: dict[str, Case],
     folder: Path,
     installation: Installation,

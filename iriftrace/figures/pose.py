@@ -18,7 +18,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray
-from iriftrace.core.engines import Bending
+from iriftrace.core.engines import Bending, engine_named
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
 from iriftrace.figures.style import COLOURS, DPI, TEXT_COLOUR, ColourScale, legend_below
@@ -304,7 +304,9 @@ def _provenance(header: JsonObject) -> str:
         else None,
         f"{wavelength:g} nm" if wavelength is not None else None,
         # The gradient of cells has no normals.
-        normals if engine == "cells" or not normals else f"{normals} normals",
+        normals
+        if not normals or (engine and engine_named(engine).through_cells)
+        else f"{normals} normals",
         "bent at the shells" if bending and Bending(bending).at_shells_alone else None,
         f"engine: {engine}" if engine else None,
     ]

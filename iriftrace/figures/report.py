@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from iriftrace.camera.pose import pose_text
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import sha256_of, write_whole
+from iriftrace.core.files import FileOrigin, write_whole
 from iriftrace.core.plain import JsonObject, structured
 from iriftrace.core.units import ZERO_CELSIUS_K, counted
 from iriftrace.figures import describe
@@ -25,7 +25,7 @@ from iriftrace.planning import texts
 from iriftrace.planning.candidates import name_of as metric_name
 from iriftrace.planning.cover import NO_LIMITS, ViewLimits, plan_views
 from iriftrace.planning.stability import stability
-from iriftrace.sweep.store import attribute
+from iriftrace.sweep.store import attribute, origin_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -99,8 +99,8 @@ class Page:
             block = {"kind": kind, "content": found, "title": title, "headings": tuple(headings)}
             self.sections[-1]["blocks"].append(block)
 
-    def write(self, path: Path, source: Path) -> None:
-        """Write the page about a file, complete or not at all; its folder must exist."""
+    def write(self, path: Path, origin: FileOrigin | None) -> None:
+        """Write the page about a file's values, complete or not at all; its folder must exist."""
         from jinja2 import Environment, PackageLoader, StrictUndefined
 
         environment = Environment(
@@ -111,8 +111,7 @@ class Page:
             lstrip_blocks=True,
         )
         template = environment.get_template("report.html.jinja")
-        about = {"source": source.name, "sha256": sha256_of(source)}
-        write_whole(path, template.render(page=self, **about))
+        write_whole(path, template.render(page=self, origin=origin))
 
 
 def _picture(name: str, caption: str, png: bytes) -> tuple[str, str, str] | None:
@@ -122,7 +121,6 @@ def _picture(name: str, caption: str, png: bytes) -> tuple[str, str, str] | None
 
 def write_report(
     path: Path,
-    sweep: Path,
     dataset: xr.Dataset,
     summary: SweepSummary,
     *,
@@ -136,8 +134,6 @@ def write_report(
     ----------
     path
         The HTML file; an existing one is replaced when the new one is complete.
-    sweep
-        The sweep's file.
     dataset, summary
         The sweep's dataset and summary.
     top
@@ -158,7 +154,7 @@ def write_report(
     figures, missing = sweep_pictures(dataset, summary)
     figures = sweep_charts(summary) | figures
     page = sweep_page(dataset, summary, figures, missing, top=top, views=views, limits=limits)
-    page.write(path, sweep)
+    page.write(path, origin_of(dataset))
     return missing
 
 
@@ -312,22 +308,18 @@ def _add_stability(page: Page, summary: SweepSummary) -> None:
     page.add("numbers", *rows, title=title, headings=headings)
 
 
-def write_scan_report(path: Path, result: Path, values: JsonObject) -> tuple[str, ...]:
-    """Write the report of a scan or correction from its JSON file and the values in it.
+def write_scan_report(path: Path, values: JsonObject, origin: FileOrigin, png: bytes = b"") -> None:
+    """Write the report of a scan or correction from the values of its JSON file and its picture.
 
-    Returns why the picture is missing, a sentence, if it is. Raises InputError if the values are
-    not those of such a result, or the file cannot be written.
+    Raises InputError if the values are not those of such a result, or the file cannot be written.
     """
-    picture = result.with_suffix(".png")
-    png = picture.read_bytes() if picture.is_file() else b""
     try:
         page = scan_page(values, png)
     except (LookupError, TypeError, ValueError) as error:
         raise InputError(
-            f"{result} is damaged ({error!r}); compute the result again.", code="file.damaged"
+            f"{origin.path} is damaged ({error!r}); compute the result again.", code="file.damaged"
         ) from error
-    page.write(path, result)
-    return () if png else (f"There is no picture {picture}: compute the result with figures.",)
+    page.write(path, origin)
 
 
 def scan_page(values: JsonObject, png: bytes = b"") -> Page:

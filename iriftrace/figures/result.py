@@ -1,4 +1,4 @@
-"""Figures of any result: a pose or a sweep, as an object or as its file."""
+"""Figures of any result: a pose or a sweep."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Plots:
 
 
 def plot(
-    result: str | Path | AovImage | Rendering | xr.Dataset,
+    result: AovImage | Rendering | xr.Dataset,
     *,
     criteria: Criteria = STANDARD,
     name: str | None = None,
@@ -67,7 +67,7 @@ def plot(
     Parameters
     ----------
     result
-        A pose (an AOV image, a rendering, or an ``.exr``), or a sweep (a dataset or an ``.nc``).
+        A pose (an AOV image or a rendering), or a sweep (a dataset).
     criteria
         Criteria by which a sweep's poses are ranked.
     name
@@ -78,16 +78,14 @@ def plot(
     Raises
     ------
     InputError
-        The file cannot be read, the image has no good ray, or no pose of the sweep can be ranked.
+        The image has no good ray, or no pose of the sweep can be ranked.
     """
-    if isinstance(result, str | Path):
-        name = name or Path(result).stem
-        result = read_result(result)
     if not isinstance(result, xr.Dataset):
         from iriftrace.figures.pose import pose_figures
 
         image = result if isinstance(result, AovImage) else result.image
-        return Plots(pose_figures(image, name or "displacement", component=component))
+        name = name or ("displacement" if image.origin is None else Path(image.origin.path).stem)
+        return Plots(pose_figures(image, name, component=component))
     if component != "norm":
         raise InputError(
             f"A component of the displacement ({component}) can be drawn for one pose, but this is "

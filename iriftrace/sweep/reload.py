@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray, IntArray
-from iriftrace.core.engines import AUTO
+from iriftrace.core.engines import Engine
 from iriftrace.core.errors import InputError, SetupError, warn, without_warnings
 from iriftrace.core.plain import JsonObject
 from iriftrace.io.part_files import read_part
@@ -85,7 +85,7 @@ def load_swept_scene(dataset: xr.Dataset, pose: int) -> SweptScene:
             named["path"],
             named.get("variables"),
             variant=variant,
-            engine=named.get("wanted_engine", AUTO),
+            engine=named.get("requested_engine", Engine.AUTO),
         )
     include = json.loads(dataset.attrs.get("include", "[0]"))
     return SweptScene(scene, swept_camera(dataset, pose), tuple(include))

@@ -10,7 +10,6 @@ from attrs import frozen
 from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
-from iriftrace.core.engines import AUTO
 from iriftrace.core.errors import InputError
 from iriftrace.core.mesh.triangles import row_lengths
 from iriftrace.core.runtime import variant as runtime
@@ -113,8 +112,7 @@ def trace_rays(
             'is traced through one of them; load it with {"member": 1}, for example.',
             code="scene.several_fields",
         )
-    free = loaded.engine == AUTO
-    chosen = choose(loaded, (start, heading)).scene if free else loaded
+    chosen = choose(loaded, (start, heading)).scene if loaded.engine.free else loaded
     return traced_as_chosen(
         chosen, start, heading, focus_mm=focus_mm, coherent=coherent, trace_all=trace_all
     )

@@ -1,4 +1,4 @@
-"""What motion files say besides their numbers: direction, missing numbers, scales, encodings."""
+"""Facts in motion files besides their numbers: direction, missing numbers, scales, encodings."""
 
 from pathlib import Path
 

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
+from iriftrace.core.files import FileOrigin
 from iriftrace.core.plain import JsonObject
 from iriftrace.figures.report import scan_page, write_scan_report
 from iriftrace.figures.scan import correction_figure, scan_figure
@@ -40,7 +41,7 @@ def setting_of(values: JsonObject) -> dict[str, str]:
 def report_of(numbers: Path) -> Path:
     """The written report of a result's JSON file."""
     page = numbers.with_suffix(".html")
-    write_scan_report(page, numbers, json.loads(numbers.read_text()))
+    write_scan_report(page, json.loads(numbers.read_text()), FileOrigin.of(numbers))
     return page
 
 

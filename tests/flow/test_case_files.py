@@ -1,4 +1,4 @@
-"""What the files of a case say, read back as facts and not as text."""
+"""Contents of the files of a case, read back as facts and not as text."""
 
 import json
 import re

@@ -13,7 +13,7 @@ from attrs import evolve
 from iriftrace.core.errors import InputError
 from iriftrace.flow.simulate import family_run
 from iriftrace.flow.simulate.case import RECORD, UNFINISHED, Case, natural_case, symmetric_case
-from iriftrace.flow.simulate.family import Member, plan_family
+from iriftrace.flow.simulate.family import FamilyMember, plan_family
 from iriftrace.flow.simulate.family_run import FAMILY, Cost, Task, run_family, write_image
 from iriftrace.flow.simulate.programs import Installation
 from iriftrace.medium.origin import facts_of, origin_of, state_origin
@@ -24,11 +24,11 @@ from iriftrace.part.wall_temperature import WallTemperatures
 NONE = Installation("", "", "", {})
 CELLS = 1000
 
-Family = tuple[tuple[Member, ...], dict[str, Case]]
+Family = tuple[tuple[FamilyMember, ...], dict[str, Case]]
 """Members, and the case of each by name."""
 
 
-def names(members: Sequence[Member]) -> list[str]:
+def names(members: Sequence[FamilyMember]) -> list[str]:
     return [member.name for member in members]
 
 
@@ -221,7 +221,7 @@ def test_members_between_are_made_from_the_others(
 ) -> None:
     """After all that is solved and mirrored, once; then also solved, if they are asked for."""
     members, cases = family
-    middle = Member(
+    middle = FamilyMember(
         "at_0.15_from_090",
         cases["at_0.10_from_090"].draught,
         "",

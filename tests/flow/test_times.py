@@ -1,4 +1,4 @@
-"""How long a simulation runs."""
+"""Length of a simulation."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What is frozen: each case records entries, in a folder of its own that is the current one."""
+"""Frozen values: each case records entries, in a folder of its own that is the current one."""
 
 from file_cases import calibrations, clouds, fields, poses
 from other_cases import flow, names, parts, studies

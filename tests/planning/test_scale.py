@@ -1,4 +1,4 @@
-"""What poses see, alone, together and in common, at several scales of their pictures."""
+"""Faces that poses see, alone, together and in common, at several scales of their pictures."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""How far a part has grown, by --hot-temperature: one number, regions, or the field's wall."""
+"""Growth of a part by --hot-temperature: one number, regions, or the field's wall."""
 
 import json
 import re

@@ -57,7 +57,9 @@ def test_the_best_pose_is_printed_in_three_forms_and_ranked_ones_are_saved(
 def test_python_plans_as_the_command_does(sweep: Path, run: Run) -> None:
     """The same best pose and views; criteria and limits are the options."""
     criteria = iriftrace.Criteria(statistic="median", min_hits=50)
-    found = iriftrace.plan(sweep, criteria, views=2, limits=ViewLimits(incidence_deg=80.0))
+    found = iriftrace.plan(
+        read_sweep(sweep), criteria, views=2, limits=ViewLimits(incidence_deg=80.0)
+    )
     options = ["--statistic=median", "--min-hits=50", "--views=2", "--max-incidence=80"]
     text = run("plan", sweep, *options)
     assert int(re.search(r"^Best pose (\d+)", text, re.MULTILINE)[1]) == found.summary.plan.best

@@ -22,7 +22,7 @@ Tried for 10 degrees (docs/board.md).
 
 
 @frozen
-class Member:
+class FamilyMember:
     """One draught of a family; its field is ``NAME.vtu`` in the family's folder."""
 
     name: str
@@ -86,7 +86,7 @@ def plan_family(
     symmetric: str,
     *,
     between: bool = False,
-) -> tuple[Member, ...]:
+) -> tuple[FamilyMember, ...]:
     """Members of a family, in the order of their names.
 
     Speeds are in m/s; 0 is one member for all directions. Directions are where the air comes from,
@@ -98,13 +98,13 @@ def plan_family(
     check_family(speeds, directions)
     turns = sorted(float(np.mod(direction, 360.0)) for direction in directions)
     originals = _originals(turns, symmetric)
-    members: list[Member] = []
+    members: list[FamilyMember] = []
     digits = _digits(speeds)
     for speed in sorted(speeds):
         if speed == 0.0:
             # On the same mesh as others, and free to sway like them.
             first = _left(planes, turns[0]) if turns else planes
-            members.append(Member(_name(speed, 0.0, digits), None, first))
+            members.append(FamilyMember(_name(speed, 0.0, digits), None, first))
             continue
         for turn in turns:
             name = _name(speed, turn, digits)
@@ -112,7 +112,7 @@ def plan_family(
             left = _left(planes, turn)
             original, across = originals.get(turn, (turn, ""))
             image_of = _name(speed, original, digits) if across else ""
-            members.append(Member(name, draught, left, image_of, across))
+            members.append(FamilyMember(name, draught, left, image_of, across))
     if between:
         places = product(sorted(speeds), turns)
         halfway = _halfway({place: _name(*place, digits) for place in places})
@@ -128,7 +128,7 @@ def plan_family(
     return tuple(members)
 
 
-def _halfway(names: Mapping[tuple[float, float], str]) -> list[Member]:
+def _halfway(names: Mapping[tuple[float, float], str]) -> list[FamilyMember]:
     """Members halfway between those with these names by speed, m/s, and direction, degrees."""
     speeds = sorted({speed for speed, _ in names})
     turns = sorted({turn for _, turn in names})
@@ -149,7 +149,7 @@ def _halfway(names: Mapping[tuple[float, float], str]) -> list[Member]:
         shares = Counter(names[place] for place in around)
         between = tuple((name, count / shares.total()) for name, count in shares.items())
         draught = draught_from(speed, (turn,))
-        found.append(Member(_name(speed, turn, digits), draught, "", between=between))
+        found.append(FamilyMember(_name(speed, turn, digits), draught, "", between=between))
     return found
 
 
