@@ -74,7 +74,7 @@ def _answer(facts: Mapping[str, str], true: str) -> str:
     return f" {drawn or true.capitalize()} it is {facts[drawn or true]}{u}."
 
 
-def placed_names(part: Part) -> dict[str, str]:
+def placed_names(part: Part) -> dict[str | None, str]:
     """Names of a part's regions as they are printed, by their names in files."""
     return dict(zip(part.region_names, placed_regions(part), strict=True))
 

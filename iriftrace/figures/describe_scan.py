@@ -47,21 +47,21 @@ class Row:
     ----------
     group : str
         "points", "answer", "field", "larger", "uncertainty", "feature", "planes", "region", "note".
+    value : str
+        The value with its unit, or a sentence without full stop.
     name : str
         Name of the value; "" of a sentence.
-    value : str
-        The value with its unit, or the sentence without full stop.
     of : str
         Feature, pair of planes or region that has it; "" for the whole result.
     """
 
     group: str
-    name: str
     value: str
+    name: str = ""
     of: str = ""
 
 
-def describe(values: JsonObject, places: Mapping[str, str] | None = None) -> list[Row]:
+def describe(values: JsonObject, places: Mapping[str | None, str] | None = None) -> list[Row]:
     """State what a measurement or correction found, from the values of its JSON file.
 
     `places` are the names of regions with their places. Raises LookupError, TypeError or ValueError
@@ -69,11 +69,10 @@ def describe(values: JsonObject, places: Mapping[str, str] | None = None) -> lis
     """
     true, growth = TRUE_CLOUDS[values["schema"]], values["growth"]
     at = f"{ON_DRAWING} at {growth['reference_k'] - ZERO_CELSIUS_K:g} degC" if growth else ""
-    named = {None: "all points", **(places or {})}
-    rows = [
-        Row("points", _OUTCOMES.get(key, key), f"{count:,}")
-        for key, count in values["points"].items()
-    ]
+    named: dict[str | None, str] = {None: "all points"}
+    named |= places or {}
+    counts = values["points"].items()
+    rows = [Row("points", f"{count:,}", _OUTCOMES.get(key, key)) for key, count in counts]
     rows += _measured(values) if true == "cold" else _corrected(values)
     rows += _field(values)
     for feature in values["features"]:
@@ -81,7 +80,7 @@ def describe(values: JsonObject, places: Mapping[str, str] | None = None) -> lis
     for relation in values.get("relations", ()):
         pair = " and ".join(named.get(region, region) for region in relation["regions"])
         of = f"{relation['kind'].capitalize()} of {pair}"
-        rows += (Row("planes", *fact, of) for fact in _value(relation, true, at))
+        rows += (Row("planes", text, name, of) for name, text in _value(relation, true, at))
     return rows + _regions(structured(values.get("regions", ()), tuple[RegionValues, ...]), named)
 
 
@@ -124,37 +123,30 @@ def _measured(values: JsonObject) -> Iterator[Row]:
         ]
     if values["system"] == "stereo":
         said.append(f"The two lines miss each other by {_spread(values['gap_mm'])}")
-    return (Row("answer", "", sentence) for sentence in said)
+    return (Row("answer", sentence) for sentence in said)
 
 
 def _corrected(values: JsonObject) -> Iterator[Row]:
     counts, to_part, u = values["points"], values.get("to_part_mm"), values.get("u_normal_mm")
-    yield Row(
-        "answer",
-        "",
-        f"{counts['corrected']:,} of {counts['measured']:,} points are corrected, by "
-        f"{_spread(values['error_mm'])}",
-    )
+    moved = f"{counts['corrected']:,} of {counts['measured']:,} points are corrected, by"
+    yield Row("answer", f"{moved} {_spread(values['error_mm'])}")
     if to_part is not None:
-        yield Row("answer", "", f"As measured, they lie {_spread(to_part)} from the part")
+        yield Row("answer", f"As measured, the cloud lies {_spread(to_part)} from the part")
     if larger := values.get("larger"):
         by = 100 * (larger["scale"] - 1.0)
-        text = f"The cloud is {abs(by):.2f} % {'larger' if by > 0 else 'smaller'} than the part"
-        yield Row("larger", "", text)
+        size = "larger" if by > 0 else "smaller"
+        yield Row("larger", f"The cloud is {abs(by):.2f} % {size} than the part")
     if u is not None:
-        text = f"Standard uncertainty of the correction along the normal: {_spread(u)}"
-        yield Row("answer", "", text)
+        yield Row(
+            "answer", f"Standard uncertainty of the correction along the normal: {_spread(u)}"
+        )
+        unseen = "Systematic errors of the sensor, the shells and the mesh"
+        yield Row("answer", f"{unseen} are not included in U")
     unknown = "The air's part of U is not known, because"
     if any(map(synthetic_mark, map(stated_source, _fields(values)))):
-        yield Row("uncertainty", "", f"{unknown} the air is synthetic")
+        yield Row("uncertainty", f"{unknown} the air is synthetic")
     elif u is None:
-        yield Row("uncertainty", "", f"{unknown} the uncertainty of the field is not")
-    else:
-        yield Row(
-            "uncertainty",
-            "",
-            "Systematic errors of the sensor, the shells and the mesh are not included in U",
-        )
+        yield Row("uncertainty", f"{unknown} the uncertainty of the field is not")
 
 
 def _fields(values: JsonObject) -> list[JsonObject | None]:
@@ -166,10 +158,10 @@ def _field(values: JsonObject) -> Iterator[Row]:
     assumed = values["assumptions"]
     source = assumed.get("field_source")
     origin = origin_text(_fields(values), assumed["field_origin"])
-    yield Row("field", "", f"{origin}; {source}" if source else origin)
+    yield Row("field", f"{origin}; {source}" if source else origin)
     for key in ("field_fit", OUTSIDE):
         if key in assumed:
-            yield Row("field", "", str(assumed[key]).removesuffix("."))
+            yield Row("field", str(assumed[key]).removesuffix("."))
 
 
 def _feature(row: JsonObject, true: str, at: str, named: Mapping[str | None, str]) -> Iterator[Row]:
@@ -189,7 +181,7 @@ def _feature(row: JsonObject, true: str, at: str, named: Mapping[str | None, str
         "at": where,
         **dict(_value(row, true, at, drawn)),
     }
-    return (Row("feature", name, text, of) for name, text in facts.items() if text)
+    return (Row("feature", text, name, of) for name, text in facts.items() if text)
 
 
 def _value(row: JsonObject, true: str, at: str, drawn_at: str = "") -> Iterator[tuple[str, str]]:
@@ -222,20 +214,19 @@ def _regions(found: Sequence[RegionValues], named: Mapping[str | None, str]) -> 
     seen = sorted((region for region in found if region.points), key=lambda row: -row.points)
     rows = []
     for region in seen:
-        values, area = region.along_normal_mm or {}, region.measured
-        um_of = {"median": values["median"], "rms": values["rms"], "95 % below": region.size_p95_mm}
+        values, name = region.along_normal_mm or {}, named.get(region.region, region.region)
+        lengths = values["median"], values["rms"], region.size_p95_mm or 0.0
         facts = {
             "points": f"{region.points:,}",
-            **({} if area is None else {"measured": f"{area:.0%}"}),
-            **{f"{name} (um)": f"{1e3 * value:.3g}" for name, value in um_of.items()},
+            "measured": "" if region.measured is None else f"{region.measured:.0%}",
+            **dict(zip(("median", "rms", "95 % below"), map(um, lengths), strict=True)),
         }
-        name = named.get(region.region, region.region)
-        rows += [Row("region", *fact, name) for fact in facts.items()]
+        rows += [Row("region", text, fact, name) for fact, text in facts.items() if text]
     if any(region.measured is not None for region in seen):
-        text = "Measured: area of the triangles with a point, as a fraction of the region's"
-        rows.append(Row("note", "", text))
+        area = "area of the triangles with a point, as a fraction of the region's"
+        rows.append(Row("note", f"Measured: {area}"))
     if unseen := len(found) - len(seen):
-        rows.append(Row("note", "", f"Without a measured point: {counted(unseen, 'region')}"))
+        rows.append(Row("note", f"Without a measured point: {counted(unseen, 'region')}"))
     return rows
 
 

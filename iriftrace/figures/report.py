@@ -195,9 +195,9 @@ def sweep_page(
 
     page.section("best", "Best pose")
     where = summary.matrices[plan.best], summary.distance[plan.best]
-    for text, title, in_file in describe.devices_at(summary, f"Pose {plan.best}", *where):
-        page.add("lines", *text.matrix, title=title)
-        page.add("lines", *text.xml, title=in_file)
+    for pose, title, in_file in describe.devices_at(summary, f"Pose {plan.best}", *where):
+        page.add("lines", *pose.matrix, title=title)
+        page.add("lines", *pose.xml, title=in_file)
 
     if views is not None:
         chosen = plan_views(dataset, views, limits, plan.criteria)

@@ -111,7 +111,7 @@ def test_a_laser_line_is_drawn_on_the_part_as_measured_and_corrected(
     page = read_page(report_of(numbers))
     assert "those of one line of a laser lie in a plane" in page.text
     (regions,) = (table for table in page.tables if table[0][0] == "region")
-    assert regions[0][1:3] == ["points", "median (um)"]
+    assert regions[0][1:3] == ["points", "median"]
     assert regions[1][:2] == ["lateral", str(len(scan.points))]
 
 
