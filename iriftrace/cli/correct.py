@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 from functools import partial
@@ -13,15 +14,7 @@ from iriftrace.cli.console import drawn, say, working
 from iriftrace.cli.measure import Features, Gate, Phase, System
 from iriftrace.cli.options import Flag, Fraction, Output, read_motion, word_parameter
 from iriftrace.cli.trace_options import TraceOptions
-from iriftrace.cli.triangulation_text import (
-    print_regions,
-    say_features,
-    say_field,
-    say_relations,
-    um,
-)
 from iriftrace.core.errors import InputError
-from iriftrace.core.plain import JsonObject
 
 if TYPE_CHECKING:
     from iriftrace.measuring.features.fitted import FittedFeature
@@ -104,7 +97,16 @@ def correct(
     figures
         Draw the corrections, and the deviation from the part, into a .png next to the output.
     """
+    from iriftrace.cli.triangulation_text import (
+        placed_names,
+        print_regions,
+        say_features,
+        say_group,
+        say_points,
+        say_relations,
+    )
     from iriftrace.core.mesh.transform import apply
+    from iriftrace.figures.describe_scan import describe
     from iriftrace.io.clouds import read_cloud
     from iriftrace.measuring.features.choice import checked_choices
     from iriftrace.measuring.two_devices.correct import correct as take_out
@@ -142,22 +144,24 @@ def correct(
     features = found.features(loaded.part, choices, gate, **doubts)
     related = found.relations(features, **doubts)
     regions = found.regions(loaded.part)
-    files: tuple[Path, ...] = found.save(
+    saved, numbers = found.save(
         output, features, regions, related, cloud=read, motion=motion, in_cloud_frame=in_cloud_frame
     )
+    files = [saved, numbers]
     if figures:
         from iriftrace.figures.scan import correction_figure
 
         figure = partial(correction_figure, found, loaded.part, loaded.camera)
-        files = (*files, drawn(figure, output.with_suffix(".png")))
-    values = found.as_dict()
-    _say_counts(values)
-    say_features(features, loaded.part, "corrected", gate)
-    say_relations(related, loaded.part, "corrected")
-    print_regions(regions, loaded.part, "Refraction error along the normal by region, removed")
+        files.append(drawn(figure, output.with_suffix(".png")))
+    rows = describe(json.loads(numbers.read_text(encoding="utf-8")), placed_names(loaded.part))
+    say_points(rows)
+    say_features(rows, "corrected", gate)
+    say_relations(rows, "corrected")
+    print_regions(rows, "Refraction error along the normal by region, removed")
     _say_expansion(found.growth, features)
-    _say_uncertainty(found, values)
-    say_field(found.provenance)
+    say_group(rows, "uncertainty")
+    _say_uncertainty(found)
+    say_group(rows, "field")
     say("Files: " + ", ".join(map(str, files)))
 
 
@@ -176,43 +180,14 @@ def _say_expansion(growth: Growth | None, features: Sequence[FittedFeature]) -> 
         )
 
 
-def _say_counts(values: JsonObject) -> None:
-    """State how many points are corrected, and why the others are not."""
-    counts, error = values["points"], values["error_mm"]
-    uncertain = counts["uncertain"]
-    say(
-        f"{counts['corrected']:,} of {counts['measured']:,} points are corrected, by "
-        f"{um(error['median'])} (median; 95th percentile {um(error['p95'])})"
-        + (f", {counts['uncertain']:,} of them by less than its uncertainty" if uncertain else "")
-        + f". Not corrected are "
-        f"{counts['far_from_part']:,} far from the part (table, clamps, outliers) or on its "
-        f"outline, {counts['hidden']:,} hidden from a device, {counts['outside_view']:,} behind a "
-        f"device or beyond its lens, {counts['several_images']:,} with several images, "
-        f"{counts['outside_field']:,} seen through no hot air and {counts['lost']:,} whose rays "
-        "were lost on the way. As measured, the cloud lies "
-        f"{um(values['to_part_mm']['median'])} from the part (median; 95th percentile "
-        f"{um(values['to_part_mm']['p95'])})."
-    )
-
-
-def _say_uncertainty(found: Correction, values: JsonObject) -> None:
-    """State what the uncertainties contain, or why there is none."""
+def _say_uncertainty(found: Correction) -> None:
+    """State what the uncertainties contain, and with what more of them would be known."""
     if found.state.synthetic:
-        say(
-            "The air is synthetic, so that its part of U is not known: use a flow solution "
-            "(iriftrace field simulate)."
-        )
+        say("To know it, use a flow solution (iriftrace field simulate).")
     elif found.u_normal is None:
         say(
-            "The air's part of U is not known, because the uncertainty of the field is not: give "
-            '--field-uncertainty "5 %", or a scene of several states of the air (iriftrace scene '
-            "--member)."
-        )
-    if found.u_normal is not None:
-        say(
-            "Standard uncertainty of the correction along the normal: "
-            f"{um(values['u_normal_mm']['median'])} (median). Systematic errors of the sensor, the "
-            "shells and the mesh are not included in U."
+            'To know it, give --field-uncertainty "5 %", or a scene of several states of the air '
+            "(iriftrace scene --member)."
         )
     unsteadiness = found.state.unsteadiness
     if unsteadiness is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -12,14 +13,6 @@ from iriftrace.cli import checks
 from iriftrace.cli.console import drawn, say, working
 from iriftrace.cli.options import Flag, Output, numbers, word_parameter
 from iriftrace.cli.trace_options import TraceOptions
-from iriftrace.cli.triangulation_text import (
-    placed_names,
-    print_regions,
-    say_features,
-    say_field,
-    say_relations,
-    um,
-)
 from iriftrace.core.engines import engine_named
 from iriftrace.core.units import counted
 
@@ -123,6 +116,15 @@ def write_scan(
     gate: float | None = 3.5,
 ) -> None:
     """Simulate the measurement of a scene's two devices, write its files and print results."""
+    from iriftrace.cli.triangulation_text import (
+        placed_names,
+        print_regions,
+        say_features,
+        say_group,
+        say_points,
+        say_relations,
+    )
+    from iriftrace.figures.describe_scan import describe, um
     from iriftrace.measuring.features.choice import checked_choices
     from iriftrace.measuring.two_devices.acceptance import acceptance as accepted
     from iriftrace.measuring.two_devices.measure import measure as simulate
@@ -134,19 +136,21 @@ def write_scan(
     errors = accepted(features, loaded.part) if acceptance else ()
     regions = scan.regions(loaded.part)
     related = scan.relations(features)
-    files = list(scan.save(output, features, errors, regions, related))
+    cloud, numbers = scan.save(output, features, errors, regions, related)
+    files = [cloud, numbers]
     if figures:
         from iriftrace.figures.scan import scan_figure
 
         files.append(drawn(lambda: scan_figure(scan, loaded.part), output.with_suffix(".png")))
-    _say_errors(scan)
-    say_field(scan.provenance)
+    names = placed_names(loaded.part)
+    rows = describe(json.loads(numbers.read_text(encoding="utf-8")), names)
+    say_points(rows)
+    say_group(rows, "field")
     say("Files: " + ", ".join(map(str, files)))
     _say_far_points(scan)
-    say_features(features, loaded.part, "cold", gate)
-    say_relations(related, loaded.part, "cold")
-    print_regions(regions, loaded.part, "Error along the normal by region")
-    names = placed_names(loaded.part)
+    say_features(rows, "cold", gate)
+    say_relations(rows, "cold")
+    print_regions(rows, "Error along the normal by region")
     for tested in errors:
         measured, cold = (um(tested.error_mm[name]) for name in ("measured", "cold"))
         # Of two regions that have a distance, the names are in the text.
@@ -156,6 +160,8 @@ def write_scan(
 
 def _say_far_points(scan: Scan) -> None:
     """Say that few points, for which shells are too coarse, determine form deviations."""
+    from iriftrace.figures.describe_scan import um
+
     size = np.abs(scan.error_normal)
     usual = float(np.quantile(size, _USUAL))
     engine = engine_named(scan.provenance["engine"])
@@ -166,32 +172,3 @@ def _say_far_points(scan: Scan) -> None:
             "be too coarse for them, and form deviations depend on such points; compare with "
             "--engine cells."
         )
-
-
-def _say_errors(scan: Scan) -> None:
-    """Print how many points were measured, and their errors."""
-    values = scan.as_dict()
-    points, error, fit = values["points"], values["error_normal_mm"], values["best_fit"]
-    say(
-        f"{points['measured']:,} points of {points['pixels']:,} pixels were measured: "
-        f"{points['not_seen']:,} pixels see nothing of the part in focus, {points['shadow']:,} are "
-        f"in shadow, {points['outside_picture']:,} outside the second device's picture, "
-        f"{points['out_of_focus']:,} out of its focus, {points['several_images']:,} with several "
-        f"images, {points['lost']:,} lost on the way."
-    )
-    say(
-        f"Error along the normal: median {um(error['median'])}, rms {um(error['rms'])}, after a "
-        f"rigid best fit rms {um(fit['error_normal_mm']['rms'])}; size of the whole error: 95th "
-        f"percentile {um(values['error_mm']['p95'])}."
-    )
-    if "members" in values:
-        worst = next(m for m in values["members"] if m["number"] == values["worst_member"])
-        scatter = values["scatter_normal_mm"]
-        say(
-            f"These are means over {len(values['members'])} fields; standard deviation from field "
-            f"to field: median {um(scatter['median'])}, 95th percentile {um(scatter['p95'])}. "
-            f"Worst member: {worst['number']} ({worst['label']}), rms "
-            f"{um(worst['error_normal_mm']['rms'])}."
-        )
-    if scan.system == "stereo":
-        say(f"The two lines miss each other by {um(values['gap_mm']['median'])} (median).")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from attrs import frozen
 from cyclopts import Group, Parameter
 
-from iriftrace.cli import checks, plan_text
+from iriftrace.cli import checks
 from iriftrace.cli.console import say, working
 from iriftrace.cli.options import (
     Angle,
@@ -129,6 +129,7 @@ def plan(
     convention
         Camera axes in that file, opencv (x right, y down, z forward) by default.
     """
+    from iriftrace.cli import plan_text
     from iriftrace.planning.pose_plan import plan as plan_poses
     from iriftrace.planning.refine import check_evaluations, write_refined
     from iriftrace.planning.texts import ranking_table

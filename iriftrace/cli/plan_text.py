@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 from iriftrace.cli.console import late_bar, print_table, say
 from iriftrace.core.units import counted
+from iriftrace.figures.describe import devices_at, placed
 
 if TYPE_CHECKING:
     import xarray as xr
-    from numpy.typing import ArrayLike
 
+    from iriftrace.camera.pose import PoseText
     from iriftrace.core.arrays import FloatArray
     from iriftrace.measuring.two_devices.devices import System
     from iriftrace.planning.cover import ViewLimits, ViewSet
@@ -54,20 +55,19 @@ def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
 
 def _print_swept(kind: str, summary: SweepSummary, pose: int) -> None:
     name = f"{kind} {pose}{summary.setting(pose)}"
-    _print_devices(name, summary, summary.matrices[pose], summary.distance[pose])
+    _print_devices(devices_at(summary, name, summary.matrices[pose], summary.distance[pose]))
 
 
-def _print_devices(
-    name: str, summary: SweepSummary, matrix: FloatArray, distance_mm: float
-) -> None:
-    """Print the camera's pose, and that of a rig's second device, which moves with it."""
-    second = summary.second_at(matrix)
-    if second is None:
-        print_pose(name, matrix, distance_mm)
-        return
-    device = summary.rig["device"]
-    print_pose(name, matrix, distance_mm, "the first sensor")
-    print_pose("Second device with it", second, distance_mm, f'the second sensor (id="{device}")')
+def _print_devices(devices: Iterable[tuple[PoseText, str, str]]) -> None:
+    """Print poses as matrix, as look-at and as XML."""
+    for text, title, in_file in devices:
+        say(f"{title}:")
+        for row in text.matrix:
+            say(f"  {row}")
+        say(f"Look-at: {text.look_at}")
+        say(f"{in_file}:")
+        for line in text.xml:
+            say(f"  {line}")
 
 
 def print_views(summary: SweepSummary, views: ViewSet, limits: ViewLimits) -> None:
@@ -102,23 +102,7 @@ def print_refined(summary: SweepSummary, refined: Refinement) -> None:
         rows.append((metric.label, *(f"{factor * value:.4g}" for value in values)))
     print_table("Metrics", ("", "swept pose", "refined pose"), rows, texts=[""])
     name = f"Refined pose{summary.setting(refined.start)}"
-    _print_devices(name, summary, refined.matrix, refined.distance_mm)
-
-
-def print_pose(
-    name: str, matrix: ArrayLike, distance_mm: float, sensor: str = "the sensor"
-) -> None:
-    """A pose as matrix, as look-at and as XML."""
-    from iriftrace.camera.pose import pose_text
-
-    text = pose_text(matrix, distance_mm)
-    say(f"{name}, camera to world (x right, y down, z forward; mm):")
-    for row in text.matrix:
-        say(f"  {row}")
-    say(f"Look-at: {text.look_at}")
-    say(f"In the scene file, inside {sensor}:")
-    for line in text.xml:
-        say(f"  {line}")
+    _print_devices(devices_at(summary, name, refined.matrix, refined.distance_mm))
 
 
 def print_pairs(dataset: xr.Dataset, found: PairPlan, top: int) -> None:
@@ -173,8 +157,7 @@ def _print_pair(
     from iriftrace.measuring.two_devices.devices import DEVICE_OF_SYSTEM
 
     sensors = ("the first sensor", f'the second sensor (id="{DEVICE_OF_SYSTEM[system]}")')
-    for name, matrix, distance, sensor in zip(names, matrices, distances_mm, sensors, strict=True):
-        print_pose(name, matrix, float(distance), sensor)
+    _print_devices(map(placed, names, matrices, distances_mm, sensors))
     say("With both sensors in the scene file, iriftrace measure simulates their measurement.")
 
 

@@ -245,7 +245,7 @@ def report(
 
 def _numbers(path: Path) -> tuple[Path, JsonObject]:
     """The JSON file of a scan or correction, which may be given by its cloud, and its values."""
-    from iriftrace.figures.report import TRUE_CLOUDS
+    from iriftrace.figures.describe_scan import TRUE_CLOUDS
 
     file = path if path.suffix.lower() == ".json" else path.with_suffix(".json")
     if not file.is_file():

@@ -24,7 +24,7 @@ from iriftrace.core.plain import JsonObject
 from iriftrace.figures.style import COLOURS, DPI, TEXT_COLOUR, ColourScale, legend_below
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.displacement import directions_to, good_mask, signed_components
-from iriftrace.image.ray_statistics import FEWEST_RAYS, OF_MET, percent
+from iriftrace.image.ray_statistics import FEWEST_RAYS, OF_MET, TOO_FEW, percent
 from iriftrace.medium.source import stated_source, synthetic_mark
 from iriftrace.sweep.faces import displacement_limits
 
@@ -284,7 +284,7 @@ def _pixel_edges(marked: BoolArray, axis: int) -> FloatArray:
 
 def _statistics(values: FloatArray) -> str:
     if len(values) < FEWEST_RAYS:
-        return f"fewer than {FEWEST_RAYS} good rays, so no numbers"
+        return TOO_FEW
     median, p95 = (
         f"{value:.1f}" if value >= 1.0 or value == 0.0 else f"{value:.2g}"
         for value in np.percentile(values, (50.0, 95.0))
