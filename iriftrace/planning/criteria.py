@@ -1,4 +1,4 @@
-"""Criteria by which the poses of a sweep are compared."""
+"""Criteria by which the poses of a sweep are compared, alone, together and in pairs."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from collections.abc import Callable
 from typing import Literal, get_args
 
 from attrs import Attribute, asdict, field, frozen
+from attrs.converters import optional as if_given
 from attrs.validators import optional
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
+from iriftrace.core.units import Angle, Interval, LengthWithUnit
 
 METRICS = ("displacement", "coverage", "axial", "lateral")
 """Names of the metrics; a larger coverage is better, smaller values of the others are."""
@@ -152,3 +154,108 @@ class Criteria:
 
 STANDARD = Criteria()
 THE_PAPERS = Criteria(statistic="mean")
+
+
+@frozen
+class Views:
+    """Several poses that together see more of the part than one.
+
+    Parameters
+    ----------
+    views
+        Number of poses that together see as much area as possible.
+    max_displacement
+        A pose does not see a face whose mean displacement is larger, with its unit: "20 um".
+    max_incidence
+        A pose does not see a face that its rays hit at a larger angle, in degrees.
+
+    Raises
+    ------
+    InputError
+        If there are limits and no number of poses, or nothing is within them.
+    """
+
+    views: int | None = None
+    max_displacement: LengthWithUnit | None = field(default=None, converter=if_given(LengthWithUnit))
+    max_incidence: Angle | None = field(default=None, converter=if_given(Angle))
+
+    def __attrs_post_init__(self) -> None:
+        if self.views is None:
+            raise InputError(
+                "Limits are given without a number of poses that together see the most, so they "
+                "change nothing; give that too.",
+                code="views.no_number",
+                argument="views",
+            )
+        if not self.displacement_mm > 0.0:
+            raise InputError(
+                f"No face has a displacement below {self.displacement_mm:g} mm; give a positive "
+                "limit.",
+                code="views.nothing_within",
+                argument="max_displacement",
+            )
+        if not 0.0 < self.incidence_deg <= 90.0:
+            raise InputError(
+                f"The largest angle of incidence is {self.incidence_deg:g} degrees, but rays "
+                "arrive at 0 to 90; give a limit in between.",
+                code="views.nothing_within",
+                argument="max_incidence",
+            )
+
+    @property
+    def displacement_mm(self) -> float:
+        """Largest mean displacement of the rays on a face that is seen; infinite without a limit."""
+        return math.inf if self.max_displacement is None else self.max_displacement
+
+    @property
+    def incidence_deg(self) -> float:
+        """Largest angle of incidence of the ray that hits a face most squarely."""
+        return 90.0 if self.max_incidence is None else self.max_incidence
+
+    @property
+    def text(self) -> str:
+        """The limits in words, half a sentence after another one; empty if there is none."""
+        limits = []
+        if math.isfinite(self.displacement_mm):
+            limits.append(f"with a displacement of {1e3 * self.displacement_mm:g} um at most")
+        if self.incidence_deg < 90.0:
+            limits.append(f"at an angle of {self.incidence_deg:g} degrees at most")
+        return f"; a face counts that is seen {' and '.join(limits)}" if limits else ""
+
+
+@frozen
+class Pairing:
+    """Pairs of poses for two devices that triangulate.
+
+    Parameters
+    ----------
+    confirm
+        For pairs: measure the best three, which is the default.
+    system
+        Kind of the second device: a projector (fringe, by default), a camera (stereo) or a laser.
+    angle
+        Smallest and largest angle between two lines of sight in degrees, 15:45 by default: smaller
+        ones increase noise, larger ones occlusion.
+    feature
+        Also print the error of this diameter, "cylinder:lateral", and rank by the larger error.
+
+    Raises
+    ------
+    InputError
+        If the angles are not a range.
+    """
+
+    confirm: bool = True
+    system: System = "fringe"
+    angle: Interval = field(default=Interval((15.0, 45.0)), converter=Interval)
+    feature: str | None = None
+
+    def __attrs_post_init__(self) -> None:
+        low, high = self.angle
+        if not 0.0 < low < high < 180.0:
+            raise InputError(
+                f"The angles {low:g}:{high:g} are not a range of triangulation; give the smaller "
+                "one first, such as 15:45.",
+                code="pairs.no_angles",
+                argument="angle",
+            )
