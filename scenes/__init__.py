@@ -19,7 +19,10 @@ def folder_of(name: str) -> Path:
     from iriftrace.core.errors import InputError
 
     if name not in names():
-        raise InputError(f"There is no bundled scene '{name}'; there are {', '.join(names())}.")
+        raise InputError(
+            f"There is no bundled scene '{name}'; there are {', '.join(names())}.",
+            code="scenes.unknown_name",
+        )
     return Path(__file__).parent / name
 
 

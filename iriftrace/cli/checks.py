@@ -17,7 +17,8 @@ def inputs(*paths: Path | None) -> None:
             continue
         if path.is_dir():
             raise InputError(
-                f"The input {path} is a folder, but a file is needed; name the file in it."
+                f"The input {path} is a folder, but a file is needed; name the file in it.",
+                code="file.is_folder",
             )
         check_readable(path)
 
@@ -55,20 +56,28 @@ def order(field: Path, part: Path) -> None:
     elif second in SUFFIXES and first not in SUFFIXES and not field.is_dir():
         wrong = f"{part} is not a part"
     if wrong:
-        raise InputError(f"{wrong} that can be read here; field and part may be exchanged.")
+        raise InputError(
+            f"{wrong} that can be read here; field and part may be exchanged.",
+            code="file.exchanged",
+        )
 
 
 def folder(path: Path) -> None:
     """Refuse a folder that cannot be written."""
     there = next(each for each in (path, *path.absolute().parents) if each.exists())
     if not there.is_dir():
-        raise InputError(f"Cannot use {path} as a folder: {there} is a file; name another one.")
+        raise InputError(
+            f"Cannot use {path} as a folder: {there} is a file; name another one.",
+            code="file.no_folder",
+        )
     try:
         # Permissions do not show that a file system is read-only or full.
         with TemporaryFile(dir=there):
             pass
     except OSError as error:
-        raise InputError(f"The folder {there} may not be written; name another one.") from error
+        raise InputError(
+            f"The folder {there} may not be written; name another one.", code="file.not_writable"
+        ) from error
 
 
 def numbers(path: Path, schema: str) -> None:
@@ -86,7 +95,8 @@ def numbers(path: Path, schema: str) -> None:
     if not found.startswith(f"{schema}/"):
         raise InputError(
             f"The numbers of {path} are written to {report}, another file that would be lost; "
-            "give the output another name (-o)."
+            "give the output another name (-o).",
+            code="file.replaces_another",
         )
 
 
@@ -95,7 +105,8 @@ def kept(path: Path | None, *read: Path | str) -> None:
     for one in read:
         if path is not None and path.resolve() == Path(one).resolve():
             raise InputError(
-                f"The output would replace {path}, one of its inputs; give it another name."
+                f"The output would replace {path}, one of its inputs; give it another name.",
+                code="file.replaces_input",
             )
 
 
@@ -110,12 +121,14 @@ def output(path: Path | None, example: str, *others: str, make: bool = False) ->
     suffixes = tuple(dict.fromkeys((Path(example).suffix, *others)))
     if path.is_dir():
         raise InputError(
-            f"The output {path} is a folder; name a file in it, such as {path / example}."
+            f"The output {path} is a folder; name a file in it, such as {path / example}.",
+            code="file.is_folder",
         )
     if path.suffix.lower() not in suffixes:
         raise InputError(
             f"The output {path} must end in {' or '.join(suffixes)}; name it "
-            f"{path.with_name((path.stem or 'out') + suffixes[0])}, for example."
+            f"{path.with_name((path.stem or 'out') + suffixes[0])}, for example.",
+            code="file.suffix",
         )
     if not make:
         parent(path)
@@ -125,7 +138,9 @@ def output(path: Path | None, example: str, *others: str, make: bool = False) ->
 def parent(path: Path) -> None:
     """Refuse a file or folder whose own folder does not exist."""
     if not path.absolute().parent.is_dir():
-        raise InputError(f"The folder {path.parent} does not exist; create it first.")
+        raise InputError(
+            f"The folder {path.parent} does not exist; create it first.", code="file.no_folder"
+        )
 
 
 def cloud_output(path: Path, example: str) -> None:

@@ -62,7 +62,10 @@ def compare(
     target = output or image.with_name(f"{image.stem}_against_{measured.stem}.json")
     checks.output(target, "comparison.json")
     if target.resolve() == measured.resolve():
-        raise InputError(f"The output {target} would replace the measured shift; name another one.")
+        raise InputError(
+            f"The output {target} would replace the measured shift; name another one.",
+            code="file.replaces_input",
+        )
     used = statuses(include)
     check_light(wavelength, header, image)
     shifts = read_shifts(measured, without_zeros)

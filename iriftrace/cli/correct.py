@@ -35,7 +35,10 @@ def _read_kelvins(text: str, option: str) -> float:
     except ValueError:
         kelvins = math.nan
     if not 0.0 <= kelvins < 1000.0:
-        raise InputError(f'{option} is "{text}"; give a temperature difference such as 10 K.')
+        raise InputError(
+            f'{option} is "{text}"; give a temperature difference such as 10 K.',
+            code="units.no_temperature_difference",
+        )
     return kelvins
 
 
@@ -129,10 +132,10 @@ def correct(
                 field_uncertainty=field_uncertainty,
                 pixels=read.pixels,
             )
-    except InputError:
+    except InputError as error:
         if advice := remedy(read.points, read.unit, motion, loaded.part):
             raise InputError(
-                f"{cloud} does not lie on the part, but would with {advice}."
+                f"{cloud} does not lie on the part, but would with {advice}.", code=error.code
             ) from None
         raise
     doubts = {"u_expansion": expansion_uncertainty, "u_temperature_k": temperature_uncertainty}

@@ -81,9 +81,17 @@ def check(
     checks.inputs(part)
     checks.output(output, "check.json")
     if field_options.isosurfaces:
-        raise InputError("Iso-surfaces have no air between them to check; give the volume.")
+        raise InputError(
+            "Iso-surfaces have no air between them to check; give the volume.",
+            code="field.isosurfaces",
+            argument="isosurfaces",
+        )
     if diameter is not None and not diameter > 0.0:
-        raise InputError(f"--diameter is {diameter:g} mm, but a cylinder's diameter is positive.")
+        raise InputError(
+            f"A diameter of {diameter:g} mm is that of no cylinder; give a positive one.",
+            code="cylinder.diameter",
+            argument="diameter",
+        )
     measured = part_options.read(part, partial(field_options.read_wall, field))
     with working("Reading the field"):
         volume = field_options.read(field, measured, flow=True)

@@ -64,7 +64,8 @@ def plot(
     if output.suffix.lower() in (".png", ".pdf", ".jpg", ".jpeg", ".svg"):
         raise InputError(
             f"The output {output} is the folder of the pictures, but has the name of one; name a "
-            "folder, such as figures."
+            "folder, such as figures.",
+            code="file.picture_as_folder",
         )
     result = read_result(file)
     header = result.header if isinstance(result, AovImage) else result.attrs
@@ -114,15 +115,20 @@ def view(file: Path, *, picture: Path | None = None, length_unit: str | None = N
 def _shown(file: Path, length_unit: str | None) -> tuple[Any, FieldSource | None]:
     """What a file holds, and the source of its field if it is a cloud."""
     if not file.exists():
-        raise InputError(f"There is no file {file}; give an existing one.")
+        raise InputError(f"There is no file {file}; give an existing one.", code="file.missing")
     suffix = file.suffix.lower()
     if length_unit is not None and suffix not in _MESHES:
         raise InputError(
             f"A length unit is for the mesh of a part, and {file} is not one "
-            f"({', '.join(_MESHES)}); leave it out (--length-unit)."
+            f"({', '.join(_MESHES)}); leave it out.",
+            code="file.no_mesh",
+            argument="length_unit",
         )
     if suffix in _OTHER_CLOUDS:
-        raise InputError(f"{file} is a cloud; one is shown from a .vtp or .ply: write it as that.")
+        raise InputError(
+            f"{file} is a cloud; one is shown from a .vtp or .ply: write it as that.",
+            code="cloud.format",
+        )
     cloud = _cloud(file) if suffix in (".vtp", ".ply") else None
     if cloud is not None:
         return cloud, _source_beside(file)
@@ -156,7 +162,9 @@ def _cloud(file: Path) -> pv.PolyData | None:
     try:
         mesh = read_ply(file)
     except Exception as error:  # its reader lets any through that a damaged file causes
-        raise InputError(f"{file} is damaged ({error}); write it again.") from error
+        raise InputError(
+            f"{file} is damaged ({error}); write it again.", code="file.damaged"
+        ) from error
     if len(mesh.faces):
         return None
     points = pv.PolyData(mesh.vertices)
@@ -221,7 +229,8 @@ def report(
     else:
         raise InputError(
             f"Options of rankings, views and light are for a sweep (.nc), and {file} is none; "
-            "leave them out."
+            "leave them out.",
+            code="options.of_a_sweep",
         )
     _print_missing(missing)
     say(f"Report in {output}")
@@ -235,7 +244,8 @@ def _numbers(path: Path) -> tuple[Path, JsonObject]:
     if not file.is_file():
         raise InputError(
             f"The file {file} does not exist; give a sweep (.nc), or what iriftrace measure or "
-            "correct wrote."
+            "correct wrote.",
+            code="file.missing",
         )
     try:
         values = json.loads(file.read_text(encoding="utf-8"))
@@ -247,12 +257,14 @@ def _numbers(path: Path) -> tuple[Path, JsonObject]:
     if current is not None and schema != current:
         raise InputError(
             f"{file} has schema {schema!r} instead of {current!r}, so it was written by another "
-            "version of iriftrace; measure or correct again with this one."
+            "version of iriftrace; measure or correct again with this one.",
+            code="file.other_version",
         )
     if current is None:
         raise InputError(
             f"{file} holds no numbers of iriftrace measure or correct for a report; "
-            "give a sweep (.nc), or a cloud that lies next to its .json."
+            "give a sweep (.nc), or a cloud that lies next to its .json.",
+            code="report.no_numbers",
         )
     return file, values
 

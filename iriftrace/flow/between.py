@@ -55,7 +55,8 @@ def field_between(
     if len(fields) < 2 or len(shares) != len(fields):
         raise InputError(
             f"{len(fields)} fields with {len(shares)} weights have no air between them; give two "
-            "fields or more, and a weight for each or none."
+            "fields or more, and a weight for each or none.",
+            code="members.weights",
         )
     first = fields[0]
     points = np.asarray(first.grid.points, dtype=np.float64)
@@ -105,7 +106,9 @@ def _centroids(field: IndexField, heights: FloatArray) -> FloatArray:
     if not strong.any():
         raise InputError(
             f"{field.source.path} has no air that is hotter than ambient, so no plume to move; "
-            "check the ambient temperature."
+            "check the ambient temperature.",
+            code="field.no_hot_air",
+            argument="ambient",
         )
     found = near[strong] @ centres[:, :2] / amount[strong, None]
     filled = [np.interp(heights, heights[strong], column) for column in found.T]

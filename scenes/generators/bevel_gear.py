@@ -153,7 +153,8 @@ def bevel_gear(
     outline = _outline(teeth, module_mm, pitch_angle_deg, pressure_angle_deg)
     if tooth is not None and not 0 <= tooth < teeth:
         raise InputError(
-            f"There is no tooth {tooth} on a bevel gear with {teeth} teeth; give 0 to {teeth - 1}."
+            f"There is no tooth {tooth} on a bevel gear with {teeth} teeth; give 0 to {teeth - 1}.",
+            code="scenes.unknown_tooth",
         )
     cone = np.radians(pitch_angle_deg)
     reach = outline.pitch_radius / float(np.sin(cone))
@@ -164,7 +165,8 @@ def bevel_gear(
     if not outline.half_angle(outline.tip_radius) > 0.0:
         raise InputError(
             f"Teeth of {pressure_angle_deg:g} degrees pressure angle come to a point below the tip "
-            f"of a bevel gear with {teeth} teeth; give more teeth or a smaller angle."
+            f"of a bevel gear with {teeth} teeth; give more teeth or a smaller angle.",
+            code="scenes.size",
         )
     rings = _rings(
         outline,
@@ -204,7 +206,8 @@ def _outline(
 def _check_angle(name: str, degrees: float, low: float, high: float) -> None:
     if not low <= degrees <= high:
         raise InputError(
-            f"A {name} of {degrees:g} degrees makes no usable gear; give {low:g} to {high:g}."
+            f"A {name} of {degrees:g} degrees makes no usable gear; give {low:g} to {high:g}.",
+            code="scenes.size",
         )
 
 

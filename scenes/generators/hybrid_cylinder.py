@@ -58,7 +58,8 @@ def hybrid_cylinder(
     if not -half < start < stop < half:
         raise InputError(
             f"The hybrid cylinder's transition from x = {start:g} to {stop:g} mm is not within its "
-            f"length from {-half:g} to {half:g} mm; move the interface or shorten the transition."
+            f"length from {-half:g} to {half:g} mm; move the interface or shorten the transition.",
+            code="scenes.size",
         )
     cold = max(1, round(stations * (start + half) / (length_mm - transition_mm)))
     hot = max(1, stations - cold)

@@ -75,7 +75,8 @@ class PlateAir:
         if not ambient + 1.0 <= self.wall_k <= 5000.0:
             raise InputError(
                 f"a plate of {self.wall_k:g} K in air of {ambient:g} K cannot be computed: the "
-                "wall must be at least 1 K hotter than the air and not hotter than 5000 K."
+                "wall must be at least 1 K hotter than the air and not hotter than 5000 K.",
+                code="scenes.wall_temperature",
             )
 
     @property
@@ -125,7 +126,9 @@ class PlateAir:
             slopes, ends, thick * e, np.stack((*guess, *heat)), tol=1e-6, max_nodes=40_000
         )
         if not found.success:
-            raise InputError(f"the boundary layer at {self.wall_k:g} K was not found.")
+            raise InputError(
+                f"the boundary layer at {self.wall_k:g} K was not found.", code="scenes.no_solution"
+            )
         return found.sol
 
     def thickness_mm(self, height_mm: float) -> float:

@@ -203,11 +203,13 @@ def _check_shape(shape: WishboneShape, spacing: float) -> None:
     if not 0.5 <= shape.thickness <= 3.0:
         raise InputError(
             f"A thickness of {shape.thickness:g} times the usual one makes no wishbone; give 0.5 "
-            "to 3."
+            "to 3.",
+            code="scenes.size",
         )
     if not 0.0 <= shape.rise <= 50.0:
         raise InputError(
-            f"A rise of {shape.rise:g} mm bends the wishbone's arms out of shape; give 0 to 50 mm."
+            f"A rise of {shape.rise:g} mm bends the wishbone's arms out of shape; give 0 to 50 mm.",
+            code="scenes.size",
         )
     for name, bore, outer in (
         ("hub", shape.hub_bore, shape.hub_radius),
@@ -237,7 +239,8 @@ def _contour(shape: WishboneShape, spacing: float) -> tuple[FloatArray, IntArray
     if size > _MOST_POINTS:
         raise InputError(
             f"A lattice of {spacing:g} mm has {size:.2g} points around this wishbone, more than "
-            f"{_MOST_POINTS:.0e}; give a larger spacing."
+            f"{_MOST_POINTS:.0e}; give a larger spacing.",
+            code="scenes.too_many_points",
         )
     axes = [np.arange(low, high + 0.5 * spacing, spacing) for low, high in shape.extent]
     lattice = pv.ImageData(
@@ -252,7 +255,8 @@ def _contour(shape: WishboneShape, spacing: float) -> tuple[FloatArray, IntArray
     if pieces != 1:
         raise InputError(
             f"These sizes give {pieces} separate pieces and no wishbone, because the arms do not "
-            "reach the hubs; give a smaller distance or depth, or thicker arms."
+            "reach the hubs; give a smaller distance or depth, or thicker arms.",
+            code="scenes.pieces",
         )
     smooth = surface.smooth_taubin(n_iter=_SMOOTHING_STEPS, pass_band=_PASS_BAND)
     # VTK's triangles face towards smaller values, which lie inside.

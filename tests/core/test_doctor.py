@@ -135,7 +135,7 @@ def test_gpus_are_named_and_their_absence_is_no_fault(machine) -> None:
 
 def test_a_kernel_that_fails_is_an_error_with_its_last_words(machine, monkeypatch) -> None:
     def broken(variant: str) -> None:
-        raise SetupError(f"{variant} does not work here: Aborted")
+        raise SetupError(f"{variant} does not work here: Aborted", code="machine.kernel")
 
     machine()
     monkeypatch.setattr(doctor, "run_trial", broken)

@@ -192,7 +192,7 @@ def test_spoilt_fields_are_found_out(simulated: Checked, cylinder: Part) -> None
         one for one in check_field(field, cold).findings if one.name == "field's wall to part"
     )
     assert gap.verdict == "bad"
-    assert "--expansion" in gap.remark
+    assert "thermal expansion" in gap.remark
     object.__setattr__(spoilt, "gradient", 1.3 * spoilt.gradient)
     errors = gradient_errors(spoilt, wall_state(spoilt, cylinder))
     assert np.median(errors) == pytest.approx(0.3, abs=0.03)
@@ -211,16 +211,18 @@ def test_a_field_without_a_wall_is_refused(cylinder: Part) -> None:
     grid = grid.cast_to_unstructured_grid()
     values = Air().refractivity(np.full(grid.n_points, 400.0))
     source = FieldSource("solid.vtu", "0" * 64, "T", "temperature", "mm")
-    with pytest.raises(InputError, match="no inner boundary"):
+    with pytest.raises(InputError) as error:
         check_field(IndexField(grid, values, Air(), source), cylinder)
+    assert error.value.code == "field.no_wall"
 
 
 def test_a_cold_wall_is_refused(tmp_path: Path) -> None:
     field, part = hot_block.save(tmp_path)
     cold = read_field(field)
     still = evolve(cold, refractivity=np.full(len(cold.refractivity), cold.ambient_refractivity))
-    with pytest.raises(InputError, match="no hot air to be checked"):
+    with pytest.raises(InputError) as error:
         check_field(still, read_part(part))
+    assert (error.value.code, error.value.argument) == ("field.no_hot_air", "ambient")
 
 
 def test_command_prints_verdicts_and_writes_numbers(
@@ -308,7 +310,7 @@ def test_walls_of_bodies_are_not_the_parts(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("--diameter=-3", "diameter is positive"),
+        ("--diameter=-3", "-3 mm is that of no cylinder; give a positive one (--diameter)"),
         ("--origin=1,2", "3 numbers"),
         ("-o check.txt", "must end in .json"),
         ("--isosurfaces", "Iso-surfaces have no air"),
@@ -357,7 +359,10 @@ def test_regions_have_temperatures_of_their_own(
     assert main([*words, *wall, "--region-temperature", "lid=1000 K"]) == 2
     assert 'no region "lid"; its regions are' in capsys.readouterr().err
     assert main([*words, *REGIONS]) == 2
-    assert "the rest of the wall has none; give wall_temperature_k" in capsys.readouterr().err
+    assert (
+        "the rest of the wall has none; give it one too (--wall-temperature)."
+        in capsys.readouterr().err
+    )
 
 
 def test_temperatures_of_the_case_beside_the_field_are_the_default(

@@ -76,7 +76,7 @@ def test_the_expected_time_is_said_in_words(capsys: pytest.CaptureFixture[str]) 
         (("--ambient=0 K",), "in air of 0 K"),
         (("--ambient", "-300 degC"), "below absolute zero"),
         (("--background-cell=0.01 mm",), "background cells of 0.01 mm"),
-        (("--background-cell=0.01 mm",), "symmetric (--symmetry)"),
+        (("--background-cell=0.01 mm",), "symmetric (--background-cell)"),
         (("--snapshots=100000",), "100000 snapshots cannot be kept"),
     ],
 )

@@ -41,7 +41,7 @@ class Hill:
         pose = np.array(matrix)
         self.rendered.append(pose)
         if pose[2, 3] > self.forbidden_z:
-            raise InputError("The camera stands inside the hot air.")
+            raise InputError("The camera stands inside the hot air.", code="camera.in_hot_air")
         return {
             "rays": {"good": self.good},
             "displacement_mm": {"p95": self.displacement(pose)},

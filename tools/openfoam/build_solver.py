@@ -42,7 +42,10 @@ def build_solver(target: Path) -> None:
     step failed.
     """
     if shutil.which("g++") is None:
-        raise SetupError("g++ is missing, which compiles the solver: sudo apt-get install g++")
+        raise SetupError(
+            "g++ is missing, which compiles the solver: sudo apt-get install g++",
+            code="openfoam.no_compiler",
+        )
     target.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="iriftrace-openfoam-") as name:
         folder = Path(name)
@@ -132,7 +135,8 @@ def _output(command: list[str]) -> str:
     except (OSError, subprocess.CalledProcessError) as error:
         raise SetupError(
             "the solver can be built only from a package of Debian or Ubuntu that was installed "
-            f"with apt ({command[0]} failed); install OpenFOAM from openfoam.com instead."
+            f"with apt ({command[0]} failed); install OpenFOAM from openfoam.com instead.",
+            code="openfoam.no_package",
         ) from error
     return done.stdout.strip()
 
@@ -141,7 +145,7 @@ def _run(command: list[str], folder: Path, what: str) -> None:
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode:
         lines = (done.stderr.strip() or done.stdout.strip() or "no message").splitlines()
-        raise SetupError(f"{what} failed: {lines[-1]}")
+        raise SetupError(f"{what} failed: {lines[-1]}", code="openfoam.not_built")
 
 
 if __name__ == "__main__":

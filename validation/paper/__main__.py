@@ -109,13 +109,15 @@ def whole_numbers(text: str, option: str) -> list[int]:
         if not first.strip().isdecimal() or (colon and not last.strip().isdecimal()):
             raise InputError(
                 f'{option} is "{text}"; give whole numbers separated by commas, or a range such as '
-                "1:20."
+                "1:20.",
+                code="validation.no_numbers",
             )
         start, stop = int(first), int(last if colon else first)
         if stop < start or stop - start > 10_000:
             raise InputError(
                 f'{option} is "{text}", but the range {piece.strip()} does not rise, or is too '
-                "long; write it as FIRST:LAST."
+                "long; write it as FIRST:LAST.",
+                code="validation.no_range",
             )
         values += range(start, stop + 1)
     return values
@@ -135,7 +137,8 @@ def _run(
     if options.field.isosurfaces:
         raise InputError(
             "A study contours the field again for each case, so it needs the volume field and "
-            "not ready-made iso-surfaces."
+            "not ready-made iso-surfaces.",
+            code="validation.isosurfaces",
         )
     checks.order(fields[0], part)
     checks.fields(*fields)
@@ -284,10 +287,16 @@ def mesh(
     paths = [field, *finer]
     twice = [path for path in paths if paths.count(path) > 1]
     if twice:
-        raise InputError(f"{twice[0]} is given twice, so it would be compared twice; remove one.")
+        raise InputError(
+            f"{twice[0]} is given twice, so it would be compared twice; remove one.",
+            code="validation.not_each_once",
+        )
     for path in split or []:
         if path not in paths:
-            raise InputError(f"--split {path} is not one of the study's fields; name one of them.")
+            raise InputError(
+                f"--split {path} is not one of the study's fields; name one of them.",
+                code="validation.unknown_field",
+            )
     cut = [names_of(paths)[paths.index(path)] for path in split or []]
     made = partial(mesh_study, layers=layers, split=cut, references=reference)
     _run(paths, part, output, options, scale, made)

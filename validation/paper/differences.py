@@ -67,13 +67,15 @@ def compare(here: Hits, reference: Hits) -> Differences:
     if here.good.shape != reference.good.shape:
         raise InputError(
             f"Pictures of {len(here.good)} and {len(reference.good)} pixels cannot be compared ray "
-            "by ray; give both the same camera."
+            "by ray; give both the same camera.",
+            code="validation.other_size",
         )
     both = here.good & reference.good
     if not both.any():
         raise InputError(
             "No ray is good in both runs, so there is nothing to compare; let the camera look at "
-            "the part."
+            "the part.",
+            code="validation.no_rays",
         )
     distance = np.linalg.norm(here.displacement[both] - reference.displacement[both], axis=1)
     return Differences(
@@ -90,7 +92,10 @@ def displacement_statistics(hits: Hits) -> dict[str, float | int]:
     """Displacement of one run: median, p95 and rms over its good rays, mm, and the counts."""
     norm = np.linalg.norm(hits.displacement[hits.good], axis=1)
     if len(norm) == 0:
-        raise InputError("No ray of the picture is good, so there is nothing to compare.")
+        raise InputError(
+            "No ray of the picture is good, so there is nothing to compare.",
+            code="validation.no_rays",
+        )
     sizes = spread(norm, ("median", "p95", "rms"))
     return {
         **{f"displacement_{name}": size for name, size in sizes.items()},

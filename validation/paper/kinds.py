@@ -42,7 +42,10 @@ def layers_study(
     Raises InputError if a number of shells is below 1.
     """
     if any(count < 1 for count in layers):
-        raise InputError(f"{min(layers)} shells refract no ray; give numbers of at least 1.")
+        raise InputError(
+            f"{min(layers)} shells refract no ray; give numbers of at least 1.",
+            code="validation.no_shell",
+        )
     (field,) = setup.fields.values()
     return Study(
         "layers",
@@ -106,12 +109,14 @@ def mesh_study(
     names, given = list(setup.fields), list(setup.fields.values())
     if len(names) < 2:
         raise InputError(
-            "A study of resolutions needs at least two fields, coarse to fine; give another one."
+            "A study of resolutions needs at least two fields, coarse to fine; give another one.",
+            code="validation.one_field",
         )
     for name in split:
         if name not in names:
             raise InputError(
-                f"There is no field {name} to split; the study has {', '.join(names)}."
+                f"There is no field {name} to split; the study has {', '.join(names)}.",
+                code="validation.unknown_field",
             )
     cases = [
         (number, suffix)
@@ -149,7 +154,8 @@ def rays_study(setup: Setup, *, scales: Sequence[float], layers: int = 13) -> St
     if not rays or len(set(rays)) < len(rays):
         raise InputError(
             f"The scales {', '.join(f'{scale:g}' for scale in scales) or 'none'} give "
-            f"{', '.join(map(str, rays)) or 'no'} rays; give at least one, each different."
+            f"{', '.join(map(str, rays)) or 'no'} rays; give at least one, each different.",
+            code="validation.not_each_once",
         )
     return Study(
         "rays",
@@ -176,7 +182,8 @@ def polygons_study(
     if not FEWEST <= smallest <= largest:
         raise InputError(
             f"Triangles of a shell from {smallest} to {largest} are not a range; give at least "
-            f"{FEWEST} and then more."
+            f"{FEWEST} and then more.",
+            code="validation.no_range",
         )
     check_modes(setup.modes, 1, layers)
     (field,) = setup.fields.values()

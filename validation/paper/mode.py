@@ -81,12 +81,14 @@ def check_modes(modes: Sequence[Mode], fields: int, layers: int | None = None) -
         if len(mode.drop_inner) not in (1, fields):
             raise InputError(
                 f"There are {len(mode.drop_inner)} numbers of inner shells to leave out, but the "
-                f"study has {fields} fields; give one number, or one for each field."
+                f"study has {fields} fields; give one number, or one for each field.",
+                code="validation.other_number_of_fields",
             )
         if layers is not None and not all(mode.leaves(layers, n) for n in range(fields)):
             raise InputError(
                 f"The mode '{mode.name}' leaves none of {layers} shells to trace; give more "
-                "layers, or leave fewer inner ones out."
+                "layers, or leave fewer inner ones out.",
+                code="validation.no_shell",
             )
 
 

@@ -26,7 +26,10 @@ def smooth_taubin(stack: ShellStack, iterations: int) -> ShellStack:
     Raises InputError for negative iterations.
     """
     if iterations < 0:
-        raise InputError(f"{iterations} smoothing iterations cannot be done; give 0 or more.")
+        raise InputError(
+            f"{iterations} smoothing iterations cannot be done; give 0 or more.",
+            code="validation.below_zero",
+        )
     if iterations == 0:
         return stack
 
@@ -51,7 +54,10 @@ def subdivide_midpoint(stack: ShellStack, times: int = 1) -> ShellStack:
     interpolated, and the number of triangles grows by ``4**times``.
     """
     if times < 0:
-        raise InputError(f"Shells cannot be subdivided {times} times; give 0 or more.")
+        raise InputError(
+            f"Shells cannot be subdivided {times} times; give 0 or more.",
+            code="validation.below_zero",
+        )
     for _ in range(times):
         stack = evolve(stack, shells=map(_subdivided, stack.shells))
     return stack

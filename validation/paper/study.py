@@ -151,14 +151,16 @@ class Study:
             if len(some) < fewest or len(set(some)) != len(some):
                 raise InputError(
                     f"The study's {what} are {', '.join(map(str, some)) or 'none'}; give at least "
-                    "one, each once."
+                    "one, each once.",
+                    code="validation.not_each_once",
                 )
         known = [*CELLS, *([] if self.layers is None else [SAME_MODE])]
         for name in self.references:
             if name not in known and not (name.isdecimal() and int(name) > 0):
                 raise InputError(
                     f'"{name}" is not a reference; give {", ".join(known)} or a number of shells, '
-                    "such as 20."
+                    "such as 20.",
+                    code="validation.unknown_reference",
                 )
         check_modes(self.setup.modes, len(self.setup.fields), self.layers)
 
@@ -286,7 +288,8 @@ def _compared(study: Study) -> Callable[[Mode, int], Entry]:
             raise InputError(
                 f"Only {good} of the {rays:,} rays of the study's picture are good, but its "
                 f"numbers need at least {FEWEST_RAYS}; give more pixels (--scale), or let the "
-                "camera look at the part."
+                "camera look at the part.",
+                code="validation.few_rays",
             )
         # The engine of cells has no mode.
         others = [
@@ -306,7 +309,8 @@ def _timed(study: Study, mode: Mode, position: int) -> Entry:
     if scene is None:
         raise InputError(
             f"The mode '{mode.name}' leaves no shell that the field reaches; give more layers, or "
-            "leave fewer inner ones out."
+            "leave fewer inner ones out.",
+            code="validation.no_shell",
         )
     return dict(times(scene))
 

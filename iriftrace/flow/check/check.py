@@ -87,8 +87,9 @@ def check_field(
         set_k = wall_temperature(expected, part, wall.points)
     elif regions_k:
         raise InputError(
-            "regions have a temperature, but the rest of the wall has none; give "
-            "wall_temperature_k (--wall-temperature) too."
+            "regions have a temperature, but the rest of the wall has none; give it one too.",
+            code="region.no_wall_temperature",
+            argument="wall_temperature",
         )
     if steady is None:
         steady = field.source.steady
@@ -114,7 +115,7 @@ def check_field(
 def _gap(fit: Fit) -> Finding:
     median_mm, p95_mm = fit.gap_median_mm, fit.gap_p95_mm
     good = p95_mm <= LARGEST_GAP_MM
-    remedy = "" if good else "; --expansion makes a cold drawing hot, if the field's part was hot"
+    remedy = "" if good else "; thermal expansion makes a cold drawing hot, if the field's part was"
     return Finding(
         "field's wall to part",
         f"{median_mm:.3g} mm",

@@ -85,7 +85,8 @@ def nusselt_horizontal_cylinder(
         raise InputError(
             f"a cylinder of {diameter_mm:g} mm and {wall_k:g} K in air of {ambient_k:g} K and "
             f"{pressure_pa:g} Pa gives no natural convection by this rule; the wall must be the "
-            "hotter one and all numbers positive."
+            "hotter one and all numbers positive.",
+            code="cylinder.no_convection",
         )
     reference = gas.reference_temperature(wall_k, ambient_k)
     diameter = diameter_mm * 1e-3
@@ -99,7 +100,8 @@ def nusselt_horizontal_cylinder(
     if not low <= rayleigh <= high:
         raise InputError(
             f"the Rayleigh number {rayleigh:.3g} is outside the laminar range {low:g} to {high:g} "
-            "of the rule; no Nusselt number can be given."
+            "of the rule; no Nusselt number can be given.",
+            code="cylinder.rayleigh_number",
         )
     factor = (1.0 + (0.559 / prandtl) ** (9.0 / 16.0)) ** (4.0 / 9.0)
     nusselt = 0.36 + 0.518 * float(np.power(rayleigh, 0.25)) / factor
@@ -120,7 +122,8 @@ def local_nusselt(angle_deg: ArrayLike, rayleigh: float) -> FloatArray:
     if not known[0] <= np.log(rayleigh) <= known[-1]:
         raise InputError(
             f"local Nusselt numbers are known for Rayleigh numbers from {min(LOCAL):g} to "
-            f"{max(LOCAL):g}, not for {rayleigh:.3g}."
+            f"{max(LOCAL):g}, not for {rayleigh:.3g}.",
+            code="cylinder.rayleigh_number",
         )
     logarithms = np.log(list(LOCAL.values()))
     # Level at the bottom and the top, where the two sides meet.
@@ -151,7 +154,7 @@ def nusselt_finding(
     if diameter is None:
         why = (
             "the part is not a horizontal cylinder, for which a correlation exists; compare with "
-            "one of its size by --diameter"
+            "one of its size by giving a diameter"
         )
         return Finding("Nusselt number", "n/a", "-", why, {})
     try:

@@ -76,7 +76,8 @@ def wall_state(field: IndexField, part: Part, bodies: Sequence[Part] = ()) -> Wa
     if not wall.n_points:
         raise InputError(
             f"{field.source.path} has no inner boundary around a part, so its wall cannot be "
-            "checked; export the air without the solid."
+            "checked; export the air without the solid.",
+            code="field.no_wall",
         )
     number = np.asarray(wall.point_data["number"], dtype=np.int64)
     faces = np.asarray(wall.regular_faces, dtype=np.int64)
@@ -131,8 +132,10 @@ def _conduction_thickness(field: IndexField, at_wall: FloatArray, slope: FloatAr
     if excess.max() < _LEAST_EXCESS_K:
         raise InputError(
             f"The wall in {field.source.path} has at most {at_wall.max():.1f} K in a room of "
-            f"{field.air.temperature_k:.1f} K, so there is no hot air to be checked; is the "
-            "ambient temperature right (--ambient)?"
+            f"{field.air.temperature_k:.1f} K, so there is no hot air to be checked; check "
+            "the ambient temperature.",
+            code="field.no_hot_air",
+            argument="ambient",
         )
     fall = np.linalg.norm(slope, axis=1) / gas.conductivity(at_wall)
     hot = excess > 0.05 * float(excess.max())

@@ -80,36 +80,46 @@ def check_bodies(bodies: Sequence[Body], part: Part, domain: Domain, floor: bool
         if names.count(body.name) > 1:
             raise InputError(
                 f'there are two bodies of the name "{body.name}", which results could not '
-                "distinguish; rename a file."
+                "distinguish; rename a file.",
+                code="body.same_name",
+                argument="body",
             )
         if not body.surface.closed:
             raise InputError(
                 f"the body {path} is not closed, so the air cannot be meshed around it; close the "
-                "holes of its surface first."
+                "holes of its surface first.",
+                code="body.open",
             )
         kelvin = body.temperature_k
         if kelvin is not None and not PLAUSIBLE_K[0] <= kelvin <= HOTTEST:
             raise InputError(
                 f"the body {path} cannot have {kelvin:g} K here; give a temperature from "
-                f"{PLAUSIBLE_K[0]:g} to {HOTTEST:g} K, or insulated."
+                f"{PLAUSIBLE_K[0]:g} to {HOTTEST:g} K, or insulated.",
+                code="body.temperature",
+                argument="body_temperature",
             )
         low, high = body.surface.bounds
         if (high <= domain.lower).any() or (low >= domain.upper).any():
             raise InputError(
                 f"the body {path} lies outside the air that is computed; check its position and "
-                "unit, or enlarge the air with --margin."
+                "unit, or enlarge the air.",
+                code="body.outside_air",
+                argument="margin",
             )
         solid = body.surface.closed_surface
         # A part that is the body itself lies on its surface and not inside it.
         if solid.inside(part.face_centres - _INWARD * part.face_normals).all():
             raise InputError(
                 f"the part lies inside the body {path}, so no air touches it; check the place of "
-                "both."
+                "both.",
+                code="body.around_part",
             )
         if solid.inside(np.array([domain.point_in_air])).any():
             raise InputError(
                 f"the body {path} fills the upper corner of the air that is computed; give a "
-                "smaller one, or enlarge the air with --margin."
+                "smaller one, or enlarge the air.",
+                code="body.fills_corner",
+                argument="margin",
             )
 
 
@@ -123,14 +133,17 @@ def check_inlets(bodies: Sequence[Body], inlets: Sequence[str], domain: Domain) 
         if blocked.mean() > _MOST_BLOCKED:
             raise InputError(
                 f"the bodies fill {blocked.mean():.0%} of the side {name} of the air through which "
-                "the draught enters; give smaller ones, enlarge the air with --margin, or let the "
-                "draught come from another side."
+                "the draught enters; give smaller ones, enlarge the air, or let the "
+                "draught come from another side.",
+                code="draught.blocked",
+                argument="margin",
             )
         if _screened(bodies, name, points, domain):
             raise InputError(
                 f"the bodies close the air between its side {name}, through which the draught "
                 "enters, and the part; give smaller ones, or let the draught come from another "
-                "side."
+                "side.",
+                code="draught.screened",
             )
 
 
@@ -157,7 +170,9 @@ def check_mirrored_bodies(bodies: Sequence[Body], centre: FloatArray, mirrors: s
                 raise InputError(
                     f"the body {body.surface.path} is not symmetric about the part's centre plane "
                     f"{name} = {centre['xy'.index(name)]:g} mm, so the air is not; leave {name} "
-                    "out of --symmetry."
+                    "out of the symmetry.",
+                    code="body.asymmetric",
+                    argument="symmetry",
                 )
 
 

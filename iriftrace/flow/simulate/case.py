@@ -60,36 +60,45 @@ class Case:
         if not self.part.closed:
             raise InputError(
                 f"{self.part.path} is not closed, so the air cannot be meshed around it; close the "
-                "holes of its surface first."
+                "holes of its surface first.",
+                code="part.open",
             )
-        for value, (low, high), what, unit in (
-            (self.ambient_k, AMBIENT_RANGE, "an ambient temperature", "K"),
-            (self.pressure_pa, PRESSURE_RANGE, "an air pressure", "Pa"),
-            (self.margin, (0.25, 4.0), "a margin", "times the usual air around the part"),
+        for argument, value, (low, high), what, unit in (
+            ("ambient", self.ambient_k, AMBIENT_RANGE, "an ambient temperature", "K"),
+            ("pressure", self.pressure_pa, PRESSURE_RANGE, "an air pressure", "Pa"),
+            ("margin", self.margin, (0.25, 4.0), "a margin", "times the usual air around the part"),
         ):
             if not low <= value <= high:
                 raise InputError(
                     f"{what} of {value:g} {unit} cannot be simulated here; give one from {low:g} "
-                    f"to {high:g}."
+                    f"to {high:g}.",
+                    code="case.out_of_range",
+                    argument=argument,
                 )
         if not 1 <= self.processes <= _MOST_PROCESSES:
             raise InputError(
                 f"the solver cannot run as {self.processes} processes; give a number from 1 to "
-                f"{_MOST_PROCESSES}."
+                f"{_MOST_PROCESSES}.",
+                code="case.processes",
+                argument="processes",
             )
         self.wall.check(self.part, self.ambient_k)
         check_mirrors(self.part, self.mirrors)
         if self.draught is not None and (crossed := self.draught.crossed(self.mirrors)):
             raise InputError(
                 f"the {self.draught.text} blows through the symmetry plane across {crossed[0]}, so "
-                f"half of the air is not enough; leave {crossed} out of --symmetry."
+                f"half of the air is not enough; leave {crossed} out of the symmetry.",
+                code="draught.across_symmetry",
+                argument="symmetry",
             )
         for name in self.mirrors if self.wall.varies(self.part) else "":
             if not _has_mirrored_wall(self, name):
                 raise InputError(
                     f"the wall's temperatures are not symmetric about {name} = "
                     f"{self.part.centre['xy'.index(name)]:g} mm, so the field is not; leave "
-                    f"{name} out of --symmetry."
+                    f"{name} out of the symmetry.",
+                    code="wall.asymmetric",
+                    argument="symmetry",
                 )
         domain = domain_around(
             self.part, self.size, self.mirrors, self.margin, self.floor, self._leaning
@@ -199,13 +208,15 @@ def is_stored(case: Case, folder: Path) -> bool:
         if different:
             raise InputError(
                 f"the folder {folder} holds a case that differs in {', '.join(different)}; name "
-                "another folder, or give the same options to continue it."
+                "another folder, or give the same options to continue it.",
+                code="case.differs",
             )
         return True
     if folder.is_dir() and any(folder.iterdir()) and not (folder / UNFINISHED).is_file():
         raise InputError(
             f"the folder {folder} holds files that are not a case of iriftrace and would be "
-            "overwritten; name an empty or a new one."
+            "overwritten; name an empty or a new one.",
+            code="case.other_files",
         )
     return False
 
@@ -219,7 +230,8 @@ def read_record(file: Path) -> JsonObject:
     if not isinstance(stored, dict):
         raise InputError(
             f"{file}, which records the progress of the run, is damaged ({stored}); delete the "
-            "folder, or name another one."
+            "folder, or name another one.",
+            code="case.damaged",
         )
     return stored
 

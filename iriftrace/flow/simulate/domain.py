@@ -100,7 +100,9 @@ def mesh_size(resolution: str, extents: FloatArray, background_mm: float | None 
     """
     if resolution not in RESOLUTIONS:
         raise InputError(
-            f'there is no resolution "{resolution}"; the resolutions are {", ".join(RESOLUTIONS)}.'
+            f'there is no resolution "{resolution}"; the resolutions are {", ".join(RESOLUTIONS)}.',
+            code="mesh.unknown_resolution",
+            argument="resolution",
         )
     thinnest = float(min(extents))
     coarsest = thinnest / _CELLS_ACROSS * 2**WALL_LEVEL
@@ -113,7 +115,9 @@ def mesh_size(resolution: str, extents: FloatArray, background_mm: float | None 
         raise InputError(
             f"background cells of {background_mm:g} mm are too coarse for a part that is "
             f"{thinnest:g} mm thin: cells at the wall are a sixteenth and would lose its shape; "
-            f"give at most {coarsest:.3g} mm."
+            f"give at most {coarsest:.3g} mm.",
+            code="mesh.too_coarse",
+            argument="background_cell",
         )
     return MeshSize(f"background cells of {background_mm:g} mm", background_mm)
 
@@ -217,9 +221,10 @@ def _background(
     if cells.prod() > _MOST_CELLS:
         raise InputError(
             f"the air would have {cells.prod():.2g} background cells of {cell:g} mm, "
-            f"and many more at the wall, but {_MOST_CELLS:g} is the most; give larger ones "
-            "(--background-cell, --resolution), or compute a half or a quarter of a part that is "
-            "symmetric (--symmetry)."
+            f"and many more at the wall, but {_MOST_CELLS:g} is the most; give larger ones, "
+            "or compute a half or a quarter of a part that is symmetric.",
+            code="mesh.too_many_cells",
+            argument="background_cell",
         )
     lower, upper = part.centre - down, part.centre + up
     if floor is not None:
@@ -228,7 +233,9 @@ def _background(
             raise InputError(
                 f"a floor at z = {floor:g} mm is none for this part: it must not be above the "
                 f"part's lowest point ({bottom:g} mm), nor below the air that is computed "
-                f"({lowest:g} mm); check its sign and unit."
+                f"({lowest:g} mm); check its sign and unit.",
+                code="floor.outside",
+                argument="floor",
             )
         lower[2] = floor
         # Cells that are a little lower or higher, so that whole ones stand on the floor.

@@ -106,18 +106,26 @@ def draught_from(speed: float, source: Sequence[float]) -> Draught | None:
     else:
         raise InputError(
             f"{len(source)} numbers are not a direction; give one angle in degrees (0 is "
-            "+x), or x,y,z."
+            "+x), or x,y,z.",
+            code="draught.numbers",
+            argument="draught_from",
         )
     length = float(np.linalg.norm(vector))
     if not 0.0 < length < np.inf:
-        raise InputError("the draught's direction is zero; give one that is not 0,0,0.")
+        raise InputError(
+            "the draught's direction is zero; give one that is not 0,0,0.",
+            code="draught.no_direction",
+            argument="draught_from",
+        )
     vector[np.abs(vector) < _ROUNDING * length] = 0.0
     vector /= np.linalg.norm(vector)
     if abs(vector[2]) > np.hypot(vector[0], vector[1]):
         raise InputError(
             "a draught along gravity cannot be simulated here, because air leaves and enters "
             "freely above and below the part; give a direction at most 45 degrees off the "
-            "horizontal plane."
+            "horizontal plane.",
+            code="draught.vertical",
+            argument="draught_from",
         )
     x, y, z = (float(value) for value in vector)
     return Draught(speed, (x, y, z)) if speed > 0.0 else None
@@ -128,5 +136,6 @@ def check_speed(speed: float) -> None:
     if not 0.0 <= speed <= FASTEST:
         raise InputError(
             f"a draught of {speed:g} m/s cannot be simulated here; give a speed from 0 to "
-            f"{FASTEST:g} m/s, and its direction with --draught-from."
+            f"{FASTEST:g} m/s.",
+            code="draught.speed",
         )

@@ -51,24 +51,31 @@ def check_family(speeds: Sequence[float], directions: Sequence[float]) -> None:
     blowing = [speed for speed in speeds if speed > 0.0]
     if blowing and not directions:
         raise InputError(
-            "the draughts have no directions; say where they come from with --draught-from "
-            "0,90,180,270 (degrees, 0 is +x)."
+            "the draughts have no directions; say where they come from, such as "
+            "0,90,180,270 degrees (0 is +x).",
+            code="family.no_directions",
+            argument="draught_from",
         )
     if directions and not blowing:
         raise InputError(
             f"{len(directions)} directions of still air are one and the same field; give speeds "
-            "above 0, such as --draughts 0:0.2:0.02, or leave out --draught-from."
+            "above 0, or leave the directions out.",
+            code="family.still_air",
+            argument="draughts",
         )
     turns = np.sort(np.mod(directions, 360.0))
     if (np.diff(turns) < 1e-6).any():
         raise InputError(
-            "--draught-from names a direction twice, so that its members would count twice; give "
-            "each once (0 and 360 degrees are the same)."
+            "a direction is given twice, so that its members would count twice; give each once (0 "
+            "and 360 degrees are the same).",
+            code="family.same_direction",
+            argument="draught_from",
         )
     if len(blowing) * len(directions) >= _MOST_MEMBERS:
         raise InputError(
             f"{len(blowing) * len(directions)} members are too many for a family; give fewer "
-            f"speeds or directions, at most {_MOST_MEMBERS} together."
+            f"speeds or directions, at most {_MOST_MEMBERS} together.",
+            code="family.too_many",
         )
 
 
@@ -111,8 +118,11 @@ def plan_family(
         halfway = _halfway({place: _name(*place, digits) for place in places})
         if not halfway:
             raise InputError(
-                "--between adds no member, as there is one speed and no two directions are within "
-                f"{MOST_APART_DEG:g} degrees of each other; give more of them, or leave it out."
+                "no member lies between others, as there is one speed and no two directions are "
+                f"within {MOST_APART_DEG:g} degrees of each other; give more of them, or ask "
+                "for none between.",
+                code="family.none_between",
+                argument="between",
             )
         members += halfway
     return tuple(members)

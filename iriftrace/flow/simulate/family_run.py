@@ -221,7 +221,8 @@ def _read(folder: Path) -> dict[str, JsonObject]:
     if folder.is_dir() and any(path.name != _CASES for path in folder.iterdir()):
         raise InputError(
             f"the folder {folder} holds files that are not a family of draughts, among which its "
-            "members would be lost; name an empty or a new one."
+            "members would be lost; name an empty or a new one.",
+            code="family.other_files",
         )
     return {}
 

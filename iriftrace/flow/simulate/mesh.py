@@ -56,7 +56,8 @@ def make_mesh(
     if not cells or not wall.n_cells:
         raise OpenFoamError(
             f"the mesh in {folder} has no faces on the part: the mesher lost it; is the part "
-            "closed and not thinner than the cells?"
+            "closed and not thinner than the cells?",
+            code="mesh.no_part",
         )
     centres = np.asarray(wall.cell_centers().points, dtype=np.float64) * 1000.0
     kelvins = wall_temperature(case.wall, case.part, centres)

@@ -34,12 +34,18 @@ def symmetric_axes(part: Part) -> str:
 def check_mirrors(part: Part, mirrors: str) -> None:
     """Refuse mirror planes about which the part is not symmetric, with an InputError."""
     if mirrors not in ("", "x", "y", "xy"):
-        raise InputError(f'there is no symmetry "{mirrors}"; --symmetry is x, y, xy or none.')
+        raise InputError(
+            f'there is no symmetry "{mirrors}"; give x, y, xy or none.',
+            code="part.unknown_symmetry",
+            argument="symmetry",
+        )
     for name in mirrors:
         if not is_symmetric(part, name, part.centre):
             raise InputError(
                 f"{part.path} is not symmetric about {name} = {part.centre['xy'.index(name)]:g} "
-                f"mm, so half of the air is not enough; leave {name} out of --symmetry."
+                f"mm, so half of the air is not enough; leave {name} out of the symmetry.",
+                code="part.asymmetric",
+                argument="symmetry",
             )
 
 

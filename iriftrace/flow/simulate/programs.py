@@ -59,7 +59,8 @@ class Installation:
         path = self.solver if name == SOLVER else _which(name, self.environment)
         if path is None:
             raise SetupError(
-                f"OpenFOAM's program {name} is missing, so the case cannot be run; {INSTALL}."
+                f"OpenFOAM's program {name} is missing, so the case cannot be run; {INSTALL}.",
+                code="openfoam.incomplete",
             )
         return path
 
@@ -72,11 +73,15 @@ def find_openfoam() -> Installation:
     environment = _environment()
     missing = [name for name in (*TOOLS, SOLVER) if _which(name, environment) is None]
     if len(missing) > len(TOOLS):
-        raise SetupError(f"there is no OpenFOAM on this machine, which computes fields; {INSTALL}.")
+        raise SetupError(
+            f"there is no OpenFOAM on this machine, which computes fields; {INSTALL}.",
+            code="openfoam.missing",
+        )
     if missing:
         raise SetupError(
             f"OpenFOAM has no {', '.join(missing)}; the versions of openfoam.com from v1912 on "
-            f"have all of them: {INSTALL}."
+            f"have all of them: {INSTALL}.",
+            code="openfoam.incomplete",
         )
     installed = str(_which(SOLVER, environment))
     repaired = repaired_solver(installed)
@@ -247,7 +252,9 @@ def run_program(
         text = tail(log)
         lines = text.strip().splitlines() or ["it wrote nothing"]
         reason = failure(text) or lines[-1].strip()
-        raise OpenFoamError(f"OpenFOAM's {name} failed: {reason} See {log}.")
+        raise OpenFoamError(
+            f"OpenFOAM's {name} failed: {reason} See {log}.", code="openfoam.failed"
+        )
     return log
 
 

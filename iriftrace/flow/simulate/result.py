@@ -93,7 +93,10 @@ def write_mean(
     """
     grid, moment = _read(folder, -1)
     if "rhoMean" not in grid.point_data:
-        raise SetupError(f"the case {folder} has no mean density at t = {moment:g} s.")
+        raise SetupError(
+            f"the case {folder} has no mean density at t = {moment:g} s.",
+            code="case.no_mean_density",
+        )
     density = as_float64(grid.point_data["rhoMean"])
     kelvin = temperature_of_density(density, case.pressure_pa)
     state, facts = "", FieldFacts(time="mean")

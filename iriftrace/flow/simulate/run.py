@@ -151,15 +151,18 @@ def _prepared(case: Case, folder: Path, installation: Installation) -> list[Path
     if case.processes > 1 and not apart:
         if last_time(pieces) > 0.0:
             raise InputError(
-                f"the run in {folder} was started with one process; continue with --processes 1."
+                f"the run in {folder} was started with one process; continue with one.",
+                code="case.other_processes",
+                argument="processes",
             )
         write_decomposition(folder, case.processes)
         run_program(installation, folder, "decomposePar", "-force")
         return pieces_of(folder)
     if apart and len(pieces) != case.processes:
         raise InputError(
-            f"the run in {folder} was started with {len(pieces)} processes; continue with "
-            f"--processes {len(pieces)}."
+            f"the run in {folder} was started with {len(pieces)} processes; continue with as many.",
+            code="case.other_processes",
+            argument="processes",
         )
     return pieces
 
@@ -186,7 +189,8 @@ def _run_solver(
     if last_time(pieces_of(folder)) < end * (1.0 - 1e-6):
         raise OpenFoamError(
             f"the solver in {folder} ended before {end:g} s without an error; run the same "
-            "command again to continue."
+            "command again to continue.",
+            code="openfoam.ended_early",
         )
 
 
@@ -200,14 +204,18 @@ def _averaging_since(folder: Path, pieces: list[Path], started: float, case: Cas
             if case.times.snapshots not in (0, stored["snapshots"]):
                 raise InputError(
                     f"the run in {folder} keeps {stored['snapshots']} snapshots, not "
-                    f"{case.times.snapshots}; give that number, or a later end time."
+                    f"{case.times.snapshots}; give that number, or a later end time.",
+                    code="case.other_snapshots",
+                    argument="snapshots",
                 )
             return float(stored["since"])
     if started >= case.times.end * (1.0 - 1e-9):
         raise InputError(
             f"the run in {folder} has already come to {started:g} s, so it cannot be averaged "
             f"over the last {case.times.averaging:g} s before {case.times.end:g} s; give a later "
-            "end time."
+            "end time.",
+            code="case.already_later",
+            argument="end_time",
         )
     for piece in pieces:
         for entry in time_folders(piece).values():

@@ -133,7 +133,8 @@ def check_solver(installation: Installation) -> None:
     if verdict := try_solver(installation):
         raise SetupError(
             f"{installation.solver} computes wrong ({verdict}), as Debian 12's miscompiled package "
-            f"does; {REPAIR}."
+            f"does; {REPAIR}.",
+            code="openfoam.computes_wrong",
         )
 
 

@@ -26,17 +26,23 @@ class Times:
         """Refuse times that are not possible."""
         if not 0.0 < self.end < np.inf:
             raise InputError(
-                f"an end time of {self.end:g} s cannot be simulated; give a positive one."
+                f"an end time of {self.end:g} s cannot be simulated; give a positive one.",
+                code="case.end_time",
+                argument="end_time",
             )
         if not 0.0 < self.averaging <= self.end:
             raise InputError(
                 f"the field cannot be averaged over {self.averaging:g} s of {self.end:g} s; give a "
-                "positive time that is not longer than the end time."
+                "positive time that is not longer than the end time.",
+                code="case.average_time",
+                argument="average_time",
             )
         if not 0 <= self.snapshots <= _MOST_SNAPSHOTS:
             raise InputError(
                 f"{self.snapshots} snapshots cannot be kept, each being a whole state on disk; "
-                f"give a number from 0 to {_MOST_SNAPSHOTS}."
+                f"give a number from 0 to {_MOST_SNAPSHOTS}.",
+                code="case.snapshots",
+                argument="snapshots",
             )
 
     @property
@@ -75,7 +81,8 @@ def natural_times(
     if not 0.0 < ambient_k < hottest_k:
         raise InputError(
             f"no air rises at a wall of {hottest_k:g} K in air of {ambient_k:g} K; check number "
-            "and unit of both."
+            "and unit of both.",
+            code="wall.not_hotter",
         )
     heat = (hottest_k - ambient_k) / ambient_k
     length = max(1.0, longest_mm / _REFERENCE_LENGTH)

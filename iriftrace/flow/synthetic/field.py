@@ -71,7 +71,10 @@ def write_synthetic_field(
     Warns of a mesh that misses part of the wall, as at sharp edges.
     """
     if Path(path).suffix.lower() != ".vtu":
-        raise InputError(f"{path} does not end in .vtu, which the field is written as; rename it.")
+        raise InputError(
+            f"{path} does not end in .vtu, which the field is written as; rename it.",
+            code="file.suffix",
+        )
     grid = synthetic_grid(air, size, gradient=gradient)
     write_vtk(path, grid)
     field = _field_of(grid, air, Air(temperature_k=air.ambient_k), str(path))

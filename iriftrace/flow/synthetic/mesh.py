@@ -56,7 +56,9 @@ def graded_tetrahedra(
     """
     too_many = InputError(
         f"The air would need more than {MOST_CELLS:,} tetrahedra; give a larger cell size at the "
-        "wall, or a smaller region."
+        "wall, or a smaller region.",
+        code="mesh.too_many_cells",
+        argument="cell_size",
     )
     # As float, for numbers that no integer holds.
     count = np.maximum(np.ceil((high - low) / coarsest_mm - 1e-9), 1.0)
@@ -274,13 +276,17 @@ class AirMesh:
 
     def __attrs_post_init__(self) -> None:
         """Refuse sizes that leave no air or no cells."""
-        for name, value in (
-            ("cell size", self.cell_mm),
-            ("air next to the part", self.sides_mm),
-            ("air above the part", self.height_mm),
+        for argument, name, value in (
+            ("cell_size", "cell size", self.cell_mm),
+            ("sides", "air next to the part", self.sides_mm),
+            ("height", "air above the part", self.height_mm),
         ):
             if not (np.isfinite(value) and value > 0.0):
-                raise InputError(f"The {name} is {value:g} mm; give a positive length.")
+                raise InputError(
+                    f"The {name} is {value:g} mm; give a positive length.",
+                    code="mesh.size",
+                    argument=argument,
+                )
 
 
 def usual_mesh(
@@ -317,8 +323,9 @@ def air_mesh(air: SyntheticAir, size: AirMesh) -> tuple[pv.UnstructuredGrid, Boo
     if size.cell_mm > air.boundary_layer_mm:
         raise InputError(
             f"Cells of {size.cell_mm:g} mm at the wall would miss the boundary layer, which is "
-            f"{air.boundary_layer_mm:.3g} mm thick; give smaller ones (--cell-size), a fifth of it "
-            "by default."
+            f"{air.boundary_layer_mm:.3g} mm thick; give smaller ones, a fifth of it by default.",
+            code="mesh.too_coarse",
+            argument="cell_size",
         )
     low, high = (np.array(bound, dtype=np.float64) for bound in air.part.bounds)
     low -= size.sides_mm
@@ -341,6 +348,8 @@ def air_mesh(air: SyntheticAir, size: AirMesh) -> tuple[pv.UnstructuredGrid, Boo
     if not on_wall.any():
         raise InputError(
             f"Cells of {size.cell_mm:.3g} mm at the wall do not resolve {air.part.path}, which is "
-            f"{np.ptp(air.part.bounds, axis=0).min():.3g} mm thin; give smaller ones (--cell-size)."
+            f"{np.ptp(air.part.bounds, axis=0).min():.3g} mm thin; give smaller ones.",
+            code="mesh.too_coarse",
+            argument="cell_size",
         )
     return grid, on_wall

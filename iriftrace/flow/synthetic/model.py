@@ -37,7 +37,8 @@ _KNOWN_LAYER_MM = 7.7
 def _positive(_: Plume, attribute: Attribute[float], value: float) -> None:
     if not (np.isfinite(value) and value > 0.0):
         raise InputError(
-            f"The plume's {attribute.name} is {value:g}, but it must be a positive number."
+            f"The plume's {attribute.name} is {value:g}, but it must be a positive number.",
+            code="plume.not_positive",
         )
 
 
@@ -78,7 +79,9 @@ class Plume:
         if not 0.0 <= value <= 1.0:
             raise InputError(
                 f"The plume's strength is {value:g}, but its air is neither colder than the room "
-                "nor hotter than the wall; give a fraction from 0 to 1."
+                "nor hotter than the wall; give a fraction from 0 to 1.",
+                code="plume.strength",
+                argument="plume",
             )
 
     def excess(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -192,7 +195,8 @@ def _require_hotter_wall(wall_k: float, ambient_k: float) -> None:
     if not 0.0 < ambient_k < wall_k:
         raise InputError(
             f"The ambient air has {ambient_k:g} K and the wall {wall_k:g} K, but only a wall that "
-            "is hotter than the room has hot air around it; check both."
+            "is hotter than the room has hot air around it; check both.",
+            code="wall.not_hotter",
         )
 
 
@@ -251,7 +255,9 @@ class SyntheticAir:
     def _check_layer(self, _: Attribute[float], value: float) -> None:
         if not (np.isfinite(value) and value > 0.0):
             raise InputError(
-                f"A boundary layer of {value:g} mm has no air in it; give a positive thickness."
+                f"A boundary layer of {value:g} mm has no air in it; give a positive thickness.",
+                code="air.boundary_layer",
+                argument="boundary_layer",
             )
 
     @surface.default
