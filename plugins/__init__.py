@@ -28,7 +28,8 @@ def register() -> None:
     if variant is None or variant.startswith("scalar"):
         raise SetupError(
             f"Mitsuba's variant is {variant}, but iriftrace traces whole arrays of rays; call "
-            'mitsuba.set_variant("llvm_ad_mono") (or "cuda_ad_mono") first.'
+            'mitsuba.set_variant("llvm_ad_mono") (or "cuda_ad_mono") first.',
+            code="variant.unusable",
         )
     _register(variant)
     if not _following_variants:

@@ -190,7 +190,8 @@ def integrator_class(variant: str) -> type:
                     raise InputError(
                         f"Rays of the {sensor.class_name()} start on its near plane, near_clip "
                         f"{clip:g} mm in front of it, and there inside the {where}, so that what "
-                        f"lies before is left out; lower near_clip, or move the sensor out of it."
+                        f"lies before is left out; lower near_clip, or move the sensor out of it.",
+                        code="camera.inside_body",
                     )
 
         def further_counts(

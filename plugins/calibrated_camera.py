@@ -148,7 +148,8 @@ def plugin_class(variant: str) -> type:
                 if tuple(film.crop_size()) != full:
                     raise InputError(
                         "The film has a crop window, which loses its meaning when scale changes "
-                        "the film's size; use either crop_* or scale."
+                        "the film's size; use either crop_* or scale.",
+                        code="film.crop_and_scale",
                     )
                 parameters = mi.traverse(film)
                 parameters["size"] = list(self._camera.resolution)

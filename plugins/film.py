@@ -40,18 +40,20 @@ def memory_bytes() -> float:
 def check_picture_size(width: int, height: int, channels: int) -> None:
     """Raise InputError for traced pixels and channels beyond memory, or than an array can hold."""
     pixels = width * height
-    advice = "lower the resolution (-D scale=...), or crop the film"
+    advice = "lower the resolution or the scale, or crop the film"
     needed, there = BYTES_PER_PIXEL * pixels, memory_bytes()
     if needed > there:
         raise InputError(
             f"A picture of {width} x {height} pixels needs at least {needed:,} bytes of memory, "
-            f"but this machine has {int(there):,}; {advice}."
+            f"but this machine has {int(there):,}; {advice}.",
+            code="picture.too_large",
         )
     if channels * pixels > MOST_VALUES:
         raise InputError(
             f"A picture of {width} x {height} pixels has {channels * pixels:,} values in "
             f"{channels} channels ({4 * channels * pixels:,} bytes), but one array holds at most "
-            f"{MOST_VALUES:,}; {advice}."
+            f"{MOST_VALUES:,}; {advice}.",
+            code="picture.too_large",
         )
 
 
@@ -62,12 +64,14 @@ def check_film(film: mi.Film) -> None:
         raise InputError(
             "The film must be an hdrfilm with component_format float32: half precision (its "
             'default) rounds millimetres to 0.06; add <string name="component_format" '
-            'value="float32"/>.'
+            'value="float32"/>.',
+            code="film.not_float32",
         )
     if not film.rfilter().is_box_filter():
         raise InputError(
             "The film's reconstruction filter mixes neighbouring pixels, so hits and misses would "
-            'run into each other; use <rfilter type="box"/>.'
+            'run into each other; use <rfilter type="box"/>.',
+            code="film.filter",
         )
 
 
@@ -78,7 +82,8 @@ def check_film_size(film: mi.Film, resolution: tuple[int, ...]) -> None:
         raise InputError(
             f"The film was given {width} x {height} px by mi.traverse, but the sensor is of "
             f"{resolution[0]} x {resolution[1]}; change its crop window, or load another sensor "
-            "(with optimize=False if the scene has several, as Mitsuba merges equal films)."
+            "(with optimize=False if the scene has several, as Mitsuba merges equal films).",
+            code="film.size",
         )
 
 
@@ -89,7 +94,8 @@ def refuse_shared_films(sensors: list[mi.Sensor]) -> None:
             raise InputError(
                 f"The sensors '{first.id()}' and '{second.id()}' share one film, so that a scale "
                 "or crop window of one changes the other's picture. Mitsuba merges equal films by "
-                "default: load the scene with optimize=False."
+                "default: load the scene with optimize=False.",
+                code="film.shared",
             )
 
 

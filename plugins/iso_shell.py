@@ -89,13 +89,15 @@ def plugin_class(variant: str) -> type:
                 if not 0.5 < value < 5:
                     raise InputError(
                         f'"{name}" is {value}, not a refractive index; air has about 1.0003 '
-                        "(give n, not n - 1)."
+                        "(give n, not n - 1).",
+                        code="shells.no_index",
                     )
             low, high = sorted((ext_ior, int_ior))
             if low < high and not low <= iso_ior <= high:
                 raise InputError(
                     f'"iso_ior" is {iso_ior}, the index on the shell, but not between ext_ior '
-                    f"{ext_ior} and int_ior {int_ior}."
+                    f"{ext_ior} and int_ior {int_ior}.",
+                    code="shells.index_not_between",
                 )
             self.ext_ior, self.int_ior, self.iso_ior = ext_ior, int_ior, iso_ior
             self._show_indices()

@@ -26,15 +26,19 @@ def number(props: mi.Properties, name: str, default: float | None = None) -> flo
     """Read a finite number from plugin properties in double precision."""
     if name not in props:
         if default is None:
-            raise InputError(f'"{name}" is missing; give it as <float name="{name}" value="..."/>.')
+            raise InputError(
+                f'"{name}" is missing; give it as <float name="{name}" value="..."/>.',
+                code="scene.no_property",
+            )
         return float(default)
     value = props[name]
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InputError(
-            f'"{name}" is {value!r}, not a number; write <float name="{name}" value="..."/>.'
+            f'"{name}" is {value!r}, not a number; write <float name="{name}" value="..."/>.',
+            code="scene.wrong_property",
         )
     if not math.isfinite(value):
-        raise InputError(f'"{name}" is {value}; give a finite number.')
+        raise InputError(f'"{name}" is {value}; give a finite number.', code="scene.wrong_property")
     return float(value)
 
 
@@ -44,7 +48,8 @@ def whole_number(props: mi.Properties, name: str, default: int) -> int:
     if not (value.is_integer() and 1 <= value < 2**32):
         raise InputError(
             f'"{name}" is {value:g}; write <integer name="{name}" value="..."/> with a whole '
-            "number of at least 1."
+            "number of at least 1.",
+            code="scene.wrong_property",
         )
     return int(value)
 
@@ -55,7 +60,8 @@ def flag(props: mi.Properties, name: str, default: bool) -> bool:
     if not isinstance(value, bool):
         raise InputError(
             f'"{name}" is {value!r}, not a truth value; '
-            f'write <boolean name="{name}" value="true"/> or "false".'
+            f'write <boolean name="{name}" value="true"/> or "false".',
+            code="scene.wrong_property",
         )
     return value
 
@@ -64,7 +70,10 @@ def word(props: mi.Properties, name: str, default: str) -> str:
     """Read a text from plugin properties."""
     value = props.get(name, default)
     if not isinstance(value, str):
-        raise InputError(f'"{name}" is {value!r}; write <string name="{name}" value="{default}"/>.')
+        raise InputError(
+            f'"{name}" is {value!r}; write <string name="{name}" value="{default}"/>.',
+            code="scene.wrong_property",
+        )
     return value
 
 
@@ -81,7 +90,8 @@ def choice(props: mi.Properties, name: str, allowed: tuple[str, ...]) -> str:
     if value not in allowed:
         raise InputError(
             f'"{name}" is {value!r}; write <string name="{name}" value="..."/> with one of '
-            f"{', '.join(allowed)}."
+            f"{', '.join(allowed)}.",
+            code="scene.wrong_property",
         )
     return str(value)
 
@@ -111,7 +121,8 @@ def camera_of(props: mi.Properties, resolution: tuple[int, int]) -> Camera:
         if name in props:
             raise InputError(
                 f'"{name}" belongs to a calibration, and there is none; add <string '
-                'name="calibration" value="camera.yaml"/> or leave it out.'
+                'name="calibration" value="camera.yaml"/> or leave it out.',
+                code="calibration.not_given",
             )
     pose = _pose(props)
     return Camera(
@@ -138,12 +149,16 @@ def _calibrated(
 ) -> Camera:
     for name in _SAID_BY_A_CALIBRATION:
         if name in props:
-            raise InputError(f'"calibration" says "{name}" too; leave one of them out.')
+            raise InputError(
+                f'"calibration" says "{name}" too; leave one of them out.',
+                code="calibration.two_values",
+            )
     path = file_beside(props, "calibration", "camera.yaml")
     if path.is_dir():
         raise InputError(
             f'"calibration" names the folder {path}; name the file that OpenCV wrote, such as '
-            "camera.yaml."
+            "camera.yaml.",
+            code="calibration.folder",
         )
     unit = length_factor(word(props, "length_unit", "mm"))
     calibration = read_calibration(path, length_mm=unit)
@@ -152,13 +167,15 @@ def _calibrated(
         raise InputError(
             f"The calibration {path} is of pictures of {width} x {height} pixels, but the film has "
             f'{resolution[0]} x {resolution[1]}; write <integer name="width" value="{width}"/> and '
-            f'<integer name="height" value="{height}"/> into the film, and "scale" for fewer.'
+            f'<integer name="height" value="{height}"/> into the film, and "scale" for fewer.',
+            code="calibration.other_resolution",
         )
     if "pixel_size" not in props:
         raise InputError(
             f'{path} knows lengths in pixels only; write <float name="pixel_size" value="0.00274"/>'
             ", the width of a pixel in mm (no ray depends on it, only the focal length and the "
-            "sensor's size that results state)."
+            "sensor's size that results state).",
+            code="calibration.no_pixel_size",
         )
     return calibration.camera(
         pixel_size_mm=number(props, "pixel_size"),
@@ -172,7 +189,8 @@ def _calibrated_pose(props: mi.Properties, calibration: Calibration, path: Path)
     own = _pose(props)
     if "length_unit" in props and (own is not None or calibration.matrix is None):
         raise InputError(
-            f'"length_unit" is that of the pose in {path}, which is not used; leave it out.'
+            f'"length_unit" is that of the pose in {path}, which is not used; leave it out.',
+            code="calibration.unused_unit",
         )
     pose = calibration.matrix if own is None else own
     if pose is None:
@@ -180,6 +198,7 @@ def _calibrated_pose(props: mi.Properties, calibration: Calibration, path: Path)
         has = f"{views} views of a calibration board, which are none" if views else "none"
         raise InputError(
             f'The camera needs a pose, and {path} has {has}; add <transform name="to_world"> with '
-            "<lookat> to the sensor."
+            "<lookat> to the sensor.",
+            code="calibration.no_pose",
         )
     return pose

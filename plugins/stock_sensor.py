@@ -32,7 +32,8 @@ class StockSensor:
         if kind not in ("PerspectiveCamera", "OrthographicCamera"):
             raise InputError(
                 f"The sensor is a {kind}, which has no picture plane that can be projected to; use "
-                "calibrated_camera, perspective or orthographic."
+                "calibrated_camera, perspective or orthographic.",
+                code="camera.no_picture_plane",
             )
         pose = np.array(parameters["to_world"].matrix, dtype=np.float64).reshape(4, 4)
         scale = np.linalg.norm(pose[:3, :3], axis=0)

@@ -104,24 +104,35 @@ class Camera:
         focal, pinhole = self.focal_length_mm, self.projection == "pinhole"
         (width, height), (near, far) = self.sensor_mm, self.focus_mm
         if self.projection not in PROJECTIONS:
-            raise InputError(f"Unknown projection '{self.projection}'; use one of {PROJECTIONS}.")
+            raise InputError(
+                f"Unknown projection '{self.projection}'; use one of {PROJECTIONS}.",
+                code="camera.unknown_projection",
+            )
         if pinhole and not 0 < focal < math.inf:
             raise InputError(
-                f"Focal length is {focal} mm, so no picture forms; give a positive length."
+                f"Focal length is {focal} mm, so no picture forms; give a positive length.",
+                code="camera.focal_length_not_positive",
+                argument="focal_length",
             )
         if not (0 < width < math.inf and 0 < height < math.inf):
             raise InputError(
-                f"Sensor size is {width} x {height} mm, so no picture forms; both must be positive."
+                f"Sensor size is {width} x {height} mm, so no picture forms; make both positive.",
+                code="camera.sensor_not_positive",
+                argument="sensor",
             )
         if min(self.resolution) < 1:
             raise InputError(
                 f"Resolution is {self.resolution[0]} x {self.resolution[1]} pixels; both must be "
-                "at least 1."
+                "at least 1.",
+                code="camera.no_pixels",
+                argument="resolution",
             )
         if not 0 <= near < far:
             raise InputError(
                 f"Focus interval {near} to {far} mm is empty; the near distance must be at least 0 "
-                "and smaller than the far one."
+                "and smaller than the far one.",
+                code="camera.focus_empty",
+                argument="focus",
             )
         matrix = self.matrix
         rotation = matrix[:3, :3] if matrix.shape == (4, 4) else np.zeros((3, 3))
@@ -129,12 +140,15 @@ class Camera:
         if not (rigid and np.linalg.det(rotation) > 0 and np.isfinite(matrix).all()):
             raise InputError(
                 "The camera pose is not a rigid motion (4 x 4, rotation and translation only); "
-                "remove scale and mirroring."
+                "remove scale and mirroring.",
+                code="poses.not_rigid",
             )
         if self.distortion is not None and not pinhole:
             raise InputError(
                 f"A lens distortion is given for an {self.projection} camera, for which it is not "
-                "defined; leave it out."
+                "defined; leave it out.",
+                code="camera.distortion_without_lens",
+                argument="distortion",
             )
 
     @property
@@ -181,7 +195,8 @@ class Camera:
             raise InputError(
                 f"The lens distortion ({self.distortion}) turns back inside the picture of {width} "
                 f"x {height} pixels, so that some pixels have no line of sight or two; crop the "
-                "picture to what the calibration covered, or calibrate with fewer coefficients."
+                "picture to what the calibration covered, or calibrate with fewer coefficients.",
+                code="camera.distortion_folds",
             )
         return steps
 
@@ -219,17 +234,26 @@ class Camera:
         if self.projection == "orthographic":
             raise InputError(
                 "The camera is orthographic: it can be rendered where its scene has it, but not "
-                "moved or given other pixels; use calibrated_camera or perspective."
+                "moved or given other pixels; use calibrated_camera or perspective.",
+                code="camera.orthographic",
             )
 
     def scaled(self, scale: float) -> Camera:
         """The same camera with ``scale`` times the pixels across and down (rounded, at least 1)."""
         if not (math.isfinite(scale) and scale > 0):
-            raise InputError(f"scale is {scale}, so no pixel is left; give a positive number.")
+            raise InputError(
+                f"scale is {scale}, so no pixel is left; give a positive number.",
+                code="camera.no_pixels",
+                argument="scale",
+            )
         (width, height), (x, y) = self.resolution, self.principal_point_px
         resolution = max(1, round(width * scale)), max(1, round(height * scale))
         if max(resolution) >= 2**31:  # Mitsuba counts them in 32 bits
-            raise InputError(f"scale is {scale:g}: over 2^31 pixels a side; give a smaller one.")
+            raise InputError(
+                f"scale is {scale:g}: over 2^31 pixels a side; give a smaller one.",
+                code="camera.too_many_pixels",
+                argument="scale",
+            )
         point = (
             (x + 0.5) * resolution[0] / width - 0.5,
             (y + 0.5) * resolution[1] / height - 0.5,
@@ -284,7 +308,8 @@ class Camera:
             x, y = position[lost[0]]
             raise InputError(
                 f"Image position ({x:g}, {y:g}) px has no line of sight: the lens distortion turns "
-                "back before it; stay inside the picture."
+                "back before it; stay inside the picture.",
+                code="camera.no_line_of_sight",
             )
         return found * self.focal_length_mm
 
@@ -358,5 +383,6 @@ class Camera:
         except (ValueError, TypeError, LookupError, AttributeError, OverflowError) as error:
             raise InputError(
                 f"The camera in the file has missing or misspelt entries ({error}); write the file "
-                "again."
+                "again.",
+                code="camera.damaged_entries",
             ) from error

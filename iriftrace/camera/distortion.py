@@ -68,7 +68,9 @@ class Distortion:
             if not math.isfinite(value):
                 raise InputError(
                     f"The lens distortion has {name} = {value}, so no ray is defined; give finite "
-                    "coefficients."
+                    "coefficients.",
+                    code="camera.distortion_not_finite",
+                    argument="distortion",
                 )
 
     @classmethod
@@ -78,7 +80,9 @@ class Distortion:
         if len(flat) not in (4, 5, 8):
             raise InputError(
                 f"A lens distortion of {len(flat)} coefficients is given, which has no meaning; "
-                "give 4, 5 or 8 in OpenCV's order k1, k2, p1, p2, k3, k4, k5, k6."
+                "give 4, 5 or 8 in OpenCV's order k1, k2, p1, p2, k3, k4, k5, k6.",
+                code="camera.distortion_count",
+                argument="distortion",
             )
         return cls(*flat)
 

@@ -42,13 +42,15 @@ def parse_range(text: str) -> FloatArray:
     if len(pieces) not in (1, 3) or not ends or not np.isfinite(ends).all():
         raise InputError(
             f"{text!r} is not a range; write one number or start:stop:count with both ends "
-            "included, such as -90:90:19."
+            "included, such as -90:90:19.",
+            code="poses.range",
         )
     start, stop = ends[0], ends[-1]
     if not 1 <= count <= _MOST_VALUES or (count == 1) != (start == stop):
         raise InputError(
             f"The range {text!r} has a count that does not fit its ends; give 2 to {_MOST_VALUES} "
-            "values between two different ends, or one number."
+            "values between two different ends, or one number.",
+            code="poses.range_count",
         )
     steps = np.arange(count)
     values: FloatArray = (start * (count - 1 - steps) + stop * steps) / max(count - 1, 1)
@@ -81,17 +83,24 @@ class Orbit:
 
     def __attrs_post_init__(self) -> None:
         if self.angles not in ANGLES:
-            raise InputError(f"Unknown angles {self.angles!r}; use one of {', '.join(ANGLES)}.")
+            raise InputError(
+                f"Unknown angles {self.angles!r}; use one of {', '.join(ANGLES)}.",
+                code="orbit.unknown_angles",
+                argument="angles",
+            )
         if self.centre.shape != (3,) or not np.isfinite(self.centre).all():
             raise InputError(
                 f"The orbit's centre {self.centre.tolist()} is not a point; give three finite "
-                "numbers."
+                "numbers.",
+                code="orbit.centre",
             )
         axes = self.semi_axes_mm
         if axes.shape != (3,) or not (np.isfinite(axes) & (axes > 0)).all():
             raise InputError(
                 f"The orbit's semi-axes {axes.tolist()} mm span no ellipsoid; give three positive "
-                "lengths."
+                "lengths.",
+                code="orbit.semi_axes",
+                argument="semi_axes",
             )
 
     def points(self, azimuth_deg: ArrayLike, elevation_deg: ArrayLike) -> FloatArray:
@@ -164,17 +173,22 @@ def orbit_poses(
 def _check_angles(azimuths: FloatArray, elevations: FloatArray) -> None:
     """Refuse angles without a pose."""
     if not (np.isfinite(azimuths).all() and np.isfinite(elevations).all()):
-        raise InputError("An azimuth or elevation is not finite; give degrees.")
+        raise InputError(
+            "An azimuth or elevation is not finite; give degrees.", code="poses.not_finite"
+        )
     if len(elevations) and np.abs(elevations).max() > 90.0:
         steepest = elevations[int(np.argmax(np.abs(elevations)))]
         raise InputError(
             f"Elevation {steepest:g} degrees lies beyond the pole, where the azimuth turns round; "
-            "give -90 to 90 and the opposite azimuth."
+            "give -90 to 90 and the opposite azimuth.",
+            code="poses.beyond_pole",
+            argument="elevation",
         )
     if len(azimuths) * len(elevations) > _MOST_VALUES:
         raise InputError(
             f"{len(azimuths)} azimuths at {len(elevations)} elevations are more than "
-            f"{_MOST_VALUES} poses, which no sweep gets through; give fewer."
+            f"{_MOST_VALUES} poses, which no sweep gets through; give fewer.",
+            code="poses.too_many",
         )
 
 
@@ -203,7 +217,11 @@ def fibonacci_poses(orbit: Orbit, count: int, target: ArrayLike | None = None) -
         If there are no or too many poses, or a camera stands on the target.
     """
     if not 1 <= count <= _MOST_VALUES:
-        raise InputError(f"{count} poses make no sweep; give 1 to {_MOST_VALUES}.")
+        raise InputError(
+            f"{count} poses make no sweep; give 1 to {_MOST_VALUES}.",
+            code="poses.count",
+            argument="fibonacci",
+        )
     number = np.arange(count)
     elevation = np.degrees(np.arcsin(1.0 - (2.0 * number + 1.0) / count))
     azimuth = np.remainder(number * GOLDEN_ANGLE_DEG, 360.0)
@@ -222,7 +240,9 @@ def semi_axes(part: Part, stand_off_mm: float) -> FloatArray:
     if not (np.isfinite(stand_off_mm) and stand_off_mm > 0):
         raise InputError(
             f"A stand-off of {stand_off_mm:g} mm puts cameras into the part; give a positive "
-            "length."
+            "length.",
+            code="orbit.stand_off_not_positive",
+            argument="stand_off",
         )
     return np.asarray(0.5 * np.ptp(part.bounds, axis=0) + stand_off_mm)
 
@@ -257,7 +277,9 @@ def turntable_poses(matrix: ArrayLike, table: str, centre: ArrayLike) -> PoseSet
     except (ValueError, ZeroDivisionError, OverflowError):
         raise InputError(
             f"{table!r} is not a turntable; give its axis and start, stop and step of its angle in "
-            'degrees, such as "z:0:360:30".'
+            'degrees, such as "z:0:360:30".',
+            code="poses.turntable",
+            argument="turntable",
         ) from None
     angles = start + step * np.arange(count)
     if count > 1 and np.isclose(angles[-1] - angles[0], 360.0):

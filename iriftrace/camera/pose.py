@@ -33,13 +33,17 @@ def look_at(origin: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0
     """
     eye, aim, upward = (np.asarray(v, dtype=np.float64).reshape(3) for v in (origin, target, up))
     if not all(np.isfinite(v).all() for v in (eye, aim, upward)):
-        raise InputError("A camera pose has a value that is not finite; give three numbers each.")
+        raise InputError(
+            "A camera pose has a value that is not finite; give three numbers each.",
+            code="poses.not_finite",
+        )
     forward = aim - eye
     distance = np.linalg.norm(forward)
     if distance == 0.0:
         raise InputError(
             f"Camera origin and target are the same point {eye.tolist()}, so there is no line of "
-            "sight; move one of them."
+            "sight; move one of them.",
+            code="poses.on_target",
         )
     forward = forward / distance
     right = np.cross(forward, upward)

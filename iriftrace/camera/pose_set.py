@@ -56,14 +56,16 @@ class PoseSet:
     def __attrs_post_init__(self) -> None:
         if self.matrices.ndim != 3 or self.matrices.shape[1:] != (4, 4):
             raise InputError(
-                f"Poses have the shape {self.matrices.shape}; give 4x4 matrices, (n, 4, 4)."
+                f"Poses have the shape {self.matrices.shape}; give 4x4 matrices, (n, 4, 4).",
+                code="poses.shape",
             )
         for name, angle in zip(
             ("azimuths", "elevations", "table angles"), self.angles, strict=True
         ):
             if angle.shape != (len(self),):
                 raise InputError(
-                    f"There are {angle.size} {name} for {len(self)} poses; give one for each."
+                    f"There are {angle.size} {name} for {len(self)} poses; give one for each.",
+                    code="poses.angle_count",
                 )
         refuse_distorted(self.matrices, _RIGID_TOLERANCE)
 
@@ -114,12 +116,16 @@ def aimed(origins: ArrayLike, targets: ArrayLike) -> FloatArray:
     forward = np.asarray(targets, dtype=np.float64) - eyes
     distance = np.linalg.norm(forward, axis=1, keepdims=True)
     if not np.isfinite(distance).all():
-        raise InputError("A camera position or its target is not finite; give three numbers each.")
+        raise InputError(
+            "A camera position or its target is not finite; give three numbers each.",
+            code="poses.not_finite",
+        )
     if not distance.all():
         where = eyes[int(np.argmin(distance))].tolist()
         raise InputError(
             f"A camera at {where} mm stands on its own target, so there is no line of sight; "
-            "move one of them."
+            "move one of them.",
+            code="poses.on_target",
         )
     forward = forward / distance
     level = np.hypot(forward[:, 0], forward[:, 1])
@@ -155,7 +161,8 @@ def offset_outward(
             number = int(np.argmax(hot))
             raise InputError(
                 f"The pose at {np.round(poses.origins[number], 1).tolist()} mm is still in the hot "
-                f"air {_FARTHEST_PUSH_MM / 1000:g} m further back; check field and poses."
+                f"air {_FARTHEST_PUSH_MM / 1000:g} m further back; check field and poses.",
+                code="poses.in_hot_air",
             )
         inside = np.flatnonzero(hot)
         matrices[inside, :3, 3] = poses.origins[inside] - back * poses.forward[inside]
@@ -185,4 +192,6 @@ def refuse_distorted(matrices: FloatArray, tolerance: float, place: str = "") ->
     ):
         if not holds.all():
             end = "" if fault.endswith("?") else "."
-            raise InputError(f"Pose {int(np.argmin(holds)) + 1}{place} {fault}{end}")
+            raise InputError(
+                f"Pose {int(np.argmin(holds)) + 1}{place} {fault}{end}", code="poses.not_rigid"
+            )

@@ -33,7 +33,8 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     target = Path(path)
     if not target.parent.is_dir():
         raise InputError(
-            f"cannot write {target}: the folder {target.parent} does not exist; create it first."
+            f"cannot write {target}: the folder {target.parent} does not exist; create it first.",
+            code="file.no_folder",
         )
     # The suffix stays last, because some writers choose the format by it.
     temporary = target.with_name(f".{target.stem}.{os.getpid()}{target.suffix}")
@@ -41,7 +42,9 @@ def whole_file(path: str | Path) -> Iterator[Path]:
         yield temporary
         temporary.replace(target)
     except OSError as error:
-        raise InputError(f"cannot write {target}: {error.strerror or error}.") from error
+        raise InputError(
+            f"cannot write {target}: {error.strerror or error}.", code="file.unwritable"
+        ) from error
     finally:
         # A file that could not be written need not be removed.
         with suppress(OSError):
@@ -59,7 +62,9 @@ def write_json(path: str | Path, values: object) -> None:
     try:
         text = json.dumps(values, indent=2, allow_nan=False, ensure_ascii=False)
     except (TypeError, ValueError) as error:
-        raise InputError(f"the values for {path} are not plain JSON: {error}.") from error
+        raise InputError(
+            f"the values for {path} are not plain JSON: {error}.", code="file.no_json"
+        ) from error
     write_whole(path, text + "\n")
 
 
@@ -91,7 +96,9 @@ def check_readable(path: Path) -> None:
         with path.open("rb"):
             pass
     except OSError as error:
-        raise InputError(f"Cannot read {path}: {error.strerror or error}.") from error
+        raise InputError(
+            f"Cannot read {path}: {error.strerror or error}.", code="file.unreadable"
+        ) from error
 
 
 def text_in(path: Path) -> str:

@@ -19,7 +19,8 @@ def _checked(values: ArrayLike) -> FloatArray:
         listed = ", ".join(f"{weight:g}" for weight in weights)
         raise InputError(
             f"The weights {listed} are not those of an ensemble; give each member a finite number "
-            "of 0 or more, and at least one of them more than 0."
+            "of 0 or more, and at least one of them more than 0.",
+            code="ensemble.weights",
         )
     return np.asarray(weights / weights.sum())
 
@@ -54,7 +55,8 @@ class MemberWeights:
         if matrix.shape != (len(weights),) * 2:
             raise InputError(
                 f"The covariance of {len(weights)} weights has the shape {matrix.shape}; write the "
-                "scene again."
+                "scene again.",
+                code="ensemble.covariance_shape",
             )
         return cls(weights, matrix)
 

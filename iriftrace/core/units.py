@@ -54,12 +54,15 @@ def parse_quantity(text: str | float, unit: str) -> float:
     except ValueError:
         value, bare = _convert(str(text), unit), False
     if not math.isfinite(value):
-        raise InputError(f"{text!r} is not a finite number; give one in {unit}.")
+        raise InputError(
+            f"{text!r} is not a finite number; give one in {unit}.", code="units.not_finite"
+        )
     if bare and unit == "kelvin":
         number = str(text).strip()
         raise InputError(
             f"{text!r} is a temperature without a unit, {number} K or {number} degC; write the one "
-            "that is meant."
+            "that is meant.",
+            code="units.no_unit",
         )
     return value
 
@@ -92,7 +95,8 @@ def length_factor(unit: str) -> float:
         return _MILLIMETRES[LENGTH_UNITS.get(name.casefold(), name)]
     except KeyError:
         raise InputError(
-            f"{unit!r} is not a length unit known here; use one of {', '.join(_MILLIMETRES)}."
+            f"{unit!r} is not a length unit known here; use one of {', '.join(_MILLIMETRES)}.",
+            code="units.unknown_length",
         ) from None
 
 
@@ -110,7 +114,10 @@ def _convert(text: str, unit: str) -> float:
     match = _QUANTITY.fullmatch(text.strip())
     if match is None:
         sign = unit.removeprefix("1")  # "20 1/kelvin" would be two numbers
-        raise InputError(f"{text!r} is not a number with a unit; write it like '20 {sign}'.")
+        raise InputError(
+            f"{text!r} is not a number with a unit; write it like '20 {sign}'.",
+            code="units.no_number",
+        )
     number, name = float(match["number"]), match["unit"]
     if unit in ("kelvin", "K", "1/kelvin"):
         # pint reads C as coulomb and F as farad, which nobody means here.
@@ -120,11 +127,14 @@ def _convert(text: str, unit: str) -> float:
         quantity = registry.Quantity(number, f"1{name}" if name.startswith("/") else name)
         return float(quantity.to(unit).magnitude)
     except pint.UndefinedUnitError:
-        raise InputError(f"{text!r} has an unknown unit; give the number in {unit}.") from None
+        raise InputError(
+            f"{text!r} has an unknown unit; give the number in {unit}.", code="units.unknown_name"
+        ) from None
     except (pint.DimensionalityError, pint.OffsetUnitCalculusError):
         raise InputError(
             f"{text!r} cannot be converted to {unit}; give the number in {unit} or in a unit of "
-            "the same kind."
+            "the same kind.",
+            code="units.other_dimension",
         ) from None
 
 

@@ -138,18 +138,23 @@ class AovImage:
         surplus = [name for name in self.channels if name not in KNOWN]
         if missing or surplus:
             raise InputError(
-                f"an AOV image has {len(needed)} channels; "
-                f"missing: {', '.join(missing) or 'none'}, unknown: {', '.join(surplus) or 'none'}."
+                f"an AOV image has {len(needed)} channels; missing: "
+                f"{', '.join(missing) or 'none'}, unknown: {', '.join(surplus) or 'none'}.",
+                code="picture.channels",
             )
         shape = self.channels[CHANNELS[0]].shape
         for name, pixels in self.channels.items():
             if pixels.dtype != np.float32 or pixels.ndim != 2 or pixels.shape != shape:
                 raise InputError(
                     f"channel {name} is {pixels.dtype} {pixels.shape}, but every channel must be "
-                    f"float32 and (height, width) = {shape}; half precision would lose the result."
+                    f"float32 and (height, width) = {shape}; half precision would lose the result.",
+                    code="picture.channel_type",
                 )
         if 0 in shape:
-            raise InputError(f"an AOV image of {shape} pixels is empty; render at least one pixel.")
+            raise InputError(
+                f"an AOV image of {shape} pixels is empty; render at least one pixel.",
+                code="picture.empty",
+            )
 
     def __repr__(self) -> str:
         width, height = self.resolution
@@ -183,7 +188,8 @@ class AovImage:
         if missing:
             raise InputError(
                 f"The image's header has no {', '.join(missing)}: another program wrote or removed "
-                "its entries, which are needed here; render the scene again."
+                "its entries, which are needed here; render the scene again.",
+                code="picture.no_header",
             )
 
     def vector(self, name: str, where: BoolArray | None = None) -> FloatArray:
@@ -210,7 +216,10 @@ class AovImage:
         planes = [self.channels[key] for key in keys]
         if not planes:
             known = sorted({channel[:-2] for channel in self.channels if channel.endswith(".X")})
-            raise InputError(f"an AOV image has no vector {name!r}; it has {', '.join(known)}.")
+            raise InputError(
+                f"an AOV image has no vector {name!r}; it has {', '.join(known)}.",
+                code="picture.no_vector",
+            )
         if where is not None:
             selected = np.flatnonzero(where)
             planes = [plane.ravel()[selected] for plane in planes]

@@ -49,7 +49,9 @@ def good_mask(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> Boo
     if unusable or not include:
         raise InputError(
             f"rays of status {', '.join(map(str, unusable)) or 'none'} have no displacement; "
-            f"only {' and '.join(str(int(code)) for code in USABLE)} can be included."
+            f"only {' and '.join(str(int(code)) for code in USABLE)} can be included.",
+            code="picture.no_displacement",
+            argument="include",
         )
     status = image.channels["status.code"]
     good = np.zeros(status.shape, dtype=np.bool_)

@@ -307,13 +307,16 @@ def _check_part(image: AovImage, part: Part, hit_face: IntArray) -> None:
     if highest >= len(part.faces):
         raise InputError(
             f"the image shows face {highest}, but {part.path} has only {len(part.faces)} faces; "
-            "give the part with which the image was rendered."
+            "give the part with which the image was rendered.",
+            code="picture.other_part",
+            argument="part",
         )
     expected = (image.header.get("part") or {}).get("sha256")
     if expected is not None and expected != part.sha256:
         warn(
             f"{part.path} is not the file with which the image was rendered (its SHA-256 differs), "
-            "so coverage and regions may be wrong."
+            "so coverage and regions may be wrong.",
+            argument="part",
         )
 
 

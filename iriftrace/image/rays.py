@@ -39,7 +39,8 @@ def rays_that_count(image: AovImage, include: Collection[int]) -> PoseRays:
     if lost:
         raise InputError(
             f"{lost} good rays have no face in the channel part.face, so the "
-            "image is damaged; render it again."
+            "image is damaged; render it again.",
+            code="picture.no_face",
         )
     camera = image.camera
     offset = _components(image, "straight", pixels)

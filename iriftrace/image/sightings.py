@@ -218,7 +218,8 @@ def sightings_of(dataset: xr.Dataset, pose: int) -> FaceSightings:
     ends = np.cumsum(dataset[COUNTS].values)
     if not 0 <= pose < len(ends):
         raise InputError(
-            f"The sweep has no pose {pose}; its {len(ends)} poses are numbered from 0."
+            f"The sweep has no pose {pose}; its {len(ends)} poses are numbered from 0.",
+            code="sweep.no_pose",
         )
     start = int(ends[pose - 1]) if pose else 0
     rows = dataset[[f"sighting_{name}" for name in COLUMNS]].isel(
@@ -238,12 +239,16 @@ def seen_by_pose(
     """
     if not max_displacement_mm > 0.0:
         raise InputError(
-            f"No face has a displacement below {max_displacement_mm:g} mm; give a positive limit."
+            f"No face has a displacement below {max_displacement_mm:g} mm; give a positive limit.",
+            code="sweep.displacement_limit",
+            argument="max_displacement",
         )
     if not 0.0 < max_incidence_deg <= 90.0:
         raise InputError(
             f"The largest angle of incidence is {max_incidence_deg:g} degrees, but rays arrive at "
-            "0 to 90; give a limit in between."
+            "0 to 90; give a limit in between.",
+            code="sweep.incidence_limit",
+            argument="max_incidence",
         )
     poses = dataset.sizes["pose"]
     seen = np.zeros((poses, dataset.sizes["face"]), dtype=np.float32)

@@ -63,19 +63,27 @@ def choose_array(grid: pv.DataSet, array: str | None, quantity: str | None, path
     known.
     """
     if quantity is not None and quantity not in QUANTITIES:
-        raise InputError(f"{quantity!r} is not a quantity; use one of {', '.join(QUANTITIES)}.")
+        raise InputError(
+            f"{quantity!r} is not a quantity; use one of {', '.join(QUANTITIES)}.",
+            code="field.unknown_quantity",
+            argument="quantity",
+        )
     names = _scalar_names(grid)
     listed = ", ".join(names) or "none"
     if array is not None:
         if array not in names:
             raise InputError(
-                f"{path} has no array {array!r} with one number per point; it has {listed}."
+                f"{path} has no array {array!r} with one number per point; it has {listed}.",
+                code="field.no_array",
+                argument="array",
             )
         found = quantity or quantity_of(array)
         if found is None:
             raise InputError(
-                f"The name {array!r} does not say what the array in {path} holds; state it with "
-                f"the quantity option (--quantity): {', '.join(QUANTITIES)}."
+                f"The name {array!r} does not say what the array in {path} holds; state it as "
+                f"`quantity`: {', '.join(QUANTITIES)}.",
+                code="field.no_quantity",
+                argument="quantity",
             )
         return Choice(array, found)
     averages = [name for name in names if is_average(name)]
@@ -85,7 +93,9 @@ def choose_array(grid: pv.DataSet, array: str | None, quantity: str | None, path
         if len(likely) > 1:
             raise InputError(
                 f"{path} has several arrays that could be the {candidate}: {', '.join(likely)}; "
-                "name the one to use with the array option (--array)."
+                "name the one to use as `array`.",
+                code="field.several_arrays",
+                argument="array",
             )
         if likely:
             if averages:
@@ -96,8 +106,10 @@ def choose_array(grid: pv.DataSet, array: str | None, quantity: str | None, path
             return Choice(name, quantity_of(name) or "")
     raise InputError(
         f"{path} has no array named as {quantity or 'a temperature, index or density'} usually "
-        f"is; its arrays are {listed}. Name one with the array option (--array), and what it holds "
-        "(--quantity)."
+        f"is; its arrays are {listed}; name one as `array`, and what it "
+        "holds as `quantity`.",
+        code="field.no_array",
+        argument="array",
     )
 
 
@@ -137,7 +149,8 @@ def finite_values(data: pv.DataSetAttributes, name: str, path: str) -> FloatArra
     if wrong:
         raise InputError(
             f"The array {name!r} in {path} is not a finite number at {wrong} of {len(values)} "
-            "places, and light would stop there; export it without gaps."
+            "places, and light would stop there; export it without gaps.",
+            code="field.not_finite",
         )
     return values
 
@@ -151,7 +164,8 @@ def _is_usual(name: str, quantity: str) -> bool:
 def _warn_of_averages(name: str, averages: list[str], path: str) -> None:
     warn(
         f"{path} has {name!r}, which is used, of one moment, and its average over time; for air "
-        f"that is not steady give {averages[0]!r} (--array {averages[0]})."
+        f"that is not steady use {averages[0]!r}.",
+        argument="array",
     )
 
 
@@ -192,27 +206,33 @@ def _unit_of(
         if given is None:
             raise InputError(
                 f"{path} gives {name!r} the unit {stated!r}, which is not a unit of {quantity}; "
-                f"{_remedy(quantity)}"
+                f"{_remedy(quantity)}",
+                code="field.unknown_unit",
+                argument="temperature_unit" if quantity == "temperature" else None,
             )
         stated = ""
     if not stated:
         if units is not None and given is None:
             raise InputError(
                 f"{path} does not say in which unit {name!r} is, and K and degC differ by a whole "
-                f"room's temperature; {_remedy(quantity)}"
+                f"room's temperature; {_remedy(quantity)}",
+                code="field.no_unit",
+                argument="temperature_unit" if quantity == "temperature" else None,
             )
         return given or SI[quantity]
     if given is not None and _scale(given, quantity) != _scale(stated, quantity):
         raise InputError(
             f"{path} states that {name!r} is in {stated}, but the temperature unit given is "
-            f"{given}; leave the option out (--temperature-unit), or correct the file."
+            f"{given}; leave it out, or correct the file.",
+            code="field.two_units",
+            argument="temperature_unit",
         )
     return stated
 
 
 def _remedy(quantity: str) -> str:
     if quantity == "temperature":
-        return "give the temperature unit (--temperature-unit K or degC)."
+        return "give the temperature unit, K or degC."
     return f"write its unit into the header, such as ({SI[quantity]})."
 
 
@@ -248,7 +268,8 @@ def to_si(
         raise InputError(
             f"The array {choice.name!r} in {path} is exactly 0 at {len(values) - len(some)} of "
             f"{len(values)} points and {some.min():.4g} or more elsewhere, as programs fill in "
-            "missing values; export these as NaN."
+            "missing values; export these as NaN.",
+            code="field.zeros_in_gaps",
         )
     return zero + values * slope
 
@@ -260,7 +281,8 @@ def _refuse_dimensionless(values: FloatArray, name: str, path: str) -> None:
         raise InputError(
             f"The array {name!r} in {path} runs from {low:.4g} to {high:.4g}, as a dimensionless "
             "temperature (T - T_room) / (T_wall - T_room) does, from which no index follows; write "
-            "kelvins, T_room + (T_wall - T_room) times these values."
+            "kelvins, T_room + (T_wall - T_room) times these values.",
+            code="field.dimensionless",
         )
 
 
@@ -290,21 +312,24 @@ def to_refractivity(
         raise InputError(
             f"The array {choice.name!r} in {path} holds a {choice.quantity} of {lowest:g} "
             f"{'kg/m3' if density else 'K'}; it must be positive everywhere, so check the array "
-            "and its unit, and whether it is a difference from the ambient air."
+            "and its unit, and whether it is a difference from the ambient air.",
+            code="field.not_positive",
         )
     if density:
         return air.refractivity_of_density(values)
     if lowest < _COLDEST_K:
         raise InputError(
             f"The array {choice.name!r} in {path} goes down to {lowest:g} K, colder than any "
-            "air around a hot part; if it is in degC, give the temperature "
-            f"unit (--temperature-unit degC), or call the array '{choice.name} [degF]' if it is in "
-            "Fahrenheit."
+            "air around a hot part; if it is in degC, give this unit, or call the array "
+            f"'{choice.name} [degF]' if it is in Fahrenheit.",
+            code="field.too_cold",
+            argument="temperature_unit",
         )
     if values.max() > _HOTTEST_K:
         raise InputError(
             f"The array {choice.name!r} in {path} goes up to {values.max():g} K, hotter than any "
-            "air around a hot part; check its unit, and export missing values as NaN."
+            "air around a hot part; check its unit, and export missing values as NaN.",
+            code="field.too_hot",
         )
     return air.refractivity(values)
 
@@ -325,7 +350,8 @@ def _from_index(values: FloatArray, name: str, path: str) -> FloatArray:
         raise InputError(
             f"The array {name!r} in {path} runs from {values.min():.7g} to {values.max():.7g}, "
             "which is neither an index n of air (1.00002 to 1.001) nor n-1; name the right array "
-            "or quantity."
+            "or quantity.",
+            code="field.no_index",
         )
     if refractivity is not values and np.array_equal(values, values.astype(np.float32)):
         warn(

@@ -53,12 +53,14 @@ class IndexField:
         if len(self.refractivity) != self.grid.n_points:
             raise InputError(
                 f"There are {len(self.refractivity)} refractivities for {self.grid.n_points} "
-                "points of the grid; give one for each point."
+                "points of the grid; give one for each point.",
+                code="field.value_count",
             )
         if not np.isin(self.grid.celltypes, list(CORNERS)).all():
             raise InputError(
                 "The grid has cells that are not tetrahedra, hexahedra, wedges or pyramids; pass "
-                "it through iriftrace.medium.volume.linear_volume first."
+                "it through iriftrace.medium.volume.linear_volume first.",
+                code="field.cell_kind",
             )
         grid = pv.UnstructuredGrid()
         grid.copy_structure(self.grid)
@@ -131,7 +133,9 @@ class IndexField:
         if not wall.n_points:
             raise InputError(
                 f"{self.source.path} has no inner boundary around a part, so the wall's "
-                "temperature is unknown; give the temperatures of the part (--hot-temperature)."
+                "temperature is unknown; give the temperatures of the part.",
+                code="field.no_wall",
+                argument="hot_temperature",
             )
         nearest = cKDTree(np.asarray(wall.points)).query(points)[1]
         kelvins: FloatArray = self.temperature_k[np.asarray(wall.point_data["number"])[nearest]]

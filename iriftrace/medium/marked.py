@@ -69,7 +69,8 @@ def without_gaps(grid: pv.UnstructuredGrid, name: str, path: str) -> pv.Unstruct
     if cells.all():
         raise InputError(
             f"{what}{np.count_nonzero(missing)} of {len(missing)} {places}, which leaves no cell; "
-            "export a dataset with a solution."
+            "export a dataset with a solution.",
+            code="field.no_cells",
         )
     there = f"the {np.count_nonzero(cells)} cells there" if at_points else "they"
     warn(

@@ -130,8 +130,10 @@ def refuse_expanded_board(field: IndexField, part: Part, blockers: Sequence[Part
     if hot is not part:
         raise InputError(
             f"{part.path} stands apart from the hot air around the blocker {hot.path}, so it is a "
-            "board that stays cold; leave out --expansion, which applies to PART, and give the hot "
-            "part as the scene of its own has it (--blocker SCENE/part.ply)."
+            "board that stays cold; leave out its expansion, and give the hot part as the scene of "
+            "its own has it (SCENE/part.ply).",
+            code="part.expanded_board",
+            argument="expansion",
         )
 
 
@@ -166,11 +168,13 @@ def fit_part_to_field(
     if not wall.n_points:
         return _fit_without_wall(field, part, data, unreached, wall_temperature_k)
     cavity = _box(np.asarray(wall.points))
-    advice = _advice(part, field, cavity) if part is board else _OF_BLOCKER
+    advice, argument = _advice(part, field, cavity) if part is board else (_OF_BLOCKER, "blocker")
     if _apart(part.bounds, data):
         raise InputError(
-            f"{unreached}they do not overlap; {advice} If the part is a board seen past a hot "
-            "part, give that one as a blocker (--blocker)."
+            f"{unreached}they do not overlap (if it is a board seen past a hot part, give that one "
+            f"as a blocker); {advice}",
+            code="field.not_at_part",
+            argument=argument,
         )
     larger = _diagonal(part.bounds) / _diagonal(data)
     wider = _diagonal(cavity) / _diagonal(part.bounds)
@@ -180,7 +184,9 @@ def fit_part_to_field(
     ):
         if ratio > MOST_LARGER:
             raise InputError(
-                f"{unreached}{larger_one} is {ratio:.3g} times as large as the {than}; {advice}"
+                f"{unreached}{larger_one} is {ratio:.3g} times as large as the {than}; {advice}",
+                code="field.not_at_part",
+                argument=argument,
             )
     bodies = list({id(body): body for body in (part, *blockers)}.values())
     gaps = np.min([body.surface.distance(wall.points) for body in bodies], axis=0)
@@ -188,7 +194,9 @@ def fit_part_to_field(
     if gaps.min() > 0.5 * min(_diagonal(cavity), _diagonal(part.bounds)):
         raise InputError(
             f"{unreached}the field's inner wall stays {gaps.min():.3g} mm away from the part; "
-            f"{advice}"
+            f"{advice}",
+            code="field.not_at_part",
+            argument=argument,
         )
     median, p95 = (float(gap) for gap in np.percentile(gaps, (50, 95)))
     temperature = float(np.median(field.air.temperature(as_float64(wall["refractivity"]))))
@@ -215,7 +223,7 @@ def fit_part_to_field(
         )
     elif bare > LARGEST_BARE_SHARE:
         remedy = (
-            "use smaller cells (--cell-size), which follow sharp edges and thin walls."
+            "use smaller cells, which follow sharp edges and thin walls."
             if synthetic_mark(field.source)
             else "mirror a field that was solved on a half or quarter, use smaller cells "
             "where the part is round, or check unit and axes."
@@ -247,14 +255,17 @@ def _fit_without_wall(
 ) -> Fit:
     """The temperature of the air at the part; refuses a part elsewhere or of another size."""
     if _apart(part.bounds, data):
-        raise InputError(f"{unreached}they do not overlap; check units and axes.")
+        raise InputError(
+            f"{unreached}they do not overlap; check units and axes.", code="field.not_at_part"
+        )
     sizes = _diagonal(data), _diagonal(part.bounds)
     if max(sizes) > MOST_DATA_LARGER * min(sizes):
         raise InputError(
             f"The field {field.source.path} measures {_size(data)} and the part {part.path} "
-            f"{_size(part.bounds)}, so one of them was read in the wrong unit; give the part's "
-            "(--length-unit) or the field's (--field-length-unit), or scale the field "
-            '(--field-transform "scale 0.001").'
+            f"{_size(part.bounds)}, so one of them was read in the wrong unit; give the unit "
+            "of the part or of the field.",
+            code="field.wrong_unit",
+            argument="length_unit",
         )
     found = field.sample(part.vertices)
     known = found[np.isfinite(found)]
@@ -294,29 +305,40 @@ def _temperature_message(found_k: float, expected_k: float | None) -> tuple[str,
     )
 
 
-def _unit_advice(scale: float, part: Part, field: IndexField) -> tuple[str, bool]:
-    """The option that corrects the part's size relative to the field; True for a field's option.
+def _unit_advice(scale: float, part: Part, field: IndexField) -> tuple[str, str]:
+    """What corrects the part's size relative to the field's, and the name of that argument.
 
     A length unit given by the user is corrected. A unit that the field's file states cannot be
     changed, so coordinates in another unit are scaled, unless the part's own size is unlikely.
     """
     if scale == 1.0:
-        return "", False
+        return "", ""
     unit = next(u for u, length in _UNITS.items() if scale in (length, 1.0 / length))
     smaller_field = scale > 1.0
     if field.source.unit_stated:
         if is_unlikely_size(_diagonal(part.bounds)):
-            return f"--length-unit {unit if smaller_field else 'mm'}", False
-        return f'--field-transform "scale {1.0 / scale:.6g}"', True
+            return _unit_of_part(unit if smaller_field else "mm")
+        return f'the field\'s transform "scale {1.0 / scale:.6g}"', "field_transform"
     if smaller_field:
         undone = field.source.length_unit == unit
-        return ("--field-length-unit mm", True) if undone else (f"--length-unit {unit}", False)
+        return _unit_of_field("mm") if undone else _unit_of_part(unit)
     undone = part.length_unit == unit
-    return ("--length-unit mm", False) if undone else (f"--field-length-unit {unit}", True)
+    return _unit_of_part("mm") if undone else _unit_of_field(unit)
 
 
-def _advice(part: Part, field: IndexField, target: FloatArray) -> str:
-    """The transform of the part's box that gives the target's, as options of the command line."""
+def _unit_of_part(unit: str) -> tuple[str, str]:
+    return f"the part's length unit {unit}", "length_unit"
+
+
+def _unit_of_field(unit: str) -> tuple[str, str]:
+    return f"the field's length unit {unit}", "field_length_unit"
+
+
+def _advice(part: Part, field: IndexField, target: FloatArray) -> tuple[str, str | None]:
+    """The unit and transform that give the part's box the target's size and place.
+
+    With the name of the argument, if one is to be changed.
+    """
     corners = np.array(list(product(*part.bounds.T)))
     limit = _MATCH * _diagonal(target)
     candidates = []
@@ -327,29 +349,29 @@ def _advice(part: Part, field: IndexField, target: FloatArray) -> str:
             continue
         shift = target.mean(axis=0) - box.mean(axis=0)
         off = float(np.abs(shift).max())
-        unit, of_field = _unit_advice(scale, part, field)
+        unit, argument = _unit_advice(scale, part, field)
         # Shifts of the size of the boxes' rounding are ignored.
         shift = np.where(np.abs(shift) < 1e-6 * _diagonal(target), 0.0, shift)
         # If the field is scaled down, so is the distance to it.
-        shift = shift / scale if of_field else shift
+        shift = shift / scale if argument.startswith("field") else shift
         translate = "translate " + " ".join(f"{component:.4g}" for component in shift)
         steps = ", ".join(filter(None, (turn, translate if off > limit else "")))
-        options = [unit, f'--part-transform "{steps}"' if steps else ""]
+        remedies = [unit, f'the part\'s transform "{steps}"' if steps else ""]
         # The remedy with the fewest mistakes is the likeliest.
         mistakes = (scale != 1.0) + bool(turn) + (off > limit)
-        candidates.append((mistakes, off, " and ".join(filter(None, options))))
+        candidates.append(
+            (mistakes, off, " and ".join(filter(None, remedies)), argument or "part_transform")
+        )
     if not candidates:
         return (
             f"the part's box measures {_size(part.bounds)} and the cavity's {_size(target)}; "
-            "check units, axes and thermal expansion."
+            "check units, axes and thermal expansion.",
+            None,
         )
-    remedy = min(candidates)[2]
+    *_, remedy, argument = min(candidates)
     if not remedy:
-        return "their boxes agree, so check thermal expansion and the part's shape."
-    return (
-        f"their boxes agree with {remedy} (in Python length_unit and transform of read_part and "
-        "read_field)."
-    )
+        return "their boxes agree, so check thermal expansion and the part's shape.", None
+    return f"their boxes agree with {remedy}.", argument
 
 
 def _box(points: FloatArray) -> FloatArray:

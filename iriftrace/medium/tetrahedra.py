@@ -91,7 +91,8 @@ def tetrahedra_of(grid: LinearCells) -> Tetrahedra:
     if len(split) > MOST_TETRAHEDRA:
         raise InputError(
             f"The field splits into {len(split)} tetrahedra, but at most {MOST_TETRAHEDRA} can "
-            "be numbered; crop it to the part's surroundings."
+            "be numbered; crop it to the part's surroundings.",
+            code="field.too_many_cells",
         )
     corners = _without_flat_twins(split)
     while True:
@@ -118,7 +119,8 @@ def _without_caps(corners: NumberArray, crowded: IntArray, points: FloatArray) -
     if (thickness.min(axis=1) > SLIVER).any():
         raise InputError(
             "Three or more cells of the field have a common face, so the next cell of a ray is "
-            "ambiguous; export the mesh without duplicate cells."
+            "ambiguous; export the mesh without duplicate cells.",
+            code="field.repeated_cells",
         )
     thinnest = np.take_along_axis(cells, thickness.argmin(axis=1)[:, None], axis=1)
     return np.delete(corners, np.unique(thinnest), axis=0)

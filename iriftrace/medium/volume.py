@@ -174,5 +174,6 @@ def refuse_repeated_cells(grid: pv.UnstructuredGrid, path: str) -> None:
     if repeated_cells > _FEW_REPEATED * grid.n_cells:
         raise InputError(
             f"{repeated_cells} cells of {path} lie where others do, so the air there is ambiguous; "
-            "export each cell once, and mirror only the half that was solved."
+            "export each cell once, and mirror only the half that was solved.",
+            code="field.repeated_cells",
         )

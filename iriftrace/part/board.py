@@ -78,7 +78,8 @@ class Board:
             raise InputError(
                 f"A board of {width:g} x {height:g} mm has {2 * max(across, 0) + 1:,} x "
                 f"{2 * max(down, 0) + 1:,} dots at a pitch of {self.pitch_mm:g} mm, and 3 x 3 to "
-                f"{MOST_DOTS:,} can be used; change size or pitch."
+                f"{MOST_DOTS:,} can be used; change size or pitch.",
+                code="board.dot_count",
             )
 
     @property

@@ -26,12 +26,15 @@ class Growth:
         if not (np.isfinite(values).all() and abs(self.expansion) < 1e-3):
             raise InputError(
                 f"thermal expansion of {self.expansion} per kelvin from {self.reference_k} K to "
-                f"{self.hot_k} K is not that of a solid; steel has about 14e-6/K."
+                f"{self.hot_k} K is not that of a solid; steel has about 14e-6/K.",
+                code="part.unlikely_expansion",
+                argument="expansion",
             )
         if min(self.reference_k, self.hot_k) < PLAUSIBLE_K[0]:
             raise InputError(
                 f"thermal expansion from {self.reference_k:g} K to {self.hot_k:g} K is that of a "
-                'part colder than any here; give both temperatures with their unit, "20 degC".'
+                'part colder than any here; give both temperatures with their unit, "20 degC".',
+                code="part.too_cold",
             )
 
     @property

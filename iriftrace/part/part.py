@@ -97,7 +97,8 @@ class Part:
         if not self.closed:
             raise InputError(
                 f"{self.path} is not closed, so it is not clear where the air is; repair the mesh "
-                "(fill its holes) first."
+                "(fill its holes) first.",
+                code="part.not_closed",
             )
         return self.surface
 
@@ -208,7 +209,9 @@ def part_of_mesh(
     if not 0 < region_angle_deg < 180:
         raise InputError(
             f"a region angle of {region_angle_deg} degrees separates nothing; "
-            "give one between 0 and 180."
+            "give one between 0 and 180.",
+            code="part.region_angle",
+            argument="region_angle",
         )
     points = np.asarray(vertices, dtype=np.float64)
     triangles = np.asarray(faces, dtype=np.int64)
@@ -226,7 +229,10 @@ def part_of_mesh(
     triangles, neighbours = oriented_outward(name, points, triangles, welded)
     surface = Surface(points, triangles)
     if surface.areas.sum() <= 0:
-        raise InputError(f"{name} has triangles but no area; export the part's surface again.")
+        raise InputError(
+            f"{name} has triangles but no area; export the part's surface again.",
+            code="part.no_area",
+        )
     warn_of_folds(name, neighbours, surface.normals, surface.areas)
     groups = find_smooth_groups(neighbours, surface.normals, region_angle_deg)
     named = regions or _named_regions(groups, surface, transform)
@@ -261,14 +267,19 @@ def _refuse_unusable(name: str, points: FloatArray, triangles: IntArray) -> None
     if len(triangles) > MOST_FACES:
         raise InputError(
             f"{name} has {len(triangles)} triangles, but at most {MOST_FACES} can be numbered "
-            "in the EXR; simplify the mesh."
+            "in the EXR; simplify the mesh.",
+            code="part.too_many_triangles",
         )
     if not np.isfinite(points).all():
-        raise InputError(f"{name} has vertices that are NaN or infinite; export the part again.")
+        raise InputError(
+            f"{name} has vertices that are NaN or infinite; export the part again.",
+            code="part.not_finite",
+        )
     if np.abs(points).max(initial=0.0) > FARTHEST_MM:
         raise InputError(
             f"{name} has a vertex {np.abs(points).max():.3g} mm from the origin, farther than any "
-            f"part ({FARTHEST_MM:g} mm); export the part again."
+            f"part ({FARTHEST_MM:g} mm); export the part again.",
+            code="part.too_far",
         )
 
 
@@ -283,6 +294,8 @@ def refuse_unlikely_size(part: Part) -> None:
         smallest, largest = PLAUSIBLE_SIZE_MM
         raise InputError(
             f"{part.path} is {size:.3g} mm across when read as {part.length_unit}, and air is made "
-            f"for parts of {smallest:g} mm to {largest / 1000:g} m; give the file's unit with "
-            "length_unit (--length-unit m, for example)."
+            f"for parts of {smallest:g} mm to {largest / 1000:g} m; give the file's unit as "
+            "length_unit.",
+            code="part.unlikely_size",
+            argument="length_unit",
         )

@@ -58,7 +58,8 @@ def regions_like(part: Part, pattern: str) -> tuple[str, ...]:
         raise InputError(
             f'{part.path} has no region "{pattern}"; its regions are '
             f"{', '.join(placed_regions(part))}. An asterisk stands for several, such as "
-            f'"{part.region_names[0].split()[0]}*".'
+            f'"{part.region_names[0].split()[0]}*".',
+            code="region.unknown_name",
         )
     return found
 
@@ -78,7 +79,8 @@ def values_by_region(part: Part, values: Mapping[str, float]) -> dict[str, float
             if values[other] != values[pattern]:
                 raise InputError(
                     f'"{other}" and "{pattern}" give the region "{name}" different values; give '
-                    "it a value by its full name too."
+                    "it a value by its full name too.",
+                    code="region.two_values",
                 )
             found[name] = values[pattern]
     return found

@@ -45,12 +45,16 @@ def stated_growth(
         return stated, 1.0
     if hot_k is None:
         raise InputError(
-            "thermal expansion needs the part's hot temperature as well; give both or neither."
+            "thermal expansion needs the part's hot temperature as well; give both or neither.",
+            code="part.no_hot_temperature",
+            argument="hot_temperature",
         )
     if stated is not None:
         raise InputError(
             f"{path} states that it is expanded to {stated.hot_k - ZERO_CELSIUS_K:g} degC already; "
-            "give the part as it was drawn, or leave out the expansion (--expansion)."
+            "give the part as it was drawn, or leave out the expansion.",
+            code="part.expanded_twice",
+            argument="expansion",
         )
     growth = Growth(expansion, reference_k, hot_k)
     return growth, growth.factor
@@ -60,15 +64,17 @@ def check_unit(path: Path, vertices: FloatArray, stated: str, chosen: str) -> No
     """Warn when the unit is not the one that the file states, or makes an unlikely size."""
     if stated != chosen:
         warn(
-            f"{path} declares its unit as {stated} but is read as {chosen}; leave length_unit "
-            "(--length-unit) out if the file is right."
+            f"{path} declares its unit as {stated} but is read as {chosen}; leave out "
+            "length_unit if the file is right.",
+            argument="length_unit",
         )
         return
     size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     if is_unlikely_size(size):
         warn(
             f"{path} is {size:.3g} mm across when read as {chosen}, which is unlikely for a "
-            "measured part; check length_unit (--length-unit)."
+            "measured part; check length_unit.",
+            argument="length_unit",
         )
 
 
@@ -188,7 +194,8 @@ def warn_of_rounding(path: str, farthest_mm: float) -> None:
         warn(
             f"{path} lies {farthest_mm:.4g} mm from the origin, where single precision, in which "
             f"scenes store it, has steps of {step:.2g} mm; export part and field nearer to it, or "
-            "move both (--part-transform and --field-transform, 'translate X Y Z')."
+            "move both by 'translate X Y Z'.",
+            argument="part_transform",
         )
 
 

@@ -208,7 +208,9 @@ def check_positive(part: str, **lengths: float) -> None:
         if not (math.isfinite(value) and value > 0.0):
             raise InputError(
                 f"The {part}'s {name.replace('_', ' ')} of {value:g} mm makes no solid; give a "
-                "positive length."
+                "positive length.",
+                code="part.length_not_positive",
+                argument=name,
             )
 
 
@@ -217,7 +219,8 @@ def check_less(part: str, smaller: tuple[str, float], larger: tuple[str, float],
     if not smaller[1] < larger[1]:
         raise InputError(
             f"The {part}'s {smaller[0]} of {smaller[1]:.4g} mm must be less than its {larger[0]} "
-            f"of {larger[1]:.4g} mm, because {why}."
+            f"of {larger[1]:.4g} mm, because {why}.",
+            code="part.conflicting_lengths",
         )
 
 
@@ -225,5 +228,7 @@ def check_count(part: str, name: str, count: int, least: int, most: int) -> None
     """Refuse a number of pieces that makes no such part, or more triangles than are of use."""
     if not least <= count <= most:
         raise InputError(
-            f"A {part} with {count} {name} cannot be made; give {least} to {most} {name}."
+            f"A {part} with {count} {name} cannot be made; give {least} to {most} {name}.",
+            code="part.piece_count",
+            argument=name,
         )

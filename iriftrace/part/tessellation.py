@@ -37,7 +37,9 @@ def decimate_part(part: Part, faces: int) -> tuple[Part, FloatArray]:
     if not FEWEST <= faces < len(part.faces):
         raise InputError(
             f"{part.path} has {len(part.faces):,} triangles; give a number from {FEWEST} to one "
-            "below that."
+            "below that.",
+            code="part.triangle_count",
+            argument="faces",
         )
     mesh = _welded(part).decimate(1.0 - faces / len(part.faces)).triangulate()
     middles = mesh.points[mesh.regular_faces].mean(axis=1)
@@ -62,7 +64,11 @@ def subdivide_part(part: Part, edge_mm: float) -> Part:
     triangles than a part may have.
     """
     if not edge_mm > 0:
-        raise InputError(f"The longest edge is {edge_mm:g} mm; give a positive length.")
+        raise InputError(
+            f"The longest edge is {edge_mm:g} mm; give a positive length.",
+            code="part.length_not_positive",
+            argument="edge",
+        )
     # Three such edges make the largest triangle that may stay; halving takes some times as many.
     usual = 3 * part.area / (math.sqrt(3) / 4 * edge_mm**2)
     welded = _welded(part)
@@ -75,7 +81,9 @@ def subdivide_part(part: Part, edge_mm: float) -> Part:
     if split is None:
         raise InputError(
             f"Edges of {edge_mm:g} mm need more triangles than the {MOST_FACES:,} that a part may "
-            "have; give a longer edge."
+            "have; give a longer edge.",
+            code="part.too_many_triangles",
+            argument="edge",
         )
     return _of_mesh(part, split.vertices, split.faces, split.region)
 
@@ -100,7 +108,8 @@ def _of_mesh(part: Part, vertices: FloatArray, faces: IntArray, region: IntArray
     if part.drawing is not None:
         raise InputError(
             f"{part.path} has grown unevenly, and new corners have no place in its drawing; change "
-            "the triangles of the cold part, and expand it then."
+            "the triangles of the cold part, and expand it then.",
+            code="part.grown_unevenly",
         )
     made = part_of_mesh(
         vertices, faces, name=part.path, length_unit=part.length_unit, regions=regions

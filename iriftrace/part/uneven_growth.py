@@ -59,7 +59,11 @@ def grown_unevenly(
     finite.
     """
     if part.growth is not None:
-        raise InputError(f"{part.path} is expanded already; give the part as it was drawn.")
+        raise InputError(
+            f"{part.path} is expanded already; give the part as it was drawn.",
+            code="part.expanded_twice",
+            argument="expansion",
+        )
     low, step, cubes, filled = _cubes(part)
     eighths = low + (cubes[:, None] + 0.25 + 0.5 * _CORNERS) * step
     kelvins = np.asarray(wall_k(eighths.reshape(-1, 3))).reshape(-1, 8).mean(axis=1)
@@ -121,7 +125,8 @@ def _expanded(
     if failed:
         raise InputError(
             "The thermal growth of the part was not found in 20,000 steps; check the part's mesh, "
-            "or give one temperature for all of it."
+            "or give one temperature for all of it.",
+            code="part.growth_not_found",
         )
     return nodes, moved.reshape(-1, 3)
 

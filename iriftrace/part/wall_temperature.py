@@ -73,8 +73,10 @@ class MeasuredWall:
         if far.all():
             raise InputError(
                 f"the temperatures in {self.path} lie {distance.min():.3g} mm or more from the "
-                "part, so they are not those of its wall; check their unit "
-                "(--wall-length-unit) and that both have the same coordinates."
+                "part, so they are not those of its wall; check that both have the same "
+                "coordinates, in the same unit.",
+                code="wall.too_far",
+                argument="wall_length_unit",
             )
         far_off = part.face_areas[far].sum() / part.area
         if not far.any():
@@ -109,32 +111,41 @@ class WallTemperatures:
         if self.measured is not None and lowest < ambient_k - _COOLER_THAN_AIR:
             raise InputError(
                 f"the wall temperatures in {self.measured.path} go down to {lowest:g} K in air of "
-                f"{ambient_k:g} K; check their unit (--wall-temperature-unit degC) and --ambient."
+                f"{ambient_k:g} K; check the temperature of the air and the unit of the wall's.",
+                code="wall.colder_than_air",
+                argument="wall_temperature_unit",
             )
         for kelvin in (self.default, *self.regions.values()):
             if not ambient_k < kelvin <= HOTTEST:
                 raise InputError(
                     f"a wall of {kelvin:g} K in air of {ambient_k:g} K cannot be simulated here: "
                     f"the wall must be hotter than the air and at most {HOTTEST:g} K; check "
-                    "number and unit."
+                    "number and unit.",
+                    code="wall.unlikely_temperature",
                 )
         if self.transition and len(self.of_regions(part)) < 2:
             raise InputError(
                 "a transition needs two temperatures to lie between; give one region another "
-                "temperature (--region-temperature), or leave the transition out."
+                "temperature, or leave the transition out.",
+                code="wall.one_temperature",
+                argument="region_temperature",
             )
 
     def check_regions(self, part: Part) -> None:
         """Refuse unknown regions and a negative width, with an InputError."""
         if not 0.0 <= self.transition < np.inf:
             raise InputError(
-                f"a transition of {self.transition:g} mm is impossible; give 0 or more."
+                f"a transition of {self.transition:g} mm is impossible; give 0 or more.",
+                code="wall.transition_below_zero",
+                argument="transition",
             )
         unknown = [name for name in self.regions if name not in part.region_names]
         if unknown:
             raise InputError(
                 f'{part.path} has no region "{unknown[0]}"; its regions are '
-                f"{', '.join(placed_regions(part))}."
+                f"{', '.join(placed_regions(part))}.",
+                code="region.unknown_name",
+                argument="region_temperature",
             )
 
     def of_regions(self, part: Part) -> dict[float, list[int]]:
@@ -193,8 +204,9 @@ def wall_temperature_gradient(
         return np.full(len(points), kelvins[0]), np.zeros((len(points), 3))
     if wall.transition == 0.0:
         raise InputError(
-            "the temperature between regions has no gradient without a transition; give its width "
-            "(--transition)."
+            "the temperature between regions has no gradient without a transition; give its width.",
+            code="wall.no_transition",
+            argument="transition",
         )
     found = [group.distance_gradient(points) for group in groups]
     mean, weights = _mixed(wall, kelvins, np.stack([distance for distance, _ in found]))

@@ -117,23 +117,27 @@ def _part_of(shapes: list[dt.Shape]) -> tuple[mi.Mesh, int]:
         raise InputError(
             f"The scene has {len(parts)} shapes with id '{PART_ID}', but the measured part is "
             "known by it: give exactly one shape this id, and load with optimize=False, because "
-            "Mitsuba otherwise merges shapes of equal bsdfs into one without id."
+            "Mitsuba otherwise merges shapes of equal bsdfs into one without id.",
+            code="scene.part_count",
         )
     part = shapes[parts[0]]
     if shell_indices(part.bsdf()) is not None or not part.is_mesh():
         raise InputError(
             "The shape with id 'part' must be an opaque triangle mesh (ply, obj, mi.Mesh), since "
-            "faces and regions are numbered by it; a sphere or cylinder of Mitsuba is none."
+            "faces and regions are numbered by it; a sphere or cylinder of Mitsuba is none.",
+            code="part.no_mesh",
         )
     if part.face_count() == 0:
         raise InputError(
             "The part's file has no triangles, so there is nothing to see; give the part's surface "
-            "as triangles, or write the scene again."
+            "as triangles, or write the scene again.",
+            code="part.no_triangles",
         )
     if part.face_count() > MOST_FACES:
         raise InputError(
             f"The part has {part.face_count()} faces, but channel part.face holds at most "
-            f"{MOST_FACES} exactly; simplify the mesh."
+            f"{MOST_FACES} exactly; simplify the mesh.",
+            code="part.too_many_triangles",
         )
     return part, parts[0]
 
@@ -146,24 +150,28 @@ def _described(shape: dt.Shape, is_part: bool) -> Described:
     if sides is not None and not shape.is_mesh():
         raise InputError(
             f"Shell '{shape.id()}' is not a triangle mesh, so its index steps cannot be traced in "
-            "double precision; give it as a mesh (PLY)."
+            "double precision; give it as a mesh (PLY).",
+            code="shells.no_mesh",
         )
     if sides is not None and shape.has_flipped_normals():
         raise InputError(
             f"Shell '{shape.id()}' has flip_normals, which would swap inside and outside only in "
-            "part; swap ext_ior and int_ior instead."
+            "part; swap ext_ior and int_ior instead.",
+            code="shells.flipped",
         )
     count = shape.face_count()
     if sides is not None and count == 0:
         raise InputError(
-            f"Shell '{shape.id()}' has no triangles; leave it out, with the shells inside of it."
+            f"Shell '{shape.id()}' has no triangles; leave it out, with the shells inside of it.",
+            code="shells.no_triangles",
         )
     smooth = shape.has_vertex_normals() and not shape.has_face_normals()
     if sides is not None and smooth and _runs_against_its_normals(shape):
         raise InputError(
             f"The triangles of shell '{shape.id()}' face against its vertex normals, as after a "
             "mirroring to_world, so outside and inside would be swapped; mirror the mesh itself "
-            "instead."
+            "instead.",
+            code="shells.mirrored",
         )
     if sides is None:
         return Described(shape, PART, (1.0, 1.0), 1.0, smooth, False, count)

@@ -43,7 +43,8 @@ def has_derivatives(shape: mi.Mesh) -> bool:
         raise InputError(
             f"Shell '{shape.id()}' has the vertex attributes {_listed(given)}, but the derivatives "
             f"of the index are {_listed(expected)}; give all of them by these names, or none "
-            "(a PLY's columns gradient_1, gradient_2, gradient_3 become vertex_gradient)."
+            "(a PLY's columns gradient_1, gradient_2, gradient_3 become vertex_gradient).",
+            code="shells.vertex_attributes",
         )
     return bool(given)
 
@@ -104,7 +105,8 @@ def check_lengths(shells: Sequence[tuple[FloatArray, IntArray, FloatArray]]) -> 
             f"Along the edges of the shells the gradient of the index changes {ratio:.3g} times as "
             "much as its second derivatives say, as after a to_world or a unit that makes all "
             f"lengths {1.0 / ratio:.3g} times as large: divide vertex_gradient (1/mm) by this "
-            "factor and vertex_hessian_xx ... (1/mm^2) by its square."
+            "factor and vertex_hessian_xx ... (1/mm^2) by its square.",
+            code="shells.gradient_scale",
         )
 
 

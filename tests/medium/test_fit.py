@@ -77,26 +77,28 @@ def test_uniformly_smaller_part_has_this_gap(hot_box: IndexField) -> None:
 
 
 @pytest.mark.parametrize(
-    ("scale", "advice"),
+    ("scale", "argument", "unit"),
     [
-        (1e-3, "--length-unit m"),
-        (1e3, "--field-length-unit m"),
-        (1 / 25.4, "--length-unit inch"),
-        (0.1, "--length-unit cm"),
+        (1e-3, "length_unit", "m"),
+        (1e3, "field_length_unit", "m"),
+        (1 / 25.4, "length_unit", "inch"),
+        (0.1, "length_unit", "cm"),
     ],
 )
-def test_wrong_unit_is_named(hot_box: IndexField, scale: float, advice: str) -> None:
+def test_wrong_unit_is_named(hot_box: IndexField, scale: float, argument: str, unit: str) -> None:
     """The part's wall is then nowhere near the field's, so nothing could be computed."""
-    with pytest.raises(InputError, match=advice):
+    with pytest.raises(InputError, match=f"length unit {unit}\\b") as refused:
         fit_part_to_field(hot_box, box_part(half=HALF * scale))
+    assert (refused.value.code, refused.value.argument) == ("field.not_at_part", argument)
 
 
 def test_a_unit_that_was_given_by_mistake_is_taken_back(hot_box: IndexField) -> None:
     """The field was read in metres, so that everything but one corner is far from the part."""
     source = evolve(hot_box.source, length_unit="m")
     part = box_part(centre=tuple(HALF - 1e-3 * HALF), half=1e-3 * HALF)
-    with pytest.raises(InputError, match=r"1e.03 times as large .* --field-length-unit mm"):
+    with pytest.raises(InputError, match="times as large .* field's length unit mm") as refused:
         fit_part_to_field(evolve(hot_box, source=source), part)
+    assert refused.value.argument == "field_length_unit"
 
 
 @pytest.mark.parametrize(
@@ -115,19 +117,21 @@ def test_a_field_in_another_unit_than_its_file_states_is_scaled(
         grid.points = np.asarray(grid.points, dtype=np.float64) * scale
         return evolve(hot_box, grid=grid, source=source)
 
-    with pytest.raises(InputError, match="field-transform") as caught:
+    with pytest.raises(InputError, match="field's transform") as caught:
         fit_part_to_field(scaled(factor), part)
-    assert "length-unit" not in str(caught.value)
-    scale = str(caught.value).split('--field-transform "scale ')[1].split('"')[0]
-    shift = str(caught.value).partition('--part-transform "')[2].split('"')[0]
+    assert caught.value.argument == "field_transform"
+    assert "length unit" not in str(caught.value)
+    scale = str(caught.value).split("field's transform \"scale ")[1].split('"')[0]
+    shift = str(caught.value).partition("part's transform \"")[2].split('"')[0]
     mended = part.transformed(parse_transform(shift)) if shift else part
     assert fit_part_to_field(scaled(factor * float(scale)), mended).gap_p95_mm < 0.01
 
 
 def test_a_part_in_metres_beside_a_field_that_states_metres(hot_box: IndexField) -> None:
     source = evolve(hot_box.source, length_unit="m", unit_stated=True)
-    with pytest.raises(InputError, match="boxes agree with --length-unit m "):
+    with pytest.raises(InputError, match="with the part's length unit m[. ]") as refused:
         fit_part_to_field(evolve(hot_box, source=source), box_part(half=HALF * 1e-3))
+    assert refused.value.argument == "length_unit"
 
 
 @pytest.mark.parametrize(
@@ -141,7 +145,7 @@ def test_axes_and_offsets_are_named_and_the_advice_works(
     moved = box_part(centre, HALF[axes])
     fit = fit_part_to_field(hot_box, moved)
     (message,) = fit.warnings
-    transform = message.split('--part-transform "')[1].split('"')[0]
+    transform = message.split("part's transform \"")[1].split('"')[0]
     mended = fit_part_to_field(hot_box, moved.transformed(parse_transform(transform)))
     assert mended.warnings == ()
     assert mended.gap_p95_mm < 1e-4 < fit.gap_p95_mm

@@ -139,7 +139,8 @@ def wound_alike(
     if one_sided.any():
         raise InputError(
             "the surface is one-sided (like a Moebius strip), so no side of it is outside; repair "
-            "the mesh."
+            "the mesh.",
+            code="surface.one_sided",
         )
     return np.where(turned[:, None], faces[:, ::-1], faces), int(np.count_nonzero(turned))
 
@@ -170,7 +171,11 @@ def face_along(
     negative.
     """
     if not (min_size_mm >= 0.0 and np.isfinite(min_size_mm)):
-        raise InputError(f"The smallest piece is {min_size_mm} mm; give 0 or a positive length.")
+        raise InputError(
+            f"The smallest piece is {min_size_mm} mm; give 0 or a positive length.",
+            code="shells.size_below_zero",
+            argument="min_size",
+        )
     if len(faces) == 0:
         return faces, 0, 0
     faces, piece = wind_consistently(vertices, faces)

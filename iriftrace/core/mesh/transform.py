@@ -59,9 +59,14 @@ def parse_transform(text: str) -> FloatArray:
         unit = length_unit_of(written.splitlines(), path.name) or "mm"
         numbers = _numbers(_bare(written))
         if numbers is None:
-            raise InputError(f"{path} does not hold a transform: expected 16 numbers, row by row.")
+            raise InputError(
+                f"{path} does not hold a transform: expected 16 numbers, row by row.",
+                code="transform.number_count",
+            )
     elif numbers is None and path.suffix and len(text.split()) == 1:
-        raise InputError(f"The transform's file {path} does not exist; check the path.")
+        raise InputError(
+            f"The transform's file {path} does not exist; check the path.", code="transform.no_file"
+        )
     matrix = np.eye(4)
     if numbers is None:
         for step in text.split(","):
@@ -74,7 +79,8 @@ def parse_transform(text: str) -> FloatArray:
     else:
         raise InputError(
             f"The transform {text!r} has {len(numbers)} numbers; a 4x4 matrix has 16, row by row "
-            "(12 without its last row), with decimal points."
+            "(12 without its last row), with decimal points.",
+            code="transform.number_count",
         )
     return checked_matrix(matrix, repr(text))
 
@@ -95,7 +101,8 @@ def _refuse_distorting(matrix: FloatArray, name: str) -> None:
         raise InputError(
             f"The matrix {name!r} is not a rotation: it mirrors, shears or scales (lengths by "
             f"factors from {lengths.min():.6g} to {lengths.max():.6g}); correct it, or write steps "
-            "if that is meant ('scale 1 1 -1')."
+            "if that is meant ('scale 1 1 -1').",
+            code="transform.distorts",
         )
     decades = math.log10(lengths.mean())
     if abs(decades - round(decades)) > ROUNDING:
@@ -119,7 +126,8 @@ def rigid_motion(matrix: FloatArray, name: str) -> FloatArray:
         raise InputError(
             f"{name} is not a rigid motion: it mirrors, shears or scales (lengths by factors from "
             f"{lengths.min():.6g} to {lengths.max():.6g}), and would change what was measured; "
-            "align the cloud by rotation and translation alone."
+            "align the cloud by rotation and translation alone.",
+            code="transform.not_rigid",
         )
     motion = matrix.copy()
     motion[:3, :3] = left @ right
@@ -149,16 +157,24 @@ def checked_matrix(matrix: ArrayLike, name: str = "") -> FloatArray:
     affine = np.asarray(matrix, dtype=np.float64)
     called = f"The transform {name}".rstrip()
     if affine.shape != (4, 4):
-        raise InputError(f"{called} has the shape {affine.shape}; give a 4 x 4 matrix.")
+        raise InputError(
+            f"{called} has the shape {affine.shape}; give a 4 x 4 matrix.", code="transform.shape"
+        )
     if not np.isfinite(affine).all():
-        raise InputError(f"{called} holds a number that is not finite; correct it.")
+        raise InputError(
+            f"{called} holds a number that is not finite; correct it.", code="transform.not_finite"
+        )
     if not np.array_equal(affine[3], (0.0, 0.0, 0.0, 1.0)):
-        raise InputError(f"{called} does not end with the row 0 0 0 1; is the matrix transposed?")
+        raise InputError(
+            f"{called} does not end with the row 0 0 0 1; is the matrix transposed?",
+            code="transform.last_row",
+        )
     scale = float(np.abs(affine[:3, :3]).max())
     if not abs(np.linalg.det(affine[:3, :3])) > 1e-9 * scale**3:
         raise InputError(
             f"{called} is singular: it would flatten the shape; give an invertible one, with no "
-            "factor of 0."
+            "factor of 0.",
+            code="transform.singular",
         )
     return affine
 
@@ -194,7 +210,10 @@ def _step(step: str) -> FloatArray:
         case ["translate", *shift] if len(shift) == 3:
             matrix[:3, 3] = [_number(value, step) for value in shift]
         case _:
-            raise InputError(f"The transform step {step.strip()!r} is not known; use {_FORMS}.")
+            raise InputError(
+                f"The transform step {step.strip()!r} is not known; use {_FORMS}.",
+                code="transform.unknown_step",
+            )
     return matrix
 
 
@@ -203,7 +222,8 @@ def _number(word: str, step: str) -> float:
         return float(word)
     except ValueError:
         raise InputError(
-            f"{word!r} in the transform step {step.strip()!r} is not a number; use {_FORMS}."
+            f"{word!r} in the transform step {step.strip()!r} is not a number; use {_FORMS}.",
+            code="transform.no_number",
         ) from None
 
 
@@ -214,7 +234,8 @@ def _radians(word: str, step: str) -> float:
     if degrees and round(quarters) and abs(degrees) < 7 and abs(quarters - round(quarters)) < 5e-4:
         raise InputError(
             f"{word} in the transform step {step.strip()!r} is {90 * round(quarters)} degrees in "
-            "radians; give degrees."
+            "radians; give degrees.",
+            code="transform.radians",
         )
     return math.radians(degrees)
 

@@ -163,7 +163,7 @@ def run_trial(variant: str) -> None:
     """Run one kernel and one ray query in another process; SetupError with its last line if not."""
     trouble = _last_words(_TRIAL.format(variant=variant))
     if trouble:
-        raise SetupError(f"{variant} does not work here: {trouble}")
+        raise SetupError(f"{variant} does not work here: {trouble}", code="variant.fails")
 
 
 def _drawing() -> Finding:

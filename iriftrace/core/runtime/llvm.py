@@ -134,14 +134,15 @@ def require_llvm() -> LlvmLibrary:
     if named:
         raise SetupError(
             f"{PATH_VARIABLE} names {named!r}, which {rejected[0].why}; unset it or name a libLLVM "
-            f"of version {OLDEST_MAJOR} or newer (to install one: {llvm_install_command()})."
+            f"of version {OLDEST_MAJOR} or newer (to install one: {llvm_install_command()}).",
+            code="llvm.unusable_path",
         )
     trouble = "No LLVM library was found, and rays are traced by code that LLVM compiles"
     if rejected:
         newest = max(rejected, key=lambda library: library.version or (0, 0, 0))
         trouble = f"No usable LLVM library was found: {newest.path} {newest.why}"
     remedy = f"Install LLVM {OLDEST_MAJOR} or newer: {llvm_install_command()}"
-    raise SetupError(f"{trouble}. {remedy}")
+    raise SetupError(f"{trouble}. {remedy}", code="llvm.none")
 
 
 def inspect_llvm(path: str) -> LlvmLibrary:

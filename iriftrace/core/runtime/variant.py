@@ -78,7 +78,9 @@ def wanted_variant(variant: str | None = None) -> str:
     else:
         reason = "rays here have one wavelength and are traced as arrays"
     raise InputError(
-        f"{origin} {name!r} cannot be used, because {reason}; choose {' or '.join(VARIANTS)}."
+        f"{origin} {name!r} cannot be used, because {reason}; choose {' or '.join(VARIANTS)}.",
+        code="variant.unusable",
+        argument="variant",
     )
 
 
@@ -111,7 +113,8 @@ def ensure(variant: str | None = None) -> str:
                 f"Mitsuba was imported earlier and has loaded LLVM {'.'.join(map(str, version))}, "
                 f"and versions before {OLDEST_MAJOR} can abort the whole process; restart Python "
                 "and call iriftrace.core.runtime.variant.ensure() before importing mitsuba, or set "
-                f"{PATH_VARIABLE} first."
+                f"{PATH_VARIABLE} first.",
+                code="llvm.too_old",
             )
     refuse_foreign_plugins(Path.cwd())
     importlib.import_module("iriftrace.plugins").register()
@@ -129,7 +132,8 @@ def refuse_foreign_plugins(folder: Path) -> None:
     if found and folder.resolve() != Path(str(_mitsuba().__file__)).parent.resolve():
         raise InputError(
             f"{folder / 'plugins'} holds compiled code ({found[0]}) that Mitsuba would run as a "
-            "plugin of its own; work in another folder, or take it away."
+            "plugin of its own; work in another folder, or take it away.",
+            code="mitsuba.foreign_plugin",
         )
 
 
@@ -176,13 +180,16 @@ def _set_variant(name: str) -> None:
     if name.startswith("cuda") and not cuda_state().devices:
         raise SetupError(
             "cuda_ad_mono needs an NVIDIA GPU with its driver, and none answers "
-            f"({cuda_state().why}); install the driver or use {DEFAULT_VARIANT}."
+            f"({cuda_state().why}); install the driver or use {DEFAULT_VARIANT}.",
+            code="gpu.none",
+            argument="variant",
         )
     mitsuba = _import_mitsuba()
     if name not in mitsuba.variants():
         raise SetupError(
             f"This Mitsuba ({mitsuba.__version__}) was built without {name}; "
-            'install the published one: pip install "mitsuba>=3.9,<3.10"'
+            'install the published one: pip install "mitsuba>=3.9,<3.10"',
+            code="variant.not_built",
         )
     try:
         mitsuba.set_variant(name)
@@ -193,9 +200,12 @@ def _set_variant(name: str) -> None:
             raise SetupError(
                 f"Mitsuba was imported before it could find a usable LLVM and cannot look again "
                 f"({cause}); restart Python and call iriftrace.core.runtime.variant.ensure() "
-                "before importing mitsuba."
+                "before importing mitsuba.",
+                code="llvm.found_too_late",
             ) from error
-        raise SetupError(f"Mitsuba cannot work with {name}: {cause}") from error
+        raise SetupError(
+            f"Mitsuba cannot work with {name}: {cause}", code="variant.fails"
+        ) from error
 
 
 def refuse_gpu_without_optix(error: Exception) -> None:
@@ -203,7 +213,9 @@ def refuse_gpu_without_optix(error: Exception) -> None:
     if "initialize OptiX" in str(error):
         raise SetupError(
             "This GPU's driver has no OptiX that Mitsuba can trace rays with; install a newer "
-            f"NVIDIA driver, or use {DEFAULT_VARIANT}."
+            f"NVIDIA driver, or use {DEFAULT_VARIANT}.",
+            code="gpu.no_optix",
+            argument="variant",
         ) from error
 
 
@@ -221,7 +233,9 @@ def _import_mitsuba() -> ModuleType:
             remedy = 'pip install "mitsuba>=3.9,<3.10"'
         else:
             remedy = llvm_install_command()
-        raise SetupError(f"Mitsuba cannot be imported ({cause}); to fix it: {remedy}") from error
+        raise SetupError(
+            f"Mitsuba cannot be imported ({cause}); to fix it: {remedy}", code="mitsuba.no_import"
+        ) from error
 
 
 def _mitsuba() -> ModuleType:

@@ -154,7 +154,9 @@ class Air:
         """Refuse states outside the range of the equations at once."""
         if self.model not in MODELS:
             raise InputError(
-                f"There is no model of air named {self.model!r}; use one of {', '.join(MODELS)}."
+                f"There is no model of air named {self.model!r}; use one of {', '.join(MODELS)}.",
+                code="air.unknown_model",
+                argument="air_model",
             )
         _check_ranges(*astuple(self)[:5])
 
@@ -206,12 +208,12 @@ def _check_ranges(
     relative_humidity: ArrayLike,
     co2_ppm: ArrayLike,
 ) -> None:
-    for name, value, (low, high), unit, hint in (
-        ("wavelength", wavelength_nm, WAVELENGTH_RANGE, " nm", "give it in nm"),
-        ("ambient temperature", temperature_k, TEMPERATURE_RANGE, " K", _AMBIENT),
-        ("pressure", pressure_pa, PRESSURE_RANGE, " Pa", "give it in Pa or with its unit"),
-        ("relative humidity", relative_humidity, (0.0, 1.0), "", "50 % is 0.5"),
-        ("CO2 content", co2_ppm, CO2_RANGE, " ppm", "give it in ppm"),
+    for name, argument, value, (low, high), unit, hint in (
+        ("wavelength", "wavelength", wavelength_nm, WAVELENGTH_RANGE, " nm", "give it in nm"),
+        ("ambient temperature", "ambient", temperature_k, TEMPERATURE_RANGE, " K", _AMBIENT),
+        ("pressure", "pressure", pressure_pa, PRESSURE_RANGE, " Pa", "give it with its unit"),
+        ("relative humidity", "humidity", relative_humidity, (0.0, 1.0), "", "50 % is 0.5"),
+        ("CO2 content", "co2", co2_ppm, CO2_RANGE, " ppm", "give it in ppm"),
     ):
         array = np.asarray(value, float)
         slack = 1e-9 * high  # -40 degC in floating point is a little colder than 233.15 K
@@ -219,7 +221,9 @@ def _check_ranges(
         if wrong.size:
             raise InputError(
                 f"The {name} {wrong.flat[0]:g}{unit} is outside {low:g} to {high:g}{unit}, where "
-                f"the equations for the index of air hold; {hint}."
+                f"the equations for the index of air hold; {hint}.",
+                code="air.out_of_range",
+                argument=argument,
             )
 
 
@@ -229,7 +233,8 @@ def _positive(value: ArrayLike, name: str, unit: str) -> FloatArray:
     if wrong.size:
         raise InputError(
             f"A {name} of {wrong.flat[0]:g} {unit}".rstrip()
-            + " does not exist in air; it must be positive and finite."
+            + " does not exist in air; it must be positive and finite.",
+            code="air.not_positive",
         )
     return array
 
@@ -239,7 +244,8 @@ def dispersion(air: Air | None, wavelength_nm: float) -> float:
     if air is None:
         raise InputError(
             f"The scene does not state its air, so n - 1 at {wavelength_nm:g} nm is not known; "
-            "make the scene with `iriftrace scene ... --wavelength` instead."
+            "make the scene for this wavelength.",
+            code="air.not_stated",
         )
     there = evolve(air, wavelength_nm=wavelength_nm)
     return there.ambient_refractivity / air.ambient_refractivity

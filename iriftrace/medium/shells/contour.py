@@ -74,10 +74,12 @@ def contour_shells(
         rule = "custom"
     found, small = _large_surfaces(field, surfaces, min_size_mm)
     if not found:
+        advice = _size_advice(field, min_size_mm)
         raise InputError(
             f"The field has no surface between n - 1 = {surfaces[0]:.6g} and {surfaces[-1]:.6g}; "
-            "check the index range, the levels and the ambient air."
-            + _size_advice(field, min_size_mm)
+            f"check the index range, the levels and the ambient air.{advice}",
+            code="shells.none",
+            argument="field_length_unit" if advice else None,
         )
     _warn_of_missing(field, surfaces, found.keys())
     shells = []
@@ -132,7 +134,7 @@ def _size_advice(field: IndexField, min_size_mm: float) -> str:
         return ""
     return (
         f" The whole field is {size:.3g} mm across and pieces below {min_size_mm:g} mm are "
-        'dropped: if it is in metres, read it with length_unit="m" (--field-length-unit m).'
+        "dropped; if it is in metres, state this as its length unit."
     )
 
 

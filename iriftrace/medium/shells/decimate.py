@@ -58,7 +58,9 @@ def decimate(stack: ShellStack, triangles: int) -> ShellStack:
     if triangles < least:
         raise InputError(
             f"{triangles} triangles for {len(stack.shells)} shells are too few to keep their "
-            f"shapes; give at least {least}."
+            f"shapes; give at least {least}.",
+            code="shells.too_few_triangles",
+            argument="triangles",
         )
     if stack.triangles <= triangles:
         return stack

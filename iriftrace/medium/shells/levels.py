@@ -50,14 +50,24 @@ def index_levels(
     """
     check_range(ambient, hottest)
     if layers < 1:
-        raise InputError(f"{layers} layers bend no ray; give at least 1.")
+        raise InputError(
+            f"{layers} layers bend no ray; give at least 1.",
+            code="shells.layer_count",
+            argument="layers",
+        )
     if layers > MOST_LAYERS:
         raise InputError(
             f"{layers} layers take longer than their error is worth, which falls with the square "
-            f"of their number; give at most {MOST_LAYERS}."
+            f"of their number; give at most {MOST_LAYERS}.",
+            code="shells.layer_count",
+            argument="layers",
         )
     if rule not in RULES:
-        raise InputError(f"Unknown rule '{rule}' for index steps; use one of {', '.join(RULES)}.")
+        raise InputError(
+            f"Unknown rule '{rule}' for index steps; use one of {', '.join(RULES)}.",
+            code="shells.unknown_rule",
+            argument="rule",
+        )
     rim = rule == "rim" and layers > 1
     steps = layers - rim
     share = np.linspace(0.0, 1.0, steps + 1)
@@ -90,13 +100,17 @@ def layers_between(
     if len(s) == 0 or not np.isfinite(s).all() or np.any(np.diff(s) == 0.0):
         raise InputError(
             f"The levels {s.tolist()} are not a list of distinct numbers (n - 1); each shell needs "
-            "its own."
+            "its own.",
+            code="shells.repeated_levels",
+            argument="levels",
         )
     if s[0] >= ambient or s[-1] < limit or s[-1] <= 0.0:
         raise InputError(
             f"The levels reach from n - 1 = {s[-1]:.6g} to {s[0]:.6g}, but air lies between "
             f"{limit:.6g} (hottest) and {ambient:.6g} (ambient); choose levels in between, or "
-            "set the ambient air."
+            "set the ambient air.",
+            code="shells.levels_outside_air",
+            argument="levels",
         )
     e = np.empty(len(s) + 1)
     e[0] = ambient
@@ -110,5 +124,7 @@ def check_range(ambient: float, hottest: float) -> None:
     if not (np.isfinite(ambient) and np.isfinite(hottest) and ambient > hottest >= 0.0):
         raise InputError(
             f"n - 1 of the ambient air is {ambient:.6g} and of the hottest air {hottest:.6g}; the "
-            "ambient air must have the higher index, else there is no hot air to trace through."
+            "ambient air must have the higher index, else there is no hot air to trace through.",
+            code="shells.no_hot_air",
+            argument="ambient",
         )

@@ -82,26 +82,33 @@ class Shell:
         if not np.isfinite(vertices).all():
             raise InputError(
                 f"Shell {self.layer} has a vertex that is not finite, so no ray can cross it; "
-                "check the field's points."
+                "check the field's points.",
+                code="shells.not_finite",
             )
         if len(faces) == 0:
-            raise InputError(f"Shell {self.layer} has no triangle; leave it out of the stack.")
+            raise InputError(
+                f"Shell {self.layer} has no triangle; leave it out of the stack.",
+                code="shells.no_triangles",
+            )
         if faces.min() < 0 or faces.max() >= len(vertices):
             raise InputError(
                 f"Shell {self.layer} has a triangle with vertex number {faces.max()}, but only "
-                f"{len(vertices)} vertices; the mesh is damaged."
+                f"{len(vertices)} vertices; the mesh is damaged.",
+                code="shells.vertex_number",
             )
         if normals is not None and len(normals) != len(vertices):
             raise InputError(
                 f"Shell {self.layer} has {len(normals)} normals for {len(vertices)} vertices; give "
-                "one each or none."
+                "one each or none.",
+                code="shells.normal_count",
             )
         derivatives, expected = self.derivatives, (len(vertices), DERIVATIVES)
         if derivatives is not None and (normals is None or derivatives.shape != expected):
             raise InputError(
                 f"Shell {self.layer} has derivatives of shape {derivatives.shape} for "
                 f"{len(vertices)} vertices, or no normals; give {DERIVATIVES} numbers and a normal "
-                "for each vertex, or no derivatives."
+                "for each vertex, or no derivatives.",
+                code="shells.derivative_count",
             )
 
     @property
@@ -137,9 +144,15 @@ class ShellStack:
 
     def __attrs_post_init__(self) -> None:
         if not self.shells:
-            raise InputError("A shell stack without shells bends no ray; give at least one level.")
+            raise InputError(
+                "A shell stack without shells bends no ray; give at least one level.",
+                code="shells.none",
+            )
         if self.rule not in KINDS:
-            raise InputError(f"Unknown index rule '{self.rule}'; use one of {', '.join(KINDS)}.")
+            raise InputError(
+                f"Unknown index rule '{self.rule}'; use one of {', '.join(KINDS)}.",
+                code="shells.unknown_rule",
+            )
 
     def __repr__(self) -> str:
         kelvin = self.temperature_k
