@@ -92,10 +92,11 @@ from .part.part import Part as Part
 from .part.part import part_of_mesh as part_of_mesh
 from .part.regions import Regions as Regions
 from .part.standards import cylinder as cylinder
-from .planning.cover import ViewLimits as ViewLimits
 from .planning.cover import ViewSet as ViewSet
 from .planning.cover import choose_views as choose_views
 from .planning.criteria import Criteria as Criteria
+from .planning.criteria import Pairing as Pairing
+from .planning.criteria import Views as Views
 from .planning.pairs import PairPlan as PairPlan
 from .planning.pairs import plan_pairs as plan_pairs
 from .planning.pose_plan import PosePlan as PosePlan

@@ -55,13 +55,21 @@ for _kind, _metavar in _WORDS.items():
     read_as_word(_kind, _metavar)
 
 
-def group(options: type[Any], name: str | None = None, place: int = 1, **fields: Parameter) -> Parameter:
+def group(
+    options: type[Any],
+    name: str | None = None,
+    place: int = 1,
+    *,
+    show_default: bool = True,
+    **fields: Parameter,
+) -> Parameter:
     """The group of a class's fields in the help, under a name; more for single `fields`."""
     for one in attrs.fields(attrs.resolve_types(options)):
         # A converter takes text and numbers; the command reads the type that it gives.
+        more = [Parameter(show_default=False)] if not show_default else []
+        more += [fields[one.name]] if one.name in fields else []
         kind = _read(one.type, one.default)
-        more = fields.get(one.name)
-        options.__init__.__annotations__[one.alias] = kind if more is None else Annotated[kind, more]
+        options.__init__.__annotations__[one.alias] = Annotated[kind, *more] if more else kind
     return Parameter(name="*", group=None if name is None else Group(name, sort_key=place))
 
 

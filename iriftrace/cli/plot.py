@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, Literal
 from iriftrace.cli import checks
 from iriftrace.cli.console import notes, say, working
 from iriftrace.cli.options import LightOf, Output, Whole
-from iriftrace.cli.plan import Ranking, ViewOptions
+from iriftrace.cli.plan import Ranking, Several
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
-from iriftrace.planning.criteria import STANDARD
+from iriftrace.planning.criteria import SHOWN, STANDARD
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -189,9 +189,9 @@ def report(
     *,
     output: Output = Path("report.html"),
     ranking: Ranking = STANDARD,
-    top: Whole = 10,
+    top: Whole = SHOWN,
     wavelength: LightOf = None,
-    several: ViewOptions = ViewOptions(),
+    views: Several = None,
 ) -> None:
     """Write a sweep, a measurement or a correction as one HTML page that works offline.
 
@@ -207,7 +207,6 @@ def report(
     top
         Rows of the ranking.
     """
-    limits = several.limits()
     checks.output(output, "report.html")
     checks.inputs(file)
     if file.suffix.lower() == ".nc":
@@ -219,10 +218,8 @@ def report(
         check_light(wavelength, dataset.attrs, file)
         summary = summarise(dataset, ranking)
         with working("Writing the report"):
-            missing = write_report(
-                output, file, dataset, summary, top=top, views=several.views, limits=limits
-            )
-    elif (ranking, top, wavelength, several) == (STANDARD, 10, None, ViewOptions()):
+            missing = write_report(output, file, dataset, summary, top=top, views=views)
+    elif (ranking, top, wavelength, views) == (STANDARD, SHOWN, None, None):
         from iriftrace.figures.report import write_scan_report
 
         missing = write_scan_report(output, *_numbers(file))

@@ -23,7 +23,8 @@ from iriftrace.measuring.two_devices import correction, scan
 from iriftrace.measuring.two_devices.statistics import RegionValues
 from iriftrace.planning import texts
 from iriftrace.planning.candidates import name_of as metric_name
-from iriftrace.planning.cover import NO_LIMITS, ViewLimits, plan_views
+from iriftrace.planning.cover import plan_views
+from iriftrace.planning.criteria import SHOWN, Views
 from iriftrace.planning.stability import stability
 from iriftrace.sweep.store import attribute
 
@@ -126,9 +127,8 @@ def write_report(
     dataset: xr.Dataset,
     summary: SweepSummary,
     *,
-    top: int = 10,
-    views: int | None = None,
-    limits: ViewLimits = NO_LIMITS,
+    top: int = SHOWN,
+    views: Views | None = None,
 ) -> tuple[str, ...]:
     """Write the report of a sweep as one HTML file.
 
@@ -142,7 +142,7 @@ def write_report(
         The sweep's dataset and summary.
     top
         Rows of the ranking.
-    views, limits
+    views
         Number of poses that together see the most, and limits within which they must see a face.
 
     Returns
@@ -157,7 +157,7 @@ def write_report(
     """
     figures, missing = sweep_pictures(dataset, summary)
     figures = sweep_charts(summary) | figures
-    page = sweep_page(dataset, summary, figures, missing, top=top, views=views, limits=limits)
+    page = sweep_page(dataset, summary, figures, missing, top=top, views=views)
     page.write(path, sweep)
     return missing
 
@@ -168,9 +168,8 @@ def sweep_page(
     figures: Mapping[str, Figure],
     missing: Iterable[str] = (),
     *,
-    top: int = 10,
-    views: int | None = None,
-    limits: ViewLimits = NO_LIMITS,
+    top: int = SHOWN,
+    views: Views | None = None,
 ) -> Page:
     """The page of a sweep with these figures; parameters as of `write_report`."""
     plan, error = summary.plan, texts.in_words(summary.displacement)
@@ -208,10 +207,10 @@ def sweep_page(
         page.add("lines", *other.xml, title=f'{title} (id="{summary.rig["device"]}")')
 
     if views is not None:
-        chosen = plan_views(dataset, views, limits, plan.criteria)
+        chosen = plan_views(dataset, views, plan.criteria)
         table = texts.views_table(summary, chosen)
         page.section("views", "Several views")
-        page.add("text", f"{texts.views_title(summary, limits)}.")
+        page.add("text", f"{texts.views_title(summary, views)}.")
         page.add("numbers", *table.rows, headings=table.headings)
         page.add("text", texts.views_text(summary, chosen))
 

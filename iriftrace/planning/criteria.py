@@ -13,6 +13,7 @@ from attrs.validators import optional
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import Angle, Interval, LengthWithUnit
+from iriftrace.measuring.options import System
 
 METRICS = ("displacement", "coverage", "axial", "lateral")
 """Names of the metrics; a larger coverage is better, smaller values of the others are."""
@@ -20,6 +21,9 @@ METRICS = ("displacement", "coverage", "axial", "lateral")
 Statistic = Literal["mean", "median", "p95"]
 Outside = Literal["clip", "discard"]
 Criterion = Literal["displacement", "normal", "features"]
+
+SHOWN = 10
+"""Number of rows of a ranking that are shown."""
 
 _SCORE = {"displacement": 0.5, "coverage": 0.2, "axial": 0.15, "lateral": 0.15}
 _ALONE = {"displacement": 1.0, "coverage": 0.0, "axial": 0.0, "lateral": 0.0}
@@ -172,21 +176,16 @@ class Views:
     Raises
     ------
     InputError
-        If there are limits and no number of poses, or nothing is within them.
+        If nothing is within the limits.
     """
 
-    views: int | None = None
-    max_displacement: LengthWithUnit | None = field(default=None, converter=if_given(LengthWithUnit))
+    views: int = 0
+    max_displacement: LengthWithUnit | None = field(
+        default=None, converter=if_given(LengthWithUnit)
+    )
     max_incidence: Angle | None = field(default=None, converter=if_given(Angle))
 
     def __attrs_post_init__(self) -> None:
-        if self.views is None:
-            raise InputError(
-                "Limits are given without a number of poses that together see the most, so they "
-                "change nothing; give that too.",
-                code="views.no_number",
-                argument="views",
-            )
         if not self.displacement_mm > 0.0:
             raise InputError(
                 f"No face has a displacement below {self.displacement_mm:g} mm; give a positive "
@@ -204,7 +203,7 @@ class Views:
 
     @property
     def displacement_mm(self) -> float:
-        """Largest mean displacement of the rays on a face that is seen; infinite without a limit."""
+        """Largest mean displacement of the rays on a face that is seen; infinite if any."""
         return math.inf if self.max_displacement is None else self.max_displacement
 
     @property
@@ -234,8 +233,8 @@ class Pairing:
     system
         Kind of the second device: a projector (fringe, by default), a camera (stereo) or a laser.
     angle
-        Smallest and largest angle between two lines of sight in degrees, 15:45 by default: smaller
-        ones increase noise, larger ones occlusion.
+        Smallest and largest angle between two lines of sight in degrees, 15:45 by
+        default.
     feature
         Also print the error of this diameter, "cylinder:lateral", and rank by the larger error.
 
@@ -259,3 +258,6 @@ class Pairing:
                 code="pairs.no_angles",
                 argument="angle",
             )
+
+
+USUAL_PAIRING = Pairing()

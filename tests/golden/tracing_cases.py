@@ -169,7 +169,11 @@ def sweep(record: Record) -> None:
     record("plan of two devices", lambda: planned("rig.nc"))
 
     def pairs() -> Any:
-        return pair_values(iriftrace.plan_pairs(iriftrace.read_sweep("sweep.nc"), confirm=False))
+        return pair_values(
+            iriftrace.plan_pairs(
+                iriftrace.read_sweep("sweep.nc"), pairing=iriftrace.Pairing(confirm=False)
+            )
+        )
 
     record("plan, pairs", pairs)
     # The texts, whose numbers are rounded.

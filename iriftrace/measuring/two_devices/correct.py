@@ -20,6 +20,7 @@ from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.mesh.triangles import unit_vectors
+from iriftrace.measuring.options import Phase, System
 from iriftrace.measuring.two_devices.correction import (
     Correction,
     CorrectionStatus,
@@ -27,13 +28,7 @@ from iriftrace.measuring.two_devices.correction import (
     is_corrected,
 )
 from iriftrace.measuring.two_devices.device_check import MANY, check_devices, checked_pixels
-from iriftrace.measuring.two_devices.devices import (
-    Phase,
-    Sensor,
-    System,
-    provenance_of_two,
-    sensor_of,
-)
+from iriftrace.measuring.two_devices.devices import Sensor, provenance_of_two, sensor_of
 from iriftrace.measuring.two_devices.larger import Larger, in_box, larger_than, sample_of
 from iriftrace.measuring.two_devices.two_points import lines_of_sight
 from iriftrace.part.part import Part
