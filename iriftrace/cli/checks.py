@@ -76,7 +76,7 @@ def folder(path: Path) -> None:
             pass
     except OSError as error:
         raise InputError(
-            f"The folder {there} may not be written; name another one.", code="file.not_writable"
+            f"The folder {there} may not be written; name another one.", code="file.unwritable"
         ) from error
 
 
@@ -128,7 +128,7 @@ def output(path: Path | None, example: str, *others: str, make: bool = False) ->
         raise InputError(
             f"The output {path} must end in {' or '.join(suffixes)}; name it "
             f"{path.with_name((path.stem or 'out') + suffixes[0])}, for example.",
-            code="file.suffix",
+            code="file.ending",
         )
     if not make:
         parent(path)

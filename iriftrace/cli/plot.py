@@ -127,7 +127,7 @@ def _shown(file: Path, length_unit: str | None) -> tuple[Any, FieldSource | None
     if suffix in _OTHER_CLOUDS:
         raise InputError(
             f"{file} is a cloud; one is shown from a .vtp or .ply: write it as that.",
-            code="cloud.format",
+            code="file.ending",
         )
     cloud = _cloud(file) if suffix in (".vtp", ".ply") else None
     if cloud is not None:
@@ -255,7 +255,7 @@ def _numbers(path: Path) -> tuple[Path, JsonObject]:
         raise InputError(
             f"{file} has schema {schema!r} instead of {current!r}, so it was written by another "
             "version of iriftrace; measure or correct again with this one.",
-            code="file.other_version",
+            code="file.schema",
         )
     if current is None:
         raise InputError(

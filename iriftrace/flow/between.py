@@ -56,7 +56,7 @@ def field_between(
         raise InputError(
             f"{len(fields)} fields with {len(shares)} weights have no air between them; give two "
             "fields or more, and a weight for each or none.",
-            code="members.weights",
+            code="ensemble.weights",
         )
     first = fields[0]
     points = np.asarray(first.grid.points, dtype=np.float64)

@@ -6,9 +6,10 @@ from hashlib import sha256
 from pathlib import Path
 
 import pytest
-from failing import NINE_POSES, Failing, Run
+from cyclopts import CycloptsError
+from failing import NINE_POSES, Failing, Refusal, Run
 
-from iriftrace.cli import main
+from iriftrace.cli import main, program
 from iriftrace.core.runtime import doctor
 from iriftrace.figures import pose, space, style
 from validation.inputs import hot_block
@@ -73,8 +74,16 @@ def fails(
 ) -> Failing:
     """Run the program in a fresh folder; returns its only message once all promises are kept."""
     monkeypatch.chdir(tmp_path)
+    raised: list[BaseException] = []
+    sentence = program.sentence
 
-    def run(*arguments: str | Path) -> str:
+    def noted(error: Exception) -> str:
+        raised.append(error)
+        return sentence(error)
+
+    monkeypatch.setattr(program, "sentence", noted)
+
+    def run(*arguments: str | Path) -> Refusal:
         before = contents(tmp_path)
         capsys.readouterr()
         code = main([str(word) for word in arguments])
@@ -89,7 +98,11 @@ def fails(
         assert message[-1] in ".!?"
         assert len(message) < 400
         assert contents(tmp_path) == before, "something was written"
-        return message
+        refusal, error = Refusal(message), raised[-1]
+        while isinstance(error, CycloptsError) and error.__cause__ is not None:
+            error = error.__cause__
+        refusal.code = getattr(error, "code", "")
+        return refusal
 
     return run
 

@@ -11,7 +11,16 @@ def metrics_of(path: str | Path) -> dict[str, Any]:
     return metrics
 
 
-Failing = Callable[..., str]
+class Refusal(str):
+    """The message of a command that failed, and the code of its error.
+
+    The code is empty where the words themselves cannot be read, which Cyclopts finds, or a file.
+    """
+
+    code: str
+
+
+Failing = Callable[..., Refusal]
 Run = Callable[..., str]
 """Types of the fixtures `fails` and `run`."""
 

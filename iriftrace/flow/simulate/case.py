@@ -231,7 +231,7 @@ def read_record(file: Path) -> JsonObject:
         raise InputError(
             f"{file}, which records the progress of the run, is damaged ({stored}); delete the "
             "folder, or name another one.",
-            code="case.damaged",
+            code="file.damaged",
         )
     return stored
 

@@ -73,7 +73,7 @@ def write_synthetic_field(
     if Path(path).suffix.lower() != ".vtu":
         raise InputError(
             f"{path} does not end in .vtu, which the field is written as; rename it.",
-            code="file.suffix",
+            code="file.ending",
         )
     grid = synthetic_grid(air, size, gradient=gradient)
     write_vtk(path, grid)
