@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 from iriftrace.core.errors import InputError, IriftraceError, SetupError, without_warnings
 from iriftrace.core.runtime import variant as runtime
 from iriftrace.sweep.journal import Piece
+from iriftrace.sweep.options import LOCAL
 from iriftrace.sweep.pose import PoseTask, SceneSource, render_pose, source_of
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.scene import Scene
@@ -49,8 +50,6 @@ class Client(Protocol):
 
     def nthreads(self) -> Mapping[str, int]: ...
 
-
-LOCAL = "local"
 
 _SECONDS_TO_ANSWER = 5
 _SECONDS_FOR_A_WORKER = 10
