@@ -16,7 +16,8 @@ from iriftrace.flow.simulate import result
 from iriftrace.flow.simulate.bodies import Body, write_bodies
 from iriftrace.flow.simulate.case import RECORD, Case, natural_case, symmetric_case
 from iriftrace.flow.simulate.case_files import write_case
-from iriftrace.flow.simulate.draught import draught_from
+from iriftrace.flow.simulate.draught import Draught, draught_from
+from iriftrace.flow.simulate.options import SimulationOptions
 from iriftrace.flow.simulate.simulate import prepare
 from iriftrace.io.bodies import bodies_beside
 from iriftrace.io.field import read_field
@@ -38,9 +39,15 @@ TABLE = block("table", (300.0, 200.0, 10.0), (5.0, -3.0, -16.5))
 SUPPORT = block("support", (20.0, 40.0, 30.0), (-40.0, -3.0, -20.0))
 
 
-def with_bodies(part: Part, *bodies: Body, **more: Any) -> Case:
+def with_bodies(part: Part, *bodies: Body, draught: Draught | None = None, **options: Any) -> Case:
     wall = WallTemperatures(1373.15)
-    return natural_case(part, wall, resolution="coarse", bodies=bodies, **more)
+    return natural_case(
+        part,
+        wall,
+        SimulationOptions(resolution="coarse", **options),
+        draught=draught,
+        bodies=bodies,
+    )
 
 
 def test_bodies_and_floor_are_walls(cylinder: Part, tmp_path: Path) -> None:
@@ -123,9 +130,9 @@ def test_bodies_take_part_in_the_symmetry(cylinder: Part) -> None:
     """The support stands at one end of the cylinder."""
     assert symmetric_case(with_bodies(cylinder, Body(TABLE))) == "xy"
     assert symmetric_case(with_bodies(cylinder, Body(TABLE), Body(SUPPORT))) == "y"
-    with_bodies(cylinder, Body(SUPPORT), mirrors="y")
+    with_bodies(cylinder, Body(SUPPORT), symmetry="y")
     with pytest.raises(InputError, match=r"support.stl is not symmetric.*leave x out"):
-        with_bodies(cylinder, Body(SUPPORT), mirrors="xy")
+        with_bodies(cylinder, Body(SUPPORT), symmetry="xy")
 
 
 def test_body_that_fills_the_inlet_is_refused(cylinder: Part) -> None:

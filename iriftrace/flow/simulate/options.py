@@ -113,16 +113,22 @@ class SimulationOptions:
             ("ambient", AMBIENT_RANGE, "an ambient temperature", "K"),
             ("pressure", PRESSURE_RANGE, "an air pressure", "Pa"),
             ("margin", _MARGINS, "a margin", "times the usual air around the part"),
-            ("processes", (1, _MOST_PROCESSES), "a run", "processes"),
         ):
             value = getattr(self, name)
             if not low <= value <= high:
                 raise InputError(
-                    f"{what} of {value:g} {unit} is not possible here; give one from {low:g} "
+                    f"{what} of {value:g} {unit} cannot be simulated here; give one from {low:g} "
                     f"to {high:g}.",
                     code="case.out_of_range",
                     argument=name,
                 )
+        if not 1 <= self.processes <= _MOST_PROCESSES:
+            raise InputError(
+                f"the solver cannot run as {self.processes} processes; give a number from 1 to "
+                f"{_MOST_PROCESSES}.",
+                code="case.processes",
+                argument="processes",
+            )
         names: tuple[str, ...] = _OF_A_MEASURED_WALL
         reason = "is about the file of the wall's temperatures, which is not given; leave it out."
         if self.wall_temperature_from is not None:
