@@ -70,7 +70,9 @@ def group(
         more += [fields[one.name]] if one.name in fields else []
         kind = _read(one.type, one.default)
         options.__init__.__annotations__[one.alias] = Annotated[kind, *more] if more else kind
-    return Parameter(name="*", group=None if name is None else Group(name, sort_key=place))
+    if name is None:
+        return Parameter(name="*")
+    return Parameter(name="*", group=Group(name, sort_key=place))
 
 
 def _read(kind: Any, default: object) -> Any:

@@ -24,8 +24,9 @@ from iriftrace.measuring.features.choice import (
     other_surface,
 )
 from iriftrace.measuring.features.fit import FEWEST, Feature, fit_feature
-from iriftrace.measuring.features.outliers import GATE, check_gate, inliers
+from iriftrace.measuring.features.outliers import inliers
 from iriftrace.measuring.features.quantity import DRAWING, Quantity
+from iriftrace.measuring.options import GATE, check_gate
 from iriftrace.part.part import Part
 
 NO_FEATURE = 0.1
@@ -163,7 +164,8 @@ def fit_features(
     position there.
     """
     wanted = checked_choices(choices, part)
-    check_gate(gate)
+    if gate is not None:
+        check_gate(gate)
     reference = _reference(clouds)
     gated = clouds[reference]
     members = list(by_member)
