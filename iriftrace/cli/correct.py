@@ -12,7 +12,7 @@ from iriftrace.cli.console import drawn, say, working
 from iriftrace.cli.groups import group, read_as_word
 from iriftrace.cli.measure import Devices
 from iriftrace.cli.options import Flag, Output
-from iriftrace.cli.trace_options import TraceOptions
+from iriftrace.cli.trace_options import Tracing, load
 from iriftrace.cli.triangulation_text import (
     print_regions,
     say_features,
@@ -23,6 +23,7 @@ from iriftrace.cli.triangulation_text import (
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
 from iriftrace.measuring.options import NONE_STATED, USUAL, Kelvins, Uncertainties
+from iriftrace.tracing.options import AS_STATED
 
 if TYPE_CHECKING:
     from iriftrace.measuring.features.fitted import FittedFeature
@@ -44,7 +45,7 @@ def correct(
     in_cloud_frame: Flag = False,
     devices: Devices = USUAL,
     uncertainties: Annotated[Uncertainties, group(Uncertainties)] = NONE_STATED,
-    trace: TraceOptions = TraceOptions(),
+    trace: Tracing = AS_STATED,
     figures: bool = True,
 ) -> None:
     """Remove the refraction error from a measured cloud.
@@ -95,7 +96,7 @@ def correct(
     chosen = None if columns is None else columns.split(",")
     read = read_cloud(cloud, length_unit=length_unit, columns=chosen)
     points = read.points if motion is None else apply(motion, read.points)
-    loaded = trace.load(scene)
+    loaded = load(scene, trace)
     checks.kept(output, loaded.part.path)
     choices = checked_choices(devices.feature or (), loaded.part)
     try:

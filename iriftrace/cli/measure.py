@@ -12,7 +12,7 @@ from iriftrace.cli import checks
 from iriftrace.cli.console import drawn, say, working
 from iriftrace.cli.groups import group
 from iriftrace.cli.options import Flag, Output
-from iriftrace.cli.trace_options import TraceOptions
+from iriftrace.cli.trace_options import Tracing, load
 from iriftrace.cli.triangulation_text import (
     placed_names,
     print_regions,
@@ -23,6 +23,7 @@ from iriftrace.cli.triangulation_text import (
 )
 from iriftrace.core.units import counted
 from iriftrace.measuring.options import USUAL, MeasureOptions
+from iriftrace.tracing.options import AS_STATED
 
 if TYPE_CHECKING:
     from iriftrace.measuring.two_devices.scan import Scan
@@ -44,7 +45,7 @@ def measure(
     output: Output = Path("scan.vtp"),
     devices: Devices = USUAL,
     acceptance: Flag = False,
-    trace: TraceOptions = TraceOptions(),
+    trace: Tracing = AS_STATED,
     figures: bool = True,
 ) -> None:
     """Simulate what two devices measure of the part through hot air: a cloud and its errors.
@@ -70,7 +71,7 @@ def measure(
     checks.scenes(scene)
     checks.cloud_output(output, "scan.vtp")
     checks.numbers(output, "iriftrace.scan")
-    loaded = trace.load(scene)
+    loaded = load(scene, trace)
     checks.kept(output, loaded.part.path)
     write_scan(loaded, output, devices, acceptance=acceptance, figures=figures)
 

@@ -188,7 +188,8 @@ def doctor() -> None:
     say_finding("error" if verdict else "ok", "solver", f"{installation.solver}{built}: {said}")
     if verdict:
         raise SetupError(
-            f"the solver computes wrong, as that of Debian 12's package does; {REPAIR}."
+            f"the solver computes wrong, as that of Debian 12's package does; {REPAIR}.",
+            code="solver.wrong",
         )
 
 
@@ -275,7 +276,8 @@ def family_cases(
     if simulation.snapshots:
         raise InputError(
             "--snapshots keeps states of one simulation, but --draughts makes a family; leave one "
-            "of them out."
+            "of them out.",
+            code="options.snapshots_of_family",
         )
     # Refuses planes that the part does not have before leaving out those through which air blows.
     still = case_of(part, simulation)

@@ -12,10 +12,11 @@ from iriftrace.cli import checks
 from iriftrace.cli.console import command_line, notes, pose_progress, say
 from iriftrace.cli.groups import group
 from iriftrace.cli.options import Output
-from iriftrace.cli.trace_options import Statuses, TraceOptions, statuses
+from iriftrace.cli.trace_options import Statuses, Tracing, load, statuses
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import Lengths, counted
 from iriftrace.sweep.options import LOCAL, NO_WORKERS, SweepPoses, Workers
+from iriftrace.tracing.options import AS_STATED
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -28,7 +29,7 @@ def sweep(
     output: Output,
     orbit: Annotated[SweepPoses, group(SweepPoses, "Orbit", 1)] = SweepPoses(),
     focal_length: Lengths | None = None,
-    trace: TraceOptions = TraceOptions(),
+    trace: Tracing = AS_STATED,
     exr: bool = False,
     include: Statuses = None,
     export: Path | None = None,
@@ -69,7 +70,10 @@ def sweep(
     checks.inputs(*scenes)
     twice = [scene for scene in scenes if scenes.count(scene) > 1]
     if twice:
-        raise InputError(f"{twice[0]} is given twice, so its poses would count twice; remove one.")
+        raise InputError(
+            f"{twice[0]} is given twice, so its poses would count twice; remove one.",
+            code="scene.twice",
+        )
     checks.output(output, "sweep.nc")
     checks.output(export, "sweep.csv", ".parquet")
     if export is not None:
@@ -77,7 +81,7 @@ def sweep(
     checks.output(surface, "part.vtp", ".vtu")
     if scheduler is not None:
         check_scheduler(scheduler, workers.workers)
-    loaded = [trace.load(scene) for scene in scenes]
+    loaded = [load(scene, trace) for scene in scenes]
     checks.inputs(orbit.hand_eye, orbit.base_to_part)
     poses = orbit.pose_sets(loaded[0])
     if orbit.poses is not None:

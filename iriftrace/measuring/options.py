@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 
 System = Literal["stereo", "fringe", "laser"]
 Phase = Literal["columns", "rows", "both"]
+Picture = Literal["cold", "hot"]
+
+COLD: Picture = "cold"
+"""The picture in which most programs state the places of shifts."""
 
 GATE = 3.5
 """Number of robust standard deviations beyond which a point is an outlier. With normal noise one of
