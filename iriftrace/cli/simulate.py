@@ -189,7 +189,7 @@ def doctor() -> None:
     if verdict:
         raise SetupError(
             f"the solver computes wrong, as that of Debian 12's package does; {REPAIR}.",
-            code="solver.wrong",
+            code="openfoam.computes_wrong",
         )
 
 

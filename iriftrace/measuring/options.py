@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Literal, Self
 
-from attrs import field, frozen, validators
+from attrs import field, frozen
 from attrs.converters import optional as if_given
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import Fraction
 
 if TYPE_CHECKING:
-    from attrs import Attribute
-
     from iriftrace.part.growth import Growth
 
 System = Literal["stereo", "fringe", "laser"]
@@ -30,19 +28,15 @@ GATE = 3.5
 LEAST_GATE = 1.0
 
 
-def check_gate(gate: float) -> None:
+def check_gate(gate: float | None) -> None:
     """Refuse a gate that removes half of the points or is not a number."""
-    if not gate >= LEAST_GATE:
+    if gate is not None and not gate >= LEAST_GATE:
         raise InputError(
             f"The gate is {gate:g} robust standard deviations, which leaves out good points; give "
             f"at least {LEAST_GATE:g}, or none for all points.",
             code="gate.too_small",
             argument="gate",
         )
-
-
-def _is_gate(_: object, __: Attribute[float | None], gate: float) -> None:
-    check_gate(gate)
 
 
 @frozen
@@ -67,7 +61,10 @@ class MeasureOptions:
     system: System | None = None
     phase: Phase | None = None
     feature: list[str] | None = None
-    gate: float | None = field(default=GATE, validator=validators.optional(_is_gate))
+    gate: float | None = GATE
+
+    def __attrs_post_init__(self) -> None:
+        check_gate(self.gate)
 
 
 USUAL = MeasureOptions()

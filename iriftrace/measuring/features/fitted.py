@@ -164,8 +164,7 @@ def fit_features(
     position there.
     """
     wanted = checked_choices(choices, part)
-    if gate is not None:
-        check_gate(gate)
+    check_gate(gate)
     reference = _reference(clouds)
     gated = clouds[reference]
     members = list(by_member)
