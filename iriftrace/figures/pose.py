@@ -110,7 +110,11 @@ def displacement_figure(
     """
     known = {"norm": BIAS if image.is_ensemble else DISPLACEMENT, **COMPONENTS}
     if component not in known:
-        raise InputError(f"A displacement has no component {component!r}; draw {', '.join(known)}.")
+        raise InputError(
+            f"A displacement has no component {component!r}; draw {', '.join(known)}.",
+            code="component.unknown_name",
+            argument="component",
+        )
     return _draw(image, include, known[component], view)
 
 
@@ -138,7 +142,8 @@ def _draw(image: AovImage, include: Collection[int], what: Shown, view: str = ""
     if not good.any():
         raise InputError(
             "the image has no good ray, so there is no displacement to draw; look at the counts by "
-            "status in the metrics, then turn the camera to the part or widen the focus interval."
+            "status in the metrics, then turn the camera to the part or widen the focus interval.",
+            code="picture.no_good_ray",
         )
     displacement = np.zeros(good.shape)
     displacement[good] = 1e3 * _values(image, good, what)

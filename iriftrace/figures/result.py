@@ -91,7 +91,9 @@ def plot(
     if component != NORM:
         raise InputError(
             f"A component of the displacement ({component}) can be drawn for one pose, but this is "
-            "a sweep; give the EXR of a pose."
+            "a sweep; give the EXR of a pose.",
+            code="component.of_sweep",
+            argument="component",
         )
     from iriftrace.figures.sweep import sweep_charts, sweep_pictures
     from iriftrace.planning.summary import summarise
@@ -110,6 +112,7 @@ def read_result(path: str | Path) -> AovImage | xr.Dataset:
     if suffix != ".nc":
         raise InputError(
             f"{path} ends in neither .nc nor .exr; give a sweep or the AOV image of a "
-            "pose (`iriftrace view` shows clouds, fields and parts)."
+            "pose (`iriftrace view` shows clouds, fields and parts).",
+            code="file.ending",
         )
     return read_sweep(path)

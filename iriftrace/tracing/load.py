@@ -205,7 +205,7 @@ def _read(path: Path, values: Mapping[str, str], variant: str, engine: str) -> _
         )
     except (RuntimeError, ValueError) as error:
         runtime.refuse_gpu_without_optix(error)
-        raise InputError(readable(error)) from error
+        raise InputError(readable(error), code="scene.unreadable") from error
     loaded = time.perf_counter()
     integrator = integrator_for(scene.integrator(), engine, str(path), field_file(path, values))
     sensors = sensors_of(scene, str(path))
@@ -248,5 +248,6 @@ def _check_same_part(part: Part, vertices: FloatArray, faces: IntArray) -> None:
     if not same:
         raise InputError(
             f"Mitsuba reads {part.path} with other triangles than iriftrace does, so that faces "
-            "and regions would be confused; write the part again with `iriftrace scene`."
+            "and regions would be confused; write the part again with `iriftrace scene`.",
+            code="part.other_triangles",
         )

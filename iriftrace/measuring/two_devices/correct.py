@@ -57,7 +57,6 @@ SAMPLE = 10_000
 PIECE = 1_000_000
 """Number of points that are corrected at a time: 0.6 GB of rays."""
 
-
 ON_PART_MM = 0.02
 """Median distance below which a cloud lies on the part, so that its size is not checked."""
 
@@ -68,7 +67,7 @@ that also holds the table. In a cloud that is not aligned both layers have as ma
 _DOUBTFUL = {
     CorrectionStatus.FAR_FROM_PART: "are far from the part (more than 1 mm) or on its outline and "
     "are not corrected; that is right for a table, clamps and outliers, otherwise align "
-    "the cloud with the part (--cloud-to-part).",
+    "the cloud with the part.",
     CorrectionStatus.UNCERTAIN: "are corrected by the members' mean, which is less than its "
     "uncertainty (u_normal); add members closer to the air, or find their weights with a board "
     "(iriftrace fit).",
@@ -204,10 +203,11 @@ def _checked(points: ArrayLike) -> FloatArray:
     measured = np.array(points, dtype=np.float64)
     if measured.ndim != 2 or measured.shape[1:] != (3,) or len(measured) == 0:
         raise InputError(
-            f"The cloud is an array of shape {measured.shape}; give n > 0 points, (n, 3), in mm."
+            f"The cloud is an array of shape {measured.shape}; give n > 0 points, (n, 3), in mm.",
+            code="points.shape",
         )
     if not np.isfinite(measured).all():
-        raise InputError("Some points of the cloud are not finite; leave them out.")
+        raise InputError("Some points are not finite; leave them out.", code="points.not_finite")
     return measured
 
 
@@ -224,12 +224,14 @@ def _near_part(measured: FloatArray, part: Part) -> tuple[BoolArray, FloatArray]
     if near <= 0.5 * len(to_part) and near <= MOSTLY_PART * next_to_it:
         larger = larger_than(measured, part)
         if larger is not None:
-            raise InputError(larger.sentence(part.growth))
+            text, argument = larger.remark(part.growth)
+            raise InputError(text, argument=argument, code="cloud.other_size")
         middle = np.median(part.surface.distance(sample_of(measured, SAMPLE)))
         raise InputError(
             f"The cloud lies {middle:.3g} mm from the part (median), so it is another part's, in "
-            "another unit (--length-unit) or another frame (--cloud-to-part), or has other columns "
-            "(--columns); give its points in mm in the frame of the scene."
+            "another unit or frame, or has other columns; give it in mm in the frame of the scene.",
+            code="cloud.off_part",
+            argument="cloud_to_part",
         )
     return near_box, to_part
 
@@ -247,13 +249,14 @@ def _larger(points: FloatArray, part: Part) -> Larger | None:
 def _warn_of_doubtful(status: IntArray, larger: Larger | None, part: Part) -> None:
     """Warn of a cloud of another size, and of many points that cannot belong to this part."""
     if larger is not None:
-        warn(larger.sentence(part.growth))
+        text, argument = larger.remark(part.growth)
+        warn(text, argument=argument)
     for code, sentence in _DOUBTFUL.items():
-        fraction = np.mean(status == code)
+        fraction, far = np.mean(status == code), code == CorrectionStatus.FAR_FROM_PART
         # Points far from a part of another size are not a matter of the alignment.
-        explained = larger is not None and code == CorrectionStatus.FAR_FROM_PART
-        if fraction > MANY and not explained:
-            warn(f"{fraction:.0%} of the points {sentence}")
+        if fraction > MANY and not (far and larger is not None):
+            argument = "cloud_to_part" if far else None
+            warn(f"{fraction:.0%} of the points {sentence}", argument=argument)
     lost = int((status == CorrectionStatus.LOST).sum())
     warn_of_lost_points(lost, len(status), "are not corrected")
 
@@ -265,9 +268,8 @@ def _warn_of_other_sheets(off: FloatArray) -> bool:
     if several:
         warn(
             f"{fraction:.0%} of the points lie off the laser's sheet, by up to {off.max():.3g} mm; "
-            "it is assumed that the sheet was turned and the laser and the camera stood still. If "
-            "the sensor or the part was moved, correct each line by itself with devices where they "
-            "stood then."
+            "it is assumed that the sheet was turned while laser and camera stood still. If the "
+            "sensor or the part was moved, correct each line by itself with its own devices."
         )
     return several
 
@@ -293,8 +295,9 @@ def _refuse_none(status: IntArray, measured: FloatArray, part: Part) -> None:
     raise InputError(
         f"None of the {len(status):,} points can be corrected: {listed}; the cloud is "
         f"{_across(measured):.3g} mm across and the part {_across(part.bounds):.3g} mm: "
-        "check its unit (--length-unit), its frame (--cloud-to-part) and where the scene has "
-        "the devices."
+        "check its unit, its frame and where the scene has the devices.",
+        code="cloud.not_corrected",
+        argument="cloud_to_part",
     )
 
 

@@ -80,17 +80,24 @@ def sensor_of(
     if second is None:
         raise InputError(
             f"{loaded.name} has no second device, so there is nothing to triangulate with; write "
-            "it with one (iriftrace scene --second X,Y,Z), or give second=Camera(...) from Python."
+            "it with one, or give second=Camera(...).",
+            code="devices.no_second",
+            argument="second",
         )
     if system is None:
         system = SYSTEM_OF_DEVICE.get(loaded.second_id, "stereo")
     for value, kinds, what in ((system, System, "system"), (phase, Phase, "phase")):
         if value is not None and value not in get_args(kinds):
-            raise InputError(f"There is no {what} {value!r}; use {' or '.join(get_args(kinds))}.")
+            raise InputError(
+                f"There is no {what} {value!r}; use {' or '.join(get_args(kinds))}.",
+                code="devices.unknown_name",
+                argument=what,
+            )
     if "orthographic" in (camera.projection, second.projection):
         raise InputError(
             "A device with parallel rays has no place from which to triangulate; give both devices "
-            "a focal length."
+            "a focal length.",
+            code="camera.parallel_rays",
         )
     refuse_one_place(camera, second)
     return loaded, Sensor.of(camera, second, system, phase)
