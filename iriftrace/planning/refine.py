@@ -199,8 +199,8 @@ def refine_pose(
             )
         if abs(start.score - swept_score) > _SAME_SCORE:
             warn(
-                f"Pose {plan.best} scores {start.score:.3f} and scored {swept_score:.3f} in the "
-                "sweep, so the air has changed; sweep again."
+                f"The scene gives pose {plan.best} the score {start.score:.3f}, its sweep gave "
+                f"{swept_score:.3f}, so the air is not that of the sweep; run it again."
             )
 
     start, best, count, converged = _search(trial, check, 4, evaluations, progress)

@@ -134,7 +134,7 @@ def _refuse_empty(image: AovImage) -> None:
     status = image.status
     if (status == Status.MISSED).all():
         raise InputError(
-            "No ray of the camera hits the part; point it at the part (lookat in the scene file).",
+            "No ray of the camera hits the part; point the camera at it (lookat in the scene).",
             code="picture.no_hit",
         )
     if np.isin(status, (Status.MISSED, Status.OUT_OF_FOCUS, Status.BLOCKED)).all():
