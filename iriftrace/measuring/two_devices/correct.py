@@ -255,8 +255,8 @@ def _warn_of_doubtful(status: IntArray, larger: Larger | None, part: Part) -> No
         fraction, far = np.mean(status == code), code == CorrectionStatus.FAR_FROM_PART
         # Points far from a part of another size are not a matter of the alignment.
         if fraction > MANY and not (far and larger is not None):
-            argument = "cloud_to_part" if far else None
-            warn(f"{fraction:.0%} of the points {sentence}", argument=argument)
+            frame = "cloud_to_part" if far else None
+            warn(f"{fraction:.0%} of the points {sentence}", argument=frame)
     lost = int((status == CorrectionStatus.LOST).sum())
     warn_of_lost_points(lost, len(status), "are not corrected")
 
