@@ -145,7 +145,7 @@ def demo(
     folder = output / ("scene" if scene == DEMO else scene)
     with scene_copied(scene, folder) as (xml, shells):
         loaded = load(xml, trace)
-        rendering, files = _render(loaded, exr)
+        rendering, files = _render(loaded, exr, statuses(None))
     files += _scene_picture(loaded, shells, output / f"{scene}_scene.png")
     _print_rendering(rendering, loaded, files)
     if loaded.second is not None:
@@ -158,7 +158,7 @@ def demo(
 def _render(
     loaded: Scene,
     exr: Path,
-    include: tuple[int, ...] = (0,),
+    include: tuple[int, ...],
     figures: bool = True,
     rgb: str | None = None,
 ) -> tuple[Rendering, list[Path]]:
