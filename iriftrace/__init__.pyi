@@ -67,6 +67,7 @@ from .measuring.fit.member_fit import FittedView as FittedView
 from .measuring.fit.member_fit import MemberFit as MemberFit
 from .measuring.fit.shift_fit import fit_members as fit_members
 from .measuring.fit.temperature_fit import fit_temperatures as fit_temperatures
+from .measuring.options import Uncertainties as Uncertainties
 from .measuring.two_devices.correct import correct as correct
 from .measuring.two_devices.correction import Correction as Correction
 from .measuring.two_devices.correction import CorrectionStatus as CorrectionStatus

@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -41,8 +42,12 @@ def defaults(path: Path) -> Iterator[tuple[str, str]]:
                 yield UNIT.sub("", name), repr(found)
 
 
+@cache
+def of_the_library() -> set[tuple[str, str]]:
+    library = [file for file in PACKAGE.rglob("*.py") if file.parent.name != "cli"]
+    return {default for file in library for default in defaults(file)}
+
+
 @pytest.mark.parametrize("path", COMMANDS, ids=lambda path: path.name)
 def test_no_default_is_stated_twice(path: Path) -> None:
-    library = [file for file in PACKAGE.rglob("*.py") if file.parent.name != "cli"]
-    stated = {default for file in library for default in defaults(file)}
-    assert [default for default in defaults(path) if default in stated] == []
+    assert [default for default in defaults(path) if default in of_the_library()] == []
