@@ -83,7 +83,6 @@ def simulate(
     from iriftrace.flow.simulate.programs import find_openfoam
     from iriftrace.flow.simulate.simulate import check_solver, prepare
     from iriftrace.flow.simulate.simulate import simulate as run
-    from iriftrace.sweep.workers import check_scheduler
 
     checks.inputs(part)
     checks.folder(output)
@@ -95,6 +94,8 @@ def simulate(
             {"--field": field, "--write-only": write_only or None},
             "is for one field, but --draughts makes a family; leave one of them out.",
         )
+        from iriftrace.sweep.workers import check_scheduler
+
         check_scheduler(workers.address, workers.workers)
     else:
         refuse_given(
