@@ -67,6 +67,7 @@ from .measuring.fit.member_fit import FittedView as FittedView
 from .measuring.fit.member_fit import MemberFit as MemberFit
 from .measuring.fit.shift_fit import fit_members as fit_members
 from .measuring.fit.temperature_fit import fit_temperatures as fit_temperatures
+from .measuring.options import Uncertainties as Uncertainties
 from .measuring.two_devices.correct import correct as correct
 from .measuring.two_devices.correction import Correction as Correction
 from .measuring.two_devices.correction import CorrectionStatus as CorrectionStatus
@@ -92,10 +93,11 @@ from .part.part import Part as Part
 from .part.part import part_of_mesh as part_of_mesh
 from .part.regions import Regions as Regions
 from .part.standards import cylinder as cylinder
-from .planning.cover import ViewLimits as ViewLimits
 from .planning.cover import ViewSet as ViewSet
 from .planning.cover import choose_views as choose_views
 from .planning.criteria import Criteria as Criteria
+from .planning.criteria import Pairing as Pairing
+from .planning.criteria import Views as Views
 from .planning.pairs import PairPlan as PairPlan
 from .planning.pairs import plan_pairs as plan_pairs
 from .planning.pose_plan import PosePlan as PosePlan

@@ -10,12 +10,10 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 from attrs import field, frozen
 from cyclopts import Parameter, Token
 
-from iriftrace.cli import checks
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import ZERO_CELSIUS_K
 
 if TYPE_CHECKING:
-    from iriftrace.core.arrays import FloatArray
     from iriftrace.part.part import Part
     from iriftrace.part.uneven_growth import Temperatures
 
@@ -187,22 +185,6 @@ def refuse_given(options: Mapping[str, object], reason: str) -> None:
     for name, value in options.items():
         if value is not None:
             raise InputError(f"{name} {reason}")
-
-
-def read_motion(file: Path | None) -> FloatArray | None:
-    """The rigid motion in a file, (4, 4) array, mm; None without a file."""
-    from iriftrace.core.files import text_in
-    from iriftrace.core.mesh.transform import parse_transform, rigid_motion, stated_to_camera
-
-    if file is None:
-        return None
-    checks.inputs(file)
-    if file.is_file() and (said := stated_to_camera(text_in(file))):
-        raise InputError(
-            f"{file} says {said!r}, but it has to take points the other way, from the camera's "
-            "frame; write the inverse matrix, or leave out these words if it is meant."
-        )
-    return rigid_motion(parse_transform(str(file)), str(file))
 
 
 def region_temperatures(

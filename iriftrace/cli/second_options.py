@@ -17,8 +17,9 @@ from iriftrace.cli.camera_options import (
     with_all_in_focus,
 )
 from iriftrace.cli.console import say
-from iriftrace.cli.options import Length, Vector, read_motion, refuse_given
+from iriftrace.cli.options import Length, Vector, refuse_given
 from iriftrace.core.errors import InputError
+from iriftrace.core.mesh.transform import read_motion
 
 if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
@@ -167,7 +168,7 @@ class StereoOptions:
         size = needed_pixel_size(first.pixel_size, files)
         sizes = (size, second.second_pixel_size or size)
         focus = first.focus or FOCUS_MM
-        motion = read_motion(self.cloud_to_part)
+        motion = None if self.cloud_to_part is None else read_motion(self.cloud_to_part)
         stereo = read_stereo_calibration(
             *self.stereo_calibration, length_unit=first.calibration_length_unit
         )

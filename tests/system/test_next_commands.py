@@ -9,7 +9,7 @@ import pytest
 from iriftrace.cli import main
 from iriftrace.cli.field_options import PartOptions
 from iriftrace.cli.simulate import _print_simulation, next_scene
-from iriftrace.cli.simulation_options import SimulationOptions
+from iriftrace.flow.simulate.options import SimulationOptions
 from iriftrace.flow.simulate.simulate import Simulation
 from validation.inputs import hot_block
 

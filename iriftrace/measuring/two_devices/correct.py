@@ -20,6 +20,7 @@ from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.mesh.triangles import unit_vectors
+from iriftrace.measuring.options import NONE_STATED, Phase, System, Uncertainties
 from iriftrace.measuring.two_devices.correction import (
     Correction,
     CorrectionStatus,
@@ -27,13 +28,7 @@ from iriftrace.measuring.two_devices.correction import (
     is_corrected,
 )
 from iriftrace.measuring.two_devices.device_check import MANY, check_devices, checked_pixels
-from iriftrace.measuring.two_devices.devices import (
-    Phase,
-    Sensor,
-    System,
-    provenance_of_two,
-    sensor_of,
-)
+from iriftrace.measuring.two_devices.devices import Sensor, provenance_of_two, sensor_of
 from iriftrace.measuring.two_devices.larger import Larger, in_box, larger_than, sample_of
 from iriftrace.measuring.two_devices.two_points import lines_of_sight
 from iriftrace.part.part import Part
@@ -96,7 +91,7 @@ def correct(
     *,
     system: System | None = None,
     phase: Phase | None = None,
-    field_uncertainty: float = 0.0,
+    uncertainties: Uncertainties = NONE_STATED,
     pixels: ArrayLike | None = None,
 ) -> Correction:
     """Remove the refraction error from measured points.
@@ -114,9 +109,9 @@ def correct(
     camera, second, system, phase
         As for `iriftrace.measure`. A laser's sheet is assumed to pass through each point, turned
         about the laser.
-    field_uncertainty : float
-        Relative standard uncertainty of the air's contrast, n - n of the ambient air, to which
-        the correction is proportional: 0.05 for 5 %.
+    uncertainties : Uncertainties
+        Of the field, to whose contrast (n - n of the ambient air) the correction is proportional,
+        and of the part's expansion and temperature.
     pixels : (n, 2) array, px, optional
         Where the camera saw the points, centres of pixels at whole numbers; NaN where that is not
         known. They are compared with the points, see
@@ -126,8 +121,7 @@ def correct(
     ------
     InputError
         As `iriftrace.measure`, and if there are no points, some are not finite, none lies on the
-        part or can be corrected, there are not as many pixels, or the uncertainty is not a
-        fraction.
+        part or can be corrected, there are not as many pixels.
 
     Warns
     -----
@@ -135,7 +129,7 @@ def correct(
         As :func:`iriftrace.tracing.engine.choose`; points do not belong to this part, contradict
         the devices, or lie off the laser's sheet.
     """
-    measured = _checked(points, field_uncertainty)
+    measured = _checked(points)
     seen_at = None if pixels is None else checked_pixels(pixels, len(measured))
     loaded, sensor = sensor_of(scene, camera, second, system, phase)
     near_box, to_part = _near_part(measured, loaded.part)
@@ -176,7 +170,7 @@ def correct(
         normal=loaded.part.surface.normals[face],
         system=sensor.system,
         provenance=provenance,
-        field_uncertainty=field_uncertainty,
+        uncertainties=uncertainties,
         errors=None if weights is None else errors,
         weights=weights,
         to_part=to_part,
@@ -204,7 +198,7 @@ def _in_one_field(
     return error, status, face
 
 
-def _checked(points: ArrayLike, field_uncertainty: float) -> FloatArray:
+def _checked(points: ArrayLike) -> FloatArray:
     """The points (n, 3) of a cloud that can be corrected."""
     measured = np.array(points, dtype=np.float64)
     if measured.ndim != 2 or measured.shape[1:] != (3,) or len(measured) == 0:
@@ -214,13 +208,6 @@ def _checked(points: ArrayLike, field_uncertainty: float) -> FloatArray:
         )
     if not np.isfinite(measured).all():
         raise InputError("Some points are not finite; leave them out.", code="points.not_finite")
-    if not 0.0 <= field_uncertainty < 1.0:
-        raise InputError(
-            f"The field's uncertainty is {field_uncertainty:g}, but it is a fraction of the air's "
-            "contrast; give one from 0 to 1, such as 0.05 (5 %).",
-            code="field.uncertainty_range",
-            argument="field_uncertainty",
-        )
     return measured
 
 

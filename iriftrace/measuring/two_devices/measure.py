@@ -23,13 +23,8 @@ from iriftrace.core.errors import InputError, warn
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.mesh.triangles import row_lengths
 from iriftrace.image.aov_image import Status
-from iriftrace.measuring.two_devices.devices import (
-    Phase,
-    Sensor,
-    System,
-    provenance_of_two,
-    sensor_of,
-)
+from iriftrace.measuring.options import Phase, System
+from iriftrace.measuring.two_devices.devices import Sensor, provenance_of_two, sensor_of
 from iriftrace.measuring.two_devices.scan import Scan, ScanStatus
 from iriftrace.measuring.two_devices.two_points import lines_of_sight
 from iriftrace.part.part import Part
