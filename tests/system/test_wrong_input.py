@@ -318,7 +318,7 @@ def test_the_scene_does_not_replace_the_part(fails: Failing, hot: HotBlock, tmp_
     trimesh.load(hot.part).export(tmp_path / "part.ply")
     refusal = fails("scene", hot.field, "part.ply", "-o", "scene.xml")
     assert "part.ply" in refusal
-    assert refusal.code == "file.replaces_input"
+    assert refusal.code == "output.replaces"
 
 
 def test_a_part_that_is_not_closed_is_legitimate(
