@@ -64,7 +64,7 @@ def compare(
     if target.resolve() == measured.resolve():
         raise InputError(
             f"The output {target} would replace the measured shift; name another one.",
-            code="file.replaces_input",
+            code="output.replaces",
         )
     used = statuses(include)
     check_light(wavelength, rendering.header, image)

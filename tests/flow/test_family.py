@@ -280,5 +280,5 @@ def test_folder_of_something_else_is_not_touched(family: Family, tmp_path: Path)
     (tmp_path / "at_0.00.vtu").write_text("somebody's")
     with pytest.raises(InputError) as error:
         run(family, tmp_path, Solver())
-    assert error.value.code == "family.other_files"
+    assert error.value.code == "output.replaces"
     assert (tmp_path / "at_0.00.vtu").read_text() == "somebody's"

@@ -151,9 +151,13 @@ def test_a_scene_reads_its_calibration_and_no_other(
     assert camera.focal_length_mm == pytest.approx(400 * 0.05)
     assert camera.distortion is not None
     (xml.parent / "camera.yaml").rename(tmp_path / "camera.yaml")
-    assert "camera.yaml is not next to" in fails("render", xml, "-o", "out2.exr")
+    refusal = fails("render", xml, "-o", "out2.exr")
+    assert refusal.startswith("camera.yaml is not next to ")
+    assert refusal.code == "file.missing"
     (tmp_path / "camera.yaml").unlink()
-    assert "There is no file" in fails("render", xml, "-o", "out2.exr")
+    refusal = fails("render", xml, "-o", "out2.exr")
+    assert f"{tmp_path / 'camera.yaml'}" in refusal
+    assert refusal.code == "scene.unreadable"
 
 
 def test_a_scene_reads_its_field_and_no_other(
@@ -168,7 +172,9 @@ def test_a_scene_reads_its_field_and_no_other(
     xml.write_text("\n".join(line for line in text.splitlines() if line not in unused))
     assert main(["render", str(xml), "-o", "out.exr", "--no-figures"]) == 0
     (xml.parent / "field.npz").rename(tmp_path / "field.npz")
-    assert "field.npz is not next to" in fails("render", xml, "-o", "out2.exr")
+    refusal = fails("render", xml, "-o", "out2.exr")
+    assert refusal.startswith("field.npz is not next to ")
+    assert refusal.code == "file.missing"
 
 
 def test_poses_of_a_sweep_see_the_films_crop_window(hot: HotBlock, tmp_path: Path) -> None:

@@ -175,14 +175,15 @@ def is_stored(case: Case, folder: Path) -> bool:
             raise InputError(
                 f"the folder {folder} holds a case that differs in {', '.join(different)}; name "
                 "another folder, or give the same options to continue it.",
-                code="case.differs",
+                code="output.other_work",
             )
         return True
     if folder.is_dir() and any(folder.iterdir()) and not (folder / UNFINISHED).is_file():
         raise InputError(
             f"the folder {folder} holds files that are not a case of iriftrace and would be "
             "overwritten; name an empty or a new one.",
-            code="case.other_files",
+            code="output.replaces",
+            argument="output",
         )
     return False
 

@@ -222,7 +222,8 @@ def _read(folder: Path) -> dict[str, JsonObject]:
         raise InputError(
             f"the folder {folder} holds files that are not a family of draughts, among which its "
             "members would be lost; name an empty or a new one.",
-            code="family.other_files",
+            code="output.replaces",
+            argument="output",
         )
     return {}
 
