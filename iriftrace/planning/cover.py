@@ -94,7 +94,7 @@ def choose_views(seen: ArrayLike, face_areas: ArrayLike, k: int) -> ViewSet:
     visible = np.asarray(seen)
     if k < 1:
         raise InputError(
-            f"The number of views is {k}, so nothing is seen; give at least 1.",
+            f"The number of views is {k}, and limits are for several of them; give at least 1.",
             code="views.below_one",
             argument="views",
         )
