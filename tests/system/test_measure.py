@@ -248,4 +248,4 @@ def test_the_hot_part_against_its_cold_drawing(
     assert main(["correct", str(scan), *words, doubt[0]]) == 0
     assert "give both --expansion-uncertainty" in " ".join(capsys.readouterr().out.split())
     assert main(["correct", str(scan), *words, "--temperature-uncertainty=12 degC"]) == 2
-    assert re.search('--temperature-uncertainty.*"12 degC".* 10 K', capsys.readouterr().err)
+    assert re.search('"12 degC".* 10 K .--temperature-uncertainty', capsys.readouterr().err)
