@@ -15,6 +15,7 @@ from iriftrace.core.errors import InputError, warn
 from iriftrace.core.mesh.transform import apply
 from iriftrace.core.units import length_factor
 from iriftrace.io.members import read_state
+from iriftrace.io.refusals import chosen_unit
 from iriftrace.io.scattered import cells_outside
 from iriftrace.io.states import Contents
 from iriftrace.io.vtk_check import Data
@@ -114,7 +115,9 @@ def read_field(
     """
     air = Air() if air is None else air
     contents = read_volume(path, member=member, flow=flow)
-    length_unit = _length_unit(length_unit, contents.length_unit, str(path))
+    length_unit = chosen_unit(
+        Path(path), contents.length_unit, length_unit, argument="field_length_unit"
+    )
     raw: pv.UnstructuredGrid = contents.data
     factor = length_factor(length_unit)
     if contents.scattered:
@@ -173,7 +176,8 @@ def read_volume(path: str | Path, *, member: int | None = None, flow: bool = Fal
     if member is None and len(contents.states) > 1:
         warn(
             f"{path} has {len(contents.states)} states; the last one, {contents.states[-1][0]}, "
-            "is used; choose another with the time option (--time)."
+            "is used; choose another if that is not meant.",
+            argument="time",
         )
     grid = _joined(contents.data, path)
     if has_higher_order(grid):
@@ -200,7 +204,8 @@ def _joined(data: Data, path: Path) -> pv.UnstructuredGrid:
         if left_out == count:
             raise InputError(
                 f"{path} marks all its {count} cells as hidden or without a value ({names}), so no "
-                "air is known; export the volume on which the solver has values."
+                "air is known; export the volume on which the solver has values.",
+                code="field.no_values",
             )
         warn(
             f"{path} marks {left_out} of {count} cells as hidden, as copies or as without a value "
@@ -210,8 +215,9 @@ def _joined(data: Data, path: Path) -> pv.UnstructuredGrid:
     blocks = [block for block in blocks if block.n_cells]
     if not blocks:
         raise InputError(
-            f"{path} has no volume cells: it is empty, damaged or a surface, but rays need the "
-            "air volume; export the solver's volume mesh."
+            f"{path} has no volume cells: it is empty, damaged or a surface, but rays need the air "
+            "volume; export the solver's volume mesh.",
+            code="field.no_volume",
         )
     joined = blocks[0]
     arrays_of = [{str(name) for name in block.array_names} for block in blocks]
@@ -219,7 +225,8 @@ def _joined(data: Data, path: Path) -> pv.UnstructuredGrid:
         listed = "; ".join(", ".join(sorted(some)) or "none" for some in arrays_of)
         raise InputError(
             f"{path} has {len(blocks)} blocks without an array in common ({listed}); export the "
-            "blocks of the air alone, or with one name for the temperature."
+            "blocks of the air alone, or with one name for the temperature.",
+            code="field.no_array",
         )
     if len(blocks) > 1:
         joined = pv.MultiBlock(blocks).combine(merge_points=True, tolerance=0.0)
@@ -237,7 +244,8 @@ def _refuse_overlap(joined: pv.UnstructuredGrid, ends: IntArray, path: Path) -> 
     if np.mean((found >= 0) & (own != other)) > _MOST_OVERLAP:
         raise InputError(
             f"{path} has blocks that lie in each other, so the air there is ambiguous; export the "
-            "blocks of the air alone, each part of it once."
+            "blocks of the air alone, each part of it once.",
+            code="field.blocks_overlap",
         )
 
 
@@ -245,18 +253,6 @@ def _facts(contents: Contents, array: str) -> FieldFacts:
     """What the file and its array's name state."""
     facts = contents.facts or FieldFacts()
     return evolve(facts, time="mean") if arrays.is_average(array) else facts
-
-
-def _length_unit(given: str | None, stated: str | None, path: str) -> str:
-    """Unit of a file's coordinates; mm if neither file nor user states one."""
-    if given is not None and stated is not None and length_factor(given) != length_factor(stated):
-        factor = length_factor(given) / length_factor(stated)
-        raise InputError(
-            f"The coordinates in {path} are in {stated}, but the length unit given is {given}; "
-            "omit length_unit (--field-length-unit), or if the numbers are in "
-            f'{given} nevertheless, scale them (--field-transform "scale {factor:.6g}").'
-        )
-    return given or stated or "mm"
 
 
 def _placed(
@@ -267,7 +263,8 @@ def _placed(
     if not np.isfinite(points).all():
         raise InputError(
             f"{np.count_nonzero(~np.isfinite(points).all(axis=1))} points of the field have "
-            "coordinates that are not finite numbers; export the mesh again."
+            "coordinates that are not finite numbers; export the mesh again.",
+            code="field.not_finite",
         )
     if factor != 1.0:
         points = np.asarray(points, dtype=np.float64) * factor
@@ -284,16 +281,13 @@ def _warn_of_other_ambient(result: IndexField) -> None:
     coolest = float(result.temperature_k.min())
     ambient = result.air.temperature_k
     if abs(coolest - ambient) > AMBIENT_TOLERANCE_K:
+        possible = TEMPERATURE_RANGE[0] <= coolest <= TEMPERATURE_RANGE[1]
+        remedy = "give that of the room" if possible else "no room is like that: check the unit"
         warn(
             f"The coolest air in {result.source.path} has {coolest:.1f} K, but the ambient "
             f"temperature is {ambient:.1f} K, which puts a false step at the edge of the data; "
-            + (
-                f"give air=Air(temperature_k={coolest:.1f}) (--ambient '{coolest:.1f} K') if that "
-                "is the room."
-                if TEMPERATURE_RANGE[0] <= coolest <= TEMPERATURE_RANGE[1]
-                else "no room is like that: check the array's unit (temperature_unit, "
-                "--temperature-unit)."
-            )
+            f"{remedy}.",
+            argument="ambient" if possible else "temperature_unit",
         )
 
 
@@ -311,6 +305,6 @@ def _warn_of_other_index(raw: pv.UnstructuredGrid, result: IndexField) -> None:
             f"{result.source.path} also holds an index {name!r} that disagrees with its "
             f"temperature {result.source.array!r}, which is used: where the air has "
             f"{result.temperature_k[worst]:.0f} K, {name!r} says n-1 = {stored[worst]:.4g} and the "
-            f'density scaling {result.refractivity[worst]:.4g}; give array="{name}" '
-            f"(--array {name}) to use it."
+            f'density scaling {result.refractivity[worst]:.4g}; give array="{name}" to use it.',
+            argument="array",
         )

@@ -21,6 +21,7 @@ from iriftrace.core.mesh import transform as motion
 from iriftrace.core.mesh.topology import drop_degenerate, face_along, weld
 from iriftrace.core.mesh.triangles import area_vectors, normals_along, unit_vectors, used_vertices
 from iriftrace.core.units import length_factor
+from iriftrace.io.refusals import check_ending, check_exists
 from iriftrace.io.vtk_check import read_file
 from iriftrace.io.vtk_files import blocks_of
 from iriftrace.medium import arrays
@@ -125,7 +126,9 @@ def import_shells(
         if len(faces) == 0:
             raise InputError(
                 f"All pieces of the surface at n - 1 = {surfaces[k]:.6g} in {path} are smaller "
-                f"than {min_size_mm:g} mm; check the length unit or allow smaller pieces."
+                f"than {min_size_mm:g} mm; check the length unit or allow smaller pieces.",
+                code="shells.too_small",
+                argument="min_size",
             )
         used, faces = used_vertices(len(mesh.vertices), faces)
         vertices, normals = mesh.vertices[used], None
@@ -212,7 +215,8 @@ def _read_triangles(
     if not np.isfinite(values).all():
         raise InputError(
             f"The array {choice.name!r} in {path} has values that are not finite, so its surfaces "
-            "have no index; export it without gaps."
+            "have no index; export it without gaps.",
+            code="shells.not_finite",
         )
     points = np.concatenate([np.asarray(b.points, dtype=np.float64) for b in blocks])
     points *= length_factor
@@ -227,7 +231,10 @@ def _read_triangles(
         # A gradient is a covector: it turns with the inverse transposed.
         vectors = None if vectors is None else vectors @ np.linalg.inv(matrix[:3, :3])
     if not np.isfinite(points).all():
-        raise InputError(f"{path} has points that are not finite numbers; export it again.")
+        raise InputError(
+            f"{path} has points that are not finite numbers; export it again.",
+            code="shells.not_finite",
+        )
     return Soup(
         vertices=points.astype(np.float32),
         faces=np.concatenate([f + start for f, start in zip(faces, starts, strict=False)]),
@@ -241,15 +248,14 @@ def _read_triangles(
 
 def _read(path: Path) -> tuple[list[pv.PolyData], str, FieldFacts]:
     """Blocks of a file as triangles with their data, and what the file states: origin, facts."""
-    if not path.is_file():
-        raise InputError(f"The file of surfaces {path} does not exist; check the path.")
-    if path.suffix.lower() not in SUFFIXES:
-        raise InputError(f"{path} cannot be read as surfaces; export it as {', '.join(SUFFIXES)}.")
+    check_exists(path)
+    check_ending(path, SUFFIXES, "a file of surfaces")
     data = read_file(path)
     found = [mesh for mesh in map(_triangles, blocks_of(data)) if mesh is not None]
     if not found:
         raise InputError(
-            f"{path} has no triangles; volume data are contoured by `iriftrace shells` instead."
+            f"{path} has no triangles; volume data are contoured by `iriftrace shells` instead.",
+            code="shells.no_triangles",
         )
     return found, origin_of(data), facts_of(data) or FieldFacts()
 
@@ -270,7 +276,8 @@ def _vectors(block: pv.PolyData, name: str, path: Path) -> FloatArray:
     if name not in block.point_data or block.point_data[name].shape[1:] != (3,):
         raise InputError(
             f"{path} has no gradient {name!r} with three components at the points; its point "
-            f"arrays are {', '.join(block.point_data) or 'none'}."
+            f"arrays are {', '.join(block.point_data) or 'none'}.",
+            code="shells.no_gradient",
         )
     return np.asarray(block.point_data[name], dtype=np.float64)
 
@@ -280,7 +287,9 @@ def _triangle_values(block: pv.PolyData, faces: IntArray, name: str, path: Path)
         return np.asarray(block.cell_data[name], dtype=np.float64)
     if name not in block.point_data:
         raise InputError(
-            f"The array {name!r} is missing in a block of {path}; export it for all surfaces."
+            f"The array {name!r} is missing in a block of {path}; export it for all surfaces.",
+            code="field.no_array",
+            argument="array",
         )
     values = np.asarray(block.point_data[name], dtype=np.float64)
     tolerance = max(1e-3 * float(np.ptp(values)), 1e-6 * float(np.abs(values).max()))
@@ -292,6 +301,7 @@ def _triangle_values(block: pv.PolyData, faces: IntArray, name: str, path: Path)
 def _continuous(name: str, path: Path) -> InputError:
     """The error for triangles that are not iso-surfaces."""
     return InputError(
-        f"The values of {name!r} in {path} change along the triangles, so they are not surfaces "
-        "of equal value; export iso-surfaces, or contour the volume with `iriftrace shells`."
+        f"The values of {name!r} in {path} change along the triangles, so they are not surfaces of "
+        "equal value; export iso-surfaces, or contour the volume with `iriftrace shells`.",
+        code="shells.not_iso",
     )

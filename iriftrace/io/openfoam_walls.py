@@ -20,6 +20,7 @@ from scipy.spatial import cKDTree
 from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError, warn
 from iriftrace.io.openfoam_mesh import Piece
+from iriftrace.io.refusals import damaged
 from iriftrace.medium.gradient import corners_in
 
 if TYPE_CHECKING:
@@ -36,6 +37,8 @@ _MIXED = ("refValue", "refGradient", "valueFraction")
 
 _COMPONENTS = {b"vector": 3, b"symmTensor": 6, b"tensor": 9}
 """Numbers per entry of a list; one for all other kinds."""
+
+_STOPPED = "a solver that was stopped leaves such files, so choose another time"
 
 _TOKEN = re.compile(
     rb"""(?P<skip>\s+|//[^\n]*|/\*.*?\*/|\#[^\n]*)
@@ -79,10 +82,7 @@ def boundary_entries(file: Path) -> Entries:
         width = (4 if b"scalar=32" in head else 8) if binary else 0
         entries = _dictionary(_tokens(body, width))
     except (ValueError, IndexError, RecursionError, zlib.error) as error:
-        raise InputError(
-            f"The boundary values in {file} cannot be read ({error}); a solver that was stopped "
-            "leaves such files, so choose another time (--time)."
-        ) from error
+        raise damaged(file, error, _STOPPED, argument="time") from error
     return next((value for value in entries.values() if isinstance(value, dict)), {})
 
 
@@ -159,7 +159,9 @@ def _set_value(piece: Piece, patch: str, name: str, entries: Entries, file: Path
         if patch in piece.walls:
             raise InputError(
                 f"{what}wall {patch} (type {entries['type']}), so the temperature there is not "
-                "known; choose a time that the solver has written (--time), or add a `value` there."
+                "known; choose a time that the solver has written, or add a `value` there.",
+                code="case.no_wall_value",
+                argument="time",
             )
         warn(
             f"{what}patch {patch} (type {entries['type']}); the values of the cells next to it are "
@@ -180,10 +182,8 @@ def _numbers(
         return None
     if isinstance(stated, np.ndarray):
         if len(stated) != count:
-            raise InputError(
-                f"{file} lists {len(stated)} values for a patch of {count} faces; it is damaged, "
-                "so choose another time (--time)."
-            )
+            found = f"it lists {len(stated)} values for a patch of {count} faces"
+            raise damaged(file, found, _STOPPED, argument="time")
         return stated
     try:
         return float(stated)

@@ -17,6 +17,7 @@ from iriftrace.core.files import sha256_of, whole_file
 from iriftrace.core.mesh.transform import apply, checked_matrix
 from iriftrace.core.units import LENGTH_UNITS, length_factor, length_unit_of
 from iriftrace.io.ply import HEADER_LIMIT, PlyMesh, check_corners, read_ply, write_ply
+from iriftrace.io.refusals import check_exists, damaged, not_read
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.regions import Regions
@@ -55,27 +56,26 @@ class MeshFile:
 
 def load_mesh_file(path: Path) -> MeshFile:
     """Read a mesh file; the parts of a scene (``.glb``) are combined."""
-    if not path.is_file():
-        raise InputError(f"there is no part file {path}; give an existing mesh.")
+    check_exists(path, "give an existing mesh")
     suffix = path.suffix.removeprefix(".").lower()
     with path.open("rb") as file:
         packed = file.read(4).startswith((b"\x1f\x8b", b"BZh", b"PK\x03\x04"))
     if packed and suffix != "3mf":
         raise InputError(
-            f"{path} is packed (gzip, bzip2 or zip); unpack it, and give the mesh in it."
+            f"{path} is packed (gzip, bzip2 or zip); unpack it, and give the mesh in it.",
+            code="file.packed",
         )
     if suffix not in trimesh.available_formats():
         install = "install lxml and networkx (pip install lxml networkx), or "
         raise InputError(
             f"{path} is of a format {suffix!r} that cannot be read; "
-            f"{install if suffix == '3mf' else ''}convert it to PLY, STL, OBJ or GLB."
+            f"{install if suffix == '3mf' else ''}convert it to PLY, STL, OBJ or GLB.",
+            code="file.ending",
         )
     required = _REQUIRED.search(path.read_bytes()) if suffix in ("glb", "gltf") else None
     if required and (unread := _OF_SHAPES.search(required[1])):
-        raise InputError(
-            f"{path} requires the extension {unread[1].decode()} of glTF, which is not read; "
-            "export it without compression and instances."
-        )
+        found = f"the extension {unread[1].decode()} of glTF"
+        raise not_read(path, found, "export it without compression and instances")
     unit, region_columns, growth, drawing = None, [], None, None
     mesh: PlyMesh | trimesh.parent.Geometry
     try:
@@ -93,24 +93,17 @@ def load_mesh_file(path: Path) -> MeshFile:
             mesh = mesh.to_mesh() if isinstance(mesh, trimesh.Scene) else mesh
     except Exception as error:  # its readers raise any error for a damaged file
         if _DECIMAL_COMMA.search(path.read_bytes()[:4096]):
-            raise InputError(
-                f"{path} has decimal commas, which no mesh format knows; export it with decimal "
-                "points, or as a binary file."
-            ) from error
-        raise InputError(
-            f"{path} is damaged or no mesh ({error}); export it again, as triangles."
-        ) from error
+            remedy = "export it with decimal points, or as a binary file"
+            raise not_read(path, "decimal commas", remedy) from error
+        raise damaged(path, error, "export it again, as triangles") from error
     faces = np.asarray(getattr(mesh, "faces", ()), dtype=np.int64)
     if faces.size == 0:
-        raise InputError(
-            f"{path} has no triangles or is damaged, so there is nothing to measure; export the "
-            "part's surface as triangles."
-        )
+        raise damaged(path, "it has no triangles", "export the part's surface as triangles")
     vertices = np.array(getattr(mesh, "vertices", ()), dtype=np.float64)
     try:
         check_corners(vertices, faces)
     except ValueError as error:
-        raise InputError(f"{path} is damaged: {error}; export it again.") from error
+        raise damaged(path, error) from error
     regions = _regions(path, region_columns[0], len(faces)) if region_columns else None
     unit = unit or length_unit_of(remarks_of(path), path.name) or None
     return MeshFile(vertices, faces, regions, unit, sha256_of(path), growth, drawing)
@@ -149,23 +142,19 @@ def _header(path: Path) -> list[str]:
 def _regions(path: Path, column: AnyArray, face_count: int) -> Regions:
     given = column.astype(np.float64)
     if not (np.abs(given) < LARGEST_REGION).all():
-        raise InputError(
-            f"{path} is damaged: a triangle's region is not a number below {LARGEST_REGION:,}; "
-            "export it again."
-        )
+        raise damaged(path, f"a triangle's region is not a number below {LARGEST_REGION:,}")
     if len(given) != face_count:
-        raise InputError(
-            f"{path} has {len(given)} region numbers for {face_count} triangles, because some of "
-            "its faces are not triangles; export it as triangles or drop the regions."
-        )
+        found = f"it has {len(given)} region numbers for {face_count} triangles"
+        raise damaged(path, found, "export it as triangles or drop the regions")
     ids, of_face = np.unique(np.rint(given).astype(np.int64), return_inverse=True)
     matches = filter(None, map(_REGION_COMMENT.fullmatch, _header(path)))
     named = {int(match[1]): match[2] for match in matches}
     found = tuple(named.get(i, f"region {i}") for i in ids.tolist())
     if len(set(found)) < len(found):
         raise InputError(
-            f"{path} gives one region name to several numbers: {', '.join(found)}; "
-            "make the names in its comments unique."
+            f"{path} gives one region name to several numbers: {', '.join(found)}; make the names "
+            "in its comments unique.",
+            code="region.twice",
         )
     return Regions(of_face.astype(np.int64), found)
 
@@ -176,7 +165,9 @@ def check_part_name(path: Path) -> None:
         proposed = path.with_name((path.stem or "part") + ".ply")
         raise InputError(
             f"The output {path} must end in .ply, which keeps the named regions, or .stl; name it "
-            f"{proposed}, for example."
+            f"{proposed}, for example.",
+            code="file.ending",
+            argument="output",
         )
 
 

@@ -127,7 +127,7 @@ def test_other_columns_than_the_robots_are_refused_with_what_was_found(
     ("text", "robot", "message"),
     [
         ("x,y,z,rx,ry,rz\n0,0,0,90,0,180", "universal", "length 201.2 rad, which is more than"),
-        ("x,y,z,a [deg],b [rad],c [rad]\n0,0,0,1,2,3", "kuka", "angles in deg and rad"),
+        ("x,y,z,a [deg],b [rad],c [rad]\n0,0,0,1,2,3", "kuka", "states deg and rad"),
         ("x,y,z,a [gon],b [gon],c [gon]\n0,0,0,1,2,3", "kuka", "angles in gon"),
         ("x,y,z,q1,q2,q3,q4\n0,0,0,1,1,0,0", "abb", "line 2: the quaternion has length 1.41421"),
         ("x,y,z,a,b,c\n0,0,0,nan,0,180", "kuka", "Pose 1 of .* not finite"),

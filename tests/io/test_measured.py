@@ -149,7 +149,7 @@ def test_faces_far_from_any_point_are_named(cylinder: Part) -> None:
         ("x,y,z,T\n0,0,0,nan\n", (None, None), "not a finite number"),
         ("x,y,z,T\n1,1,1,900\n0,0,zero,900\n", (None, None), "line 3: 'zero' is not a number"),
         ("x [m],y [m],z [m],T [K]\n0,0,0,900\n", ("mm", None), "coordinates in m, but"),
-        ("x [m],y [mm],z [m],T [K]\n0,0,0,900\n", (None, None), "states lengths in m and mm"),
+        ("x [m],y [mm],z [m],T [K]\n0,0,0,900\n", (None, None), "states m and mm for one"),
         ("x,y,z,T [K]\n0,0,0,900\n", (None, "degC"), "states that 'T' is in K"),
         ("x,y,z,T [bar]\n0,0,0,900\n", (None, None), "not a unit of temperature"),
         ("x,y,z,T (K) @ t=0,T (K) @ t=1\n0,0,0,900,950\n", (None, None), "several columns T, as"),
@@ -184,7 +184,7 @@ def test_command_line(
         (["--wall-temperature=900 K", "--wall-above=400 degC"], "which is not given"),
         (["--wall-temperature-from=t.csv", "--wall-above=400"], "400 K or 400 degC"),
         (["--wall-temperature-from=t.csv", "--wall-above=1500 K"], "no wall above 1500 K"),
-        (["--wall-temperature-from=part.ply"], "cannot be read from part.ply"),
+        (["--wall-temperature-from=part.ply"], "part.ply is not a file of wall temp"),
         (["--wall-temperature-from=none.csv"], "none.csv"),
         (["--wall-temperature-from=t.csv", "--ambient=1500 K"], "ambient"),
     ):

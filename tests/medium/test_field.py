@@ -91,7 +91,7 @@ def _with(values: float | None, name: str = "T"):
 @pytest.mark.parametrize(
     ("write", "name", "options", "message"),
     [
-        (lambda path: path, "none.vtu", {}, "does not exist"),
+        (lambda path: path, "none.vtu", {}, "There is no file"),
         (_sphere_in, "f.stl", {}, "not a field file"),
         (_sphere_in, "f.vtk", {}, "no volume cells"),
         (_flat, "f.vtu", {}, "no volume cells"),

@@ -228,8 +228,8 @@ def test_wrong_meshes_are_refused(tmp_path):
 @pytest.mark.parametrize(
     ("name", "save", "message"),
     [
-        ("s.vtp", lambda path: None, "does not exist"),
-        ("s.stl", lambda path: pv.Sphere().save(path), "cannot be read as surfaces"),
+        ("s.vtp", lambda path: None, "There is no file"),
+        ("s.stl", lambda path: pv.Sphere().save(path), "is not a file of surfaces"),
         ("s.vtp", lambda path: path.write_text("<VTKFile"), "no triangles|cannot be read"),
     ],
 )

@@ -84,9 +84,9 @@ def test_cgns_has_values_at_cells_and_units(tmp_path: Path) -> None:
     assert found.source.length_unit == "m"
     assert_allclose(found.grid.points, expected.grid.points, atol=1e-4)
     assert hot_block.AMBIENT < found.temperature_k.mean() < hot_block.WALL
-    with pytest.raises(InputError, match="length_unit"):
+    with pytest.raises(InputError, match="in m, but they were to be read in mm"):
         read_field(path, length_unit="mm")
-    feet, celsius = (("Foot", "Kelvin"), "in Foot"), (("Meter", "Celsius"), "in K")
+    feet, celsius = (("Foot", "Kelvin"), "of Foot,"), (("Meter", "Celsius"), "of Celsius and")
     for wrong, said in (feet, celsius):
         other = cgns.write(tmp_path / "other.cgns", grid, units=wrong)
         with pytest.raises(InputError, match=said):

@@ -326,7 +326,7 @@ def test_unusable_files_are_refused(tmp_path: Path) -> None:
     line = [(0.0, 0, 0), (10.0, 0, 0), (20.0, 0, 0)]
     nan = [(float("nan"), 0, 0), (10.0, 0, 0), (0, 10.0, 0)]
     cases = {
-        "no part file": tmp_path / "missing.stl",
+        "There is no file": tmp_path / "missing.stl",
         "cannot be read": _ply(tmp_path / "part.docx", triangle, [(0, 1, 2)]),
         "no triangles": _ply(tmp_path / "points.ply", triangle, []),
         "NaN": _ply(tmp_path / "nan.ply", nan, [(0, 1, 2)]),
@@ -334,18 +334,18 @@ def test_unusable_files_are_refused(tmp_path: Path) -> None:
     }
     (tmp_path / "text.stl").write_text("hello")
     (tmp_path / "cut.ply").write_bytes(CYLINDER.read_bytes()[:5000])
-    cases["text.stl has no triangles or is damaged"] = tmp_path / "text.stl"
-    cases["cut.ply is damaged"] = tmp_path / "cut.ply"
-    cases[r"is damaged or no mesh \(a triangle names vertex 7, but there are 3"] = _ply(
+    cases[r"text.stl cannot be read \(it has no triangles"] = tmp_path / "text.stl"
+    cases["cut.ply cannot be read"] = tmp_path / "cut.ply"
+    cases[r"cannot be read \(a triangle names vertex 7, but there are 3"] = _ply(
         tmp_path / "far.ply", triangle, [(0, 1, 7)]
     )
-    cases[r"is damaged or no mesh \(a triangle names vertex -1"] = _ply(
+    cases[r"cannot be read \(a triangle names vertex -1"] = _ply(
         tmp_path / "below.ply", triangle, [(0, -1, 2)]
     )
     save_part(read_part(CYLINDER), tmp_path / "region.ply")
     whole = (tmp_path / "region.ply").read_bytes()
     (tmp_path / "region.ply").write_bytes(whole[:-4] + np.float32("nan").tobytes())
-    cases["region.ply is damaged: a triangle's region"] = tmp_path / "region.ply"
+    cases[r"region.ply cannot be read \(a triangle's region"] = tmp_path / "region.ply"
     for message, path in cases.items():
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", IriftraceWarning)

@@ -99,7 +99,7 @@ WRONG = {
     "shells": [
         ("-o out", "needs FIELD"),
         ("air.vtu", "needs -o"),
-        ("gone.vtu -o out", "gone.vtu does not exist"),
+        ("gone.vtu -o out", "no file gone.vtu"),
         (". -o out", "folder"),
         ("{field} -o file", "file is a file"),
     ],
@@ -192,10 +192,10 @@ WRONG = {
         ("--workers 0", "0 workers"),
     ],
     "plan": [
-        ("gone.nc", "no sweep gone.nc"),
-        ("words.nc", r"no netCDF file, so it is not a sweep; give the \.nc"),
+        ("gone.nc", "no file gone.nc; .* `iriftrace sweep`"),
+        ("words.nc", r"no netCDF file\); give the \.nc"),
         ("here", "folder"),
-        ("other.nc", "not a sweep"),
+        ("other.nc", "run the sweep again"),
         ("empty.nc", "no pose"),
     ],
     "plan {sweep}": [
@@ -217,7 +217,7 @@ WRONG = {
         ("-o here", "is a folder"),
         ("-o gone/report.html", "does not exist"),
     ],
-    "report": [("gone.nc", "no sweep gone.nc")],
+    "report": [("gone.nc", "no file gone.nc; .* `iriftrace sweep`")],
     "plot": [
         ("gone.exr -o figures", "gone.exr"),
         ("words.exr -o figures", "not an OpenEXR"),
