@@ -74,9 +74,12 @@ def group(
 
 
 def _read(kind: Any, default: object) -> Any:
-    """Type of an option: of whole numbers and switches without ``--no-`` that of a command."""
+    """Type of an option: text where text is read, and whole numbers and switches of commands."""
     if default is False:
         return Annotated[kind, Parameter(negative=())]
+    if str in get_args(kind):
+        # Python also gives arrays and numbers, or several texts.
+        return list[str] | None if Sequence[str] in get_args(kind) else str | None
     if kind is int or (isinstance(kind, UnionType) and set(get_args(kind)) == {int, type(None)}):
         return Whole if kind is int else Whole | None
     return kind
