@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -10,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 from iriftrace.cli import checks
 from iriftrace.cli.console import drawn, say, working
-from iriftrace.cli.measure import Features, Gate, Phase, System
-from iriftrace.cli.options import Flag, Fraction, Output, read_motion, word_parameter
-from iriftrace.cli.trace_options import TraceOptions
+from iriftrace.cli.groups import group
+from iriftrace.cli.measure import Devices
+from iriftrace.cli.options import Flag, Output, read_as_word
+from iriftrace.cli.trace_options import Tracing, load
 from iriftrace.cli.triangulation_text import (
     print_regions,
     say_features,
@@ -22,6 +22,8 @@ from iriftrace.cli.triangulation_text import (
 )
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
+from iriftrace.measuring.options import NONE_STATED, USUAL, Kelvins, Uncertainties
+from iriftrace.tracing.options import AS_STATED
 
 if TYPE_CHECKING:
     from iriftrace.measuring.features.fitted import FittedFeature
@@ -29,20 +31,7 @@ if TYPE_CHECKING:
     from iriftrace.part.growth import Growth
 
 
-def _read_kelvins(text: str, option: str) -> float:
-    try:
-        kelvins = float(text.strip().removesuffix("K"))
-    except ValueError:
-        kelvins = math.nan
-    if not 0.0 <= kelvins < 1000.0:
-        raise InputError(
-            f'{option} is "{text}"; give a temperature difference such as 10 K.',
-            code="units.no_temperature_difference",
-        )
-    return kelvins
-
-
-Kelvins = Annotated[float | None, word_parameter("NUMBER K", _read_kelvins)]
+read_as_word(Kelvins, "NUMBER K")
 
 
 def correct(
@@ -54,14 +43,9 @@ def correct(
     columns: str | None = None,
     cloud_to_part: Path | None = None,
     in_cloud_frame: Flag = False,
-    system: System = None,
-    phase: Phase = None,
-    feature: Features = None,
-    gate: Gate = 3.5,
-    field_uncertainty: Fraction = 0.0,
-    expansion_uncertainty: Fraction | None = None,
-    temperature_uncertainty: Kelvins = None,
-    trace: TraceOptions = TraceOptions(),
+    devices: Devices = USUAL,
+    uncertainties: Annotated[Uncertainties, group(Uncertainties)] = NONE_STATED,
+    trace: Tracing = AS_STATED,
     figures: bool = True,
 ) -> None:
     """Remove the refraction error from a measured cloud.
@@ -93,18 +77,10 @@ def correct(
         Text file of a 4 x 4 rigid motion from the cloud's frame, in mm, to the scene's.
     in_cloud_frame
         Write the corrected points in the frame and unit of the measured cloud.
-    field_uncertainty
-        Standard uncertainty of the field, as a fraction of the air's contrast in refractive index,
-        "5 %"; that of the corrections is the same fraction of them.
-    expansion_uncertainty
-        Standard uncertainty of the part's thermal expansion, "2 %", for sizes at 20 degC. The scene
-        has the expansion itself (iriftrace scene --expansion).
-    temperature_uncertainty
-        Standard uncertainty of the part's temperature, "10 K", for sizes at 20 degC.
     figures
         Draw the corrections, and the deviation from the part, into a .png next to the output.
     """
-    from iriftrace.core.mesh.transform import apply
+    from iriftrace.core.mesh.transform import apply, read_motion
     from iriftrace.io.clouds import read_cloud
     from iriftrace.measuring.features.choice import checked_choices
     from iriftrace.measuring.two_devices.correct import correct as take_out
@@ -112,24 +88,25 @@ def correct(
 
     checks.inputs(cloud)
     checks.scenes(scene)
-    motion = read_motion(cloud_to_part)
+    checks.inputs(cloud_to_part)
+    motion = None if cloud_to_part is None else read_motion(cloud_to_part)
     checks.cloud_output(output, "corrected.vtp")
     checks.kept(output, cloud)
     checks.numbers(output, "iriftrace.correction")
     chosen = None if columns is None else columns.split(",")
     read = read_cloud(cloud, length_unit=length_unit, columns=chosen)
     points = read.points if motion is None else apply(motion, read.points)
-    loaded = trace.load(scene)
+    loaded = load(scene, trace)
     checks.kept(output, loaded.part.path)
-    choices = checked_choices(feature or (), loaded.part)
+    choices = checked_choices(devices.feature or (), loaded.part)
     try:
         with working("Correcting"):
             found = take_out(
                 points,
                 loaded,
-                system=system,
-                phase=phase,
-                field_uncertainty=field_uncertainty,
+                system=devices.system,
+                phase=devices.phase,
+                uncertainties=uncertainties,
                 pixels=read.pixels,
             )
     except InputError as error:
@@ -138,9 +115,8 @@ def correct(
                 f"{cloud} does not lie on the part, but would with {advice}.", code=error.code
             ) from None
         raise
-    doubts = {"u_expansion": expansion_uncertainty, "u_temperature_k": temperature_uncertainty}
-    features = found.features(loaded.part, choices, gate, **doubts)
-    related = found.relations(features, **doubts)
+    features = found.features(loaded.part, choices, devices.gate)
+    related = found.relations(features)
     regions = found.regions(loaded.part)
     files: tuple[Path, ...] = found.save(
         output, features, regions, related, cloud=read, motion=motion, in_cloud_frame=in_cloud_frame
@@ -152,7 +128,7 @@ def correct(
         files = (*files, drawn(figure, output.with_suffix(".png")))
     values = found.as_dict()
     _say_counts(values)
-    say_features(features, loaded.part, "corrected", gate)
+    say_features(features, loaded.part, "corrected", devices.gate)
     say_relations(related, loaded.part, "corrected")
     print_regions(regions, loaded.part, "Refraction error along the normal by region, removed")
     _say_expansion(found.growth, features)

@@ -10,8 +10,7 @@ from cyclopts import App, Parameter
 
 from iriftrace.cli import checks
 from iriftrace.cli.console import command_line, say, working
-from iriftrace.cli.groups import read_as_word
-from iriftrace.cli.options import Output, Whole
+from iriftrace.cli.options import Output, Whole, read_as_word
 from iriftrace.cli.reading import PartReading, read_part
 from iriftrace.core.units import Length
 from iriftrace.io.reading import AS_DRAWN

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from iriftrace.cli import checks
 from iriftrace.cli.console import notes, say, working
@@ -13,6 +13,8 @@ from iriftrace.cli.options import LightOf, Output, Whole
 from iriftrace.cli.plan import Ranking, Several
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
+from iriftrace.image.displacement import NORM, Component
+from iriftrace.io.reading import ReadPart
 from iriftrace.planning.criteria import SHOWN, STANDARD
 
 if TYPE_CHECKING:
@@ -30,7 +32,7 @@ def plot(
     *,
     output: Output = Path("figures"),
     ranking: Ranking = STANDARD,
-    component: Literal["norm", "along", "right", "down"] = "norm",
+    component: Component = NORM,
     wavelength: LightOf = None,
 ) -> None:
     """Draw a sweep or one pose.
@@ -135,7 +137,7 @@ def _shown(file: Path, length_unit: str | None) -> tuple[Any, FieldSource | None
     if suffix in _MESHES:
         from iriftrace.io.part_files import read_part
 
-        return read_part(file, length_unit=length_unit), None
+        return read_part(file, ReadPart(length_unit=length_unit)), None
     if suffix == ".xml":
         from iriftrace.tracing.load import load_scene
 

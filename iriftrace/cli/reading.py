@@ -1,4 +1,4 @@
-"""Options about air, field, shells and part, and reading of the part with a line about it."""
+"""Options about air, field, shells, part and devices, and the part with a line about it."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from attrs import asdict, fields
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 
 from iriftrace.cli.console import say
 from iriftrace.cli.groups import group
 from iriftrace.io.reading import ReadField, ReadPart
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.shells.options import ShellOptions
+from iriftrace.tracing.camera_options import CameraOptions
+from iriftrace.tracing.second_options import SecondOptions, StereoOptions
 
 if TYPE_CHECKING:
     from iriftrace.part.part import Part
@@ -53,6 +55,16 @@ FieldReading = Annotated[
 ]
 Shells = Annotated[ShellOptions, group(ShellOptions, "Shells", 3)]
 PartReading = Annotated[ReadPart, group(ReadPart, "Part", 4, transform=_named("part-transform"))]
+
+CameraDescription = Annotated[CameraOptions, group(CameraOptions, "Camera", 5)]
+Scale = Annotated[
+    float,
+    Parameter(group=Group("Camera", sort_key=5), help="Factor on the resolution."),
+]
+"""Not one of the camera's options, because every command has its own default."""
+
+Second = Annotated[SecondOptions, group(SecondOptions, "Second device", 6)]
+Rig = Annotated[StereoOptions, group(StereoOptions, "Second device", 6)]
 
 
 def read_part(

@@ -8,16 +8,26 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from iriftrace.cli import checks
-from iriftrace.cli.camera_options import CameraOptions, Scale
 from iriftrace.cli.console import command_line, out, print_table, say, working
 from iriftrace.cli.options import Output
-from iriftrace.cli.reading import AirOptions, FieldReading, PartReading, Shells, read_part
-from iriftrace.cli.second_options import SecondOptions, StereoOptions, devices_of
+from iriftrace.cli.reading import (
+    AirOptions,
+    CameraDescription,
+    FieldReading,
+    PartReading,
+    Rig,
+    Scale,
+    Second,
+    Shells,
+    read_part,
+)
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import ZERO_CELSIUS_K, counted
 from iriftrace.io.reading import AS_DRAWN, AS_STATED, ReadField, ReadPart
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.shells.options import STANDARD, ShellOptions
+from iriftrace.tracing.camera_options import USUAL
+from iriftrace.tracing.second_options import NO_RIG, NO_SECOND, devices_of
 
 if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
@@ -97,9 +107,9 @@ def scene(
     reading: FieldReading = AS_STATED,
     shell_options: Shells = STANDARD,
     part_reading: PartReading = AS_DRAWN,
-    camera_options: CameraOptions = CameraOptions(),
-    second_options: SecondOptions = SecondOptions(),
-    stereo_options: StereoOptions = StereoOptions(),
+    camera_options: CameraDescription = USUAL,
+    second_options: Second = NO_SECOND,
+    stereo_options: Rig = NO_RIG,
     scale: Scale = 0.5,
 ) -> None:
     """Make a complete scene folder of field, part and camera, which ``iriftrace render`` runs.
@@ -167,7 +177,7 @@ def scene(
             "An ensemble is made of volume fields, from which the shells of all members are cut in "
             "the same manner; leave out --isosurfaces or --member."
         )
-    place = devices_of(camera_options, second_options, stereo_options, measured)
+    place = devices_of(camera_options, second_options, stereo_options, measured, say)
     wall_k = part_reading.hot.single
 
     def bodies(volume: IndexField) -> list[Part]:

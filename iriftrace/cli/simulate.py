@@ -15,8 +15,8 @@ from rich.progress import BarColumn, Progress, TimeElapsedColumn
 from iriftrace.cli import checks
 from iriftrace.cli.console import notes, say, say_finding, stating_kept
 from iriftrace.cli.field import scene_command
-from iriftrace.cli.groups import group, read_as_word
-from iriftrace.cli.options import Flag, Output, refuse_given
+from iriftrace.cli.groups import group
+from iriftrace.cli.options import Flag, Output, read_as_word, refuse_given
 from iriftrace.cli.reading import PartReading, read_part
 from iriftrace.core.errors import InputError, SetupError, warn
 from iriftrace.core.plain import JsonObject
@@ -192,7 +192,8 @@ def doctor() -> None:
     say_finding("error" if verdict else "ok", "solver", f"{installation.solver}{built}: {said}")
     if verdict:
         raise SetupError(
-            f"the solver computes wrong, as that of Debian 12's package does; {REPAIR}."
+            f"the solver computes wrong, as that of Debian 12's package does; {REPAIR}.",
+            code="openfoam.computes_wrong",
         )
 
 
@@ -279,7 +280,8 @@ def family_cases(
     if simulation.snapshots:
         raise InputError(
             "--snapshots keeps states of one simulation, but --draughts makes a family; leave one "
-            "of them out."
+            "of them out.",
+            code="options.snapshots_of_family",
         )
     # Refuses planes that the part does not have before leaving out those through which air blows.
     still = case_of(part, simulation)

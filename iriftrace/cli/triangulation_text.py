@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from iriftrace.cli.console import print_table, say
-from iriftrace.cli.options import celsius
 from iriftrace.core.plain import JsonObject
-from iriftrace.core.units import counted
+from iriftrace.core.units import Temperature, counted
 from iriftrace.measuring.features.quantity import DRAWING, Quantity
 from iriftrace.part.region_choice import placed_regions
 from iriftrace.tracing.hot_air import OUTSIDE
@@ -89,7 +88,7 @@ def _answer(value: Quantity, part: Part, true: str, place: str = "") -> str:
     if drawn is not None and part.growth is not None:
         at = f" ({place} of its axis)" if place else ""
         text = (
-            f" On the drawing at {celsius(part.growth.reference_k)}{at} it is {drawn:.4f} "
+            f" On the drawing at {Temperature(part.growth.reference_k)}{at} it is {drawn:.4f} "
             f"{value.unit}"
         )
     elif value.uncertainty is not None:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from typing import Literal
 
-AUTO = "auto"
+Engine = Literal["auto", "shells", "cells"]
+
+AUTO: Engine = "auto"
 """The scene file's engine, and the cells engine if its shells are too coarse."""
 
 ENGINES = {

@@ -195,7 +195,7 @@ def sweep_limits(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
         f"{100 * unseen:.1f} % of the part's area is seen by no pose.",
         *plan.warnings,
         "The ranking compares the poses of this sweep only; a pose between them may be better "
-        "(iriftrace plan --refine).",
+        "(iriftrace plan can refine the best).",
     )
 
 

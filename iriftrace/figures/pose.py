@@ -23,7 +23,13 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
 from iriftrace.figures.style import COLOURS, DPI, TEXT_COLOUR, ColourScale, legend_below
 from iriftrace.image.aov_image import AovImage, Status
-from iriftrace.image.displacement import directions_to, good_mask, signed_components
+from iriftrace.image.displacement import (
+    NORM,
+    Component,
+    directions_to,
+    good_mask,
+    signed_components,
+)
 from iriftrace.image.ray_statistics import FEWEST_RAYS, OF_MET, percent
 from iriftrace.medium.source import stated_source, synthetic_mark
 from iriftrace.sweep.faces import displacement_limits
@@ -57,8 +63,6 @@ SCATTER = Shown(
     "displacement.std.norm", "Scatter over the ensemble", "Standard deviation of the displacement"
 )
 
-Component = Literal["norm", "along", "right", "down"]
-
 COMPONENTS = {
     "along": Shown(
         "along", "Displacement along the line of sight", "Away from the camera", signed=True
@@ -79,7 +83,7 @@ def displacement_figure(
     include: Collection[int] = (Status.GOOD,),
     *,
     view: str = "",
-    component: Component = "norm",
+    component: Component = NORM,
 ) -> Figure:
     """Draw the displacement of every pixel on the part, 1600 pixels wide; for an ensemble the mean.
 
@@ -106,7 +110,11 @@ def displacement_figure(
     """
     known = {"norm": BIAS if image.is_ensemble else DISPLACEMENT, **COMPONENTS}
     if component not in known:
-        raise InputError(f"A displacement has no component {component!r}; draw {', '.join(known)}.")
+        raise InputError(
+            f"A displacement has no component {component!r}; draw {', '.join(known)}.",
+            code="component.unknown_name",
+            argument="component",
+        )
     return _draw(image, include, known[component], view)
 
 
@@ -114,7 +122,7 @@ def pose_figures(
     image: AovImage,
     name: str,
     include: Collection[int] = (Status.GOOD,),
-    component: Component = "norm",
+    component: Component = NORM,
 ) -> dict[str, Figure]:
     """All figures of a pose, named after it.
 
@@ -134,7 +142,8 @@ def _draw(image: AovImage, include: Collection[int], what: Shown, view: str = ""
     if not good.any():
         raise InputError(
             "the image has no good ray, so there is no displacement to draw; look at the counts by "
-            "status in the metrics, then turn the camera to the part or widen the focus interval."
+            "status in the metrics, then turn the camera to the part or widen the focus interval.",
+            code="picture.no_good_ray",
         )
     displacement = np.zeros(good.shape)
     displacement[good] = 1e3 * _values(image, good, what)

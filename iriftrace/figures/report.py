@@ -322,7 +322,9 @@ def write_scan_report(path: Path, result: Path, values: JsonObject) -> tuple[str
     try:
         page = scan_page(values, png)
     except (LookupError, TypeError, ValueError) as error:
-        raise InputError(f"{result} is damaged ({error!r}); compute the result again.") from error
+        raise InputError(
+            f"{result} is damaged ({error!r}); compute the result again.", code="file.damaged"
+        ) from error
     page.write(path, result)
     return () if png else (f"There is no picture {picture}: compute the result with figures.",)
 

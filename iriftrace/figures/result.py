@@ -12,12 +12,12 @@ from matplotlib.figure import Figure
 from iriftrace.core.errors import InputError
 from iriftrace.figures.style import write_figure
 from iriftrace.image.aov_image import AovImage
+from iriftrace.image.displacement import NORM, Component
 from iriftrace.io.exr import read_exr
 from iriftrace.planning.criteria import STANDARD, Criteria
 from iriftrace.sweep.store import read_sweep
 
 if TYPE_CHECKING:
-    from iriftrace.figures.pose import Component
     from iriftrace.tracing.render import Rendering
 
 
@@ -60,7 +60,7 @@ def plot(
     *,
     criteria: Criteria = STANDARD,
     name: str | None = None,
-    component: Component = "norm",
+    component: Component = NORM,
 ) -> Plots:
     """Draw a result.
 
@@ -88,10 +88,12 @@ def plot(
 
         image = result if isinstance(result, AovImage) else result.image
         return Plots(pose_figures(image, name or "displacement", component=component))
-    if component != "norm":
+    if component != NORM:
         raise InputError(
             f"A component of the displacement ({component}) can be drawn for one pose, but this is "
-            "a sweep; give the EXR of a pose."
+            "a sweep; give the EXR of a pose.",
+            code="component.of_sweep",
+            argument="component",
         )
     from iriftrace.figures.sweep import sweep_charts, sweep_pictures
     from iriftrace.planning.summary import summarise
@@ -110,6 +112,7 @@ def read_result(path: str | Path) -> AovImage | xr.Dataset:
     if suffix != ".nc":
         raise InputError(
             f"{path} ends in neither .nc nor .exr; give a sweep or the AOV image of a "
-            "pose (`iriftrace view` shows clouds, fields and parts)."
+            "pose (`iriftrace view` shows clouds, fields and parts).",
+            code="file.ending",
         )
     return read_sweep(path)

@@ -249,7 +249,8 @@ def off_screen(size_px: tuple[int, int]) -> Iterator[pv.Plotter]:
                 raise SetupError(
                     "the 3-D figure needs an OpenGL library that draws without a display, and none "
                     "was found; install Mesa's EGL (on Debian and Ubuntu: apt-get install libegl1) "
-                    "or leave the figure out."
+                    "or leave the figure out.",
+                    code="figure.no_opengl",
                 )
             plotter.enable_anti_aliasing("msaa", multi_samples=8)
             plotter.renderer.SetUseOIT(False)

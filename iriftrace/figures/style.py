@@ -72,7 +72,8 @@ def write_figure(figure: Figure, path: str | Path) -> None:
     suffix = Path(path).suffix.lower()
     if suffix not in _CANVAS:
         raise InputError(
-            f"{path} ends in neither .png nor .pdf, the formats of the figures; rename it."
+            f"{path} ends in neither .png nor .pdf, the formats of the figures; rename it.",
+            code="file.ending",
         )
     with whole_file(path) as temporary:
         temporary.write_bytes(figure_bytes(figure, suffix))

@@ -160,7 +160,8 @@ def sweep_face_figure(summary: SweepSummary, part: Part, values: FaceMap) -> Fig
     if len(part.faces) != len(values.values):
         raise InputError(
             f"The part has {len(part.faces)} faces and the sweep {len(values.values)}, so colours "
-            "would lie on the wrong ones; give the part that was swept."
+            "would lie on the wrong ones; give the part that was swept.",
+            code="sweep.face_count",
         )
     scale = ColourScale(values.values, values.limits, values.label, values.limits[0] > 0.0)
     seen = np.isfinite(values.values)

@@ -111,8 +111,9 @@ def _window(title: str) -> Any:
     if any(window.IsA(name) for name in _WITHOUT_DISPLAY):
         plotter.close()
         raise SetupError(
-            "There is no display on which a window could open; draw into a file instead "
-            "(--picture view.png), or work at a desktop."
+            "There is no display on which a window could open; draw into a file instead.",
+            code="window.no_display",
+            argument="picture",
         )
     return plotter
 
@@ -140,7 +141,8 @@ def _drawing(shown: object) -> tuple[Draw, FieldSource | None]:
     """The function that draws a result, and the source of its field."""
     raise InputError(
         f"An object of the type {type(shown).__name__} cannot be shown; give what load_scene, "
-        "read_exr, read_sweep, read_field or read_part returns."
+        "read_exr, read_sweep, read_field or read_part returns.",
+        code="window.wrong_type",
     )
 
 
@@ -184,7 +186,9 @@ def _pose(image: AovImage) -> tuple[Draw, FieldSource | None]:
 
     part, good = read_part_of(image), good_mask(image)
     if not good.any():
-        raise InputError("The image has no good ray, so there is nothing to show.")
+        raise InputError(
+            "The image has no good ray, so there is nothing to show.", code="picture.no_good_ray"
+        )
     hits = pv.PolyData(image.vector("straight", good).astype(np.float64))
     moved = 1e3 * image.channels["displacement.norm"][good].astype(np.float64)
     named = {"part without a displacement": space.PART_COLOUR, "camera": SIGHT_COLOUR}
@@ -243,14 +247,18 @@ def _cloud(cloud: pv.PolyData) -> tuple[Draw, FieldSource | None]:
     if name is None:
         raise InputError(
             f"The cloud has no column {', '.join(CLOUD_COLUMNS)}; give one of iriftrace measure, "
-            "correct or render --surface."
+            "correct or render.",
+            code="cloud.no_vector",
         )
     values, title = known[name], CLOUD_COLUMNS[name]
     um = 1e3 * (values if values.ndim == 1 else np.linalg.norm(values, axis=1)).astype(np.float64)
     # Nothing is known of points of another status, which does not mean 0.
     good = columns.get("status", np.zeros(len(um))) == 0
     if not good.any():
-        raise InputError("The cloud has no point of status 0, so there is nothing to show.")
+        raise InputError(
+            "The cloud has no point of status 0, so there is nothing to show.",
+            code="cloud.no_point",
+        )
     points = pv.PolyData(np.asarray(cloud.points, dtype=np.float64)[good])
     return lambda plotter: _add_points(plotter, points, um[good], title), None
 

@@ -278,7 +278,8 @@ def _warn_of_other_ambient(result: IndexField) -> None:
     ambient = result.air.temperature_k
     if abs(coolest - ambient) > AMBIENT_TOLERANCE_K:
         possible = TEMPERATURE_RANGE[0] <= coolest <= TEMPERATURE_RANGE[1]
-        remedy = "give that of the room" if possible else "no room is like that: check the unit"
+        room = f"give air=Air(temperature_k={coolest:.1f}) if that is the room"
+        remedy = room if possible else "no room is like that: check the unit"
         warn(
             f"The coolest air in {result.source.path} has {coolest:.1f} K, but the ambient "
             f"temperature is {ambient:.1f} K, which puts a false step at the edge of the data; "

@@ -146,8 +146,8 @@ def _regions(path: Path, column: AnyArray, face_count: int) -> Regions:
     if not (np.abs(given) < LARGEST_REGION).all():
         raise damaged(path, f"a triangle's region is not a number below {LARGEST_REGION:,}")
     if len(given) != face_count:
-        found = f"it has {len(given)} region numbers for {face_count} triangles"
-        raise damaged(path, found, "export it as triangles or drop the regions")
+        fault = f"it has {len(given)} region numbers for {face_count} triangles"
+        raise damaged(path, fault, "export it as triangles or drop the regions")
     ids, of_face = np.unique(np.rint(given).astype(np.int64), return_inverse=True)
     matches = filter(None, map(_REGION_COMMENT.fullmatch, _header(path)))
     named = {int(match[1]): match[2] for match in matches}

@@ -140,8 +140,8 @@ def _parsed(text: str, path: Path) -> tuple[_Table, list[str], dict[str, str]]:
         raise damaged(path, "it has no pose below the line with the names", "add one")
     for line, row in numbered:
         if len(row) != len(header):
-            found = f"line {line} has {len(row)} columns, but the first one names {len(header)}"
-            raise damaged(path, found, "give all rows the same")
+            fault = f"line {line} has {len(row)} columns, but the first one names {len(header)}"
+            raise damaged(path, fault, "give all rows the same")
     names, units = [], {}
     for title in map(str.strip, header):
         found = _WITH_UNIT.fullmatch(title)

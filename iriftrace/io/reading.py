@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from attrs import field, frozen
 from attrs.converters import optional
 
+from iriftrace.core.arrays import FloatArray
 from iriftrace.core.units import Expansion, Temperature
 from iriftrace.part.hot_temperature import HotTemperatures
-
-if TYPE_CHECKING:
-    from iriftrace.core.arrays import FloatArray
 
 
 @frozen(eq=False)

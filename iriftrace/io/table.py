@@ -121,8 +121,8 @@ class Table:
                 if (wrong := column.isna() & self.cells[place].notna()).any():
                     row = int(np.argmax(wrong))
                     cell = self.cells[place].iloc[row]
-                    found = f"line {self.lines[row]}: {cell!r} is not a number"
-                    raise damaged(self.path, found, "correct or remove this row")
+                    fault = f"line {self.lines[row]}: {cell!r} is not a number"
+                    raise damaged(self.path, fault, "correct or remove this row")
             found[:, k] = column.to_numpy(dtype=np.float64, na_value=np.nan)
         return found
 

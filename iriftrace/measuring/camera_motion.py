@@ -87,7 +87,8 @@ def fit_camera_motion(camera: Camera, points: FloatArray, shifts: FloatArray) ->
     if len(points) < FEWEST_POINTS:
         raise InputError(
             f"{len(points)} points do not determine a motion of the camera; {FEWEST_POINTS} are "
-            "needed."
+            "needed.",
+            code="motion.too_few_points",
         )
     matrix = interaction_matrix(camera, points)
     # Rotations in units of the motion that they cause at the points' distance, for like sizes.
@@ -125,6 +126,7 @@ def _solved(matrix: FloatArray, shifts: FloatArray) -> FloatArray:
     if singular[-1] * _LARGEST_CONDITION < singular[0]:
         raise InputError(
             "the points do not determine the motion of the camera (they lie on one line, "
-            "or the projection is parallel); measure more of the picture."
+            "or the projection is parallel); measure more of the picture.",
+            code="motion.undetermined",
         )
     return np.asarray(solution, dtype=np.float64)

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Collection
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from attrs import frozen
@@ -26,8 +25,7 @@ from iriftrace.io.exr import read_exr
 from iriftrace.io.measured_shift import MeasuredShift, read_measured_shift
 from iriftrace.measuring.camera_motion import FEWEST_POINTS, CameraMotion, fit_camera_motion
 from iriftrace.measuring.fit.shift_signs import warn_of_signs
-
-Picture = Literal["cold", "hot"]
+from iriftrace.measuring.options import COLD, Picture
 
 SCHEMA = "iriftrace.comparison/2"
 CONVENTION = (
@@ -126,7 +124,7 @@ def compare(
     image: AovImage | str | Path,
     measured: MeasuredShift | str | Path,
     *,
-    positions: Picture = "cold",
+    positions: Picture = COLD,
     include: Collection[int] = (Status.GOOD,),
 ) -> Comparison:
     """Compare measured shifts with the channel ``shift.px`` of a rendering.
@@ -169,7 +167,8 @@ def compare(
         raise InputError(
             f"Only {known.sum()} of {len(known)} measured places lie on good pixels of the part in "
             f"the rendering of {width} x {height} pixels, but {FEWEST_POINTS} are needed; check "
-            "that the positions are in its pixels and that its pose is that of the measurement."
+            "that the positions are in its pixels and that its pose is that of the measurement.",
+            code="shifts.too_few",
         )
     _warn_of_another_size(image, measured)
     warn_of_signs(
@@ -206,7 +205,8 @@ def _refuse_another_picture(image: AovImage, measured: MeasuredShift) -> None:
         theirs, ours = (f"{w} x {h}" for w, h in (measured.resolution, image.resolution))
         raise InputError(
             f"{measured.path} is a map of {theirs} pixels, but the rendering has {ours}, so pixels "
-            "do not correspond; render at the camera's resolution (-D scale=1)."
+            "do not correspond; render at the camera's resolution (scale=1).",
+            code="shifts.other_size",
         )
     outside = ~image.camera.holds(measured.places)
     if outside.any():
@@ -215,7 +215,8 @@ def _refuse_another_picture(image: AovImage, measured: MeasuredShift) -> None:
         raise InputError(
             f"{outside.sum()} of {len(outside)} places of {measured.path} lie outside the "
             f"rendering of {width} x {height} pixels, the first at ({u:g}, {v:g}), so they are "
-            "positions in another picture; render at the camera's resolution (-D scale=1)."
+            "positions in another picture; render at the camera's resolution (scale=1).",
+            code="shifts.outside_picture",
         )
 
 
@@ -228,7 +229,7 @@ def _warn_of_another_size(image: AovImage, measured: MeasuredShift) -> None:
     warn(
         f"The rendering has {width} x {height} px, {width / across:.3g} times the camera's "
         f"{across} across and {height / down:.3g} times its {down} down; the measured positions "
-        "must be in the rendering's pixels, or render the whole picture with -D scale=1."
+        "must be in the rendering's pixels, or render the whole picture (scale=1)."
     )
 
 

@@ -59,13 +59,17 @@ def in_force(criteria: Criteria, dataset: xr.Dataset) -> Criteria:
     if criteria.criterion in ("normal", "features") and not rig:
         raise InputError(
             f"The criterion {criteria.criterion} is about a sensor with two devices, and the sweep "
-            "is of one camera; sweep a scene with two (iriftrace scene --second), or leave it out."
+            "is of one camera; sweep a scene with two, or leave it out.",
+            code="sweep.one_camera",
+            argument="criterion",
         )
     members = "scatter_p95" in dataset
     if criteria.robust and not members:
         raise InputError(
-            "The sweep is of a single field, so there is no scatter to rank by (--robust); sweep "
-            "a scene of several states of the air (iriftrace scene --member), or leave it out."
+            "The sweep is of a single field, so there is no scatter to rank by; sweep a scene of "
+            "several states of the air, or leave it out.",
+            code="sweep.one_field",
+            argument="robust",
         )
     robust = (ROBUST if members else 0.0) if criteria.robust is None else criteria.robust
     criterion = criteria.criterion or ("normal" if rig else "displacement")
@@ -116,7 +120,9 @@ def rankable(
         raise InputError(
             f"None of the {count} poses can be ranked for {region} (pose {pose}: {reasons[pose]}); "
             "check the positions and directions of the cameras, rank another region, or lower what "
-            "a pose must see (--min-coverage, --min-hits)."
+            "a pose must see.",
+            code="plan.no_pose",
+            argument="min_coverage",
         )
     eligible = rich.copy()
     for name in needed:
@@ -124,7 +130,8 @@ def rankable(
         if not np.any(known & rich):
             raise InputError(
                 f"The sweep has no value of {variables[name]} for {region}, so poses cannot be "
-                "compared by it; choose another reading or sweep again with this one."
+                "compared by it; choose another reading or sweep again with this one.",
+                code="sweep.no_value",
             )
         for pose in np.flatnonzero(rich & ~known).tolist():
             called = name_of(name, criteria)
@@ -137,7 +144,8 @@ def rankable(
     if not eligible.any():
         raise InputError(
             f"None of the {count} poses has all of {', '.join(needed)} for {region}, so none "
-            "can be ranked; give the weight 0 to unknown metrics."
+            "can be ranked; give the weight 0 to unknown metrics.",
+            code="plan.no_pose",
         )
     return metrics, eligible, reasons
 
@@ -181,7 +189,11 @@ def ranked_region(dataset: xr.Dataset, region: str) -> int:
     check_sweep(dataset)
     names = [str(name) for name in dataset["region"].to_numpy()]
     if region not in names:
-        raise InputError(f"The sweep has no region '{region}'; it has {', '.join(names)}.")
+        raise InputError(
+            f"The sweep has no region '{region}'; it has {', '.join(names)}.",
+            code="region.unknown_name",
+            argument="region",
+        )
     return names.index(region)
 
 

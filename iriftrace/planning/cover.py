@@ -93,7 +93,11 @@ def choose_views(seen: ArrayLike, face_areas: ArrayLike, k: int) -> ViewSet:
     areas = np.asarray(face_areas, dtype=np.float64)
     visible = np.asarray(seen)
     if k < 1:
-        raise InputError(f"The number of views is {k}, so nothing is seen; give at least 1.")
+        raise InputError(
+            f"The number of views is {k}, so nothing is seen; give at least 1.",
+            code="views.below_one",
+            argument="views",
+        )
     _check_seen(visible, areas)
     # Every pose that sees more of a face sees the steps below, too.
     steps = [visible > (step + 0.5) / _STEPS for step in range(_STEPS)]
@@ -129,16 +133,19 @@ def _check_seen(seen: AnyArray, areas: FloatArray) -> None:
     if seen.ndim != 2 or areas.shape != seen.shape[1:]:
         raise InputError(
             f"The table of seen faces has shape {seen.shape} and the areas {areas.shape}; give "
-            "(poses, faces) and (faces,)."
+            "(poses, faces) and (faces,).",
+            code="views.shape",
         )
     if not (np.isfinite(areas).all() and (areas >= 0).all()):
         raise InputError(
-            "A face's area is negative or not finite, so nothing can be covered; repair the part."
+            "A face's area is negative or not finite, so nothing can be covered; repair the part.",
+            code="part.bad_area",
         )
     if not np.any((seen > 0.5 / _STEPS) & (areas > 0)):
         raise InputError(
             f"None of the {len(seen)} poses sees any of the part, so there is nothing to choose "
-            "from; check the poses or relax the limits."
+            "from; check the poses or relax the limits.",
+            code="views.nothing_seen",
         )
 
 
@@ -246,14 +253,14 @@ def plan_views(dataset: xr.Dataset, views: Views, criteria: Criteria = STANDARD)
     """
     number = ranked_region(dataset, criteria.region)
     seen = seen_by_pose(
-        dataset, max_displacement_mm=views.displacement_mm, max_incidence_deg=views.incidence_deg
+        dataset, max_displacement_mm=views.max_displacement, max_incidence_deg=views.max_incidence
     )
     areas = np.asarray(dataset["face_area"].values, dtype=np.float64)
     if number > 0:
         areas = np.where(dataset["face_region"].values == number, areas, 0.0)
     seen[dataset["rays_good"].isel(region=number).values < criteria.min_hits] = 0.0
     if not np.any(seen[:, areas > 0]):
-        raise InputError(_nothing(dataset, areas > 0, criteria.region))
+        raise _nothing(dataset, areas > 0, criteria.region)
     found = choose_views(seen, areas, views.views)
     warn_of_large_faces(seen[found.poses], areas)
     return found
@@ -275,16 +282,21 @@ def warn_of_large_faces(seen: AnyArray, areas: FloatArray) -> None:
         )
 
 
-def _nothing(dataset: xr.Dataset, in_region: BoolArray, region: str) -> str:
-    """Why no face is left, and which limits would leave some."""
+def _nothing(dataset: xr.Dataset, in_region: BoolArray, region: str) -> InputError:
+    """The error that no face is left, with the limits that would leave some."""
     rows = in_region[dataset["sighting_face"].values]
     if not rows.any():
-        return f"No pose sees a face of {region}, so there is nothing to choose from; sweep others."
+        return InputError(
+            f"No pose sees a face of {region}, so there is nothing to choose from; sweep others.",
+            code="views.nothing_seen",
+        )
     displacement = dataset["sighting_displacement"].values[rows]
     incidence = dataset["sighting_incidence"].values[rows]
-    return (
+    return InputError(
         f"No pose sees a face of {region} within the limits: displacements of the faces seen are "
         f"{1e3 * displacement.min():.3g} to {1e3 * displacement.max():.3g} um and angles of "
         f"incidence {incidence.min():.3g} to {incidence.max():.3g} degrees; relax "
-        "--max-displacement, --max-incidence or --min-hits."
+        "these limits, or that of the rays.",
+        code="views.nothing_seen",
+        argument="max_displacement",
     )

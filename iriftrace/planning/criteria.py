@@ -13,7 +13,7 @@ from attrs.validators import optional
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import Angle, Interval, LengthWithUnit
-from iriftrace.measuring.options import System
+from iriftrace.tracing.second_options import System
 
 METRICS = ("displacement", "coverage", "axial", "lateral")
 """Names of the metrics; a larger coverage is better, smaller values of the others are."""
@@ -33,14 +33,18 @@ def _is_weight(_: object, attribute: Attribute[float | None], value: float | Non
     if value is not None and not (math.isfinite(value) and value >= 0):
         raise InputError(
             f"The weight of {attribute.name} is {value}, which would make its bad values good; "
-            "give zero or a positive number."
+            "give zero or a positive number.",
+            code="weight.below_zero",
+            argument=attribute.name,
         )
 
 
 def _is_factor(_: object, __: Attribute[float], value: float) -> None:
     if not (math.isfinite(value) and value >= 0):
         raise InputError(
-            f"{value} standard deviations over the members are to be added; give 0 or more."
+            f"{value} standard deviations over the members are to be added; give 0 or more.",
+            code="robust.below_zero",
+            argument="robust",
         )
 
 
@@ -48,7 +52,9 @@ def _one_of(choices: object) -> Callable[[object, Attribute[str], str], None]:
     def check(_: object, attribute: Attribute[str], value: str) -> None:
         if value not in get_args(choices):
             raise InputError(
-                f"Unknown {attribute.name} '{value}'; use one of {', '.join(get_args(choices))}."
+                f"Unknown {attribute.name} '{value}'; use one of {', '.join(get_args(choices))}.",
+                code="plan.unknown_name",
+                argument=attribute.name,
             )
 
     return check
@@ -120,22 +126,29 @@ class Criteria:
         if not any(self.weights.values()):
             raise InputError(
                 "All weights are zero, so every pose would be equally good; make at least one "
-                "positive."
+                "positive.",
+                code="weight.all_zero",
             )
         if not 0 < self.percentile <= 100:
             raise InputError(
                 f"The percentile is {self.percentile}, so no metric can be normalised; give a "
-                "number above 0 and up to 100."
+                "number above 0 and up to 100.",
+                code="percentile.range",
+                argument="percentile",
             )
         if self.min_hits < 1:
             raise InputError(
                 f"The smallest number of good rays is {self.min_hits}, so empty views would "
-                "be ranked; give at least 1."
+                "be ranked; give at least 1.",
+                code="hits.below_one",
+                argument="min_hits",
             )
         if not 0 <= self.min_coverage <= 1:
             raise InputError(
                 f"The smallest coverage is {self.min_coverage:g}, but it is a fraction of the "
-                "area; give a number from 0 to 1, such as 0.3."
+                "area; give a number from 0 to 1, such as 0.3.",
+                code="coverage.range",
+                argument="min_coverage",
             )
 
     @property
@@ -172,11 +185,6 @@ class Views:
         A pose does not see a face whose mean displacement is larger, with its unit: "20 um".
     max_incidence
         A pose does not see a face that its rays hit at a larger angle, in degrees.
-
-    Raises
-    ------
-    InputError
-        If nothing is within the limits.
     """
 
     views: int = 0
@@ -185,40 +193,14 @@ class Views:
     )
     max_incidence: Angle | None = field(default=None, converter=if_given(Angle))
 
-    def __attrs_post_init__(self) -> None:
-        if not self.displacement_mm > 0.0:
-            raise InputError(
-                f"No face has a displacement below {self.displacement_mm:g} mm; give a positive "
-                "limit.",
-                code="views.nothing_within",
-                argument="max_displacement",
-            )
-        if not 0.0 < self.incidence_deg <= 90.0:
-            raise InputError(
-                f"The largest angle of incidence is {self.incidence_deg:g} degrees, but rays "
-                "arrive at 0 to 90; give a limit in between.",
-                code="views.nothing_within",
-                argument="max_incidence",
-            )
-
-    @property
-    def displacement_mm(self) -> float:
-        """Largest mean displacement of the rays on a face that is seen; infinite if any."""
-        return math.inf if self.max_displacement is None else self.max_displacement
-
-    @property
-    def incidence_deg(self) -> float:
-        """Largest angle of incidence of the ray that hits a face most squarely."""
-        return 90.0 if self.max_incidence is None else self.max_incidence
-
     @property
     def text(self) -> str:
         """The limits in words, half a sentence after another one; empty if there is none."""
         limits = []
-        if math.isfinite(self.displacement_mm):
-            limits.append(f"with a displacement of {1e3 * self.displacement_mm:g} um at most")
-        if self.incidence_deg < 90.0:
-            limits.append(f"at an angle of {self.incidence_deg:g} degrees at most")
+        if self.max_displacement is not None:
+            limits.append(f"with a displacement of {1e3 * self.max_displacement:g} um at most")
+        if self.max_incidence is not None:
+            limits.append(f"at an angle of {self.max_incidence:g} degrees at most")
         return f"; a face counts that is seen {' and '.join(limits)}" if limits else ""
 
 
@@ -255,7 +237,7 @@ class Pairing:
             raise InputError(
                 f"The angles {low:g}:{high:g} are not a range of triangulation; give the smaller "
                 "one first, such as 15:45.",
-                code="pairs.no_angles",
+                code="angle.range",
                 argument="angle",
             )
 

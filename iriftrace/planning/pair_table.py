@@ -105,17 +105,23 @@ def _feature_region(feature: str, criteria: Criteria, part: Part) -> str:
     if kind not in ("cylinder", "sphere"):
         raise InputError(
             f"Pairs are ranked by the diameter of a cylinder or sphere, not of {feature!r}; give "
-            'for example "cylinder:lateral".'
+            'for example "cylinder:lateral".',
+            code="feature.no_diameter",
+            argument="feature",
         )
     if criteria.region not in (WHOLE_PART, region):
         raise InputError(
-            f"The feature {feature!r} is not on the region {criteria.region!r}; leave that out."
+            f"The feature {feature!r} is not on the region {criteria.region!r}; leave that out.",
+            code="feature.other_region",
+            argument="region",
         )
     is_a = surface_kind(part.vertices[np.unique(part.faces[chosen])])
     if is_a != kind:
         raise InputError(
             f"{region or 'The whole part'} is {f'a {is_a}' if is_a else 'not a simple surface'} "
-            f"and not a {kind}; name a region that is one, such as cylinder:lateral."
+            f"and not a {kind}; name a region that is one, such as cylinder:lateral.",
+            code="feature.other_kind",
+            argument="feature",
         )
     return region or WHOLE_PART
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 CONFIRMED = 3
 """Number of best pairs that are measured by the exact solver, from which a user chooses."""
 
-LEAVE_OUT = "leave that out with --no-confirm."
+LEAVE_OUT = "leave the measurement out."
 
 
 @frozen(eq=False)
@@ -112,16 +112,21 @@ def plan_pairs(
     """
     if criteria.robust:
         raise InputError(
-            "A sweep has no scatter of pairs over an ensemble's members, so none can be added "
-            "(--robust); leave it out, and measure the best pairs (iriftrace measure), which "
-            "states it."
+            "A sweep has no scatter of pairs over an ensemble's members, so none can be added; "
+            "leave it out, and measure the best pairs, which states it.",
+            code="pairs.no_scatter",
+            argument="robust",
         )
     ranked_region(dataset, criteria.region)
     try:
         part = swept_part(dataset)
     except InputError as error:
         why = str(error).rstrip(".")
-        raise InputError(f"Pairs cannot be ranked without the part's file: {why}.") from error
+        raise InputError(
+            f"Pairs cannot be ranked without the part's file: {why}.",
+            code=error.code,
+            argument=error.argument,
+        ) from error
     low, high = pairing.angle
     request = PairRequest(part, criteria, pairing)
     views = views_of(dataset, len(part.faces))
@@ -131,7 +136,9 @@ def plan_pairs(
         raise InputError(
             f"No two poses of the sweep have {criteria.min_hits} rays each on faces of "
             f"{request.region} that both see at {low:g} to {high:g} degrees{least}; sweep closer "
-            "poses, or give another --angle."
+            "poses, or give other angles.",
+            code="pairs.none",
+            argument="angle",
         )
     values = table[:, 2:].T
     quantities = request.quantities(values)
@@ -189,7 +196,9 @@ def _measured(
             )
         except InputError as reason:
             raise InputError(
-                f"Poses {i} and {j} cannot be measured: {reason} Or {LEAVE_OUT}"
+                f"Poses {i} and {j} cannot be measured: {reason} Or {LEAVE_OUT}",
+                code=reason.code,
+                argument="no_confirm",
             ) from reason
     return exact, " and ".join(sorted(engines))
 
@@ -201,7 +210,9 @@ def scene_of_pairs(dataset: xr.Dataset, pose: int) -> Scene:
     except InputError as error:
         raise InputError(
             f"The best pairs cannot be measured, because their scene is missing: {error}; "
-            f"{LEAVE_OUT}"
+            f"{LEAVE_OUT}",
+            code=error.code,
+            argument="no_confirm",
         ) from error
 
 
@@ -237,5 +248,5 @@ def statistic_along(scan: Scan, chosen: BoolArray, criteria: Criteria) -> float:
     """The criteria's statistic of the size of chosen points' errors along the normal, mm."""
     errors = scan.error_normal[chosen]
     if len(errors) == 0:
-        raise InputError(f"they measure no point of {criteria.region}.")
+        raise InputError(f"they measure no point of {criteria.region}.", code="region.no_point")
     return statistic_of(errors, criteria, np.ones(len(errors)))

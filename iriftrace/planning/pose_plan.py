@@ -85,7 +85,9 @@ def plan(
             why = str(error).rstrip(".")
             raise InputError(
                 "The best pose cannot be refined, because its scene cannot be rendered again: "
-                f"{why}."
+                f"{why}.",
+                code=error.code,
+                argument=error.argument,
             ) from error
         refined = refine_pose(
             dataset, summary.plan, swept, evaluations=evaluations, progress=progress

@@ -90,7 +90,9 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
     if not ranked.any():
         raise InputError(
             "Every pose is above the percentile in some metric, so none is left to rank; "
-            "clip instead of discarding."
+            "clip instead of discarding.",
+            code="plan.no_pose",
+            argument="outside",
         )
 
     spreads = {name: _spread(values[ranked]) for name, values in metrics.items()}

@@ -153,8 +153,9 @@ def check_evaluations(evaluations: int) -> None:
     """Refuse a search with too few evaluations for its directions."""
     if evaluations < FEWEST_EVALUATIONS:
         raise InputError(
-            f"{evaluations} evaluations are too few to search around a pose; give at least "
-            f"{FEWEST_EVALUATIONS}."
+            f"{evaluations} evaluations are too few; give at least {FEWEST_EVALUATIONS}.",
+            code="evaluations.too_few",
+            argument="evaluations",
         )
 
 
@@ -193,13 +194,13 @@ def refine_pose(
         swept_score = plan.score[plan.best]
         if start.score >= without_score:
             raise InputError(
-                f"Pose {plan.best} cannot be scored when it is rendered again, so the scene "
-                "has changed since the sweep; run the sweep again."
+                f"Pose {plan.best} can no longer be scored, so its scene has changed; sweep again.",
+                code="scene.changed",
             )
         if abs(start.score - swept_score) > _SAME_SCORE:
             warn(
-                f"The scene gives pose {plan.best} the score {start.score:.3f} and the sweep had "
-                f"{swept_score:.3f}, so its air is not that of the sweep; run it again."
+                f"The scene gives pose {plan.best} the score {start.score:.3f}, its sweep gave "
+                f"{swept_score:.3f}, so the air is not that of the sweep; run it again."
             )
 
     start, best, count, converged = _search(trial, check, 4, evaluations, progress)
@@ -252,8 +253,9 @@ def refine_pair(
     def check(start: PairValue) -> None:
         if start.score >= _NOTHING:
             raise InputError(
-                f"Poses {first} and {second} measure too little together to search around them; "
-                "give another --angle or --min-coverage."
+                f"Poses {first} and {second} measure too little together; give other angles.",
+                code="pairs.too_little",
+                argument="angle",
             )
 
     return PairRefinement(*_search(trial, check, 8, evaluations, progress))

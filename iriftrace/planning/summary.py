@@ -310,6 +310,6 @@ def devices_text(dataset: xr.Dataset, criteria: Criteria) -> str | None:
     if criteria.criterion == "displacement":
         return (
             "This ranking is for the camera alone, but the sensor has two devices; rank by their "
-            "measurement (--criterion normal or features)."
+            "measurement (criterion normal or features)."
         )
     return "Both devices move together, and the coverage is the area that both see."

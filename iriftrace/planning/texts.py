@@ -34,7 +34,11 @@ class RankingTable:
 def ranking_table(summary: SweepSummary, top: int) -> RankingTable:
     """Build the table of the best poses, at most `top`, which is at least 1."""
     if top < 1:
-        raise InputError(f"A ranking of {top} rows shows no pose; give at least 1.")
+        raise InputError(
+            f"A ranking of {top} rows shows no pose; give at least 1.",
+            code="ranking.below_one",
+            argument="top",
+        )
     return _table(summary, summary.plan.order[:top].tolist())
 
 
@@ -100,8 +104,8 @@ def least_error_text(summary: SweepSummary) -> str | None:
     return (
         f"Pose {least} has the least {in_words(summary.displacement)}, {error[0]:.4g} "
         f"{summary.displacement.unit} instead of {error[1]:.4g}, and sees {seen[0]:.3g} % of "
-        f"{_region(summary)} instead of {seen[1]:.3g} % (--criterion {plan.criteria.criterion} "
-        "ranks by the error alone)."
+        f"{_region(summary)} instead of {seen[1]:.3g} % (the criterion "
+        f"{plan.criteria.criterion} ranks by the error alone)."
     )
 
 
@@ -129,7 +133,7 @@ def other_statistics_text(summary: SweepSummary) -> str | None:
     return (
         f"Scored with the {STATISTICS[summary.plan.criteria.statistic]} of the "
         f"{'displacement' if summary.of_camera else 'error along the normal'} pose "
-        f"{summary.plan.best} is the best, {' and '.join(others)} (--statistic)."
+        f"{summary.plan.best} is the best, {' and '.join(others)}."
     )
 
 
@@ -148,7 +152,7 @@ def robust_text(summary: SweepSummary) -> str | None:
     added = f"{factor:g} times it is added" if factor else "it does not count"
     return (
         f"From member to member the {summary.scatter.title.lower()} is {places[0]} to {places[1]}; "
-        f"{added} (--robust)."
+        f"{added}."
     )
 
 
@@ -168,14 +172,14 @@ def alternative_text(summary: SweepSummary) -> str | None:
             f"The winner is not clear: pose {pose} scores only "
             f"{plan.score[pose] - plan.score[best]:.3f} more and sees {100 * coverage[pose]:.1f} % "
             f"of {_region(summary)} instead of {100 * coverage[best]:.1f} %; choose by what has to "
-            "be measured, change the weights or set --min-coverage."
+            "be measured, change the weights or require more coverage."
         )
     most = coverage[plan.order].max()
     if not far_apart(coverage[best], most):
         return None
     return (
         f"The best pose sees {100 * coverage[best]:.1f} % of {_region(summary)}, another one "
-        f"{100 * most:.1f} %; set --min-coverage if more has to be seen."
+        f"{100 * most:.1f} %; require more coverage if that has to be seen."
     )
 
 

@@ -28,7 +28,9 @@ def check_table(path: Path) -> None:
     if path.suffix.lower() == ".parquet" and find_spec("pyarrow") is None:
         raise SetupError(
             f"{path} needs pyarrow, which is not installed; in the clone: "
-            "pip install -e '.[parquet]', or write a .csv file."
+            "pip install -e '.[parquet]', or write a .csv file.",
+            code="table.no_pyarrow",
+            argument="export",
         )
 
 
@@ -36,7 +38,8 @@ def _check_suffix(path: Path, what: str, suffixes: tuple[str, ...]) -> None:
     if path.suffix.lower() not in suffixes:
         raise InputError(
             f"The {what} {path} must end in {' or '.join(suffixes)}, which states its format; "
-            "rename it."
+            "rename it.",
+            code="file.ending",
         )
 
 
@@ -73,7 +76,8 @@ def write_face_maps(path: Path, dataset: xr.Dataset, part: Part) -> None:
     if dataset.sizes.get("face") != len(part.faces):
         raise InputError(
             f"The sweep has maps of {dataset.sizes.get('face', 0)} faces, but {part.path} has "
-            f"{len(part.faces)}; give the part that was swept."
+            f"{len(part.faces)}; give the part that was swept.",
+            code="sweep.face_count",
         )
     surface = polydata(part.vertices, part.faces)
     micrometres = 1e3 * dataset["face_displacement"].values.astype(np.float64)

@@ -71,7 +71,11 @@ class Work:
         or another program is writing it.
         """
         if not self.output.parent.is_dir():
-            raise InputError(f"The folder {self.output.parent} does not exist; create it first.")
+            raise InputError(
+                f"The folder {self.output.parent} does not exist; create it first.",
+                code="folder.missing",
+                argument="output",
+            )
         if self.output.is_file():
             finished = self._finished(read)
             if journal_of(self.output).is_file():
@@ -91,16 +95,22 @@ class Work:
         return read(self.output)
 
     def _finished(self, read: Callable[[Path], xr.Dataset]) -> xr.Dataset:
-        advice = "delete it, or give another name with -o"
+        advice = "delete it, or give another name"
         try:
             dataset = read(self.output)
         except InputError as error:
             raise InputError(
-                f"{self.output} already exists and is not a {self.kind}; {advice}."
+                f"{self.output} already exists and is not a {self.kind}; {advice}.",
+                code="output.other_content",
+                argument="output",
             ) from error
         if dataset.attrs.get("request") != self.request:
             dataset.close()
-            raise InputError(f"{self.output} holds a {self.kind} of other {self.parts}; {advice}.")
+            raise InputError(
+                f"{self.output} holds a {self.kind} of other {self.parts}; {advice}.",
+                code="output.other_work",
+                argument="output",
+            )
         return dataset
 
 
@@ -130,7 +140,9 @@ class Journal:
         if connection.execute("SELECT * FROM work").fetchone() != (SCHEMA, work.request):
             raise InputError(
                 f"{journal_of(work.output)} belongs to a {work.kind} of other {work.parts}; delete "
-                "it, or give another name with -o."
+                "it, or give another name.",
+                code="output.other_work",
+                argument="output",
             )
         self._numbers = {number for (number,) in connection.execute("SELECT number FROM piece")}
 
@@ -209,24 +221,31 @@ def open_journal(work: Work) -> Iterator[Journal]:
                 path.unlink()
     # For damaged names of columns and texts sqlite3 reports that they are not UTF-8.
     except (sqlite3.Error, UnicodeDecodeError) as error:
-        raise InputError(_reason(error, path, work.kind)) from error
+        raise _reason(error, path, work.kind) from error
 
 
-def _reason(error: Exception, path: Path, kind: str) -> str:
+def _reason(error: Exception, path: Path, kind: str) -> InputError:
     code = getattr(error, "sqlite_errorcode", None)
     if code == sqlite3.SQLITE_BUSY:
-        return (
+        return InputError(
             f"Another program is writing the {kind} in {path}; wait for it, stop it, or give "
-            "another name with -o."
+            "another name.",
+            code="output.busy",
+            argument="output",
         )
     if code in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_WRITE):
-        return (
+        return InputError(
             f"The disk has no room for {path} ({error}); make room and give the same command "
-            "again: no finished piece is lost."
+            "again: no finished piece is lost.",
+            code="disk.full",
         )
     if code in (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_PERM):
-        return (
+        return InputError(
             f"The {kind} needs the file {path} while it runs, which cannot be written ({error}); "
-            "remove the obstacle, or give another name with -o."
+            "remove the obstacle, or give another name.",
+            code="output.unwritable",
+            argument="output",
         )
-    return f"{path} is damaged ({error}); delete it to start the {kind} again."
+    return InputError(
+        f"{path} is damaged ({error}); delete it to start the {kind} again.", code="file.damaged"
+    )

@@ -16,6 +16,7 @@ from iriftrace.core.engines import AUTO
 from iriftrace.core.errors import InputError, SetupError, warn, without_warnings
 from iriftrace.core.plain import JsonObject
 from iriftrace.io.part_files import read_part
+from iriftrace.io.reading import ReadPart
 from iriftrace.part.part import Part
 from iriftrace.sweep.rig import add_measured, rig_of
 from iriftrace.sweep.store import attribute, check_unchanged, scene_of, scene_of_pose
@@ -70,7 +71,7 @@ def load_swept_scene(dataset: xr.Dataset, pose: int) -> SweptScene:
     """
     named, part = scene_of_pose(dataset, pose), attribute(dataset, "part")
     if "path" not in named or "path" not in part or not attribute(dataset, "camera"):
-        raise InputError("the sweep does not name its scene")
+        raise InputError("the sweep does not name its scene", code="sweep.no_scene")
     check_unchanged(named["path"], named.get("sha256", ""))
     check_unchanged(part["path"], part.get("sha256", ""))
     for file, sha256 in named.get("files", {}).items():
@@ -149,9 +150,9 @@ def swept_part(dataset: xr.Dataset) -> Part:
     """Read the part of a sweep; raises InputError, half a sentence, if its file has changed."""
     named = attribute(dataset, "part")
     if not {"path", "sha256", "length_unit", "to_world"} <= set(named):
-        raise InputError("the sweep does not name its file")
+        raise InputError("the sweep does not name its file", code="sweep.no_part")
     check_unchanged(named["path"], named["sha256"])
-    part = read_part(named["path"], length_unit=named["length_unit"])
+    part = read_part(named["path"], ReadPart(length_unit=named["length_unit"]))
     return part.transformed(named["to_world"])
 
 
@@ -167,7 +168,7 @@ def _blockers(dataset: xr.Dataset) -> tuple[tuple[FloatArray, IntArray], ...]:
 def _unchanged_scene(dataset: xr.Dataset) -> Path:
     scene, sha256 = scene_of(dataset)
     if scene is None:
-        raise InputError("the sweep does not name its scene")
+        raise InputError("the sweep does not name its scene", code="sweep.no_scene")
     check_unchanged(scene, sha256)
     return scene
 

@@ -70,13 +70,17 @@ def _cameras(camera: Camera, focal_lengths_mm: Sequence[float]) -> list[Camera]:
     if camera.projection != "pinhole":
         raise InputError(
             f"The focal length is to be {lengths} mm, but the scene's camera is "
-            f"{camera.projection} and has none; leave --focal-length out."
+            f"{camera.projection} and has none; leave it out.",
+            code="camera.no_focal_length",
+            argument="focal_length",
         )
     if camera.distortion is not None:
         raise InputError(
             f"The focal length is to be {lengths} mm, but the scene's lens distortion was "
             f"calibrated at {camera.focal_length_mm:g} mm and differs at other lengths; leave "
-            "--focal-length out, or the distortion."
+            "it out, or the distortion.",
+            code="camera.calibrated_length",
+            argument="focal_length",
         )
     return [evolve(camera, focal_length_mm=length) for length in focal_lengths_mm]
 
@@ -88,12 +92,16 @@ def _placed(scene: Scene, poses: PoseSet, move_out: bool) -> PoseSet:
     if move_out and count:
         raise InputError(
             f"{count} of {len(poses)} poses of the orbit stand inside the part, where there is "
-            "nothing to see; give larger semi-axes."
+            "nothing to see; give larger semi-axes.",
+            code="poses.inside_part",
+            argument="semi_axes",
         )
     if 0 < count == len(poses):
         raise InputError(
             "No pose stands outside the part, so there is nothing to see; check their positions, "
-            "and the unit of these with --length-unit."
+            "and their unit.",
+            code="poses.inside_part",
+            argument="length_unit",
         )
     if not move_out:
         return poses
@@ -114,7 +122,9 @@ def check_comparable(series: Sequence[Series], *, of_files: bool) -> None:
     differ.
     """
     if sum(len(one.poses) for one in series) == 0:
-        raise InputError("The sweep has no pose; give angles or a list of poses.")
+        raise InputError(
+            "The sweep has no pose; give angles or a list of poses.", code="sweep.no_pose"
+        )
     first = series[0]
     first.camera.check_movable()
     for one in series[1:]:
@@ -124,34 +134,41 @@ def check_comparable(series: Sequence[Series], *, of_files: bool) -> None:
             raise InputError(
                 f"{names} have different parts ({first.scene.part.path}, {one.scene.part.path}) or "
                 "place them differently, so that faces and poses could not be compared; sweep them "
-                "one by one."
+                "one by one.",
+                code="sweep.different_parts",
             )
         if one.scene.compiled.variant != first.scene.compiled.variant:
             raise InputError(
-                f"{names} were loaded with different variants; load both with the same."
+                f"{names} were loaded with different variants; load both with the same.",
+                code="sweep.different_variants",
             )
         light = [s.scene.compiled.stated.wavelength_nm for s in (first, one)]
         if None not in light and light[0] != light[1]:
             raise InputError(
                 f"{names} were made for light of {light[0]:g} and {light[1]:g} nm, which hot air "
-                "bends differently; give both the same with --wavelength."
+                "bends differently; give both the same.",
+                code="sweep.different_wavelengths",
+                argument="wavelength",
             )
         alone = first.rig is None and one.rig is None
         if not alone and not (first.rig and first.rig.same_as(one.rig)):
             raise InputError(
                 f"{names} have different second devices, or one has none, so that what they "
-                "measure could not be compared; give both the same."
+                "measure could not be compared; give both the same.",
+                code="sweep.different_devices",
             )
         if _sensor(one.camera) != _sensor(first.camera):
             raise InputError(
                 f"{names} have cameras that differ in more than pose and focal length, so that "
-                "their poses could not be compared; give both the same sensor."
+                "their poses could not be compared; give both the same sensor.",
+                code="sweep.different_cameras",
             )
     if of_files and any(one.scene.path is None for one in series):
         raise InputError(
             "A sweep with a file can continue after a break, and workers read scenes themselves, "
             "so both need the files of the scenes; write the scene first (Scene.save) and sweep "
-            "that, or leave the sweep's file and the workers out."
+            "that, or leave the sweep's file and the workers out.",
+            code="sweep.no_files",
         )
 
 

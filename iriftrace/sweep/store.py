@@ -181,7 +181,8 @@ def _refuse_full_disk(path: Path, needed: int) -> None:
     if free < needed:
         raise InputError(
             f"{path} needs up to {needed / 1e6:.1f} MB and the disk has {free / 1e6:.1f} MB left; "
-            "make room and give the same command again: no pose is lost."
+            "make room and give the same command again: no pose is lost.",
+            code="disk.full",
         )
 
 
@@ -198,12 +199,16 @@ def read_sweep(path: str | Path) -> xr.Dataset:
     """
     file = Path(path)
     if file.suffix == ".xml" and file.is_file():
-        raise InputError(f"{file} is a scene; give the file that `iriftrace sweep {file}` writes.")
+        raise InputError(
+            f"{file} is a scene; give the file that `iriftrace sweep {file}` writes.",
+            code="sweep.is_scene",
+        )
     journal = journal_of(file)
     if journal.is_file() and not file.is_file():
         raise InputError(
             f"The sweep {file} is not finished, its finished poses are in {journal}; give the same "
-            "`iriftrace sweep` command again, which continues from there."
+            "`iriftrace sweep` command again, which continues from there.",
+            code="sweep.unfinished",
         )
     dataset = read_netcdf(file, "sweep", SCHEMA, left_in_file=SIGHTING)
     try:
@@ -217,12 +222,16 @@ def read_sweep(path: str | Path) -> xr.Dataset:
 def check_sweep(dataset: xr.Dataset) -> None:
     """Raise InputError unless a dataset has a pose, and the variables that every sweep has."""
     if dataset.sizes.get("pose") == 0:
-        raise InputError("The sweep has no poses, so there is nothing to rank; run it again.")
+        raise InputError(
+            "The sweep has no poses, so there is nothing to rank; run it again.",
+            code="sweep.no_pose",
+        )
     missing = [name for name in _OF_EVERY_SWEEP if name not in dataset]
     if missing:
         raise InputError(
             f"This is not a sweep of iriftrace: {missing[0]} is missing; give the file that "
-            "`iriftrace sweep` wrote."
+            "`iriftrace sweep` wrote.",
+            code="sweep.missing_variable",
         )
 
 
@@ -255,9 +264,9 @@ def check_unchanged(path: str | Path, sha256: str) -> None:
     """Raise InputError, half a sentence to be continued, if a file changed since the sweep."""
     file = Path(path)
     if not file.is_file():
-        raise InputError(f"{file} is gone")
+        raise InputError(f"{file} is gone", code="file.missing")
     if sha256_of(file) != sha256:
-        raise InputError(f"{file} has changed since the sweep")
+        raise InputError(f"{file} has changed since the sweep", code="file.changed")
 
 
 def attribute(dataset: xr.Dataset, name: str) -> JsonObject:

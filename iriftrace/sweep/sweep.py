@@ -154,7 +154,11 @@ def run_series(
     if path is not None:
         return _Sweep(series, Path(path), target, options).run(progress, render)
     if options.exr:
-        raise InputError("Pictures of a sweep are stored next to its file; give the sweep a path.")
+        raise InputError(
+            "Pictures of a sweep are stored next to its file; give the sweep a path.",
+            code="sweep.no_path",
+            argument="path",
+        )
     with TemporaryDirectory() as folder:
         in_file = _Sweep(series, Path(folder) / "sweep.nc", target, options)
         return in_file.run(progress, render).load()

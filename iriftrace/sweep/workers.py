@@ -79,19 +79,29 @@ def check_scheduler(scheduler: str, count: int | None = None) -> None:
     if scheduler != LOCAL and not _ADDRESS.fullmatch(scheduler):
         raise InputError(
             f"The scheduler {scheduler!r} is not an address; give local, or what `dask scheduler` "
-            "prints, such as tcp://192.168.0.1:8786."
+            "prints, such as tcp://192.168.0.1:8786.",
+            code="scheduler.no_address",
+            argument="scheduler",
         )
     if count is not None and scheduler != LOCAL:
         raise InputError(
             f"{count} workers cannot be started at {scheduler}, because a scheduler's workers are "
-            f"started by hand; run `dask worker {scheduler} --nworkers {count} --nthreads 1`."
+            f"started by hand, with `dask worker {scheduler}` (one thread each).",
+            code="workers.at_scheduler",
+            argument="workers",
         )
     if count is not None and count < 1:
-        raise InputError(f"{count} workers do nothing; start at least 1.")
+        raise InputError(
+            f"{count} workers do nothing; start at least 1.",
+            code="workers.below_one",
+            argument="workers",
+        )
     if find_spec("distributed") is None:
         raise SetupError(
             "Workers need Dask distributed, which is not installed; in the clone: "
-            "pip install -e '.[sweep]', or leave out --scheduler."
+            "pip install -e '.[sweep]', or sweep without them.",
+            code="workers.no_dask",
+            argument="scheduler",
         )
 
 
@@ -189,7 +199,9 @@ def _connected(address: str) -> Iterator[Client]:
     except OSError as error:
         raise InputError(
             f"No scheduler answers at {address}; start one with `dask scheduler`, or check address "
-            "and firewall."
+            "and firewall.",
+            code="scheduler.no_answer",
+            argument="scheduler",
         ) from error
     with client:
         try:
@@ -197,7 +209,8 @@ def _connected(address: str) -> Iterator[Client]:
         except TimeoutError as error:
             raise InputError(
                 f"The scheduler at {address} has no workers; start some with `dask worker "
-                f"{address} --nworkers 2 --nthreads 1`."
+                f"{address}` (one thread each).",
+                code="scheduler.no_workers",
             ) from error
         yield client
 
@@ -226,18 +239,21 @@ def _result(future: Future[Result]) -> Result:
         raise SetupError(
             f"{error.allowed_failures + 1} workers died of the same task, the last one at "
             f"{error.last_worker.address}; they may have run out of memory: start fewer. The same "
-            "command continues where it stopped."
+            "command continues where it stopped.",
+            code="workers.died",
         ) from error
     except distributed.CancelledError as error:
         raise SetupError(
-            "The scheduler is gone; start it again. The same command continues where it stopped."
+            "The scheduler is gone; start it again. The same command continues where it stopped.",
+            code="scheduler.gone",
         ) from error
     except IriftraceError:
         raise
     except ImportError as error:
         raise SetupError(
             f"A worker cannot run iriftrace ({error}); install the same version there, with the "
-            "extra sweep."
+            "extra sweep.",
+            code="workers.no_iriftrace",
         ) from error
     return result
 
@@ -289,17 +305,20 @@ def _check(source: SceneSource) -> None:
     if version("iriftrace") != source.version:
         raise InputError(
             f"{where} runs iriftrace {version('iriftrace')} instead of {source.version}, so its "
-            "poses could differ; install the same version there."
+            "poses could differ; install the same version there.",
+            code="workers.other_version",
         )
     path = Path(source.path)
     if not path.is_file():
         raise InputError(
             f"{where} does not see the scene {path}: workers read its files themselves; make the "
-            "folder available there under the same path."
+            "folder available there under the same path.",
+            code="workers.no_scene",
         )
     seen = source_of(path, source.variables, source.variant, source.engine)
     if seen.fingerprint != source.fingerprint:
         raise InputError(
             f"{where} sees another scene, or other meshes or fields, under {path}; make the same "
-            "folder available there."
+            "folder available there.",
+            code="workers.other_scene",
         )

@@ -37,7 +37,8 @@ def air_statement_of(file: SceneFile) -> AirStatement:
     except ValueError as error:
         raise InputError(
             f"{table} is damaged ({error}); write the scene again, or remove the file (then "
-            "results do not state the field)."
+            "results do not state the field).",
+            code="file.damaged",
         ) from error
 
 

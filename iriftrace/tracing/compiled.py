@@ -89,7 +89,8 @@ class Compiled:
 
             if not same_state(self._state, scene_state(self._mitsuba_scene)):
                 raise InputError(
-                    "The mi.Scene was changed since from_mitsuba; call from_mitsuba again."
+                    "The mi.Scene was changed since from_mitsuba; call from_mitsuba again.",
+                    code="scene.changed",
                 )
         return self._mitsuba_scene
 
@@ -205,7 +206,8 @@ def of_mitsuba(scene: mi.Scene) -> tuple[Compiled, Part, tuple[Camera, Camera | 
     if not isinstance(scene, mi.Scene):
         raise InputError(
             f"from_mitsuba takes a mitsuba.Scene of the variant {mi.variant()}, not a "
-            f"{type(scene).__name__}; `load_scene` reads files."
+            f"{type(scene).__name__}; `load_scene` reads files.",
+            code="scene.wrong_type",
         )
     name = "Your mi.Scene"
     integrator = integrator_for(scene.integrator(), AUTO, name, Path(FIELD_FILE))
@@ -254,7 +256,8 @@ def set_shells(scene: mi.Scene, stated: AirStatement, wavelength_nm: float) -> A
         if not hasattr(bsdf, "ext_ior"):
             raise InputError(
                 "The scene has shells with Mitsuba's dielectric, whose indices are not stated, so "
-                "they cannot be changed to another wavelength; use iso_shell."
+                "they cannot be changed to another wavelength; use iso_shell.",
+                code="scene.dielectric",
             )
         # Several shapes may use one bsdf.
         shells[id(bsdf)] = bsdf
@@ -270,7 +273,9 @@ def sensors_of(scene: mi.Scene, name: str) -> list[mi.Sensor]:
 
     sensors: list[mi.Sensor] = scene.sensors()
     if not sensors:
-        raise InputError(f"{name} has no sensor, so it cannot be rendered; add one.")
+        raise InputError(
+            f"{name} has no sensor, so it cannot be rendered; add one.", code="scene.no_sensor"
+        )
     refuse_shared_films(sensors)
     return sensors
 
@@ -311,7 +316,8 @@ def integrator_for(own: Integrator, engine: str, name: str, field_file: Path) ->
     if not hasattr(own, "image"):
         raise InputError(
             f"{name} has the integrator {own.class_name()}, which computes light and not hits; use "
-            '<integrator type="first_hit"/>.'
+            '<integrator type="first_hit"/>.',
+            code="scene.integrator",
         )
     if engine in (AUTO, own.engine):
         return own
@@ -332,4 +338,8 @@ def check_engine(engine: str) -> None:
     """Refuse an engine that does not exist."""
     known = (AUTO, *ENGINES)
     if engine not in known:
-        raise InputError(f"There is no engine {engine!r}; use one of {', '.join(known)}.")
+        raise InputError(
+            f"There is no engine {engine!r}; use one of {', '.join(known)}.",
+            code="engine.unknown_name",
+            argument="engine",
+        )

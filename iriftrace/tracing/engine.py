@@ -48,7 +48,7 @@ _WHEN = (
     "when every second shell is left out, as where lines of sight run along the layers of hot air"
 )
 
-_PREVENTED = '--engine shells, in Python engine="shells", prevents this'
+_PREVENTED = 'which engine="shells" prevents'
 
 CHANGE = "change of the hits without every second shell, 95th percentile"
 """Name of `EngineTest.p95_mm` in files."""
@@ -147,7 +147,8 @@ def _by_samples(scene: Scene, samples: list[_Sample]) -> Choice:
         warn(
             f"The shells are too coarse for this view, but the field loses {lost:.1%} of its "
             "rays in cells that are badly shaped, so the shells are used; check the field's "
-            "mesh (iriftrace field check), or write the scene with --layers 40."
+            "mesh (iriftrace field check), or write the scene with more shells (layers=40).",
+            argument="layers",
         )
         return Choice(scene, worst)
     _warn_of_coarse_shells(worst, cells is not None)
@@ -252,10 +253,10 @@ def _warn_of_coarse_shells(found: EngineTest, through_cells: bool) -> None:
             "meeting one, so that they are not refracted"
         )
     warn(
-        f"{change}; the field data were traced instead ({_PREVENTED})."
+        f"{change}; the field data were traced instead, {_PREVENTED}."
         if through_cells
-        else f'{change}; trace the field data (--engine cells, in Python engine="cells"), or use '
-        "more shells (--layers 20, in Python layers=20)."
+        else f'{change}; trace the field data (engine="cells"), or use more shells (layers=20).',
+        argument="engine",
     )
 
 
@@ -268,15 +269,16 @@ def warn_of_coarse_poses(
     """
     coarse = p95_shares > LIMIT
     for these, what in (
-        (coarse & (through_cells == 1), f"the field data were traced there ({_PREVENTED})"),
+        (coarse & (through_cells == 1), f"the field data were traced there, {_PREVENTED}"),
         (
             coarse & (through_cells != 1),
-            "sweep with --engine cells, or make the scene with --layers 20",
+            'sweep with engine="cells", or make the scene with more shells (layers=20)',
         ),
     ):
         if these.any():
             warn(
                 f"Hits of {these.sum()} of {len(these)} poses change by over {LIMIT:.0%} of the "
                 f"displacement (95th percentiles, variable engine_test_p95), by up to "
-                f"{1e3 * np.nanmax(p95_mm[these]):.3g} um, {_WHEN}; {what}."
+                f"{1e3 * np.nanmax(p95_mm[these]):.3g} um, {_WHEN}; {what}.",
+                argument="engine",
             )

@@ -56,16 +56,22 @@ def read_members(scene: Path) -> tuple[FieldMember, ...]:
         raise InputError(
             f'{scene} is the scene of an ensemble (it has the parameter "{MEMBER}"), but its table '
             f"{path} is missing or damaged ({error}); write the scene again, or choose one member "
-            f"with -D {MEMBER}=1."
+            f"({MEMBER}=1).",
+            code="file.damaged",
+            argument="define",
         ) from error
     if len(members) < 2:
-        raise InputError(f"{path} lists {len(members)} members, but scatter needs at least two.")
+        raise InputError(
+            f"{path} lists {len(members)} members, but scatter needs at least two.",
+            code="scene.one_field",
+        )
     for member in members:
         shells = member_folder(scene, member.number) / INCLUDED
         if not shells.is_file():
             raise InputError(
                 f"{path} lists the member {member.number}, but {shells} is missing; write the "
-                "scene again."
+                "scene again.",
+                code="file.missing",
             )
     return members
 
@@ -89,8 +95,10 @@ def members_of(scene: Path, values: Mapping[str, str]) -> tuple[FieldMember, ...
     # Another path to the same folder, ./1, would have results name a member that is not listed.
     if not (number.isdecimal() and (member_folder(scene, number) / INCLUDED).is_file()):
         raise InputError(
-            f'{scene} has no member "{number}"; give -D {MEMBER}=1 to '
-            f"{MEMBER}={len(read_members(scene))}, or leave it out to trace them all."
+            f'{scene} has no member "{number}"; give {MEMBER}=1 to '
+            f"{MEMBER}={len(read_members(scene))}, or leave it out to trace them all.",
+            code="scene.unknown_member",
+            argument="define",
         )
     return ()
 

@@ -94,7 +94,8 @@ def _parsed(path: Path, values: Mapping[str, str]) -> list[SceneNode]:
         if b"<scene" not in opened.read(_HEAD):
             raise InputError(
                 f"{path} is not a Mitsuba scene; give the XML file that `iriftrace scene` makes "
-                "from a field and a part."
+                "from a field and a part.",
+                code="scene.not_mitsuba",
             )
     _check_variables(path, values)
     values = of_the_file(values)
@@ -103,7 +104,7 @@ def _parsed(path: Path, values: Mapping[str, str]) -> list[SceneNode]:
         state = mi.parser.parse_file(config, str(path), **values)
         mi.parser.transform_resolve_references(config, state)
     except RuntimeError as error:
-        raise InputError(readable(error)) from error
+        raise InputError(readable(error), code="scene.unreadable") from error
     return list(state.nodes)
 
 
@@ -113,13 +114,15 @@ def _the_part(shapes: Sequence[mi.Properties], path: Path) -> tuple[mi.Propertie
     if len(parts) != 1:
         raise InputError(
             f'{path} has {len(parts)} shapes with id="part", but the measured part is known by it; '
-            "give exactly one shape this id."
+            "give exactly one shape this id.",
+            code="scene.part_count",
         )
     part_path = _mesh_file(parts[0], path)
     if part_path is None:
         raise InputError(
             f'The shape with id="part" in {path} is a {parts[0].plugin_name()}, but faces and '
-            "regions need a mesh file; use type ply."
+            "regions need a mesh file; use type ply.",
+            code="part.no_mesh",
         )
     _check_there(part_path, path)
     return parts[0], part_path
@@ -138,8 +141,10 @@ def _shell_meshes(shells: Sequence[mi.Properties], in_layers: bool, path: Path) 
         if in_layers and not keeps_lengths and columns and columns.issuperset(_DERIVATIVES):
             raise InputError(
                 f"Shell '{props.id()}' in {path} has a to_world that changes lengths, but its file "
-                "gives the index's derivatives per mm of its own; write the scene again with "
-                "--field-transform, or bend rays at the shells alone (-D bending=shells)."
+                "gives the index's derivatives per mm of its own; write the scene again from the "
+                "moved field, or bend rays at the shells alone (bending=shells).",
+                code="shells.stretched",
+                argument="field_transform",
             )
         meshes.append(mesh)
         if not _flag(props, "face_normals") and not _has_normals(mesh, columns):
@@ -147,7 +152,8 @@ def _shell_meshes(shells: Sequence[mi.Properties], in_layers: bool, path: Path) 
     if flat:
         raise InputError(
             f"{', '.join(flat)} in {path} has no vertex normals, and Mitsuba would derive some "
-            'without grad(n); add <boolean name="face_normals" value="true"/> to the shape.'
+            'without grad(n); add <boolean name="face_normals" value="true"/> to the shape.',
+            code="shells.no_normals",
         )
     return tuple(meshes)
 
@@ -173,7 +179,9 @@ def warn_of_dielectric(name: str) -> None:
 def require_scene(path: Path) -> None:
     """Refuse the name of a scene that does not exist."""
     if not path.is_file():
-        raise InputError(f"There is no scene file {path}; `iriftrace scene` writes one.")
+        raise InputError(
+            f"There is no scene file {path}; `iriftrace scene` writes one.", code="file.missing"
+        )
 
 
 def _check_variables(path: Path, values: Mapping[str, str]) -> None:
@@ -181,26 +189,31 @@ def _check_variables(path: Path, values: Mapping[str, str]) -> None:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise InputError(
-            f"{path} is not text in UTF-8 ({error.reason}); give a scene's XML file."
+            f"{path} is not text in UTF-8 ({error.reason}); give a scene's XML file.",
+            code="file.not_text",
         ) from error
     known = re.findall(r'<default\s+name="([^"]+)"', text)
     if WAVELENGTH in values and WAVELENGTH in known:
         raise InputError(
             f'{path} has a parameter "{WAVELENGTH}" of its own, so the name is ambiguous; '
-            "rename the file's parameter."
+            "rename the file's parameter.",
+            code="scene.own_wavelength",
         )
     unknown = [name for name in of_the_file(values) if name not in known]
     if unknown:
         raise InputError(
-            f"{path} has no parameter {', '.join(unknown)}, so -D would change nothing; it has "
-            f"{', '.join(known) or 'none'}."
+            f"{path} has no parameter {', '.join(unknown)}, so setting it would change nothing; "
+            f"it has {', '.join(known) or 'none'}.",
+            code="scene.unknown_parameter",
+            argument="define",
         )
     # An included file may use parameters that the file itself does not.
     unneeded = [] if "<include" in text else [name for name in known if f"${name}" not in text]
     if unneeded:
         raise InputError(
             f'{path} has <default name="{unneeded[0]}">, but nothing in it uses ${unneeded[0]}, so '
-            "setting it would change nothing; remove it or use it."
+            "setting it would change nothing; remove it or use it.",
+            code="scene.unused_parameter",
         )
 
 
@@ -254,9 +267,12 @@ def _check_there(file: Path, scene: Path) -> None:
         return
     if file.is_relative_to(scene.parent):
         raise InputError(
-            f"{file.relative_to(scene.parent)} is not next to {scene}; move the whole folder."
+            f"{file.relative_to(scene.parent)} is not next to {scene}; move the whole folder.",
+            code="file.missing",
         )
-    raise InputError(f"The file {file}, which {scene} names, is missing; correct its path.")
+    raise InputError(
+        f"The file {file}, which {scene} names, is missing; correct its path.", code="file.missing"
+    )
 
 
 def _files(nodes: Sequence[SceneNode], scene: Path) -> tuple[Path, ...]:
@@ -281,7 +297,8 @@ def _placement(props: mi.Properties, what: str) -> FloatArray:
     if np.linalg.det(matrix[:3, :3]) <= 0:
         raise InputError(
             f"{what} has a to_world that mirrors it, which would turn its triangles inside out; "
-            "mirror the mesh itself instead."
+            "mirror the mesh itself instead.",
+            code="scene.mirrored",
         )
     return matrix
 
@@ -320,4 +337,6 @@ def check_meshes(files: Iterable[Path]) -> None:
         try:
             read_ply(mesh)
         except Exception as error:  # the reader lets any error through that a damaged file causes
-            raise InputError(f"{mesh} is damaged ({error}); write the scene again.") from error
+            raise InputError(
+                f"{mesh} is damaged ({error}); write the scene again.", code="file.damaged"
+            ) from error

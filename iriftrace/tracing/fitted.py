@@ -74,12 +74,16 @@ def check_fitted_scene(scene: Path, output: Path) -> None:
     if not is_ensemble(scene):
         raise InputError(
             f"{scene} has one field, but a fit gives the weights of several; write it with several "
-            "states of the air (iriftrace scene --member)."
+            "states of the air.",
+            code="scene.one_field",
+            argument="member",
         )
     if output.parent.resolve() == scene.parent.resolve():
         raise InputError(
             f"The output {output} would replace files of {scene}; give the fitted scene a folder "
-            f"of its own, such as {scene.parent / 'fitted' / output.name}."
+            f"of its own, such as {scene.parent / 'fitted' / output.name}.",
+            code="output.replaces",
+            argument="output",
         )
     refuse_edited(output)
 
@@ -91,7 +95,9 @@ def _numbers_in(scene: Path, members: Sequence[FieldMember]) -> list[int]:
     if missing:
         raise InputError(
             f"{scene} has no member with the field {missing[0]}, whose weight was fitted; write it "
-            "with the same fields as the board's scene (iriftrace scene --member)."
+            "with the same fields as the board's scene.",
+            code="scene.other_members",
+            argument="member",
         )
     return [own[m.source.sha256, m.time] for m in members]
 

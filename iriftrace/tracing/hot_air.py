@@ -61,7 +61,9 @@ class AirState:
         if self.files is None:
             return self._cut
         if self.files.shells is None:
-            raise InputError("The shells of this scene are known to Mitsuba alone.")
+            raise InputError(
+                "The shells of this scene are known to Mitsuba alone.", code="shells.of_mitsuba"
+            )
         from iriftrace.io.shells import load_shells
 
         return load_shells(self.files.shells)
@@ -83,7 +85,8 @@ class AirState:
         if self._of_field is None:
             raise InputError(
                 "The air of the scene has ready-made shells and no field, so there are no cells to "
-                "trace through; give HotAir the field."
+                "trace through; give HotAir the field.",
+                code="air.no_field",
             )
         return self._of_field
 
@@ -131,7 +134,8 @@ class FieldMember:
         if source is None:
             raise InputError(
                 f"The shells of member {number} do not state the field they come from, which "
-                "results must name; make them from a field."
+                "results must name; make them from a field.",
+                code="shells.no_source",
             )
         return cls(number, state.label, state.time, source, state.weight, state.covariance)
 
@@ -214,25 +218,36 @@ class HotAir:
         if isinstance(field, str | PathLike):
             raise InputError(
                 f"HotAir takes a field and not the name of its file; give "
-                f'iriftrace.read_field("{field}").'
+                f'iriftrace.read_field("{field}").',
+                code="field.wrong_type",
+                argument="field",
             )
         several = isinstance(field, Sequence)
         fields = list(field) if isinstance(field, Sequence) else [field]
         if not fields or (fields[0] is None and shells is None):
-            raise InputError("A scene needs air that bends its rays; give a field, or shells.")
+            raise InputError(
+                "A scene needs air that bends its rays; give a field, or shells.", code="air.none"
+            )
         if several and shells is not None:
             raise InputError(
-                "Ready-made shells belong to one field, but several are given; omit the shells."
+                "Ready-made shells belong to one field, but several are given; omit the shells.",
+                code="shells.several_fields",
             )
         names = list(labels) or ["" if one is None else f"{one.source.path}" for one in fields]
         if len(names) != len(fields):
-            raise InputError(f"There are {len(names)} labels for {len(fields)} fields.")
+            raise InputError(
+                f"There are {len(names)} labels for {len(fields)} fields.",
+                code="field.label_count",
+                argument="labels",
+            )
         if not isinstance(weights, MemberWeights):
             weights = MemberWeights(list(weights) or [1.0] * len(fields))
         if len(weights.weights) != len(fields):
             raise InputError(
                 f"There are {len(weights.weights)} weights for {len(fields)} fields; give one for "
-                "each."
+                "each.",
+                code="field.weight_count",
+                argument="weights",
             )
         states = tuple(
             AirState(one, name, None, weight, row, layers, rule, shells)

@@ -9,8 +9,8 @@ LIMIT = 0.005
 """Fraction of a view's hits above which a warning is issued."""
 
 REMEDY = (
-    "use the other engine (--engine shells or cells, in Python engine=), and write the scene again "
-    "from the solver's own mesh, without --triangles"
+    "use the other engine (shells or cells), and write the scene again from the solver's own mesh, "
+    "with all triangles of its shells"
 )
 
 
@@ -21,7 +21,8 @@ def warn_of_lost_rays(rays: RayCounts) -> None:
             f"{rays.lost:,} of {rays.hit:,} hits ({rays.lost_fraction:.1%}) have no reliable "
             f"refracted ray ({rays.index_mismatch:,} with inconsistent deflection, "
             f"status 5; {rays.gave_up:,} lost on the way, status 6), so these pixels have no "
-            f"displacement; {REMEDY}."
+            f"displacement; {REMEDY}.",
+            argument="engine",
         )
 
 
@@ -30,5 +31,6 @@ def warn_of_lost_points(lost: int, points: int, where: str) -> None:
     if lost > LIMIT * points:
         warn(
             f"{lost:,} of {points:,} points ({lost / points:.1%}) {where}, because a refracted ray "
-            f"to them was lost or has an impossible deflection; {REMEDY}."
+            f"to them was lost or has an impossible deflection; {REMEDY}.",
+            argument="engine",
         )

@@ -20,7 +20,7 @@ def outermost_surface(scene: Path) -> Path:
     """
     file = member_folder(scene, 1) / INCLUDED if is_ensemble(scene) else scene
     if not file.is_file():
-        raise InputError(f"{file} is gone")
+        raise InputError(f"{file} is gone", code="file.missing")
     layers = {}
     for shape in ElementTree.parse(file).getroot().iter("shape"):
         name = shape.find("string[@name='filename']")
@@ -31,7 +31,7 @@ def outermost_surface(scene: Path) -> Path:
         if layer.get("value", "").isdecimal():
             layers[int(layer.get("value", ""))] = scene.parent / name.get("value", "")
     if not layers:
-        raise InputError(f"{scene} names none")
+        raise InputError(f"{scene} names none", code="scene.no_shells")
     return layers[min(layers)]
 
 
@@ -55,5 +55,5 @@ def read_surface(file: Path) -> tuple[FloatArray, IntArray]:
     try:
         mesh = read_ply(file)
     except Exception as error:  # its reader lets any through that a damaged file causes
-        raise InputError(f"{file} is damaged ({error})") from error
+        raise InputError(f"{file} is damaged ({error})", code="file.damaged") from error
     return mesh.vertices, mesh.faces

@@ -86,7 +86,8 @@ def _one_field(
         if where is not None:
             raise InputError(
                 f"The camera stands inside the {where}{whose if where == 'hot air' else ''}, where "
-                "its picture means nothing; move it farther away."
+                "its picture means nothing; move it farther away.",
+                code="camera.inside",
             )
         tensor, report = integrator.image(compiled.mitsuba_scene, sensor, straight)
         # A view of Dr.Jit's memory where that is the processor's own.
@@ -145,7 +146,8 @@ class EnsembleStatistics:
         elif not np.array_equal(face[self._pixels], self._face):
             raise InputError(
                 "The members of the ensemble show different parts or cameras, so their pixels "
-                "cannot be compared; write the ensemble's scene again."
+                "cannot be compared; write the ensemble's scene again.",
+                code="scene.members_differ",
             )
         self.count += 1
         good = good_mask(image, self._include).ravel()[self._pixels]

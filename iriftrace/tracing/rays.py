@@ -110,7 +110,8 @@ def trace_rays(
     if loaded.members:
         raise InputError(
             f"{loaded.name} is an ensemble of {len(loaded.members)} fields, and a bundle of rays "
-            'is traced through one of them; load it with {"member": 1}, for example.'
+            'is traced through one of them; load it with {"member": 1}, for example.',
+            code="scene.several_fields",
         )
     free = loaded.engine == AUTO
     chosen = choose(loaded, (start, heading)).scene if free else loaded
@@ -239,12 +240,14 @@ def _bundle(origins: ArrayLike, directions: ArrayLike) -> tuple[FloatArray, Floa
     if start.shape != heading.shape or start.ndim != 2 or start.shape[1:] != (3,) or not len(start):
         raise InputError(
             f"A bundle of rays needs origins and directions of one shape (n, 3) with n > 0; given "
-            f"are {start.shape} and {heading.shape}."
+            f"are {start.shape} and {heading.shape}.",
+            code="rays.shape",
         )
     length = row_lengths(heading)[:, None]
     if not (np.isfinite(start).all() and np.isfinite(heading).all() and (length > 0).all()):
         raise InputError(
             "A ray has an origin or direction that is not finite, or a direction of length zero; "
-            "remove it."
+            "remove it.",
+            code="rays.not_finite",
         )
     return start, heading / length

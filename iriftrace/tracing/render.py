@@ -134,17 +134,22 @@ def _refuse_empty(image: AovImage) -> None:
     status = image.status
     if (status == Status.MISSED).all():
         raise InputError(
-            "No ray of the camera hits the part; point the camera at it (lookat in the scene file)."
+            "No ray of the camera hits the part; point the camera at it (lookat in the scene).",
+            code="picture.no_hit",
         )
     if np.isin(status, (Status.MISSED, Status.OUT_OF_FOCUS, Status.BLOCKED)).all():
         camera = image.camera
         hit = status == Status.OUT_OF_FOCUS
         if not hit.any():
-            raise InputError("Another object hides the part from every pixel; move the camera.")
+            raise InputError(
+                "Another object hides the part from every pixel; move the camera.",
+                code="picture.hidden",
+            )
         lengths = np.linalg.norm(image.vector("straight")[hit] - camera.origin, axis=1)
         raise InputError(
             f"No ray that hits the part is in focus: the hits are {lengths.min():.1f} to "
             f"{lengths.max():.1f} mm away, the focus interval is {camera.focus_mm[0]:g} to "
-            f"{camera.focus_mm[1]:g} mm; move the camera or change focus_near and focus_far "
-            "(iriftrace scene --focus NEAR:FAR)."
+            f"{camera.focus_mm[1]:g} mm; move the camera or change focus_near and focus_far.",
+            code="picture.out_of_focus",
+            argument="focus",
         )

@@ -114,7 +114,11 @@ def named(label: str, remedy: str = "") -> Iterator[None]:
     except InputError as error:
         if label in str(error):
             raise
-        raise InputError(f"the member {label} cannot be used{remedy}: {error}") from error
+        raise InputError(
+            f"the member {label} cannot be used{remedy}: {error}",
+            code=error.code,
+            argument=error.argument,
+        ) from error
 
 
 def _check_place(xml: Path, part: Part) -> None:
@@ -123,13 +127,17 @@ def _check_place(xml: Path, part: Part) -> None:
     if Path(part.path).resolve() == copy.resolve():
         raise InputError(
             f"The scene's own {PART_FILE} would replace the part's file {part.path}; give the "
-            f"scene a folder of its own, such as {xml.with_suffix('') / xml.name}."
+            f"scene a folder of its own, such as {xml.with_suffix('') / xml.name}.",
+            code="output.replaces",
+            argument="output",
         )
     of_a_scene = any((xml.parent / name).exists() for name in (SHELLS_FOLDER, FOLDER))
     if copy.is_file() and not of_a_scene:
         raise InputError(
             f"The scene's own copy of the part would replace {copy}, where there is no scene yet; "
-            f"give the scene a folder of its own, such as {xml.with_suffix('') / xml.name}."
+            f"give the scene a folder of its own, such as {xml.with_suffix('') / xml.name}.",
+            code="output.replaces",
+            argument="output",
         )
     refuse_edited(xml)
 

@@ -99,7 +99,8 @@ class Scene:
             if not isinstance(value, kind):
                 raise InputError(
                     f"A Scene is made of Part, HotAir and Camera, and {value!r} is no "
-                    f"{kind.__name__}; give {remedy}."
+                    f"{kind.__name__}; give {remedy}.",
+                    code="scene.wrong_type",
                 )
         bodies = (self.part, self.air, *self.blockers)
         if self._origin is not None and not same(self._origin.bodies, bodies):
@@ -258,7 +259,8 @@ class Scene:
             if not shells.compiled.same_field(cells.compiled):
                 raise InputError(
                     f"The field of member {number} of {self.name} is not what its shells were cut "
-                    "from; write the scene again."
+                    "from; write the scene again.",
+                    code="scene.other_field",
                 )
             return cells
         air, origin = self.air.alone(number), self._origin
@@ -352,7 +354,8 @@ class Scene:
             raise InputError(
                 f"{self.name} has the air of a scene that exists already, whose files hold more "
                 "than can be written here; copy its folder, or give the Scene the air of fields "
-                "(HotAir(read_field(...)))."
+                "(HotAir(read_field(...))).",
+                code="scene.of_files",
             )
         settings = SceneSettings(
             scale=scale,
@@ -378,6 +381,7 @@ def ready_scene(scene: Scene) -> Scene:
     if not isinstance(scene, Scene):
         raise InputError(
             f"{scene!r} is no Scene; read a file with iriftrace.load_scene, or make a Scene of "
-            "part, air and camera."
+            "part, air and camera.",
+            code="scene.wrong_type",
         )
     return scene.ready

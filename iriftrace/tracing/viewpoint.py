@@ -174,7 +174,8 @@ def refuse_camera_inside(
         if body.closed and body.surface.inside(point)[0]:
             what = f"blocker {body.path}" if number else "part"
             raise InputError(
-                f"{place} in the {what}, where there is nothing to see; move it outside."
+                f"{place} in the {what}, where there is nothing to see; move it outside.",
+                code="camera.inside",
             )
     shells, field = air.shells.shells, air.field
     if field is None:
@@ -183,7 +184,8 @@ def refuse_camera_inside(
         if layers:
             raise InputError(
                 f"{place} inside shell {max(layers)}, in the hot air, where the bending along its "
-                "rays is not known; move it outside the outermost shell."
+                "rays is not known; move it outside the outermost shell.",
+                code="camera.inside",
             )
         return
     outermost = max(shell.refractivity for shell in shells)
@@ -191,7 +193,8 @@ def refuse_camera_inside(
         temperature = float(field.air.temperature(field.sample(point))[0]) - ZERO_CELSIUS_K
         raise InputError(
             f"{place} in the hot air (about {temperature:.0f} degC), where the bending along its "
-            "rays is not known; move it outside the outermost shell."
+            "rays is not known; move it outside the outermost shell.",
+            code="camera.inside",
         )
 
 
@@ -199,5 +202,7 @@ def refuse_one_place(camera: Camera, second: Camera) -> None:
     """Refuse two devices at one place, whose lines of sight meet only there."""
     if np.linalg.norm(camera.origin - second.origin) < 1e-3:
         raise InputError(
-            "Both devices stand at one place, so their lines meet nowhere else; move one of them."
+            "Both devices stand at one place, so their lines meet nowhere else; move one of them.",
+            code="devices.one_place",
+            argument="second",
         )

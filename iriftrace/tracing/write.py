@@ -140,7 +140,9 @@ def write_ensemble_scene(
         )
         if len(listed) < 2:
             raise InputError(
-                f"An ensemble of {len(listed)} field has no scatter; give at least two."
+                f"An ensemble of {len(listed)} field has no scatter; give at least two.",
+                code="scene.one_field",
+                argument="member",
             )
         normalised = weights_of(listed).weights.tolist()
         listed = tuple(evolve(m, weight=w) for m, w in zip(listed, normalised, strict=True))
@@ -169,7 +171,9 @@ def _refuse_files_of_others(folder: Path) -> None:
     if names and (TABLE not in names or not all(n.isdecimal() for n in names - {TABLE})):
         raise InputError(
             f"{folder} holds other files than those of an ensemble's scene, which would replace "
-            "them; give the scene a folder of its own."
+            "them; give the scene a folder of its own.",
+            code="output.replaces",
+            argument="output",
         )
 
 
@@ -195,7 +199,8 @@ def _require_pinhole(*cameras: Camera | None) -> None:
     if any(camera is not None and camera.projection != "pinhole" for camera in cameras):
         raise InputError(
             "calibrated_camera is a pinhole camera; put an orthographic sensor into the XML by "
-            "hand."
+            "hand.",
+            code="camera.not_pinhole",
         )
 
 
@@ -226,7 +231,11 @@ def written_together(folder: Path) -> Iterator[Path]:
     try:
         building.mkdir(parents=True)
     except OSError as error:
-        raise InputError(f"cannot make the folder {folder}: {error.strerror}.") from error
+        raise InputError(
+            f"cannot make the folder {folder}: {error.strerror}.",
+            code="output.unwritable",
+            argument="output",
+        ) from error
     try:
         yield building
         for path in sorted(building.rglob("*")):
@@ -237,7 +246,11 @@ def written_together(folder: Path) -> Iterator[Path]:
                 path.replace(place)
         missing = []
     except OSError as error:
-        raise InputError(f"cannot write {folder}: {error.strerror or error}.") from error
+        raise InputError(
+            f"cannot write {folder}: {error.strerror or error}.",
+            code="output.unwritable",
+            argument="output",
+        ) from error
     finally:
         shutil.rmtree(building, ignore_errors=True)
         for path in missing:

@@ -190,7 +190,9 @@ def refuse_edited(xml: Path) -> None:
     if not found or sealed(head, rest.partition("\n")[2]) != text:
         raise InputError(
             f"{xml} was edited by hand, so it is not replaced; render it as it "
-            "is, name another output, or remove it."
+            "is, name another output, or remove it.",
+            code="scene.edited",
+            argument="output",
         )
 
 

@@ -91,7 +91,7 @@ def test_wrong_input_is_one_sentence(
 
 
 @pytest.mark.parametrize(
-    ("part", "message"), [("open.stl", "is not closed"), ("none.stl", "no part file")]
+    ("part", "message"), [("open.stl", "is not closed"), ("none.stl", "no file none.stl")]
 )
 def test_open_and_missing_parts_are_refused(
     folder: Path, fails: Callable[..., str], part: str, message: str

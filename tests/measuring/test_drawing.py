@@ -10,10 +10,12 @@ from attrs import evolve
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.io.part_files import read_part, save_part
-from iriftrace.measuring.features.drawing import GrowthUncertainty, drawing_cloud
+from iriftrace.io.reading import ReadPart
+from iriftrace.measuring.features.drawing import drawing_cloud
 from iriftrace.measuring.features.fit import fit_feature
 from iriftrace.measuring.features.fitted import FittedFeature, fit_features
 from iriftrace.measuring.features.relations import Relation, relations
+from iriftrace.measuring.options import Uncertainties
 from iriftrace.measuring.two_devices.correction import Correction
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part, part_of_mesh
@@ -22,6 +24,8 @@ from iriftrace.part.tessellation import subdivide_part
 from iriftrace.part.uneven_growth import grown_unevenly
 
 ALPHA, COLD_K = 14e-6, 293.15
+
+U = Uncertainties(expansion_uncertainty="2 %", temperature_uncertainty="10 K")
 
 
 def scanned(hot: Part, deviation_mm: float = 0.0) -> tuple[FloatArray, IntArray, FloatArray]:
@@ -172,8 +176,7 @@ def test_an_evenly_hot_part_has_the_scatter_of_its_growth() -> None:
     points = part.vertices[part.faces[face[::3]]].reshape(-1, 3)
     found = corrected(part, points, face)
     (size,) = [
-        each.size
-        for each in found.features(part, ["cylinder:lateral"], u_expansion=0.02, u_temperature_k=10)
+        each.size for each in evolve(found, uncertainties=U).features(part, ["cylinder:lateral"])
     ]
     assert size.by_cloud["corrected"] == pytest.approx(60.8652, abs=1e-6)
     assert size.answer == pytest.approx(60.0, abs=1e-6)
@@ -183,7 +186,8 @@ def test_an_evenly_hot_part_has_the_scatter_of_its_growth() -> None:
     assert size.uncertainty is not None
     assert size.uncertainty.parts["expansion"] == pytest.approx(sizes.std(), rel=0.02)
     assert size.uncertainty.missing == ("air",)
-    (size,) = [each.size for each in found.features(part, ["cylinder:lateral"], u_expansion=0.02)]
+    stated = evolve(found, uncertainties=Uncertainties(expansion_uncertainty=0.02))
+    (size,) = [each.size for each in stated.features(part, ["cylinder:lateral"])]
     assert size.uncertainty is not None
     assert size.uncertainty.missing == ("air", "expansion")
 
@@ -194,7 +198,7 @@ def test_a_part_that_was_moved_has_its_place_on_the_drawing(tmp_path: Path) -> N
     move = np.eye(4)
     move[2, 3] = 300.0
     part = read_part(
-        tmp_path / "cold.ply", transform=move, expansion=ALPHA, hot_temperature_k=1323.15
+        tmp_path / "cold.ply", ReadPart(transform=move, expansion=ALPHA, hot_temperature=1323.15)
     )
     points, face = part.surface.even_places(2000)
     (found,), _ = on_drawing(part, points, face, ["cylinder:lateral"])
@@ -205,12 +209,12 @@ def test_a_part_that_was_moved_has_its_place_on_the_drawing(tmp_path: Path) -> N
 def test_the_growth_of_an_angle_is_uncertain_but_not_by_a_common_temperature() -> None:
     """An angle that growth changes by 0.1 degrees, by 2 % of that; a temperature changes none."""
     growth = Growth(1e-5, COLD_K, 1293.15)
-    u = GrowthUncertainty(0.02, 10.0)
-    assert u.of_value(growth, 90.1, 90.0, angle=True) == pytest.approx(0.002 / 1.01)
-    assert u.of_value(growth, 101.0, 100.0, angle=False) == pytest.approx(
+    assert U.of_growth(growth, 90.1, 90.0, angle=True) == pytest.approx(0.002 / 1.01)
+    assert U.of_growth(growth, 101.0, 100.0, angle=False) == pytest.approx(
         np.hypot(0.02, 0.01) / 1.01
     )
-    assert GrowthUncertainty(None, 10.0).of_value(growth, 2.0, 1.0, angle=False) is None
+    unknown = Uncertainties(temperature_uncertainty=10.0)
+    assert unknown.of_growth(growth, 2.0, 1.0, angle=False) is None
 
 
 def test_points_beyond_slivers_stay_finite() -> None:

@@ -30,14 +30,20 @@ def scanned(part: Part, scale: float) -> FloatArray:
 
 
 @pytest.mark.parametrize(
-    ("scale", "said"),
+    ("scale", "said", "argument"),
     [
-        (1.0144, r"1\.4. % larger than the part .*steel is at 10[45]. degC.*--expansion 14e-6/K"),
-        (0.99, r"1\.0. % smaller .* check the part and the unit"),
-        (1.0, None),
+        (
+            1.0144,
+            r"1\.4. % larger than the part .*steel is at 10[45]. degC.*an expansion of 14e-6/K",
+            "hot_temperature",
+        ),
+        (0.99, r"1\.0. % smaller .* check the part and the unit", "length_unit"),
+        (1.0, None, None),
     ],
 )
-def test_a_cloud_of_another_size_is_noticed(scale: float, said: str | None) -> None:
+def test_a_cloud_of_another_size_is_noticed(
+    scale: float, said: str | None, argument: str | None
+) -> None:
     found = larger_than(scanned(PART, scale), PART)
     if said is None:
         assert found is None
@@ -45,7 +51,9 @@ def test_a_cloud_of_another_size_is_noticed(scale: float, said: str | None) -> N
     assert found is not None
     assert found.scale == pytest.approx(scale, abs=2e-4)
     assert found.left_mm < 0.01 < 2 * found.rigid_mm
-    assert re.search(said, found.sentence(None))
+    text, mends = found.remark(None)
+    assert re.search(said, text)
+    assert mends == argument
 
 
 def test_of_an_expanded_part_the_temperature_is_corrected() -> None:
@@ -54,10 +62,11 @@ def test_of_an_expanded_part_the_temperature_is_corrected() -> None:
     part = evolve(PART.transformed(np.diag([growth.factor] * 3 + [1.0])), growth=growth)
     found = larger_than(scanned(PART, 1.01442), part)
     assert found is not None
-    text = found.sentence(part.growth)
+    text, argument = found.remark(part.growth)
+    assert argument == "hot_temperature"
     assert "0.7" in text
     assert "than the part at 500 degC" in text
-    hot = float(text.split('--hot-temperature "')[1].split()[0])
+    hot = float(text.split("as it is at ")[1].split()[0])
     assert hot == pytest.approx(1050, abs=20)
 
 

@@ -15,9 +15,9 @@ from attrs import evolve
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.member_weights import MemberWeights
-from iriftrace.measuring.features.drawing import GrowthUncertainty
 from iriftrace.measuring.features.fit import fit_feature
 from iriftrace.measuring.features.quantity import Quantity, WorstMember
+from iriftrace.measuring.options import Uncertainties
 from iriftrace.measuring.two_devices.correct import correct
 from iriftrace.measuring.two_devices.correction import CorrectionStatus, FieldState
 from iriftrace.measuring.two_devices.measure import measure
@@ -90,7 +90,7 @@ def test_a_measurement_is_the_mean_of_the_members(three: Scene) -> None:
 def test_a_correction_is_the_mean_of_the_members(three: Scene) -> None:
     """Points as they are in the second member's air, corrected by each."""
     cloud = measure(member(three, 2)).points
-    found = correct(cloud, three, field_uncertainty=0.05)
+    found = correct(cloud, three, uncertainties=Uncertainties(0.05))
     alone = [correct(cloud, member(three, number)) for number in (1, 2, 3)]
     good = found.status == CorrectionStatus.CORRECTED
     assert good.mean() > 0.9
@@ -147,7 +147,7 @@ def test_weights_on_disk_are_those_of_the_mean(variant: str, tmp_path: Path) -> 
     clouds = {"measured": 10.1, "corrected": 10.0}
     sizes = Quantity("mm", clouds, {"corrected": 1e-3}, (9.7, 10.0, 10.2))
     real = evolve(found, state=FieldState())
-    stated = real._with_uncertainty(sizes, GrowthUncertainty()).uncertainty
+    stated = real._with_uncertainty(sizes).uncertainty
     assert stated is not None
     assert stated.coverage_factor == 2
     assert stated.parts["air"] == pytest.approx(np.linalg.norm((-0.4, -0.1, 0.1) @ factor))
@@ -220,7 +220,7 @@ def test_nothing_is_known_of_one_field_alone(three: Scene) -> None:
     assert measure(one).scatter_normal is None
     assert correct(measure(one).points, one).u_normal is None
     with pytest.raises(InputError, match="is 5, but it is a fraction"):
-        correct(measure(one).points, one, field_uncertainty=5.0)
+        Uncertainties(field_uncertainty=5.0)
 
 
 def test_a_diameter_has_the_uncertainty_of_its_correction(
@@ -359,7 +359,7 @@ def test_air_that_changes_in_time_is_uncertain(
     stated = evolve(scene.compiled.stated, shells=shells, air=Air(temperature_k=293.15))
     scene = with_stated(scene, stated)
     assert FieldState.of(scene).unsteadiness == pytest.approx(unsteadiness)
-    found = correct(measure(scene).points, scene, field_uncertainty=0.05)
+    found = correct(measure(scene).points, scene, uncertainties=Uncertainties(0.05))
     assert found.u_contrast == pytest.approx(np.hypot(0.05, unsteadiness or 0.0))
     assert found.as_dict()["unsteadiness"] == found.state.unsteadiness
 

@@ -8,7 +8,7 @@ import xarray as xr
 
 from iriftrace.camera.orbit import Orbit, orbit_poses
 from iriftrace.planning.cover import plan_views
-from iriftrace.planning.criteria import Criteria, Pairing
+from iriftrace.planning.criteria import Criteria, Pairing, Views
 from iriftrace.planning.pairs import plan_pairs
 from iriftrace.planning.rank import rank_poses
 from iriftrace.scenes import folder_of
@@ -50,7 +50,7 @@ def test_what_each_pose_sees(sweeps: list[xr.Dataset]) -> None:
 
 
 def test_what_poses_see_together(sweeps: list[xr.Dataset]) -> None:
-    low, high = (plan_views(table, 3) for table in sweeps)
+    low, high = (plan_views(table, Views(3)) for table in sweeps)
     assert low.covered == pytest.approx(high.covered, rel=0.02)
     assert low.coverable == pytest.approx(high.coverable, rel=0.02)
     for table, found in zip(sweeps, (low, high), strict=True):

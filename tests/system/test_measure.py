@@ -156,7 +156,7 @@ def test_corners_of_an_stl_count_once(tmp_path: Path) -> None:
 
 def test_a_cloud_of_no_points_says_so(tmp_path: Path) -> None:
     write_ply_points(tmp_path / "empty.ply", np.zeros((0, 3)), {})
-    with pytest.raises(InputError, match="holds no points"):
+    with pytest.raises(InputError, match="has no points"):
         read_cloud(tmp_path / "empty.ply")
 
 

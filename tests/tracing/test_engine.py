@@ -107,8 +107,9 @@ def test_it_is_the_difference_to_a_scene_with_half_of_the_shells(bundled, tmp_pa
 
 def test_straight_down_the_plume_it_warns_and_from_the_side_it_does_not(bundled) -> None:
     side = found_in(bundled(FROM_THE_SIDE))
-    with pytest.warns(IriftraceWarning, match="--engine cells"):
+    with pytest.warns(IriftraceWarning, match='engine="cells"') as said:
         above = found_in(bundled(FROM_ABOVE))
+    assert said[0].message.argument == "engine"
     assert side.suffices
     assert side.p95_share < 0.02
     assert not above.suffices
@@ -172,8 +173,8 @@ def with_field(
     ("options", "engine", "said"),
     [
         ((), "cells", "the field data were traced instead"),
-        (("--engine", "shells"), "shells", "--layers 20"),
-        (("-D", "bending=shells"), "shells", "--layers 20"),
+        (("--engine", "shells"), "shells", "(layers=20) (--engine)"),
+        (("-D", "bending=shells"), "shells", "(layers=20) (--engine)"),
     ],
 )
 def test_the_field_is_traced_where_shells_are_too_few_and_nothing_else_is_asked_for(

@@ -6,12 +6,13 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Self
 
-from attrs import field, fields, frozen
+from attrs import field, frozen
 from attrs.converters import optional as if_given
 
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, refuse_given
 from iriftrace.core.units import Duration, Length, Numbers, Pressure, Speed, Temperature
 from iriftrace.flow.simulate.draught import Draught, draught_from
+from iriftrace.io.reading import ReadPart
 
 if TYPE_CHECKING:
     from iriftrace.flow.simulate.bodies import Body
@@ -136,7 +137,7 @@ class SimulationOptions:
             reason = (
                 "is given besides a file with the temperatures of the whole wall; leave one out."
             )
-        _refuse_given(self, names, reason, "wall.two_temperatures")
+        refuse_given(self, names, reason, "wall.two_temperatures")
         count, bodies = len(self.body_temperature or ()), len(self.body or ())
         if count and (not bodies or count not in (1, bodies)):
             raise InputError(
@@ -183,7 +184,7 @@ class SimulationOptions:
         if len(kelvins) == 1:
             kelvins *= len(files)
         return tuple(
-            Body(read_part(file, length_unit=length_unit), kelvin)
+            Body(read_part(file, ReadPart(length_unit=length_unit)), kelvin)
             for file, kelvin in zip(files, kelvins, strict=True)
         )
 
@@ -255,13 +256,13 @@ class DraughtOptions:
     def __attrs_post_init__(self) -> None:
         if self.draughts is not None:
             reason = "is the speed of one draught, but there are those of a family; leave one out."
-            _refuse_given(self, ("draught",), reason, "draught.two_speeds")
+            refuse_given(self, ("draught",), reason, "draught.two_speeds")
             return
         reason = "is for the members of a family; give the speeds of its draughts, or leave it out."
-        _refuse_given(self, ("between",), reason, "family.no_speeds")
+        refuse_given(self, ("between",), reason, "family.no_speeds")
         if self.draught is None:
             reason = "is the direction of a draught without a speed; give that, or leave it out."
-            _refuse_given(self, ("draught_from",), reason, "draught.no_speed")
+            refuse_given(self, ("draught_from",), reason, "draught.no_speed")
         elif self.draught_from is None:
             raise InputError(
                 f"the draught of {self.draught} has no direction; say where it comes from, 90 "
@@ -275,10 +276,3 @@ class DraughtOptions:
         if self.draught is None:
             return None
         return draught_from(float(self.draught), self.draught_from or ())
-
-
-def _refuse_given(options: object, names: tuple[str, ...], reason: str, code: str) -> None:
-    """Refuse fields that are given; the reason follows their name."""
-    for one in fields(type(options)):
-        if one.name in names and getattr(options, one.name) != one.default:
-            raise InputError(f"`{one.name}` {reason}", code=code, argument=one.name)

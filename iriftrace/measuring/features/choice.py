@@ -66,7 +66,9 @@ def on_region(region: str | None, face: IntArray, part: Part) -> BoolArray:
         return np.ones(len(face), dtype=bool)
     if region not in part.region_names:
         raise InputError(
-            f"The part has no region {region!r}; use one of {', '.join(part.region_names)}."
+            f"The part has no region {region!r}; use one of {', '.join(part.region_names)}.",
+            code="region.unknown_name",
+            argument="feature",
         )
     mask: BoolArray = part.region_of_face[face] == part.region_names.index(region)
     return mask
@@ -82,7 +84,9 @@ def checked_choices(
         if text in part.region_names and choice.kind not in get_args(Kind):
             is_a = kind_of_region(part, text) or "cylinder"
             raise InputError(
-                f"A feature is a kind of surface and a region; give such as {is_a}:{text}."
+                f"A feature is a kind of surface and a region; give such as {is_a}:{text}.",
+                code="feature.no_kind",
+                argument="feature",
             )
         check_kind(choice.kind)
         on_region(choice.region, np.empty(0, dtype=np.int64), part)
@@ -94,7 +98,9 @@ def checked_choices(
                     f"No region of the part is a {choice.kind}; name the region whose points it "
                     f"shall be fitted to ({choice.kind}:REGION, or {choice.kind}: for all points), "
                     "or choose one of what there is: "
-                    f"{', '.join(known) or 'no simple surface'}."
+                    f"{', '.join(known) or 'no simple surface'}.",
+                    code="feature.no_region",
+                    argument="feature",
                 )
     return chosen
 

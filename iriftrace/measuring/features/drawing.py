@@ -1,4 +1,4 @@
-"""Points of a hot part carried back onto its drawing, and the uncertainty of that step.
+"""Points of a hot part carried back onto its drawing.
 
 A size at the temperature of the drawing is fitted to the points where they lie on the drawing. Each
 point keeps its place in its triangle and its distance from the surface, which is divided by the
@@ -7,35 +7,11 @@ triangle's stretch.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
-from attrs import frozen
 
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.measuring.features.quantity import DRAWING
-from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
-
-
-@frozen
-class GrowthUncertainty:
-    """Standard uncertainties of a part's thermal growth; None where one is not known."""
-
-    expansion: float | None = None  # of the thermal expansion, relative
-    temperature_k: float | None = None  # of the part's temperature, K
-
-    def of_value(self, growth: Growth, hot: float, drawn: float, angle: bool) -> float | None:
-        """Standard uncertainty of a value on the drawing, in its unit; None if not known.
-
-        To first order: the expansion scales the difference between the `hot` value and the `drawn`
-        one, and a temperature changes all lengths by the same fraction, but no angle. Both are
-        independent.
-        """
-        if self.expansion is None or self.temperature_k is None:
-            return None
-        by_temperature = 0.0 if angle else growth.expansion * self.temperature_k * drawn
-        return math.hypot((hot - drawn) * self.expansion, by_temperature) / growth.factor
 
 
 def drawing_cloud(points: FloatArray, face: IntArray, part: Part) -> dict[str, FloatArray]:

@@ -129,16 +129,22 @@ def fit_feature(
     places = np.asarray(points, dtype=np.float64)
     check_kind(kind)
     if places.ndim != 2 or places.shape[1] != 3:
-        raise InputError(f"The points are an array of shape {places.shape}; give (n, 3), mm.")
+        raise InputError(
+            f"The points are an array of shape {places.shape}; give (n, 3), mm.",
+            code="points.shape",
+        )
     if len(places) < FEWEST[kind]:
         raise InputError(
-            f"{len(places)} points do not determine a {kind}; at least {FEWEST[kind]} points do."
+            f"{len(places)} points do not determine a {kind}; at least {FEWEST[kind]} points do.",
+            code="feature.too_few_points",
         )
     root = np.ones(len(places)) if weights is None else np.sqrt(weights)
     centre = np.average(places, axis=0, weights=root**2)
     scale = float(np.abs(places - centre).max())
     if not scale > 0.0:
-        raise InputError(f"All points are the same, so no {kind} fits; give others.")
+        raise InputError(
+            f"All points are the same, so no {kind} fits; give others.", code="feature.one_point"
+        )
     # About their centre and of size 1, so that all parameters weigh alike.
     unit = (places - centre) / scale
     extents = np.linalg.svd(root[:, None] * unit, compute_uv=False)
@@ -146,7 +152,8 @@ def fit_feature(
         lying = "plane" if DIMENSIONS[kind] == 3 else "line"
         raise InputError(
             f"The {len(places):,} points lie on a {lying} and so do not determine a {kind}; give "
-            "others, or another feature."
+            "others, or another feature.",
+            code="feature.undetermined",
         )
     if kind in ("cylinder", "cone"):
         known = None if near is None else near.direction
@@ -169,7 +176,9 @@ def check_kind(kind: str) -> None:
     if kind not in get_args(Kind):
         raise InputError(
             f"There is no feature {kind!r}; use one of {', '.join(get_args(Kind))}, of a region "
-            "such as cylinder:lateral."
+            "such as cylinder:lateral.",
+            code="feature.unknown_kind",
+            argument="feature",
         )
 
 

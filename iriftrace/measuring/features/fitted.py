@@ -24,8 +24,9 @@ from iriftrace.measuring.features.choice import (
     other_surface,
 )
 from iriftrace.measuring.features.fit import FEWEST, Feature, fit_feature
-from iriftrace.measuring.features.outliers import GATE, check_gate, inliers
+from iriftrace.measuring.features.outliers import inliers
 from iriftrace.measuring.features.quantity import DRAWING, Quantity
+from iriftrace.measuring.options import GATE, check_gate
 from iriftrace.part.part import Part
 
 NO_FEATURE = 0.1
@@ -178,14 +179,15 @@ def fit_features(
             if one_line and kind in FOUND_KINDS:
                 raise InputError(
                     f"one line of a laser lies in a plane and determines no {kind}; correct the "
-                    "lines of a whole scan."
+                    "lines of a whole scan.",
+                    code="feature.one_line",
                 )
             chosen = chosen[inliers(gated[chosen], kind, gate, _beside(part, region))]
             _refuse_strip(gated[chosen], kind)
             fits = {name: fit_feature(cloud[chosen], kind) for name, cloud in clouds.items()}
             same = [fit_feature(cloud[chosen], kind) for cloud in members]
         except InputError as error:
-            warn(f"{choice} is left out: {error}")
+            warn(f"{choice} is left out: {error}", argument=error.argument)
             continue
         doubts = (
             _doubt(fit, np.ptp(clouds[name][chosen], axis=0).max(), region, found)
@@ -218,12 +220,15 @@ def _refuse_unmeasured(
     if count < fewest:
         raise InputError(
             f"{count} {'point was' if count == 1 else 'points were'} measured on it, and a "
-            f"{choice.kind} needs at least {fewest}; choose a region that both devices see."
+            f"{choice.kind} needs at least {fewest}; choose a region that both devices see.",
+            code="feature.too_few_points",
         )
     if len(part.region_names) > 1 and choice.region is None:
         raise InputError(
             f"No region of this kind has {FEWEST_MEASURED} measured points; those that have "
-            f"are {', '.join(map(str, found)) or 'none'}."
+            f"are {', '.join(map(str, found)) or 'none'}.",
+            code="feature.no_region",
+            argument="feature",
         )
 
 
@@ -234,7 +239,8 @@ def _refuse_strip(points: FloatArray, kind: str) -> None:
     if across < NARROW * along:
         raise InputError(
             f"its points lie in a strip {along:.3g} mm long and {across:.2g} mm wide, which "
-            "determines no plane; look at it less from the side."
+            "determines no plane; look at it less from the side.",
+            code="feature.strip",
         )
 
 

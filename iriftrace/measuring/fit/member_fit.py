@@ -226,7 +226,8 @@ def member_fit(
     if len(members) < FEWEST:
         warn(
             f"The uncertainty of weights knows only the air between the {len(members)} members; "
-            f"give at least {FEWEST}, such as two speeds of two directions of the draught."
+            f"give at least {FEWEST}, such as two speeds of two directions of the draught.",
+            argument="member",
         )
     covariance = found.covariance(noise)
     fitted = MemberWeights(found.weights, covariance).rows
@@ -257,7 +258,9 @@ def members_in(scene: Scene) -> tuple[FieldMember, ...]:
     if not scene.members:
         raise InputError(
             f"{scene.name} has one field, so there are no weights to fit; make it of several "
-            "states of the air (iriftrace scene --member)."
+            "states of the air.",
+            code="scene.one_field",
+            argument="member",
         )
     return scene.members
 
@@ -267,5 +270,6 @@ def check_count(values: int, members: int, what: str, others: str = "") -> None:
     if values < members:
         raise InputError(
             f"{values:,} {what} are fewer than the {members} members, so their weights cannot be "
-            f"determined{others}; measure more of them, or use fewer members."
+            f"determined{others}; measure more of them, or use fewer members.",
+            code="fit.too_few_values",
         )

@@ -98,7 +98,11 @@ def fit_members(
         There are fewer than four members, or shifts of another sign match far better.
     """
     if noise_px is not None and not noise_px > 0.0:
-        raise InputError(f"The noise is {noise_px:g} px; give a positive number.")
+        raise InputError(
+            f"The noise is {noise_px:g} px; give a positive number.",
+            code="noise.not_positive",
+            argument="noise",
+        )
     pairs = [(scene, shifts), *others]
     views = [_view(ready_scene(one), seen, noise_px, camera_motion) for one, seen in pairs]
     first = views[0]
@@ -186,7 +190,9 @@ def _check_members(first: Scene, other: Scene) -> None:
     if listed[0] != listed[1]:
         raise InputError(
             f"{other.name} has other members than {first.name}, so one fit cannot use both views; "
-            "write both scenes with the same fields in the same order (iriftrace scene --member)."
+            "write both scenes with the same fields in the same order.",
+            code="scene.other_members",
+            argument="member",
         )
 
 
@@ -197,7 +203,8 @@ def _check_in_picture(shifts: MeasuredShift, camera: Camera) -> None:
         raise InputError(
             f"{outside.sum():,} of {len(outside):,} dots in {shifts.path} lie outside the camera's "
             f"picture of {width} x {height} px, so they are shifts from another camera or of a "
-            "scaled picture; give those of the camera in the scene, at its full resolution."
+            "scaled picture; give those of the camera in the scene, at its full resolution.",
+            code="shifts.outside_picture",
         )
 
 
@@ -236,12 +243,15 @@ def _check_dots(dots: dict[str, int], members: int) -> None:
         raise InputError(
             f"{off_board:,} of {measured:,} dots lie next to the board in the scene's camera, "
             "so the shifts are from another camera, or camera or board stand elsewhere; correct "
-            "the scene's camera, or the board's place (--part-transform)."
+            "the scene's camera, or the board's place.",
+            code="shifts.off_board",
+            argument="part_transform",
         )
     if hidden == measured:
         raise InputError(
             f"All {measured:,} dots lie on the hot part or on another blocker, which hides the "
-            "board there; give shifts of dots on the board."
+            "board there; give shifts of dots on the board.",
+            code="shifts.hidden",
         )
     others = f" ({hidden:,} dots are hidden, {off_board:,} next to the board)"
     check_count(usable, members, "dots on the board", others)
@@ -253,5 +263,6 @@ def _check_spread(spread: float, noise: float) -> None:
         raise InputError(
             f"The members' shifts of the dots differ by {spread:.2g} px, less than a tenth of the "
             f"noise of {noise:.2g} px, so weights cannot be determined; a board in front of the "
-            "part or far from its plume sees no hot air: place it behind the part."
+            "part or far from its plume sees no hot air: place it behind the part.",
+            code="fit.indistinct",
         )

@@ -25,7 +25,9 @@ def shift_noise(places: FloatArray, shifts: FloatArray) -> float:
     if len(places) < FEWEST_PLACES:
         raise InputError(
             f"The noise of {len(places)} shifts cannot be estimated from their differences, as it "
-            f"needs {FEWEST_PLACES}; state it (--noise 0.05, in Python noise_px)."
+            f"needs {FEWEST_PLACES}; state it in pixels, such as 0.05.",
+            code="noise.unknown",
+            argument="noise",
         )
     _, near = cKDTree(places).query(places, NEIGHBOURS)
     offset = places[near] - places[:, None]

@@ -47,7 +47,8 @@ def fit_temperatures(scene: Scene, temperatures: AirTemperatures) -> MemberFit:
         raise InputError(
             f"{inside.sum()} of {len(inside)} thermocouples in {temperatures.path} lie inside the "
             "part, where there is no air; give places in mm in the frame of the scene, or leave "
-            "them out."
+            "them out.",
+            code="thermocouples.inside_part",
         )
     states = [state.cells for state in loaded.air.states]
     ambient = states[0].air.temperature_k
@@ -61,7 +62,8 @@ def fit_temperatures(scene: Scene, temperatures: AirTemperatures) -> MemberFit:
         raise InputError(
             f"The members' temperatures differ by {spread:.2g} K at the thermocouples, less than a "
             f"tenth of their uncertainty of {noise:.2g} K, so weights cannot be determined; place "
-            "thermocouples in the plume."
+            "thermocouples in the plume.",
+            code="fit.indistinct",
         )
     found = ShiftMixture((factor * predicted)[:, :, None], (factor * measured)[:, None])
     return member_fit(

@@ -60,7 +60,8 @@ def acceptance(features: Sequence[FittedFeature], part: Part) -> tuple[Acceptanc
     if not errors:
         raise InputError(
             "No region of the part that was measured is a sphere or a plane, so there is nothing "
-            "to test; take a part of `iriftrace part sphere`, `ball-bar` or `plate`."
+            "to test; take a part of `iriftrace part sphere`, `ball-bar` or `plate`.",
+            code="part.no_artefact",
         )
     return tuple(errors)
 

@@ -20,7 +20,7 @@ from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.mesh.triangles import unit_vectors
-from iriftrace.measuring.options import Phase, System
+from iriftrace.measuring.options import NONE_STATED, Phase, Uncertainties
 from iriftrace.measuring.two_devices.correction import (
     Correction,
     CorrectionStatus,
@@ -35,6 +35,7 @@ from iriftrace.part.part import Part
 from iriftrace.tracing.engine import choose
 from iriftrace.tracing.lost import warn_of_lost_points
 from iriftrace.tracing.scene import Scene
+from iriftrace.tracing.second_options import System
 
 REACH_MM = 1.0
 """Largest distance of a point from the part at which it still belongs to the part.
@@ -57,7 +58,6 @@ SAMPLE = 10_000
 PIECE = 1_000_000
 """Number of points that are corrected at a time: 0.6 GB of rays."""
 
-
 ON_PART_MM = 0.02
 """Median distance below which a cloud lies on the part, so that its size is not checked."""
 
@@ -68,7 +68,7 @@ that also holds the table. In a cloud that is not aligned both layers have as ma
 _DOUBTFUL = {
     CorrectionStatus.FAR_FROM_PART: "are far from the part (more than 1 mm) or on its outline and "
     "are not corrected; that is right for a table, clamps and outliers, otherwise align "
-    "the cloud with the part (--cloud-to-part).",
+    "the cloud with the part.",
     CorrectionStatus.UNCERTAIN: "are corrected by the members' mean, which is less than its "
     "uncertainty (u_normal); add members closer to the air, or find their weights with a board "
     "(iriftrace fit).",
@@ -92,7 +92,7 @@ def correct(
     *,
     system: System | None = None,
     phase: Phase | None = None,
-    field_uncertainty: float = 0.0,
+    uncertainties: Uncertainties = NONE_STATED,
     pixels: ArrayLike | None = None,
 ) -> Correction:
     """Remove the refraction error from measured points.
@@ -110,9 +110,9 @@ def correct(
     camera, second, system, phase
         As for `iriftrace.measure`. A laser's sheet is assumed to pass through each point, turned
         about the laser.
-    field_uncertainty : float
-        Relative standard uncertainty of the air's contrast, n - n of the ambient air, to which
-        the correction is proportional: 0.05 for 5 %.
+    uncertainties : Uncertainties
+        Of the field, to whose contrast (n - n of the ambient air) the correction is proportional,
+        and of the part's expansion and temperature.
     pixels : (n, 2) array, px, optional
         Where the camera saw the points, centres of pixels at whole numbers; NaN where that is not
         known. They are compared with the points, see
@@ -122,8 +122,7 @@ def correct(
     ------
     InputError
         As `iriftrace.measure`, and if there are no points, some are not finite, none lies on the
-        part or can be corrected, there are not as many pixels, or the uncertainty is not a
-        fraction.
+        part or can be corrected, there are not as many pixels.
 
     Warns
     -----
@@ -131,7 +130,7 @@ def correct(
         As :func:`iriftrace.tracing.engine.choose`; points do not belong to this part, contradict
         the devices, or lie off the laser's sheet.
     """
-    measured = _checked(points, field_uncertainty)
+    measured = _checked(points)
     seen_at = None if pixels is None else checked_pixels(pixels, len(measured))
     loaded, sensor = sensor_of(scene, camera, second, system, phase)
     near_box, to_part = _near_part(measured, loaded.part)
@@ -172,7 +171,7 @@ def correct(
         normal=loaded.part.surface.normals[face],
         system=sensor.system,
         provenance=provenance,
-        field_uncertainty=field_uncertainty,
+        uncertainties=uncertainties,
         errors=None if weights is None else errors,
         weights=weights,
         to_part=to_part,
@@ -200,20 +199,16 @@ def _in_one_field(
     return error, status, face
 
 
-def _checked(points: ArrayLike, field_uncertainty: float) -> FloatArray:
+def _checked(points: ArrayLike) -> FloatArray:
     """The points (n, 3) of a cloud that can be corrected."""
     measured = np.array(points, dtype=np.float64)
     if measured.ndim != 2 or measured.shape[1:] != (3,) or len(measured) == 0:
         raise InputError(
-            f"The cloud is an array of shape {measured.shape}; give n > 0 points, (n, 3), in mm."
+            f"The cloud is an array of shape {measured.shape}; give n > 0 points, (n, 3), in mm.",
+            code="points.shape",
         )
     if not np.isfinite(measured).all():
-        raise InputError("Some points of the cloud are not finite; leave them out.")
-    if not 0.0 <= field_uncertainty < 1.0:
-        raise InputError(
-            f"The field's uncertainty is {field_uncertainty:g}, but it is a fraction of the air's "
-            "contrast; give one from 0 to 1, such as 0.05 (5 %)."
-        )
+        raise InputError("Some points are not finite; leave them out.", code="points.not_finite")
     return measured
 
 
@@ -230,12 +225,14 @@ def _near_part(measured: FloatArray, part: Part) -> tuple[BoolArray, FloatArray]
     if near <= 0.5 * len(to_part) and near <= MOSTLY_PART * next_to_it:
         larger = larger_than(measured, part)
         if larger is not None:
-            raise InputError(larger.sentence(part.growth))
+            text, argument = larger.remark(part.growth)
+            raise InputError(text, argument=argument, code="cloud.other_size")
         middle = np.median(part.surface.distance(sample_of(measured, SAMPLE)))
         raise InputError(
             f"The cloud lies {middle:.3g} mm from the part (median), so it is another part's, in "
-            "another unit (--length-unit) or another frame (--cloud-to-part), or has other columns "
-            "(--columns); give its points in mm in the frame of the scene."
+            "another unit or frame, or has other columns; give it in mm in the frame of the scene.",
+            code="cloud.off_part",
+            argument="cloud_to_part",
         )
     return near_box, to_part
 
@@ -253,13 +250,14 @@ def _larger(points: FloatArray, part: Part) -> Larger | None:
 def _warn_of_doubtful(status: IntArray, larger: Larger | None, part: Part) -> None:
     """Warn of a cloud of another size, and of many points that cannot belong to this part."""
     if larger is not None:
-        warn(larger.sentence(part.growth))
+        text, argument = larger.remark(part.growth)
+        warn(text, argument=argument)
     for code, sentence in _DOUBTFUL.items():
-        fraction = np.mean(status == code)
+        fraction, far = np.mean(status == code), code == CorrectionStatus.FAR_FROM_PART
         # Points far from a part of another size are not a matter of the alignment.
-        explained = larger is not None and code == CorrectionStatus.FAR_FROM_PART
-        if fraction > MANY and not explained:
-            warn(f"{fraction:.0%} of the points {sentence}")
+        if fraction > MANY and not (far and larger is not None):
+            frame = "cloud_to_part" if far else None
+            warn(f"{fraction:.0%} of the points {sentence}", argument=frame)
     lost = int((status == CorrectionStatus.LOST).sum())
     warn_of_lost_points(lost, len(status), "are not corrected")
 
@@ -271,9 +269,8 @@ def _warn_of_other_sheets(off: FloatArray) -> bool:
     if several:
         warn(
             f"{fraction:.0%} of the points lie off the laser's sheet, by up to {off.max():.3g} mm; "
-            "it is assumed that the sheet was turned and the laser and the camera stood still. If "
-            "the sensor or the part was moved, correct each line by itself with devices where they "
-            "stood then."
+            "it is assumed that the sheet was turned while laser and camera stood still. If the "
+            "sensor or the part was moved, correct each line by itself with its own devices."
         )
     return several
 
@@ -299,8 +296,9 @@ def _refuse_none(status: IntArray, measured: FloatArray, part: Part) -> None:
     raise InputError(
         f"None of the {len(status):,} points can be corrected: {listed}; the cloud is "
         f"{_across(measured):.3g} mm across and the part {_across(part.bounds):.3g} mm: "
-        "check its unit (--length-unit), its frame (--cloud-to-part) and where the scene has "
-        "the devices."
+        "check its unit, its frame and where the scene has the devices.",
+        code="cloud.not_corrected",
+        argument="cloud_to_part",
     )
 
 

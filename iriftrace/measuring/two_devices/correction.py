@@ -20,11 +20,11 @@ from iriftrace.core.units import length_factor
 from iriftrace.io.cloud_write import by_axis, save_cloud
 from iriftrace.io.clouds import Cloud
 from iriftrace.measuring.features.choice import FeatureChoice, on_region
-from iriftrace.measuring.features.drawing import GrowthUncertainty, drawing_cloud
+from iriftrace.measuring.features.drawing import drawing_cloud
 from iriftrace.measuring.features.fitted import FittedFeature, fit_features
-from iriftrace.measuring.features.outliers import GATE
 from iriftrace.measuring.features.quantity import DRAWING, Quantity, Uncertainty
 from iriftrace.measuring.features.relations import Relation, relations
+from iriftrace.measuring.options import GATE, NONE_STATED, Uncertainties
 from iriftrace.measuring.two_devices.larger import Larger
 from iriftrace.measuring.two_devices.statistics import (
     PointStatus,
@@ -124,9 +124,8 @@ class Correction:
     system : str
     provenance : dict
         As in `iriftrace.Scan`.
-    field_uncertainty : float
-        Relative standard uncertainty of the air's contrast, n - n of the ambient air, without the
-        part that comes from unsteady air; 0 if it is not stated.
+    uncertainties : Uncertainties
+        As stated; without the part of the field's that comes from unsteady air.
     errors : (k, n, 3) array or None, mm
         Refraction error by each member of an ensemble, whose weighted mean `error` is; None for
         one field.
@@ -152,7 +151,7 @@ class Correction:
     normal: FloatArray
     system: str
     provenance: JsonObject
-    field_uncertainty: float = 0.0
+    uncertainties: Uncertainties = NONE_STATED
     errors: FloatArray | None = None
     weights: MemberWeights | None = None
     to_part: FloatArray | None = None
@@ -169,9 +168,10 @@ class Correction:
     @property
     def u_contrast(self) -> float:
         """Relative standard uncertainty of the air's contrast with unsteadiness; 0: unknown."""
-        if not self.field_uncertainty:
+        stated = self.uncertainties.field_uncertainty
+        if not stated:
             return 0.0
-        return math.hypot(self.field_uncertainty, self.state.unsteadiness or 0.0)
+        return math.hypot(stated, self.state.unsteadiness or 0.0)
 
     @property
     def u_normal(self) -> FloatArray | None:
@@ -199,17 +199,13 @@ class Correction:
         part: Part,
         choices: Sequence[str | FeatureChoice] = (),
         gate: float | None = GATE,
-        *,
-        u_expansion: float | None = None,
-        u_temperature_k: float | None = None,
     ) -> tuple[FittedFeature, ...]:
         """Features of the corrected points; see `fit_features`.
 
         The clouds are ``"measured"``, ``"corrected"``, and of an expanded part ``"drawing"``, the
         corrected points carried back onto its drawing. Sizes have their uncertainties (that of the
-        air is not known for synthetic air), by the standard uncertainties of the expansion
-        (relative) and of the hot temperature (K) too, and of an ensemble the member by which they
-        are farthest from the mean.
+        air is not known for synthetic air), and of an ensemble the member by which they are
+        farthest from the mean.
         """
         good = self.corrected
         measured, face, points = self.measured[good], self.face[good], self.points[good]
@@ -218,31 +214,22 @@ class Correction:
         line = self.one_line
         fitted = fit_features(clouds, face, part, choices, by_member, gate, one_line=line)
         stays = self.face[~good & (self.face >= 0)]
-        growth = GrowthUncertainty(u_expansion, u_temperature_k)
         return tuple(
             evolve(
                 each,
-                size=self._with_uncertainty(each.size, growth),
+                size=self._with_uncertainty(each.size),
                 not_corrected=int(on_region(each.region, stays, part).sum()),
             )
             for each in fitted
         )
 
-    def relations(
-        self,
-        features: Sequence[FittedFeature],
-        *,
-        u_expansion: float | None = None,
-        u_temperature_k: float | None = None,
-    ) -> tuple[Relation, ...]:
+    def relations(self, features: Sequence[FittedFeature]) -> tuple[Relation, ...]:
         """Distances and angles between `features`, with the same statements."""
-        growth = GrowthUncertainty(u_expansion, u_temperature_k)
         return tuple(
-            evolve(each, value=self._with_uncertainty(each.value, growth))
-            for each in relations(features)
+            evolve(each, value=self._with_uncertainty(each.value)) for each in relations(features)
         )
 
-    def _with_uncertainty(self, value: Quantity, growth: GrowthUncertainty) -> Quantity:
+    def _with_uncertainty(self, value: Quantity) -> Quantity:
         measured, corrected = value.by_cloud["measured"], value.by_cloud["corrected"]
         if measured is None or corrected is None:
             return value
@@ -258,7 +245,9 @@ class Correction:
         }
         if drawn is not None and self.growth is not None:
             angle = value.unit == "deg"
-            sources["expansion"] = growth.of_value(self.growth, corrected, drawn, angle)
+            sources["expansion"] = self.uncertainties.of_growth(
+                self.growth, corrected, drawn, angle
+            )
         known = {name: u for name, u in sources.items() if u is not None}
         parts = dict(sorted(known.items(), key=lambda part: -part[1]))
         missing = tuple(name for name in sources if name not in known)
@@ -304,7 +293,7 @@ class Correction:
             **({} if self.to_part is None else {"to_part_mm": spread(self.to_part)}),
             **({} if self.larger is None else {"larger": asdict(self.larger)}),
             "growth": None if self.growth is None else asdict(self.growth),
-            "field_uncertainty": self.field_uncertainty or None,
+            "field_uncertainty": self.uncertainties.field_uncertainty or None,
             "unsteadiness": self.state.unsteadiness,
         }
 

@@ -95,7 +95,8 @@ def checked_pixels(pixels: ArrayLike, count: int) -> FloatArray:
     if places.shape != (count, 2):
         raise InputError(
             f"The pixels are an array of shape {places.shape}, but there are {count:,} points; "
-            "give the column and row of the camera's picture for each, (n, 2)."
+            "give the column and row of the camera's picture for each, (n, 2).",
+            code="pixels.shape",
         )
     return places
 

@@ -12,19 +12,11 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.mesh.triangles import cross_rows, row_lengths, unit_vectors
 from iriftrace.core.plain import JsonObject
-from iriftrace.measuring.options import Phase, System
+from iriftrace.measuring.options import Phase
 from iriftrace.tracing.provenance import provenance
 from iriftrace.tracing.scene import Scene, ready_scene
+from iriftrace.tracing.second_options import SYSTEM_OF_DEVICE, System
 from iriftrace.tracing.viewpoint import refuse_one_place
-
-SYSTEM_OF_DEVICE: dict[str, System] = {
-    "camera_2": "stereo",
-    "projector": "fringe",
-    "laser": "laser",
-}
-"""Kind of sensor by the id of the scene's second device."""
-
-DEVICE_OF_SYSTEM = {system: device for device, system in SYSTEM_OF_DEVICE.items()}
 
 
 @frozen(eq=False)
@@ -80,17 +72,24 @@ def sensor_of(
     if second is None:
         raise InputError(
             f"{loaded.name} has no second device, so there is nothing to triangulate with; write "
-            "it with one (iriftrace scene --second X,Y,Z), or give second=Camera(...) from Python."
+            "it with one, or give second=Camera(...).",
+            code="devices.no_second",
+            argument="second",
         )
     if system is None:
         system = SYSTEM_OF_DEVICE.get(loaded.second_id, "stereo")
     for value, kinds, what in ((system, System, "system"), (phase, Phase, "phase")):
         if value is not None and value not in get_args(kinds):
-            raise InputError(f"There is no {what} {value!r}; use {' or '.join(get_args(kinds))}.")
+            raise InputError(
+                f"There is no {what} {value!r}; use {' or '.join(get_args(kinds))}.",
+                code="devices.unknown_name",
+                argument=what,
+            )
     if "orthographic" in (camera.projection, second.projection):
         raise InputError(
             "A device with parallel rays has no place from which to triangulate; give both devices "
-            "a focal length."
+            "a focal length.",
+            code="camera.parallel_rays",
         )
     refuse_one_place(camera, second)
     return loaded, Sensor.of(camera, second, system, phase)

@@ -45,8 +45,8 @@ class Larger:
     left_mm: float  # median distance from the part after the best fit with a scale
     rigid_mm: float  # the same without one
 
-    def sentence(self, growth: Growth | None) -> str:
-        """What it means for a part whose expansion is known or not, and what to do."""
+    def remark(self, growth: Growth | None) -> tuple[str, str]:
+        """A sentence for a part whose expansion is known or not, and the argument that helps."""
         by = self.scale - 1.0
         grown = growth or STEEL
         hot_k = grown.hot_k + by * grown.factor / grown.expansion
@@ -58,12 +58,12 @@ class Larger:
             f" (a scale leaves {1e3 * self.left_mm:.3g} um of {1e3 * self.rigid_mm:.3g} um, median)"
         )
         if not grown.reference_k < hot_k < HOTTEST_K:
-            return f"{text}; check the part and the unit of the cloud (--length-unit)."
-        hot = f'--expansion {1e6 * grown.expansion:g}e-6/K --hot-temperature "{_celsius(hot_k)}"'
+            return f"{text}; check the part and the unit of the cloud.", "length_unit"
         what = "it" if growth is not None else "steel"
         return (
             f"{text}, as {what} is at {_celsius(hot_k)}: unless it was made that large, make the "
-            f"scene with {hot}."
+            f"scene with an expansion of {1e6 * grown.expansion:g}e-6/K and this hot temperature.",
+            "hot_temperature",
         )
 
 

@@ -23,7 +23,7 @@ from iriftrace.core.errors import InputError, warn
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.mesh.triangles import row_lengths
 from iriftrace.image.aov_image import Status
-from iriftrace.measuring.options import Phase, System
+from iriftrace.measuring.options import Phase
 from iriftrace.measuring.two_devices.devices import Sensor, provenance_of_two, sensor_of
 from iriftrace.measuring.two_devices.scan import Scan, ScanStatus
 from iriftrace.measuring.two_devices.two_points import lines_of_sight
@@ -32,6 +32,7 @@ from iriftrace.tracing.engine import choose
 from iriftrace.tracing.lost import warn_of_lost_points
 from iriftrace.tracing.rays import traced_as_chosen
 from iriftrace.tracing.scene import Scene
+from iriftrace.tracing.second_options import System
 
 LEAST_ANGLE = math.radians(1.0)
 """Angle below which a warning is issued: the intersection moves 57 times as far as the lines."""
@@ -107,7 +108,9 @@ def _together(scans: Sequence[Scan], weights: MemberWeights) -> Scan:
     if not kept.any():
         raise InputError(
             "No point is measured in the air of every member of the ensemble; point both devices "
-            "at the same side, or measure one member (-D member=1)."
+            "at the same side, or measure one member (member=1).",
+            code="devices.nothing_common",
+            argument="define",
         )
     # Row by row of the picture, in the order of the points of each scan.
     rows = [np.cumsum(scan.status == ScanStatus.MEASURED)[kept] - 1 for scan in scans]
@@ -146,7 +149,7 @@ def _scan(scene: Scene, sensor: Sensor) -> Scan:
     good = good[np.argsort(lit.pixel[numbers[good]])]
     kept = numbers[good]
     if len(kept) == 0:
-        raise InputError(_nothing_in_common(lit.outcome, codes))
+        raise _nothing_in_common(lit.outcome, codes)
     lines = lit.direction[kept], direction[good]
     a, b = reversed(lines) if sheet else lines
     points, gap = sensor.triangulated(a, b)
@@ -194,7 +197,7 @@ def _lit_points(scene: Scene, forward: Camera, *, sheet: bool) -> _Lit:
     status = np.full(len(towards), ScanStatus.NOT_SEEN, dtype=np.int64)
     pixels, number = pixels[towards], number[towards]
     if len(pixels) == 0:
-        raise InputError(_nothing_in_common(np.empty(0, np.int64), np.empty(0, np.int64)))
+        raise _nothing_in_common(np.empty(0, np.int64), np.empty(0, np.int64))
     origin, direction = forward.rays(pixels)
     hits = traced_as_chosen(
         scene, origin, direction, focus_mm=forward.focus_mm, coherent=True, trace_all=False
@@ -242,18 +245,20 @@ def _seen_by(
     return codes, numbers, lines.direction
 
 
-def _nothing_in_common(forward: IntArray, solved: IntArray) -> str:
-    """Why no point is measured, from the outcomes of the rays of both devices."""
+def _nothing_in_common(forward: IntArray, solved: IntArray) -> InputError:
+    """The error that no point is measured, from the outcomes of the rays of both devices."""
     blurred = (forward == Status.OUT_OF_FOCUS).sum() + (solved == ScanStatus.OUT_OF_FOCUS).sum()
     if blurred > 0.5 * len(forward):
-        return (
+        return InputError(
             "The two devices see no point of the part in common, as most of what they see is out "
-            "of focus; move them, or change focus_near and focus_far (iriftrace scene --focus "
-            "NEAR:FAR)."
+            "of focus; move them, or change focus_near and focus_far.",
+            code="devices.out_of_focus",
+            argument="focus",
         )
-    return (
+    return InputError(
         "The two devices see no point of the part in common; point both at the same side, where no "
-        "other object hides it."
+        "other object hides it.",
+        code="devices.nothing_common",
     )
 
 
