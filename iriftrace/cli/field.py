@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from cyclopts import App
 
 from iriftrace.cli import checks
 from iriftrace.cli.console import command_line, print_table, say, working
+from iriftrace.cli.groups import group
 from iriftrace.cli.options import Output
 from iriftrace.cli.reading import AirOptions, FieldReading, PartReading, read_part, words_of
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import ZERO_CELSIUS_K, Length, Temperature, Vector
+from iriftrace.flow.synthetic.options import STANDARD, WALL, SyntheticOptions
 from iriftrace.io.reading import AS_DRAWN, AS_STATED, ReadPart
 from iriftrace.medium.air.refractivity import Air
 
 if TYPE_CHECKING:
     from iriftrace.part.part import Part
     from iriftrace.part.uneven_growth import Temperatures
-
-AMBIENT = Air().temperature_k
 
 _COLOURS = {"good": "green", "doubtful": "yellow", "bad": "red", "-": "dim"}
 
@@ -145,20 +145,14 @@ def check(
         say(f"Numbers in {output}")
 
 
+Synthetic = Annotated[SyntheticOptions, group(SyntheticOptions)]
+
+
 def synthetic(
     part: Path,
     *,
     output: Output,
-    wall_temperature: Temperature | None = None,
-    region_temperature: list[str] | None = None,
-    transition: Length | None = None,
-    ambient: Temperature = AMBIENT,
-    boundary_layer: Length | None = None,
-    plume: float = 0.8,
-    cell_size: Length | None = None,
-    sides: Length | None = None,
-    height: Length | None = None,
-    gradient: bool = False,
+    options: Synthetic = STANDARD,
     part_reading: PartReading = AS_DRAWN,
 ) -> None:
     """Write a synthetic boundary layer and plume around a part: formulas, not a simulation.
@@ -177,29 +171,6 @@ def synthetic(
         The part's mesh (.ply .stl .obj .glb ...), closed.
     output
         The field's file, .vtu: mm, array T in K.
-    wall_temperature
-        Temperature of the part; by default --hot-temperature, else 1100 degC.
-    region_temperature
-        Another temperature for a region of the part, NAME=TEMPERATURE, or for all that match a
-        pattern, "plane -x*=900 degC"; repeatable.
-    transition
-        Width over which one wall temperature changes into another; by default the boundary
-        layer's thickness.
-    ambient
-        Temperature of the room.
-    boundary_layer
-        Thickness of the boundary layer; by default that of laminar convection at the part's size.
-    plume
-        Excess temperature of the plume above the part's top, as a fraction of the wall's; 0 for
-        none.
-    cell_size
-        Size of the cells at the wall; by default a fifth of the boundary layer.
-    sides
-        Air next to and below the part; by default as far as it is warm.
-    height
-        Air above the part, above which the plume is cut off.
-    gradient
-        Add the analytic gradient as array grad_T, K/mm.
     """
     from iriftrace.flow.synthetic.field import write_synthetic_field
     from iriftrace.flow.synthetic.mesh import usual_mesh
@@ -208,19 +179,23 @@ def synthetic(
 
     checks.inputs(part)
     checks.output(output, "field.vtu")
-    wall_k, regions = part_reading.hot.wall(wall_temperature, region_temperature)
+    wall_k, regions = part_reading.hot.wall(
+        options.wall_temperature, options.region_temperature
+    )
     air = synthetic_air(
         read_part(part, part_reading),
-        wall_k=1100.0 + ZERO_CELSIUS_K if wall_k is None else wall_k,
-        ambient_k=ambient,
-        boundary_layer_mm=boundary_layer,
-        plume=plume,
+        wall_k=WALL if wall_k is None else wall_k,
+        ambient_k=options.ambient,
+        boundary_layer_mm=options.boundary_layer,
+        plume=options.plume,
         regions=region_temperatures(regions or (), "region_temperature"),
-        transition_mm=transition,
+        transition_mm=options.transition,
     )
-    size = usual_mesh(air, cell_mm=cell_size, sides_mm=sides, height_mm=height)
+    size = usual_mesh(
+        air, cell_mm=options.cell_size, sides_mm=options.sides, height_mm=options.height
+    )
     with working("Meshing the air"):
-        grid = write_synthetic_field(output, air, size, gradient=gradient)
+        grid = write_synthetic_field(output, air, size, gradient=options.gradient)
     temperature = np.asarray(grid.point_data["T"])
     say(air.origin)
     say(
@@ -228,7 +203,7 @@ def synthetic(
         f"air {size.sides_mm:.3g} mm next to and below the part and {size.height_mm:.3g} mm above"
     )
     say(f"  T from {temperature.min():.6g} K to {temperature.max():.6g} K")
-    say(f"Field in {output}; now run:  {scene_command(output, part, ambient, part_reading)}")
+    say(f"Field in {output}; now run:  {scene_command(output, part, options.ambient, part_reading)}")
 
 
 def scene_command(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from iriftrace.cli import checks
 from iriftrace.cli.console import command_line, out, print_table, say, working
@@ -27,6 +27,7 @@ from iriftrace.io.reading import AS_DRAWN, AS_STATED, ReadField, ReadPart
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.shells.options import STANDARD, ShellOptions
 from iriftrace.tracing.camera_options import USUAL
+from iriftrace.tracing.options import GRADIENT, SCALE, Normals
 from iriftrace.tracing.second_options import NO_RIG, NO_SECOND, devices_of
 
 if TYPE_CHECKING:
@@ -102,7 +103,7 @@ def scene(
     member: list[Path] | None = None,
     blocker: list[Path] | None = None,
     blocker_length_unit: str | None = None,
-    normals: Literal["gradient", "facet"] = "gradient",
+    normals: Normals = GRADIENT,
     air: AirOptions = Air(),
     reading: FieldReading = AS_STATED,
     shell_options: Shells = STANDARD,
@@ -110,7 +111,7 @@ def scene(
     camera_options: CameraDescription = USUAL,
     second_options: Second = NO_SECOND,
     stereo_options: Rig = NO_RIG,
-    scale: Scale = 0.5,
+    scale: Scale = SCALE,
 ) -> None:
     """Make a complete scene folder of field, part and camera, which ``iriftrace render`` runs.
 
@@ -164,7 +165,9 @@ def scene(
         """Temperatures of the wall of the first state, by which the part expands."""
         if not states:
             raise InputError(
-                '--hot-temperature is "field", but iso-surfaces have no wall; give a temperature.'
+                '--hot-temperature is "field", but iso-surfaces have no wall; give a temperature.',
+                code="part.no_field",
+                argument="hot_temperature",
             )
         first = states[0]
         volume = read_field(first.path, reading, air=air, member=first.index, part=cold)
@@ -175,7 +178,9 @@ def scene(
     if reading.isosurfaces and member:
         raise InputError(
             "An ensemble is made of volume fields, from which the shells of all members are cut in "
-            "the same manner; leave out --isosurfaces or --member."
+            "the same manner; leave out --isosurfaces or --member.",
+            code="field.isosurfaces",
+            argument="isosurfaces",
         )
     place = devices_of(camera_options, second_options, stereo_options, measured, say)
     wall_k = part_reading.hot.single

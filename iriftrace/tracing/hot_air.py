@@ -17,6 +17,7 @@ from iriftrace.io.field_npz import load_field_file
 from iriftrace.medium.path_data import FieldCells, cells_of
 from iriftrace.medium.shells.options import STANDARD
 from iriftrace.medium.source import FieldSource
+from iriftrace.tracing.options import GRADIENT
 
 if TYPE_CHECKING:
     from iriftrace.medium.index_field import IndexField
@@ -185,7 +186,7 @@ class HotAir:
         shells: ShellStack | None = None,
         labels: Sequence[str] = (),
         weights: Sequence[float] | MemberWeights = (),
-        normals: str = "gradient",
+        normals: str = GRADIENT,
         notes: Mapping[str, str] | None = None,
         wall_temperature_k: float | None = None,
     ) -> None:
@@ -265,7 +266,7 @@ class HotAir:
         cls,
         states: Sequence[AirState],
         *,
-        normals: str = "gradient",
+        normals: str = GRADIENT,
         notes: Mapping[str, str] | None = None,
         wall_temperature_k: float | None = None,
     ) -> HotAir:
