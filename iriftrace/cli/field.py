@@ -14,7 +14,7 @@ from iriftrace.cli.groups import group
 from iriftrace.cli.options import Output
 from iriftrace.cli.reading import AirOptions, FieldReading, PartReading, read_part, words_of
 from iriftrace.core.errors import InputError
-from iriftrace.core.units import ZERO_CELSIUS_K, Length, Temperature, Vector
+from iriftrace.core.units import Length, Temperature, Vector
 from iriftrace.flow.synthetic.options import STANDARD, WALL, SyntheticOptions
 from iriftrace.io.reading import AS_DRAWN, AS_STATED, ReadPart
 from iriftrace.medium.air.refractivity import Air
@@ -179,9 +179,7 @@ def synthetic(
 
     checks.inputs(part)
     checks.output(output, "field.vtu")
-    wall_k, regions = part_reading.hot.wall(
-        options.wall_temperature, options.region_temperature
-    )
+    wall_k, regions = part_reading.hot.wall(options.wall_temperature, options.region_temperature)
     air = synthetic_air(
         read_part(part, part_reading),
         wall_k=WALL if wall_k is None else wall_k,
@@ -203,7 +201,9 @@ def synthetic(
         f"air {size.sides_mm:.3g} mm next to and below the part and {size.height_mm:.3g} mm above"
     )
     say(f"  T from {temperature.min():.6g} K to {temperature.max():.6g} K")
-    say(f"Field in {output}; now run:  {scene_command(output, part, options.ambient, part_reading)}")
+    say(
+        f"Field in {output}; now run:  {scene_command(output, part, options.ambient, part_reading)}"
+    )
 
 
 def scene_command(

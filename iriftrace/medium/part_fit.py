@@ -56,7 +56,7 @@ and a single stray vertex of a part slows the computation."""
 MOST_DATA_LARGER = 500.0
 """Data over part if the data have no inner wall to compare; air is 3 to 20 times as large."""
 
-_OF_BLOCKER = "give it hot and in place, as the scene of its own has it (SCENE/part.ply)."
+_OF_BLOCKER = "give it hot and in place, as SCENE/part.ply of its own scene."
 
 _TURNS = (
     "",
@@ -130,8 +130,8 @@ def refuse_expanded_board(field: IndexField, part: Part, blockers: Sequence[Part
     if hot is not part:
         raise InputError(
             f"{part.path} stands apart from the hot air around the blocker {hot.path}, so it is a "
-            "board that stays cold; leave out its expansion, and give the hot part as the scene of "
-            "its own has it (SCENE/part.ply).",
+            "board that stays cold; give the hot part as SCENE/part.ply of its own scene, and this "
+            "one without expansion.",
             code="part.expanded_board",
             argument="expansion",
         )

@@ -14,8 +14,8 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
 from iriftrace.medium.shells.stack import ShellStack
 from iriftrace.part.part import Part
-from iriftrace.tracing.options import GRADIENT, SCALE
 from iriftrace.tracing.objects import iso_shell_indices, lookat
+from iriftrace.tracing.options import GRADIENT, SCALE
 
 PART_FILE = "part.ply"
 BLOCKER_FILE = "blocker_{}.ply"

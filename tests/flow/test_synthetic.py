@@ -294,8 +294,9 @@ def test_a_part_in_another_unit_is_refused() -> None:
     """Air of the wrong size around a part of the wrong size would show nothing of it."""
     part = PARTS["cylinder"]
     metres = part_of_mesh(part.vertices / 1000.0, part.faces, name="metres.stl")
-    with pytest.raises(InputError, match=r"metres\.stl is 0\.03.*--length-unit m"):
+    with pytest.raises(InputError, match=r"metres\.stl is 0\.03") as refused:
         synthetic_air(metres)
+    assert (refused.value.code, refused.value.argument) == ("part.unlikely_size", "length_unit")
 
 
 def test_open_parts_and_endless_meshes_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -101,7 +101,7 @@ def _with(values: float | None, name: str = "T"):
         (lambda p: [p.write_text("T 20"), p][1], "f.vtu", {}, "no volume cells|cannot be read"),
         (_with(None, "p"), "f.vtu", {}, "its arrays are p"),
         (_with(None), "f.vtu", {"array": "Q"}, "no array 'Q'.*it has T"),
-        (_with(None, "Q"), "f.vtu", {"array": "Q"}, "state it as `quantity`"),
+        (_with(None, "Q"), "f.vtu", {"array": "Q"}, "as `quantity`"),
         (_with(None), "f.vtu", {"quantity": "heat"}, "'heat' is not a quantity"),
         (_with(None), "f.vtu", {"quantity": "density"}, "no array named as density"),
         (_with(np.inf), "f.vtu", {}, "not a finite number at 1 of 27"),

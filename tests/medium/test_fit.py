@@ -96,7 +96,7 @@ def test_a_unit_that_was_given_by_mistake_is_taken_back(hot_box: IndexField) -> 
     """The field was read in metres, so that everything but one corner is far from the part."""
     source = evolve(hot_box.source, length_unit="m")
     part = box_part(centre=tuple(HALF - 1e-3 * HALF), half=1e-3 * HALF)
-    with pytest.raises(InputError, match="times as large .* field's length unit mm") as refused:
+    with pytest.raises(InputError, match=r"times as large .* field's length unit mm") as refused:
         fit_part_to_field(evolve(hot_box, source=source), part)
     assert refused.value.argument == "field_length_unit"
 
@@ -129,7 +129,7 @@ def test_a_field_in_another_unit_than_its_file_states_is_scaled(
 
 def test_a_part_in_metres_beside_a_field_that_states_metres(hot_box: IndexField) -> None:
     source = evolve(hot_box.source, length_unit="m", unit_stated=True)
-    with pytest.raises(InputError, match="with the part's length unit m[. ]") as refused:
+    with pytest.raises(InputError, match=r"with the part's length unit m[. ]") as refused:
         fit_part_to_field(evolve(hot_box, source=source), box_part(half=HALF * 1e-3))
     assert refused.value.argument == "length_unit"
 

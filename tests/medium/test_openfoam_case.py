@@ -132,8 +132,8 @@ def test_initial_values_are_warned_of(case: Path) -> None:
 @pytest.mark.parametrize(
     ("names", "array", "words"),
     [
-        (("T", "TMean"), "T", r"'T', which is used, of one moment.*--array TMean"),
-        (("T", "TMean", "rhoMean"), "T", r"--array rhoMean"),
+        (("T", "TMean"), "T", r"'T', which is used, of one moment.*use 'TMean'"),
+        (("T", "TMean", "rhoMean"), "T", "use 'rhoMean'"),
         (("TMean", "TPrime2Mean"), "TMean", r"'TMean' .* is an average over time.*density"),
         (("TMean", "rhoMean"), "rhoMean", ""),
     ],

@@ -101,10 +101,11 @@ def test_messages_say_what_to_give_in_python(folder: Path, tmp_path: Path) -> No
     with pytest.warns(IriftraceWarning, match=r"temperature_k=293\.[12]\) if"):
         field = iriftrace.read_field(folder / "air.vtu", air=iriftrace.Air(temperature_k=350.0))
     assert field.air.temperature_k == 350.0
-    with pytest.warns(IriftraceWarning, match=r"unlikely.* check length_unit \(--length-unit\)"):
+    with pytest.warns(IriftraceWarning, match=r"unlikely.* check length_unit"):
         large = iriftrace.read_part(folder / "block.stl", iriftrace.ReadPart(length_unit="m"))
-    with pytest.raises(InputError, match="in Python length_unit and transform of read_part"):
+    with pytest.raises(InputError, match="with the part's length unit mm") as refused:
         Scene(large, HotAir(field), CAMERA).save(tmp_path / "scene.xml")
+    assert (refused.value.code, refused.value.argument) == ("field.not_at_part", "length_unit")
 
 
 def test_ready_made_shells_need_no_field(folder: Path, tmp_path: Path) -> None:

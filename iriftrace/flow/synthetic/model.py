@@ -16,8 +16,8 @@ from scipy.special import erf
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.mesh.query import Surface
-from iriftrace.medium.air.thermophysics import reference_temperature
 from iriftrace.flow.synthetic.options import STANDARD, WALL
+from iriftrace.medium.air.thermophysics import reference_temperature
 from iriftrace.part.part import Part, refuse_unlikely_size
 from iriftrace.part.region_choice import values_by_region
 from iriftrace.part.wall_temperature import WallTemperatures, wall_temperature_gradient
