@@ -82,6 +82,7 @@ def simulate(
     write_only
         Write the case and stop; the same command without this option runs it.
     """
+    from iriftrace.flow.simulate.case import natural_case
     from iriftrace.flow.simulate.programs import find_openfoam
     from iriftrace.flow.simulate.simulate import check_solver, prepare
     from iriftrace.flow.simulate.simulate import simulate as run
@@ -96,10 +97,9 @@ def simulate(
             {"--field": field, "--write-only": write_only or None},
             "is for one field, but --draughts makes a family; leave one of them out.",
         )
-        if workers.address is not None:
-            from iriftrace.sweep.workers import check_scheduler
+        from iriftrace.sweep.workers import check_scheduler
 
-            check_scheduler(workers.address, workers.workers)
+        check_scheduler(workers.address, workers.workers)
     else:
         refuse_given(
             {"--scheduler": workers.scheduler, "--workers": workers.workers},
@@ -127,7 +127,7 @@ def simulate(
         files = [output / member.file for member in members]
         say(f"Family written; now run:  {next_scene(files, part, simulation, hot)}")
         return
-    case = case_of(measured, simulation, draught=wind.single())
+    case = natural_case(measured, simulation, draught=wind.single())
     _print_case(case)
     there = prepare(case, output)
     if installation is None:
@@ -140,29 +140,6 @@ def simulate(
     with simulation_progress() as display:
         result = run(case, output, target, installation, display)
     _print_simulation(result, part, hot, simulation)
-
-
-def case_of(
-    part: Part,
-    simulation: SimulationOptions,
-    *,
-    draught: Draught | None = None,
-    mirrors: str | None = None,
-    family: tuple[Draught, ...] = (),
-) -> Case:
-    """The case that options describe in a draught; its mesh is fine enough for its family."""
-    from iriftrace.flow.simulate.case import natural_case
-
-    bodies = simulation.bodies(part.length_unit)
-    return natural_case(
-        part,
-        simulation.wall(),
-        simulation,
-        mirrors=mirrors,
-        draught=draught,
-        bodies=bodies,
-        family=family,
-    )
 
 
 def _words(wall: WallTemperatures) -> list[str]:
@@ -274,7 +251,7 @@ def family_cases(
     part: Part, simulation: SimulationOptions, wind: DraughtOptions
 ) -> tuple[tuple[Member, ...], dict[str, Case]]:
     """Members of a family, and the case of each by name."""
-    from iriftrace.flow.simulate.case import symmetric_case
+    from iriftrace.flow.simulate.case import natural_case, symmetric_case
     from iriftrace.flow.simulate.family import plan_family
 
     if simulation.snapshots:
@@ -284,19 +261,19 @@ def family_cases(
             code="options.snapshots_of_family",
         )
     # Refuses planes that the part does not have before leaving out those through which air blows.
-    still = case_of(part, simulation)
+    still = natural_case(part, simulation)
     members = plan_family(wind, simulation.mirrors, symmetric_case(still))
     sharing: dict[str, list[Draught]] = {}
     for member in members:
         if member.draught is not None and member.solved:
             sharing.setdefault(member.planes, []).append(member.draught)
     cases = {
-        member.name: case_of(
+        member.name: natural_case(
             part,
             simulation,
             draught=member.draught,
             mirrors=member.planes,
-            family=tuple(sharing.get(member.planes, ())),
+            family=sharing.get(member.planes, ()),
         )
         for member in members
     }

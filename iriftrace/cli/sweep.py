@@ -79,8 +79,7 @@ def sweep(
     if export is not None:
         check_table(export)
     checks.output(surface, "part.vtp", ".vtu")
-    if scheduler is not None:
-        check_scheduler(scheduler, workers.workers)
+    check_scheduler(scheduler, workers.workers)
     loaded = [load(scene, trace) for scene in scenes]
     checks.inputs(orbit.hand_eye, orbit.base_to_part)
     poses = orbit.pose_sets(loaded[0])

@@ -80,7 +80,7 @@ class Kelvins(float):
             kelvins = math.nan
         if not 0.0 <= kelvins < 1000.0:
             raise InputError(
-                f'"{value}" is not a difference of temperatures; write it like 10 K.',
+                f'"{value}" is none; give a temperature difference such as 10 K.',
                 code="units.no_difference",
             )
         return super().__new__(cls, kelvins)

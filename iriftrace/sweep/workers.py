@@ -70,12 +70,14 @@ _one_at_a_time = threading.Lock()
 _loaded: dict[str, Scene] = {}
 
 
-def check_scheduler(scheduler: str, count: int | None = None) -> None:
+def check_scheduler(scheduler: str | None, count: int | None = None) -> None:
     """Refuse a scheduler that is neither ``"local"`` nor an address before starting the work.
 
     Also raises InputError if `count` workers are requested that it cannot start; SetupError if Dask
     distributed is not installed.
     """
+    if scheduler is None:
+        return
     if scheduler != LOCAL and not _ADDRESS.fullmatch(scheduler):
         raise InputError(
             f"The scheduler {scheduler!r} is not an address; give local, or what `dask scheduler` "

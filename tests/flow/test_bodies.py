@@ -23,7 +23,6 @@ from iriftrace.io.bodies import bodies_beside
 from iriftrace.io.field import read_field
 from iriftrace.medium.source import FieldFacts
 from iriftrace.part.part import Part
-from iriftrace.part.wall_temperature import WallTemperatures
 from validation.inputs import hot_block
 from validation.inputs.parts import part_from
 
@@ -40,14 +39,8 @@ SUPPORT = block("support", (20.0, 40.0, 30.0), (-40.0, -3.0, -20.0))
 
 
 def with_bodies(part: Part, *bodies: Body, draught: Draught | None = None, **options: Any) -> Case:
-    wall = WallTemperatures(1373.15)
-    return natural_case(
-        part,
-        wall,
-        SimulationOptions(resolution="coarse", **options),
-        draught=draught,
-        bodies=bodies,
-    )
+    asked = SimulationOptions(wall_temperature="1100 degC", resolution="coarse", **options)
+    return natural_case(part, asked, draught=draught, bodies=bodies)
 
 
 def test_bodies_and_floor_are_walls(cylinder: Part, tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from iriftrace.core.errors import InputError
-from iriftrace.flow.simulate.case import RECORD, Case, natural_case
+from iriftrace.flow.simulate.case import RECORD, STANDARD, Case, natural_case
 from iriftrace.flow.simulate.case_files import write_case
 from iriftrace.flow.simulate.draught import SLOWEST_RISE, Draught, draught_from, leans
 from iriftrace.flow.simulate.options import SimulationOptions
@@ -30,7 +30,7 @@ def wind(speed: float, *source: float) -> Draught:
 
 
 def windy(part: Part, draught: Draught | None, mirrors: str = "") -> Case:
-    return natural_case(part, WALL, COARSE, draught=draught, mirrors=mirrors)
+    return natural_case(part, COARSE, wall=WALL, draught=draught, mirrors=mirrors)
 
 
 @pytest.mark.parametrize(
@@ -137,7 +137,7 @@ def test_mesh_is_fine_where_winds_lean_the_plume(cylinder: Part) -> None:
     """The fine solution at 0.15 m/s has the plume at y = -18, -41 mm, 80 and 160 mm up."""
     family = wind(0.05, 90.0), wind(0.15, 90.0)
     still, alone, member = (
-        natural_case(cylinder, WALL, draught=own, family=others)
+        natural_case(cylinder, STANDARD, wall=WALL, draught=own, family=others)
         for own, others in ((None, ()), (family[1], ()), (None, family))
     )
     fine = still.domain.boxes[-1].level

@@ -29,7 +29,7 @@ Family = tuple[tuple[Member, ...], dict[str, Case]]
 """Members, and the case of each by name."""
 
 
-COARSE = SimulationOptions(resolution="coarse")
+COARSE = SimulationOptions(wall_temperature="1100 degC", resolution="coarse")
 
 
 def wind(
@@ -117,7 +117,7 @@ def test_what_is_no_family_is_refused(
 
 
 def test_symmetry_needs_the_wall_temperatures_too(cylinder: Part) -> None:
-    case = natural_case(cylinder, WallTemperatures(1373.15), COARSE)
+    case = natural_case(cylinder, COARSE)
     assert symmetric_case(case) == "xy"
     assert symmetric_case(evolve(case, wall=WallTemperatures(1e3, {"head +x": 723.15}))) == "y"
 
@@ -126,10 +126,8 @@ def test_symmetry_needs_the_wall_temperatures_too(cylinder: Part) -> None:
 def family(cylinder: Part) -> Family:
     """Still air and two speeds from two opposite sides."""
     members = plan_family(wind((0.0, 0.1, 0.2), (90.0, 270.0)), "x", "xy")
-    wall = WallTemperatures(1373.15)
     cases = {
-        m.name: natural_case(cylinder, wall, COARSE, draught=m.draught, mirrors=m.planes)
-        for m in members
+        m.name: natural_case(cylinder, COARSE, draught=m.draught, mirrors=m.planes) for m in members
     }
     return members, cases
 

@@ -115,7 +115,7 @@ def test_surface_of_a_finite_element_solution(cylinder: Part, tmp_path: Path, su
 def test_case_has_the_temperatures_of_the_file(cylinder: Part, tmp_path: Path) -> None:
     """The hottest sets the time, the ramp spoils the symmetry along x, a mirror is refused."""
     wall = measured_wall(read_measured_wall(table(cylinder, tmp_path / "t.csv", "x,y,z,T [K]")))
-    case = natural_case(cylinder, wall, COARSE, mirrors="y")
+    case = natural_case(cylinder, COARSE, wall=wall, mirrors="y")
     assert isinstance(case, Case)
     assert case.wall.hottest == pytest.approx(ramp(cylinder.face_centres).max())
     assert wall_temperature(wall, cylinder, cylinder.face_centres) == pytest.approx(
@@ -124,7 +124,7 @@ def test_case_has_the_temperatures_of_the_file(cylinder: Part, tmp_path: Path) -
     assert symmetric_case(case) == "y"
     assert case.record()["wall_from"]["sha256"] == wall.measured.sha256  # type: ignore[union-attr]
     with pytest.raises(InputError, match="not symmetric about x"):
-        natural_case(cylinder, wall, COARSE, mirrors="x")
+        natural_case(cylinder, COARSE, wall=wall, mirrors="x")
 
 
 def test_faces_far_from_any_point_are_named(cylinder: Part) -> None:

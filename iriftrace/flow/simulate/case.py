@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -133,20 +134,21 @@ class Case:
 
 def natural_case(
     part: Part,
-    wall: WallTemperatures,
-    options: SimulationOptions = STANDARD,
+    options: SimulationOptions,
     *,
     mirrors: str | None = None,
     draught: Draught | None = None,
-    bodies: tuple[Body, ...] = (),
-    family: tuple[Draught, ...] = (),
+    family: Sequence[Draught] = (),
+    wall: WallTemperatures | None = None,
+    bodies: Sequence[Body] | None = None,
 ) -> Case:
     """Case of a part in air, with mesh and times that suit its size and temperature.
 
-    Regions of the `wall` may be patterns. The field is mirrored as the options say unless `mirrors`
-    says otherwise. Raises InputError if it cannot be simulated.
+    Planes of symmetry, wall and bodies are those of the options unless given. The mesh is also fine
+    enough for the draughts of a `family`. Raises InputError if it cannot be simulated.
     """
     refuse_unlikely_size(part)
+    wall = options.wall() if wall is None else wall
     wall = evolve(wall, regions=values_by_region(part, wall.regions))
     wall.check(part, options.ambient)
     extents = np.ptp(part.bounds, axis=0)
@@ -156,7 +158,8 @@ def natural_case(
     times = natural_times(options, float(extents.max()), wall.hottest, crossing)
     size = mesh_size(options.resolution, extents, options.background_cell)
     planes = options.mirrors if mirrors is None else mirrors
-    return Case(part, wall, size, times, options, planes, draught, bodies, family)
+    others = options.bodies(part.length_unit) if bodies is None else bodies
+    return Case(part, wall, size, times, options, planes, draught, tuple(others), tuple(family))
 
 
 def is_stored(case: Case, folder: Path) -> bool:
