@@ -118,9 +118,10 @@ def check(
         )
         if stored is not None:
             say(f"Wall temperatures that are not given are those of {folder / RECORD}.")
-            wall_temperature = stored.default if wall_temperature is None else wall_temperature
+            if wall_temperature is None:
+                wall_temperature = Temperature(stored.default)
             regions = stored.regions | regions
-            transition = stored.transition if transition is None else transition
+            transition = Length(stored.transition) if transition is None else transition
         result = checked(
             volume,
             measured,

@@ -138,7 +138,11 @@ class CameraOptions:
             return None
         self.refuse_intrinsics()
         given = self.calibration_length_unit
-        unit = None if given is None else length_factor(given)
+        try:
+            unit = None if given is None else length_factor(given)
+        except InputError as error:
+            name = "calibration_length_unit"
+            raise InputError(str(error), code=error.code, argument=name) from error
         found = read_calibration(self.calibration, length_mm=unit)
         if found.matrix is None and found.views and self.origin is None and self.target is None:
             warn(

@@ -79,12 +79,15 @@ WRONG = {
         ("--ambient '-300 degC'", "-300 degC"),
     ],
     "scene {field} {part} -o out/scene.xml --layers=2 --origin=60,-45,70": [
-        ("--system=stereo", "--system is of a second device, and there is none"),
-        ("--second-pixel-size='5 um'", "--second-pixel-size is of a second device"),
+        ("--system=stereo", "`system` is of a second device, and there is none"),
+        ("--second-pixel-size='5 um'", "`second_pixel_size` is of a second device"),
         ("--second=60,-45,70", "Both devices stand at one place"),
         ("--second=7,0,0", r"The second device at \[7.0, 0.0, 0.0\] mm stands in the hot air"),
         ("--second=1,0,0", r"The second device at \[1.0, 0.0, 0.0\] mm stands in the part"),
-        ("--second=75,-20,70 --second-pixel-size='5 um'", "belongs to --second-calibration"),
+        (
+            "--second=75,-20,70 --second-pixel-size='5 um'",
+            "belongs to a calibration of the second device",
+        ),
         ("--second-calibration=none.yaml", "--second-pixel-size"),
     ],
     "scene": [
