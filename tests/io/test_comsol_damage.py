@@ -53,7 +53,7 @@ def row(number: int, new: str) -> Edit:
 
 
 SPREADSHEET = {
-    "no unit": (swap("T (K)", "T"), "does not say in which unit 'T' is.*--temperature-unit"),
+    "no unit": (swap("T (K)", "T"), "does not say in which unit 'T' is"),
     "unit of another kind": (swap("(K)", "(V)"), "unit 'V', which is not a unit of temperature"),
     "unknown unit": (swap("(K)", "(Kelvins)"), "'Kelvins', which is not a unit"),
     "unknown unit of length": (swap(" mm", " furlong"), "'furlong' is not a length unit"),
