@@ -53,6 +53,8 @@ from .io.part_files import save_part as save_part
 from .io.poses import from_convention as from_convention
 from .io.poses import read_poses as read_poses
 from .io.poses import to_convention as to_convention
+from .io.reading import ReadField as ReadField
+from .io.reading import ReadPart as ReadPart
 from .io.shells import load_shells as load_shells
 from .io.surface import write_surface as write_surface
 from .measuring.comparison import Comparison as Comparison
@@ -80,6 +82,8 @@ from .medium.index_field import IndexField as IndexField
 from .medium.part_fit import Fit as Fit
 from .medium.part_fit import fit_part_to_field as fit_part_to_field
 from .medium.shells.contour import contour_shells as contour_shells
+from .medium.shells.contour import cut_shells as cut_shells
+from .medium.shells.options import ShellOptions as ShellOptions
 from .medium.shells.report import ShellReport as ShellReport
 from .medium.shells.report import report_shells as report_shells
 from .medium.shells.stack import Shell as Shell

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from iriftrace.cli import checks
 from iriftrace.cli.console import drawn, say, working
-from iriftrace.cli.groups import group, read_as_word
+from iriftrace.cli.groups import group
 from iriftrace.cli.measure import Devices
-from iriftrace.cli.options import Flag, Output
+from iriftrace.cli.options import Flag, Output, read_as_word
 from iriftrace.cli.trace_options import Tracing, load
 from iriftrace.core.errors import InputError
 from iriftrace.measuring.options import NONE_STATED, USUAL, Kelvins, Uncertainties

@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
     from iriftrace.camera.pose import PoseText
     from iriftrace.core.arrays import FloatArray
-    from iriftrace.measuring.options import System
     from iriftrace.planning.cover import ViewSet
     from iriftrace.planning.criteria import Views
     from iriftrace.planning.pairs import PairPlan
     from iriftrace.planning.refine import PairRefinement, Refinement
     from iriftrace.planning.summary import SweepSummary
     from iriftrace.planning.texts import RankingTable
+    from iriftrace.tracing.second_options import System
 
 
 def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
@@ -155,7 +155,7 @@ def _print_pair(
     names: Iterable[str], matrices: FloatArray, distances_mm: FloatArray, system: System
 ) -> None:
     """Print both poses of a pair, and how to simulate their measurement."""
-    from iriftrace.measuring.two_devices.devices import DEVICE_OF_SYSTEM
+    from iriftrace.tracing.second_options import DEVICE_OF_SYSTEM
 
     sensors = ("the first sensor", f'the second sensor (id="{DEVICE_OF_SYSTEM[system]}")')
     _print_devices(map(placed, names, matrices, distances_mm, sensors))

@@ -15,6 +15,7 @@ from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import FileOrigin
 from iriftrace.image.displacement import NORM, Component
+from iriftrace.io.reading import ReadPart
 from iriftrace.planning.criteria import SHOWN, STANDARD
 
 if TYPE_CHECKING:
@@ -137,7 +138,7 @@ def _shown(file: Path, length_unit: str | None) -> tuple[Any, FieldSource | None
     if suffix in _MESHES:
         from iriftrace.io.part_files import read_part
 
-        return read_part(file, length_unit=length_unit), None
+        return read_part(file, ReadPart(length_unit=length_unit)), None
     if suffix == ".xml":
         from iriftrace.tracing.load import load_scene
 

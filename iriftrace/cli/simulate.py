@@ -15,13 +15,16 @@ from rich.progress import BarColumn, Progress, TimeElapsedColumn
 from iriftrace.cli import checks
 from iriftrace.cli.console import notes, say, say_finding, stating_kept
 from iriftrace.cli.field import scene_command
-from iriftrace.cli.field_options import AirOptions, PartOptions
-from iriftrace.cli.groups import group, read_as_word
-from iriftrace.cli.options import FIELD, Flag, Output, celsius, refuse_given
+from iriftrace.cli.groups import group
+from iriftrace.cli.options import Flag, Output, read_as_word, refuse_given
+from iriftrace.cli.reading import PartReading, read_part
 from iriftrace.core.errors import InputError, SetupError, warn
 from iriftrace.core.plain import JsonObject
-from iriftrace.core.units import ZERO_CELSIUS_K
+from iriftrace.core.units import ZERO_CELSIUS_K, Temperature
 from iriftrace.flow.simulate.options import DraughtOptions, SimulationOptions, Speeds
+from iriftrace.io.reading import AS_DRAWN, ReadPart
+from iriftrace.medium.air.refractivity import Air
+from iriftrace.part.hot_temperature import FIELD
 from iriftrace.sweep.options import NO_WORKERS, Workers
 
 if TYPE_CHECKING:
@@ -49,7 +52,7 @@ def simulate(
     simulation: Simulating = SimulationOptions(),
     wind: Wind = DraughtOptions(),
     workers: WorkersOfFamily = NO_WORKERS,
-    part_options: PartOptions = PartOptions(),
+    part_reading: PartReading = AS_DRAWN,
     field: Path | None = None,
     write_only: Flag = False,
 ) -> None:
@@ -107,7 +110,7 @@ def simulate(
         # Before anything is written: a case cannot be used if no solver is installed.
         installation = find_openfoam()
         check_solver(installation)
-    hot = part_options
+    hot = part_reading
     if simulation.wall_temperature_from is None:
         kelvin, regions = hot.hot.wall(simulation.wall_temperature, simulation.region_temperature)
         simulation = evolve(simulation, wall_temperature=kelvin, region_temperature=regions)
@@ -116,7 +119,7 @@ def simulate(
         # It has expanded according to the temperature of its wall.
         hot = evolve(hot, hot_temperature=_words(wall))
     known = wall.measured
-    measured = hot.read(part, None if known is None else lambda _: known.at)
+    measured = read_part(part, hot, None if known is None else lambda _: known.at)
     if family and installation is not None:
         members, cases = family_cases(measured, simulation, wind)
         _print_case(cases[members[0].name])
@@ -143,7 +146,8 @@ def _words(wall: WallTemperatures) -> list[str]:
     """The part's hot temperatures as users write them, from the wall that is simulated."""
     if wall.measured is not None:
         return [FIELD]
-    return [celsius(wall.default), *(f"{name}={celsius(k)}" for name, k in wall.regions.items())]
+    regions = (f"{name}={Temperature(kelvin)}" for name, kelvin in wall.regions.items())
+    return [str(Temperature(wall.default)), *regions]
 
 
 def doctor() -> None:
@@ -211,7 +215,7 @@ def _print_wall(case: Case) -> None:
 
 
 def _print_simulation(
-    result: Simulation, part: Path, part_options: PartOptions, simulation: SimulationOptions
+    result: Simulation, part: Path, reading: ReadPart, simulation: SimulationOptions
 ) -> None:
     runs = f" ({result.all_seconds:.0f} s in all its runs)"
     say(
@@ -230,17 +234,17 @@ def _print_simulation(
     if result.snapshots:
         listed = result.field.with_name(f"{result.field.stem}_snapshots.pvd")
         say(f"{len(result.snapshots)} snapshots: {listed}")
-    say(f"Field written; now run:  {next_scene([result.field], part, simulation, part_options)}")
+    say(f"Field written; now run:  {next_scene([result.field], part, simulation, reading)}")
 
 
 def next_scene(
-    fields: Sequence[Path], part: Path, simulation: SimulationOptions, part_options: PartOptions
+    fields: Sequence[Path], part: Path, simulation: SimulationOptions, reading: ReadPart
 ) -> str:
     """The command that makes a scene of simulated fields, in the air of the simulation."""
     more = [word for file in fields[1:] for word in ("--member", str(file))]
-    if simulation.pressure != AirOptions().pressure:
+    if simulation.pressure != Air().pressure_pa:
         more += ["--pressure", f"{simulation.pressure:.10g} Pa"]
-    return scene_command(fields[0], part, simulation.ambient, part_options, *more)
+    return scene_command(fields[0], part, simulation.ambient, reading, *more)
 
 
 def family_cases(

@@ -10,11 +10,11 @@ from attrs.converters import optional as if_given
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import Fraction
+from iriftrace.tracing.second_options import System
 
 if TYPE_CHECKING:
     from iriftrace.part.growth import Growth
 
-System = Literal["stereo", "fringe", "laser"]
 Phase = Literal["columns", "rows", "both"]
 Picture = Literal["cold", "hot"]
 

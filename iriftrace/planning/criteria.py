@@ -13,7 +13,7 @@ from attrs.validators import optional
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import Angle, Interval, LengthWithUnit
-from iriftrace.measuring.options import System
+from iriftrace.tracing.second_options import System
 
 METRICS = ("displacement", "coverage", "axial", "lateral")
 """Names of the metrics; a larger coverage is better, smaller values of the others are."""

@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from attrs import field, frozen
 from attrs.converters import optional as if_given
 
 from iriftrace.core.engines import Engine, engine_named
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import Wavelength
+
+Normals = Literal["gradient", "facet"]
+
+GRADIENT: Normals = "gradient"
+"""Normals of shells: those of the field's gradient, as by default."""
+
+SCALE = 0.5
+"""Default factor on a scene's resolution."""
 
 
 @frozen

@@ -107,13 +107,13 @@ GIVEN = "--calibration={file} --pixel-size=3um"
 WRONG = [
     ("--calibration={file}", "--pixel-size"),
     ("--calibration={file} --pixel-size=0", "Pixel size is 0.*--pixel-size"),
-    ("--pixel-size=3um", "belongs to --calibration"),
+    ("--pixel-size=3um", "belongs to a calibration"),
     ("--calibration=gone.yaml --pixel-size=3um", "gone.yaml"),
-    (f"{GIVEN} --focal-length=8mm", "--focal-length.*leave one"),
-    (f"{GIVEN} --distortion=0,0,0,0", "--distortion.*leave one"),
-    (f"{GIVEN} --calibration-length-unit=furlong", "--calibration-length-unit.*furlong"),
+    (f"{GIVEN} --focal-length=8mm", "leave one .*--focal-length"),
+    (f"{GIVEN} --distortion=0,0,0,0", "leave one .*--distortion"),
+    (f"{GIVEN} --calibration-length-unit=furlong", "furlong.*--calibration-length-unit"),
     ("--distortion=1,2,3", "3 coefficients"),
-    ("--distortion=a,b,c,d", "4 numbers"),
+    ("--distortion=a,b,c,d", "numbers separated by .*--distortion"),
     ("--distortion=-3,0,0,0", "turns back inside the picture"),
 ]
 

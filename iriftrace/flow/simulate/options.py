@@ -12,6 +12,7 @@ from attrs.converters import optional as if_given
 from iriftrace.core.errors import InputError, refuse_given
 from iriftrace.core.units import Duration, Length, Numbers, Pressure, Speed, Temperature
 from iriftrace.flow.simulate.draught import Draught, draught_from
+from iriftrace.io.reading import ReadPart
 
 if TYPE_CHECKING:
     from iriftrace.flow.simulate.bodies import Body
@@ -183,7 +184,7 @@ class SimulationOptions:
         if len(kelvins) == 1:
             kelvins *= len(files)
         return tuple(
-            Body(read_part(file, length_unit=length_unit), kelvin)
+            Body(read_part(file, ReadPart(length_unit=length_unit)), kelvin)
             for file, kelvin in zip(files, kelvins, strict=True)
         )
 

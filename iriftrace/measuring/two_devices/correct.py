@@ -20,7 +20,7 @@ from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.mesh.triangles import unit_vectors
-from iriftrace.measuring.options import NONE_STATED, Phase, System, Uncertainties
+from iriftrace.measuring.options import NONE_STATED, Phase, Uncertainties
 from iriftrace.measuring.two_devices.correction import (
     Correction,
     CorrectionStatus,
@@ -35,6 +35,7 @@ from iriftrace.part.part import Part
 from iriftrace.tracing.engine import choose
 from iriftrace.tracing.lost import warn_of_lost_points
 from iriftrace.tracing.scene import Scene
+from iriftrace.tracing.second_options import System
 
 REACH_MM = 1.0
 """Largest distance of a point from the part at which it still belongs to the part.
