@@ -30,7 +30,7 @@ class IriftraceError(Exception):
         Name of the argument or field of a class that is wrong, or with which to mend it.
     """
 
-    def __init__(self, text: str, *, code: str = "", argument: str | None = None) -> None:
+    def __init__(self, text: str, *, code: str, argument: str | None = None) -> None:
         super().__init__(text)
         self.code = code
         self.argument = argument
