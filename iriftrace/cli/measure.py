@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from cyclopts import Parameter
 
 from iriftrace.cli import checks
 from iriftrace.cli.console import drawn, say, working
-from iriftrace.cli.options import Flag, Output, numbers, word_parameter
-from iriftrace.cli.trace_options import TraceOptions
+from iriftrace.cli.groups import group
+from iriftrace.cli.options import Flag, Output
+from iriftrace.cli.trace_options import Tracing, load
 from iriftrace.core.engines import engine_named
 from iriftrace.core.units import counted
+from iriftrace.measuring.options import USUAL, MeasureOptions
+from iriftrace.tracing.options import AS_STATED
 
 if TYPE_CHECKING:
     from iriftrace.measuring.two_devices.scan import Scan
@@ -26,55 +29,17 @@ _USUAL = 0.999
 _FAR = 3.0
 """Ratio of these errors from which a comparison is advised; it changes no number."""
 
-System = Annotated[
-    Literal["stereo", "fringe", "laser"] | None,
-    Parameter(help="Kind of sensor; by default that of the id of the scene's second sensor."),
-]
-Phase = Annotated[
-    Literal["columns", "rows", "both"] | None,
-    Parameter(
-        help="Lines of the projector that a fringe system measures by; by default those that run "
-        "more across the direction to the camera."
-    ),
-]
-Features = Annotated[
-    list[str] | None,
-    Parameter(
-        name="--feature",
-        help='Feature to fit: "cylinder:lateral", or "cylinder" for all regions that are one; '
-        "repeatable. By default all regions that are planes, cylinders, cones or spheres.",
-    ),
-]
-
-
-def _read_gate(text: str, option: str) -> float | None:
-    from iriftrace.measuring.features.outliers import check_gate
-
-    gate = None if text.strip().lower() == "none" else numbers(text, 1, option)[0]
-    check_gate(gate)
-    return gate
-
-
-Gate = Annotated[
-    float | None,
-    word_parameter("NUMBER|none", _read_gate),
-    Parameter(
-        help="Points farther from a fitted feature than this many robust standard deviations are "
-        "left out as outliers; none fits all points."
-    ),
-]
+Devices = Annotated[MeasureOptions, group(MeasureOptions, gate=Parameter(metavar="NUMBER|none"))]
+"""Options of two devices and of fitted features: the same for measure and correct."""
 
 
 def measure(
     scene: Path,
     *,
     output: Output = Path("scan.vtp"),
-    system: System = None,
-    phase: Phase = None,
-    feature: Features = None,
-    gate: Gate = 3.5,
+    devices: Devices = USUAL,
     acceptance: Flag = False,
-    trace: TraceOptions = TraceOptions(),
+    trace: Tracing = AS_STATED,
     figures: bool = True,
 ) -> None:
     """Simulate what two devices measure of the part through hot air: a cloud and its errors.
@@ -100,20 +65,18 @@ def measure(
     checks.scenes(scene)
     checks.cloud_output(output, "scan.vtp")
     checks.numbers(output, "iriftrace.scan")
-    loaded = trace.load(scene)
+    loaded = load(scene, trace)
     checks.kept(output, loaded.part.path)
-    write_scan(loaded, output, system, phase, feature, acceptance, figures, gate)
+    write_scan(loaded, output, devices, acceptance=acceptance, figures=figures)
 
 
 def write_scan(
     loaded: Scene,
     output: Path,
-    system: System = None,
-    phase: Phase = None,
-    feature: Features = None,
+    devices: MeasureOptions = USUAL,
+    *,
     acceptance: bool = False,
     figures: bool = True,
-    gate: float | None = 3.5,
 ) -> None:
     """Simulate the measurement of a scene's two devices, write its files and print results."""
     from iriftrace.cli.triangulation_text import (
@@ -129,10 +92,10 @@ def write_scan(
     from iriftrace.measuring.two_devices.acceptance import acceptance as accepted
     from iriftrace.measuring.two_devices.measure import measure as simulate
 
-    choices = checked_choices(feature or (), loaded.part)
+    choices = checked_choices(devices.feature or (), loaded.part)
     with working("Measuring"):
-        scan = simulate(loaded, system=system, phase=phase)
-    features = scan.features(loaded.part, choices, gate)
+        scan = simulate(loaded, system=devices.system, phase=devices.phase)
+    features = scan.features(loaded.part, choices, devices.gate)
     errors = accepted(features, loaded.part) if acceptance else ()
     regions = scan.regions(loaded.part)
     related = scan.relations(features)
@@ -148,7 +111,7 @@ def write_scan(
     say_group(rows, "field")
     say("Files: " + ", ".join(map(str, files)))
     _say_far_points(scan)
-    say_features(rows, "cold", gate)
+    say_features(rows, "cold", devices.gate)
     say_relations(rows, "cold")
     print_regions(rows, "Error along the normal by region")
     for tested in errors:

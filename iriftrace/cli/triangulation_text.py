@@ -1,4 +1,4 @@
-"""What ``measure`` and ``correct`` print of the facts of their results."""
+"""The facts of results of ``measure`` and ``correct``, as they print them."""
 
 from __future__ import annotations
 

@@ -9,12 +9,12 @@ from attrs import frozen
 
 from iriftrace.core.plain import JsonObject, structured
 from iriftrace.core.units import ZERO_CELSIUS_K, counted
+from iriftrace.figures.answer import answer
 from iriftrace.figures.describe import origin_text
 from iriftrace.measuring.features.fitted import cone_place
 from iriftrace.measuring.features.quantity import DRAWING, Quantity
 from iriftrace.measuring.two_devices import correction, scan
 from iriftrace.measuring.two_devices.statistics import RegionValues
-from iriftrace.medium.source import stated_source, synthetic_mark
 from iriftrace.tracing.hot_air import OUTSIDE
 
 TRUE_CLOUDS = {scan.SCHEMA: "cold", correction.SCHEMA: "corrected"}
@@ -46,7 +46,8 @@ class Row:
     Attributes
     ----------
     group : str
-        "points", "answer", "field", "larger", "uncertainty", "feature", "planes", "region", "note".
+        "points", "answer", "points moved", "result", "warning", "field", "larger", "feature",
+        "planes", "region", "note".
     value : str
         The value with its unit, or a sentence without full stop.
     name : str
@@ -77,10 +78,13 @@ def describe(values: JsonObject, places: Mapping[str | None, str] | None = None)
     rows += _field(values)
     for feature in values["features"]:
         rows += _feature(feature, true, at, named)
+        name = f"Diameter of {feature['kind']} {named.get(feature['region'], feature['region'])}"
+        rows += _result(name, feature, at)
     for relation in values.get("relations", ()):
         pair = " and ".join(named.get(region, region) for region in relation["regions"])
         of = f"{relation['kind'].capitalize()} of {pair}"
         rows += (Row("planes", text, name, of) for name, text in _value(relation, true, at))
+        rows += _result(of, relation, at)
     return rows + _regions(structured(values.get("regions", ()), tuple[RegionValues, ...]), named)
 
 
@@ -126,10 +130,25 @@ def _measured(values: JsonObject) -> Iterator[Row]:
     return (Row("answer", sentence) for sentence in said)
 
 
+def _result(name: str, row: JsonObject, at: str) -> Iterator[Row]:
+    """Value, U and verdict of a feature or relation."""
+    place = f"{at[0].lower()}{at[1:]}" if at else ""
+    return (Row("result", line) for line in answer(name, Quantity.of(row), place))
+
+
 def _corrected(values: JsonObject) -> Iterator[Row]:
     counts, to_part, u = values["points"], values.get("to_part_mm"), values.get("u_normal_mm")
     moved = f"{counts['corrected']:,} of {counts['measured']:,} points are corrected, by"
     yield Row("answer", f"{moved} {_spread(values['error_mm'])}")
+    others = [
+        f"{count:,} {_OUTCOMES[key]}"
+        for key, count in counts.items()
+        if count and key in _OUTCOMES and key != "uncertain"
+    ]
+    left = f"; as measured stay {', '.join(others)}" if others else ""
+    yield Row("points moved", f"{moved} {_spread(values['error_mm'])}{left}")
+    if OUTSIDE in values["assumptions"]:
+        yield Row("warning", str(values["assumptions"][OUTSIDE]).removesuffix("."))
     if to_part is not None:
         yield Row("answer", f"As measured, the cloud lies {_spread(to_part)} from the part")
     if larger := values.get("larger"):
@@ -140,13 +159,6 @@ def _corrected(values: JsonObject) -> Iterator[Row]:
         yield Row(
             "answer", f"Standard uncertainty of the correction along the normal: {_spread(u)}"
         )
-        unseen = "Systematic errors of the sensor, the shells and the mesh"
-        yield Row("answer", f"{unseen} are not included in U")
-    unknown = "The air's part of U is not known, because"
-    if any(map(synthetic_mark, map(stated_source, _fields(values)))):
-        yield Row("uncertainty", f"{unknown} the air is synthetic")
-    elif u is None:
-        yield Row("uncertainty", f"{unknown} the uncertainty of the field is not")
 
 
 def _fields(values: JsonObject) -> list[JsonObject | None]:

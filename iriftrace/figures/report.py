@@ -22,7 +22,8 @@ from iriftrace.figures.sweep import sweep_charts, sweep_pictures
 from iriftrace.image.resolution import FRONTAL
 from iriftrace.planning import texts
 from iriftrace.planning.candidates import name_of as metric_name
-from iriftrace.planning.cover import NO_LIMITS, ViewLimits, plan_views
+from iriftrace.planning.cover import plan_views
+from iriftrace.planning.criteria import SHOWN, Views
 from iriftrace.planning.stability import stability
 from iriftrace.sweep.store import attribute, origin_of
 
@@ -120,9 +121,8 @@ def write_report(
     dataset: xr.Dataset,
     summary: SweepSummary,
     *,
-    top: int = 10,
-    views: int | None = None,
-    limits: ViewLimits = NO_LIMITS,
+    top: int = SHOWN,
+    views: Views | None = None,
 ) -> tuple[str, ...]:
     """Write the report of a sweep as one HTML file.
 
@@ -134,7 +134,7 @@ def write_report(
         The sweep's dataset and summary.
     top
         Rows of the ranking.
-    views, limits
+    views
         Number of poses that together see the most, and limits within which they must see a face.
 
     Returns
@@ -149,7 +149,7 @@ def write_report(
     """
     figures, missing = sweep_pictures(dataset, summary)
     figures = sweep_charts(summary) | figures
-    page = sweep_page(dataset, summary, figures, missing, top=top, views=views, limits=limits)
+    page = sweep_page(dataset, summary, figures, missing, top=top, views=views)
     page.write(path, origin_of(dataset))
     return missing
 
@@ -160,9 +160,8 @@ def sweep_page(
     figures: Mapping[str, Figure],
     missing: Iterable[str] = (),
     *,
-    top: int = 10,
-    views: int | None = None,
-    limits: ViewLimits = NO_LIMITS,
+    top: int = SHOWN,
+    views: Views | None = None,
 ) -> Page:
     """The page of a sweep with these figures; parameters as of `write_report`."""
     plan, error = summary.plan, texts.in_words(summary.displacement)
@@ -196,10 +195,10 @@ def sweep_page(
         page.add("lines", *pose.xml, title=in_file)
 
     if views is not None:
-        chosen = plan_views(dataset, views, limits, plan.criteria)
+        chosen = plan_views(dataset, views, plan.criteria)
         table = texts.views_table(summary, chosen)
         page.section("views", "Several views")
-        page.add("text", f"{texts.views_title(summary, limits)}.")
+        page.add("text", f"{texts.views_title(summary, views)}.")
         page.add("numbers", *table.rows, headings=table.headings)
         page.add("text", texts.views_text(summary, chosen))
 

@@ -1,4 +1,4 @@
-"""What is stated of a measurement or correction, from values written by hand."""
+"""The facts of a measurement or correction in words, from values written by hand."""
 
 from typing import Any
 
