@@ -106,6 +106,8 @@ from .sweep.store import read_sweep as read_sweep
 from .sweep.sweep import SweepOptions as SweepOptions
 from .sweep.sweep import run_sweep as run_sweep
 from .sweep.workers import pose_workers as pose_workers
+from .tracing.aperture import ApertureEffect as ApertureEffect
+from .tracing.aperture import aperture_effect as aperture_effect
 from .tracing.from_mitsuba import from_mitsuba as from_mitsuba
 from .tracing.hot_air import HotAir as HotAir
 from .tracing.load import load_scene as load_scene

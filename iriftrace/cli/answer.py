@@ -20,7 +20,8 @@ Stated = Annotated[
     Parameter(
         name="--uncertainty",
         help='Standard uncertainties of the inputs, "wall 10 K, ambient 2 K, pressure 2 hPa, '
-        'sensor 8 um"; further ones: air and mesh (fractions of the air\'s effect, "5 %"), '
+        'sensor 8 um"; further ones: air, mesh and numerics (fractions of the air\'s effect, '
+        '"5 %"), '
         "humidity, expansion (a fraction), part (K), other (a length).",
     ),
 ]
@@ -104,6 +105,7 @@ INFLUENCES: Mapping[str, str] = {
     "ambient": "ambient",
     "pressure": "pressure",
     "mesh": "mesh and model of the flow",
+    "numerics": "numerics",
     "humidity": "humidity",
     "sensor": "sensor",
     "expansion, part": "growth of the part",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from cyclopts import App
@@ -11,9 +12,22 @@ from cyclopts import App
 from iriftrace.cli import checks
 from iriftrace.cli.console import command_line, print_table, say, working
 from iriftrace.cli.field_options import FieldOptions, PartOptions
-from iriftrace.cli.options import Length, Output, Temperature, Vector, celsius, region_temperatures
+from iriftrace.cli.options import (
+    Length,
+    Output,
+    Temperature,
+    Vector,
+    Whole,
+    celsius,
+    region_temperatures,
+)
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import ZERO_CELSIUS_K
+
+if TYPE_CHECKING:
+    from iriftrace.flow.check.finding import FieldCheck
+    from iriftrace.measuring.uncertainty.known_air import KnownAir
+    from iriftrace.medium.index_field import IndexField
 
 _COLOURS = {"good": "green", "doubtful": "yellow", "bad": "red", "-": "dim"}
 
@@ -40,6 +54,8 @@ def check(
     transition: Length | None = None,
     diameter: Length | None = None,
     origin: Vector | None = None,
+    known: Path | None = None,
+    layers: Whole = 13,
     field_options: FieldOptions = FieldOptions(),
     part_options: PartOptions = PartOptions(),
 ) -> None:
@@ -76,9 +92,15 @@ def check(
     origin
         Camera position, "x,y,z" in mm; also reports how much of its view enters hot air at the edge
         of the data.
+    known
+        Scene (.xml) of this field, whose camera sees a formula's boundary layer and plume on the
+        field's mesh; reports the errors of both engines against exact rays through the formula.
+    layers
+        Number of shells for that.
     """
     checks.fields(field)
     checks.inputs(part)
+    checks.scenes(known)
     checks.output(output, "check.json")
     if field_options.isosurfaces:
         raise InputError(
@@ -128,9 +150,48 @@ def check(
     print_table(f"{field.name}: {result.verdict}", headings, rows, texts=headings)
     if result.field["origin"]:
         say(f"Field: {result.field['origin']}.")
+    errors = None if known is None else _known_air(result, volume, known, layers)
     if output is not None:
-        result.save(output)
+        result.save(output, None if errors is None else errors.as_dict())
         say(f"Numbers in {output}")
+
+
+def _known_air(result: FieldCheck, volume: IndexField, path: Path, layers: int) -> KnownAir:
+    """Trace a formula's air with the wall's temperature and layer of a checked field; print it."""
+    from iriftrace.flow.synthetic.model import synthetic_air
+    from iriftrace.measuring.uncertainty.known_air import known_air
+    from iriftrace.tracing.load import load_scene
+
+    with working("Tracing known air"):
+        scene = load_scene(path)
+        air = synthetic_air(
+            scene.part,
+            wall_k=result.number("wall temperature", "median_k"),
+            ambient_k=volume.air.temperature_k,
+            # The formula's layer is twice as thick as its slope at the wall says.
+            boundary_layer_mm=2.0 * result.number("boundary layer", "layer_mm"),
+        )
+        found = known_air(scene, volume, air.at, layers=layers)
+    names = {"shells": f"{layers} shells", "cells": "cells"}
+    print_table(
+        "Known air on this mesh: errors of the displacement",
+        ("pixels", "engine", "rays", "displacement (um)", "median", "95th percentile"),
+        [
+            (
+                one.pixels,
+                names[one.engine],
+                one.rays,
+                f"{1e3 * one.displacement_median_mm:.3g}",
+                f"{one.median:.2%}",
+                f"{one.p95:.2%}",
+            )
+            for one in found.errors
+        ],
+        texts=["pixels", "engine"],
+    )
+    stated = ", ".join(f'"numerics {100 * u:.2g} %" ({names[e]})' for e, u in found.numerics.items())
+    say(f"For a budget: --uncertainty {stated}.")
+    return found
 
 
 def synthetic(

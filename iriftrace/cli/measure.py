@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
+from attrs import evolve
 from cyclopts import Parameter
 
 from iriftrace.cli import checks
+from iriftrace.cli.aperture_options import ApertureOptions, say_effects
 from iriftrace.cli.console import drawn, say, working
 from iriftrace.cli.options import Flag, Output, numbers, word_parameter
 from iriftrace.cli.trace_options import TraceOptions
@@ -17,6 +19,7 @@ from iriftrace.core.engines import engine_named
 from iriftrace.core.units import counted
 
 if TYPE_CHECKING:
+    from iriftrace.core.plain import JsonObject
     from iriftrace.measuring.two_devices.scan import Scan
     from iriftrace.tracing.scene import Scene
 
@@ -76,6 +79,7 @@ def measure(
     acceptance: Flag = False,
     trace: TraceOptions = TraceOptions(),
     figures: bool = True,
+    aperture_options: ApertureOptions = ApertureOptions(),
 ) -> None:
     """Simulate what two devices measure of the part through hot air: a cloud and its errors.
 
@@ -102,7 +106,12 @@ def measure(
     checks.numbers(output, "iriftrace.scan")
     loaded = trace.load(scene)
     checks.kept(output, loaded.part.path)
-    write_scan(loaded, output, system, phase, feature, acceptance, figures, gate)
+    devices = {"camera": loaded.camera}
+    if loaded.second is not None and loaded.second_id != "laser":
+        devices[loaded.second_id] = loaded.second
+    effects = aperture_options.effects(loaded, devices)
+    write_scan(loaded, output, system, phase, feature, acceptance, figures, gate, effects)
+    say_effects(effects)
 
 
 def write_scan(
@@ -114,6 +123,7 @@ def write_scan(
     acceptance: bool = False,
     figures: bool = True,
     gate: float | None = 3.5,
+    aperture: JsonObject | None = None,
 ) -> None:
     """Simulate the measurement of a scene's two devices, write its files and print results."""
     from iriftrace.cli.triangulation_text import (
@@ -132,6 +142,8 @@ def write_scan(
     choices = checked_choices(feature or (), loaded.part)
     with working("Measuring"):
         scan = simulate(loaded, system=system, phase=phase)
+    if aperture:
+        scan = evolve(scan, provenance={**scan.provenance, "aperture": aperture})
     features = scan.features(loaded.part, choices, gate)
     errors = accepted(features, loaded.part) if acceptance else ()
     regions = scan.regions(loaded.part)

@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Literal
 from attrs import evolve
 
 from iriftrace.cli import checks
+from iriftrace.cli.aperture_options import ApertureOptions, say_effects
 from iriftrace.cli.console import command_line, say, working
 from iriftrace.cli.options import LightOf, Output
 from iriftrace.cli.trace_options import Statuses, TraceOptions, check_light, statuses
 from iriftrace.core.errors import warn
 
 if TYPE_CHECKING:
+    from iriftrace.core.plain import JsonObject
     from iriftrace.tracing.render import Rendering
     from iriftrace.tracing.scene import Scene
 
@@ -33,6 +35,7 @@ def render(
     surface: Path | None = None,
     rgb: Literal["displacement", "shift", "refracted"] | None = None,
     include: Statuses = None,
+    aperture_options: ApertureOptions = ApertureOptions(),
 ) -> None:
     """Trace a scene: AOV EXR, metrics JSON and displacement picture.
 
@@ -67,10 +70,12 @@ def render(
     used = statuses(include)
     loaded = trace.load(scene)
     checks.kept(surface, loaded.part.path)
-    rendering, files = _render(loaded, exr, used, figures, rgb)
+    effects = aperture_options.effects(loaded, {"camera": loaded.camera})
+    rendering, files = _render(loaded, exr, used, figures, rgb, effects.get("camera"))
     if surface is not None:
         write_surface(surface, rendering.image, loaded.part)
         files.append(surface)
+    say_effects(effects)
     _print_rendering(rendering, loaded, files)
 
 
@@ -162,12 +167,14 @@ def _render(
     include: tuple[int, ...] = (0,),
     figures: bool = True,
     rgb: str | None = None,
+    aperture: JsonObject | None = None,
 ) -> tuple[Rendering, list[Path]]:
     """Render a scene and write all its files except that of the surface."""
     from iriftrace.tracing.render import render_scene
 
     with working("Tracing"):
         rendering = render_scene(loaded, include=include)
+    rendering = evolve(rendering, metrics=evolve(rendering.metrics, aperture=aperture))
     pictures = []
     if figures:
         from iriftrace.figures.pose import pose_figures
