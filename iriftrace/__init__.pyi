@@ -73,6 +73,9 @@ from .measuring.two_devices.correction import CorrectionStatus as CorrectionStat
 from .measuring.two_devices.measure import measure as measure
 from .measuring.two_devices.scan import Scan as Scan
 from .measuring.two_devices.scan import ScanStatus as ScanStatus
+from .measuring.uncertainty.known_air import EngineError as EngineError
+from .measuring.uncertainty.known_air import KnownAir as KnownAir
+from .measuring.uncertainty.known_air import known_air as known_air
 from .medium.air.refractivity import Air as Air
 from .medium.flow import AirFlow as AirFlow
 from .medium.index_field import IndexField as IndexField

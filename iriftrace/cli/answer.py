@@ -20,7 +20,7 @@ Stated = Annotated[
     Parameter(
         name="--uncertainty",
         help='Standard uncertainties of the inputs, "wall 10 K, ambient 2 K, pressure 2 hPa, '
-        'sensor 8 um"; further ones: air, mesh and numerics (fractions of the air\'s effect, '
+        "sensor 8 um\"; further ones: air, mesh and numerics (fractions of the air's effect, "
         '"5 %"), '
         "humidity, expansion (a fraction), part (K), other (a length).",
     ),

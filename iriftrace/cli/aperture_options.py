@@ -26,7 +26,8 @@ def _f_number(text: str, option: str) -> float:
         return float(number)
     except ValueError:
         raise InputError(
-            f'{option} is "{text}"; write it as the f-number, such as f/4.', code="aperture.not_read"
+            f'{option} is "{text}"; write it as the f-number, such as f/4.',
+            code="aperture.not_read",
         ) from None
 
 
@@ -78,7 +79,7 @@ def say_effects(effects: JsonObject) -> None:
             f"{one[key]['median']:.2g}" for key in ("shift_px", "bias_px", "blur_px", "defocus_px")
         )
         say(
-            f"Aperture f/{one['f_number']:g} of the {name}, in focus at {one['focus_mm']:g} mm: bias "
-            f"{bias} px, blur {blur} px of a shift of {shift} px (medians of {one['pixels']:,} "
-            f"pixels); out of focus without hot air {rest} px."
+            f"Aperture f/{one['f_number']:g} of the {name}, in focus at {one['focus_mm']:g} mm: "
+            f"bias {bias} px, blur {blur} px of a shift of {shift} px (medians of "
+            f"{one['pixels']:,} pixels); out of focus without hot air {rest} px."
         )

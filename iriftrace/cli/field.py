@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from iriftrace.flow.check.finding import FieldCheck
     from iriftrace.measuring.uncertainty.known_air import KnownAir
     from iriftrace.medium.index_field import IndexField
+    from iriftrace.part.part import Part
 
 _COLOURS = {"good": "green", "doubtful": "yellow", "bad": "red", "-": "dim"}
 
@@ -150,13 +151,19 @@ def check(
     print_table(f"{field.name}: {result.verdict}", headings, rows, texts=headings)
     if result.field["origin"]:
         say(f"Field: {result.field['origin']}.")
-    errors = None if known is None else _known_air(result, volume, known, layers)
+    errors = None if known is None else _known_air(result, volume, measured, known, layers)
     if output is not None:
         result.save(output, None if errors is None else errors.as_dict())
         say(f"Numbers in {output}")
 
 
-def _known_air(result: FieldCheck, volume: IndexField, path: Path, layers: int) -> KnownAir:
+SAME_PART_MM = 0.5
+"""Largest difference of the bounds of one part, as of one drawn cold and one hot."""
+
+
+def _known_air(
+    result: FieldCheck, volume: IndexField, part: Part, path: Path, layers: int
+) -> KnownAir:
     """Trace a formula's air with the wall's temperature and layer of a checked field; print it."""
     from iriftrace.flow.synthetic.model import synthetic_air
     from iriftrace.measuring.uncertainty.known_air import known_air
@@ -164,6 +171,13 @@ def _known_air(result: FieldCheck, volume: IndexField, path: Path, layers: int) 
 
     with working("Tracing known air"):
         scene = load_scene(path)
+        if not np.allclose(scene.part.bounds, part.bounds, rtol=0.0, atol=SAME_PART_MM):
+            raise InputError(
+                f"The part of {path} does not have the size and place of that of the field; give "
+                "the scene of this field and part.",
+                code="scene.other_part",
+                argument="known",
+            )
         air = synthetic_air(
             scene.part,
             wall_k=result.number("wall temperature", "median_k"),
@@ -189,7 +203,9 @@ def _known_air(result: FieldCheck, volume: IndexField, path: Path, layers: int) 
         ],
         texts=["pixels", "engine"],
     )
-    stated = ", ".join(f'"numerics {100 * u:.2g} %" ({names[e]})' for e, u in found.numerics.items())
+    stated = ", ".join(
+        f'"numerics {100 * u:.2g} %" ({names[e]})' for e, u in found.numerics.items()
+    )
     say(f"For a budget: --uncertainty {stated}.")
     return found
 

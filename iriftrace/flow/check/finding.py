@@ -55,7 +55,7 @@ class FieldCheck:
         return next((v for v in ("bad", "doubtful", "good") if v in found), "-")
 
     def save(self, path: str | Path, known_air: JsonObject | None = None) -> Path:
-        """Write everything as JSON, with the errors of the engines on the mesh if they are known."""
+        """Write everything as JSON, with the errors of the engines on the mesh if known."""
         content = {"schema": SCHEMA, "verdict": self.verdict, **asdict(self)}
         if known_air is not None:
             content["known_air"] = known_air

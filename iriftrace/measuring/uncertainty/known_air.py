@@ -28,7 +28,7 @@ from iriftrace.tracing.rays import trace_rays
 from iriftrace.tracing.scene import Scene, ready_scene
 
 Known = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-"""Values and their gradients (k, 3), 1/mm, at points (k, 3), mm: of the temperature, K, or n - 1."""
+"""Values (k,), of T, K, or n - 1, and their gradients (k, 3), 1/mm, at points (k, 3), mm."""
 
 Hits = Callable[[FloatArray, FloatArray], FloatArray]
 """Distances to the part along straight rays (k, 3), mm; inf where they miss it."""
@@ -88,7 +88,7 @@ class KnownAir:
 
     @property
     def numerics(self) -> dict[str, float]:
-        """Relative error by engine, as `Inputs.numerics`: the median of pixels not at silhouettes."""
+        """Relative error by engine, for `Inputs.numerics`: the median inside silhouettes."""
         return {one.engine: one.median for one in self.errors if one.pixels == "inside"}
 
     def as_dict(self) -> JsonObject:
@@ -147,9 +147,10 @@ def known_air(
     def hits(origin: FloatArray, direction: FloatArray) -> FloatArray:
         return _lengths(of_shells, origin, direction)
 
-    places = np.random.default_rng(1).uniform(*camera.corners[[0, 2]], (CANDIDATES * rays, 2))
+    low, high = camera.corners[[0, 2]]
+    places = low + np.random.default_rng(1).random((CANDIDATES * rays, 2)) * (high - low)
     places = places[np.isfinite(hits(*camera.rays(places)))]
-    edge = _at_silhouette(camera, places, hits)
+    edge = _at_silhouette(camera, places, hits) if len(places) else np.zeros(0, dtype=bool)
     bounds = np.reshape(field.grid.bounds, (3, 2)).T
     medium = index_of(temperature, field.air, bounds)
     found: list[EngineError] = []
@@ -222,12 +223,15 @@ def _at_silhouette(camera: Camera, places: FloatArray, hits: Hits) -> BoolArray:
     origin, direction = camera.rays(places)
     length = hits(origin, direction)
     edge = np.zeros(len(places), dtype=bool)
-    for step in ((NEIGHBOUR_PX, 0.0), (-NEIGHBOUR_PX, 0.0), (0.0, NEIGHBOUR_PX), (0.0, -NEIGHBOUR_PX)):
+    for step in (
+        (NEIGHBOUR_PX, 0.0),
+        (-NEIGHBOUR_PX, 0.0),
+        (0.0, NEIGHBOUR_PX),
+        (0.0, -NEIGHBOUR_PX),
+    ):
         other, towards = camera.rays(places + step)
         beside = hits(other, towards)
-        gap = np.linalg.norm(
-            other - origin + length[:, None] * (towards - direction), axis=1
-        )
+        gap = np.linalg.norm(other - origin + length[:, None] * (towards - direction), axis=1)
         edge |= ~(np.abs(beside - length) < STEEPEST * gap)
     return edge
 
