@@ -85,6 +85,9 @@ from .measuring.uncertainty.displacement import (
     render_with_uncertainty as render_with_uncertainty,
 )
 from .measuring.uncertainty.inputs import Inputs as Inputs
+from .measuring.uncertainty.known_air import EngineError as EngineError
+from .measuring.uncertainty.known_air import KnownAir as KnownAir
+from .measuring.uncertainty.known_air import known_air as known_air
 from .measuring.uncertainty.twin import TwinResult as TwinResult
 from .measuring.uncertainty.twin import compare_twin as compare_twin
 from .medium.air.refractivity import Air as Air
@@ -123,6 +126,8 @@ from .sweep.store import read_sweep as read_sweep
 from .sweep.sweep import SweepOptions as SweepOptions
 from .sweep.sweep import run_sweep as run_sweep
 from .sweep.workers import pose_workers as pose_workers
+from .tracing.aperture import ApertureEffect as ApertureEffect
+from .tracing.aperture import aperture_effect as aperture_effect
 from .tracing.from_mitsuba import from_mitsuba as from_mitsuba
 from .tracing.hot_air import HotAir as HotAir
 from .tracing.load import load_scene as load_scene

@@ -11,7 +11,7 @@ from cyclopts import App
 from iriftrace.cli import checks
 from iriftrace.cli.console import command_line, print_table, say, working
 from iriftrace.cli.groups import group
-from iriftrace.cli.options import Output
+from iriftrace.cli.options import Output, Whole
 from iriftrace.cli.reading import AirOptions, FieldReading, PartReading, read_part, words_of
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import Length, Temperature, Vector
@@ -20,6 +20,9 @@ from iriftrace.io.reading import AS_DRAWN, AS_STATED, ReadPart
 from iriftrace.medium.air.refractivity import Air
 
 if TYPE_CHECKING:
+    from iriftrace.flow.check.finding import FieldCheck
+    from iriftrace.measuring.uncertainty.known_air import KnownAir
+    from iriftrace.medium.index_field import IndexField
     from iriftrace.part.part import Part
     from iriftrace.part.uneven_growth import Temperatures
 
@@ -48,6 +51,8 @@ def check(
     transition: Length | None = None,
     diameter: Length | None = None,
     origin: Vector | None = None,
+    known: Path | None = None,
+    layers: Whole = 13,
     air: AirOptions = Air(),
     reading: FieldReading = AS_STATED,
     part_reading: PartReading = AS_DRAWN,
@@ -85,11 +90,17 @@ def check(
     origin
         Camera position, "x,y,z" in mm; also reports how much of its view enters hot air at the edge
         of the data.
+    known
+        Scene (.xml) of this field, whose camera sees a formula's boundary layer and plume on the
+        field's mesh; reports the errors of both engines against exact rays through the formula.
+    layers
+        Number of shells for that.
     """
     from iriftrace.io.field import read_field
 
     checks.fields(field)
     checks.inputs(part)
+    checks.scenes(known)
     checks.output(output, "check.json")
     if diameter is not None and not diameter > 0.0:
         raise InputError(
@@ -141,12 +152,65 @@ def check(
     print_table(f"{field.name}: {result.verdict}", headings, rows, texts=headings)
     if result.field["origin"]:
         say(f"Field: {result.field['origin']}.")
+    errors = None if known is None else _known_air(result, volume, measured, known, layers)
     if output is not None:
-        result.save(output)
+        result.save(output, None if errors is None else errors.as_dict())
         say(f"Numbers in {output}")
 
 
 Synthetic = Annotated[SyntheticOptions, group(SyntheticOptions)]
+
+SAME_PART_MM = 0.5
+"""Largest difference of the bounds of one part, as of one drawn cold and one hot."""
+
+
+def _known_air(
+    result: FieldCheck, volume: IndexField, part: Part, path: Path, layers: int
+) -> KnownAir:
+    """Trace a formula's air with the wall's temperature and layer of a checked field; print it."""
+    from iriftrace.flow.synthetic.model import synthetic_air
+    from iriftrace.measuring.uncertainty.known_air import known_air
+    from iriftrace.tracing.load import load_scene
+
+    with working("Tracing known air"):
+        scene = load_scene(path)
+        if not np.allclose(scene.part.bounds, part.bounds, rtol=0.0, atol=SAME_PART_MM):
+            raise InputError(
+                f"The part of {path} does not have the size and place of that of the field; give "
+                "the scene of this field and part.",
+                code="scene.other_part",
+                argument="known",
+            )
+        air = synthetic_air(
+            scene.part,
+            wall_k=result.number("wall temperature", "median_k"),
+            ambient_k=volume.air.temperature_k,
+            # The formula's layer is twice as thick as its slope at the wall says.
+            boundary_layer_mm=2.0 * result.number("boundary layer", "layer_mm"),
+        )
+        found = known_air(scene, volume, air.at, layers=layers)
+    names = {"shells": f"{layers} shells", "cells": "cells"}
+    print_table(
+        "Known air on this mesh: errors of the displacement",
+        ("pixels", "engine", "rays", "displacement (um)", "median", "95th percentile"),
+        [
+            (
+                one.pixels,
+                names[one.engine],
+                one.rays,
+                f"{1e3 * one.displacement_median_mm:.3g}",
+                f"{one.median:.2%}",
+                f"{one.p95:.2%}",
+            )
+            for one in found.errors
+        ],
+        texts=["pixels", "engine"],
+    )
+    stated = ", ".join(
+        f'"numerics {100 * u:.2g} %" ({names[e]})' for e, u in found.numerics.items()
+    )
+    say(f"For a budget: --uncertainty {stated}.")
+    return found
 
 
 def synthetic(

@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+from attrs import evolve
 from cyclopts import Parameter
 
 from iriftrace.cli import checks
+from iriftrace.cli.aperture_options import Aperture, effects_of, say_effects
 from iriftrace.cli.console import drawn, say, working
 from iriftrace.cli.groups import group
 from iriftrace.cli.options import Flag, Output
@@ -17,9 +19,10 @@ from iriftrace.cli.trace_options import Tracing, load
 from iriftrace.core.engines import engine_named
 from iriftrace.core.units import counted
 from iriftrace.measuring.options import USUAL, MeasureOptions
-from iriftrace.tracing.options import AS_STATED
+from iriftrace.tracing.options import AS_STATED, PINHOLE
 
 if TYPE_CHECKING:
+    from iriftrace.core.plain import JsonObject
     from iriftrace.measuring.two_devices.scan import Scan
     from iriftrace.tracing.scene import Scene
 
@@ -41,6 +44,7 @@ def measure(
     acceptance: Flag = False,
     trace: Tracing = AS_STATED,
     figures: bool = True,
+    lens: Aperture = PINHOLE,
 ) -> None:
     """Simulate what two devices measure of the part through hot air: a cloud and its errors.
 
@@ -67,7 +71,12 @@ def measure(
     checks.numbers(output, "iriftrace.scan")
     loaded = load(scene, trace)
     checks.kept(output, loaded.part.path)
-    write_scan(loaded, output, devices, acceptance=acceptance, figures=figures)
+    sensors = {"camera": loaded.camera}
+    if loaded.second is not None and loaded.second_id != "laser":
+        sensors[loaded.second_id] = loaded.second
+    effects = effects_of(lens, loaded, sensors)
+    write_scan(loaded, output, devices, acceptance=acceptance, figures=figures, aperture=effects)
+    say_effects(effects)
 
 
 def write_scan(
@@ -77,6 +86,7 @@ def write_scan(
     *,
     acceptance: bool = False,
     figures: bool = True,
+    aperture: JsonObject | None = None,
 ) -> None:
     """Simulate the measurement of a scene's two devices, write its files and print results."""
     from iriftrace.cli.triangulation_text import (
@@ -95,6 +105,8 @@ def write_scan(
     choices = checked_choices(devices.feature or (), loaded.part)
     with working("Measuring"):
         scan = simulate(loaded, system=devices.system, phase=devices.phase)
+    if aperture:
+        scan = evolve(scan, provenance={**scan.provenance, "aperture": aperture})
     features = scan.features(loaded.part, choices, devices.gate)
     errors = accepted(features, loaded.part) if acceptance else ()
     regions = scan.regions(loaded.part)

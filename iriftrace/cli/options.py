@@ -15,6 +15,7 @@ _WORDS = {
     units.Length: "LENGTH",
     units.LengthWithUnit: "LENGTH",
     units.Wavelength: "LENGTH",
+    units.FNumber: "f/NUMBER",
     units.Temperature: "TEMPERATURE",
     units.Pressure: "PRESSURE",
     units.Duration: "TIME",

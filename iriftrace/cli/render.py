@@ -11,13 +11,15 @@ from typing import TYPE_CHECKING, Literal
 from attrs import evolve
 
 from iriftrace.cli import checks
+from iriftrace.cli.aperture_options import Aperture, effects_of, say_effects
 from iriftrace.cli.console import command_line, say, working
 from iriftrace.cli.options import LightOf, Output
 from iriftrace.cli.trace_options import Statuses, Tracing, check_light, load, statuses
 from iriftrace.core.errors import warn
-from iriftrace.tracing.options import AS_STATED
+from iriftrace.tracing.options import AS_STATED, PINHOLE
 
 if TYPE_CHECKING:
+    from iriftrace.core.plain import JsonObject
     from iriftrace.tracing.render import Rendering
     from iriftrace.tracing.scene import Scene
 
@@ -34,6 +36,7 @@ def render(
     surface: Path | None = None,
     rgb: Literal["displacement", "shift", "refracted"] | None = None,
     include: Statuses = None,
+    lens: Aperture = PINHOLE,
 ) -> None:
     """Trace a scene: AOV EXR, metrics JSON and displacement picture.
 
@@ -68,10 +71,12 @@ def render(
     used = statuses(include)
     loaded = load(scene, trace)
     checks.kept(surface, loaded.part.path)
-    rendering, files = _render(loaded, exr, used, figures, rgb)
+    effects = effects_of(lens, loaded, {"camera": loaded.camera})
+    rendering, files = _render(loaded, exr, used, figures, rgb, effects.get("camera"))
     if surface is not None:
         write_surface(surface, rendering.image, loaded.part)
         files.append(surface)
+    say_effects(effects)
     _print_rendering(rendering, loaded, files)
 
 
@@ -163,12 +168,14 @@ def _render(
     include: tuple[int, ...],
     figures: bool = True,
     rgb: str | None = None,
+    aperture: JsonObject | None = None,
 ) -> tuple[Rendering, list[Path]]:
     """Render a scene and write all its files except that of the surface."""
     from iriftrace.tracing.render import render_scene
 
     with working("Tracing"):
         rendering = render_scene(loaded, include=include)
+    rendering = evolve(rendering, metrics=evolve(rendering.metrics, aperture=aperture))
     pictures = []
     if figures:
         from iriftrace.figures.pose import pose_figures

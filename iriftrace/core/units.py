@@ -174,6 +174,24 @@ class LengthWithUnit(Length):
         return super().__new__(cls, value)
 
 
+class FNumber(float):
+    """Focal length over the aperture's diameter; in a text "f/4"."""
+
+    def __new__(cls, value: str | float) -> Self:
+        first, slash, number = value.partition("/") if isinstance(value, str) else ("f", "/", value)
+        try:
+            if first.strip().lower() != "f" or not slash:
+                raise ValueError
+            return super().__new__(cls, number)
+        except ValueError:
+            raise InputError(
+                f'"{value}" is not an f-number; write it like f/4.', code="aperture.not_read"
+            ) from None
+
+    def __str__(self) -> str:
+        return f"f/{self:g}"
+
+
 class Wavelength(_Quantity):
     """A wavelength, nm."""
 

@@ -14,6 +14,7 @@ INFLUENCES = {
     "ambient": "ambient",
     "pressure": "pressure",
     "mesh": "mesh and model of the flow",
+    "numerics": "numerics",
     "humidity": "humidity",
     "sensor": "sensor",
     "expansion and part": "growth of the part",

@@ -113,6 +113,9 @@ class PoseMetrics(ViewMetrics):
         Pixels of the camera before the picture was scaled, if the image states it.
     engine_test
         Result of the check of the shells, plain values; None if there was none.
+    aperture
+        Bias and blur by a lens's aperture, plain values of
+        `iriftrace.tracing.aperture.ApertureEffect`; None if they were not computed.
     """
 
     hits_at_border: int
@@ -124,6 +127,7 @@ class PoseMetrics(ViewMetrics):
     regions: dict[str, ViewMetrics]
     full_resolution: tuple[int, int] | None = None
     engine_test: JsonObject | None = None
+    aperture: JsonObject | None = None
 
     @property
     def full_camera(self) -> JsonObject | None:
@@ -154,7 +158,7 @@ class PoseMetrics(ViewMetrics):
         whole = super().as_dict()
         whole["rays"] = {"launched": self.rays.launched, **whole["rays"]}
         whole["rays"]["open_boundary"] = self.rays.open_boundary
-        test = {} if self.engine_test is None else {"engine_test": self.engine_test}
+        known = {"engine_test": self.engine_test, "aperture": self.aperture}
         return {
             "schema": SCHEMA,
             **whole,
@@ -170,7 +174,7 @@ class PoseMetrics(ViewMetrics):
             },
             "assumptions": dict(self.assumptions),
             "regions": {name: view.as_dict() for name, view in self.regions.items()},
-            **test,
+            **{key: values for key, values in known.items() if values is not None},
         }
 
 

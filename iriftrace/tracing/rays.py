@@ -106,16 +106,21 @@ def trace_rays(
     """
     start, heading = _bundle(origins, directions)
     loaded = ready_scene(scene)
-    if loaded.members:
-        raise InputError(
-            f"{loaded.name} is an ensemble of {len(loaded.members)} fields, and a bundle of rays "
-            'is traced through one of them; load it with {"member": 1}, for example.',
-            code="scene.several_fields",
-        )
+    refuse_several_fields(loaded)
     chosen = choose(loaded, (start, heading)).scene if loaded.engine.free else loaded
     return traced_as_chosen(
         chosen, start, heading, focus_mm=focus_mm, coherent=coherent, trace_all=trace_all
     )
+
+
+def refuse_several_fields(scene: Scene) -> None:
+    """Refuse an ensemble where a bundle of rays is traced through one field."""
+    if scene.members:
+        raise InputError(
+            f"{scene.name} is an ensemble of {len(scene.members)} fields, and a bundle of rays "
+            'is traced through one of them; load it with {"member": 1}, for example.',
+            code="scene.several_fields",
+        )
 
 
 def traced_as_chosen(

@@ -137,6 +137,7 @@ def keep_checks(metrics: PoseMetrics, earlier: JsonObject) -> PoseMetrics:
             key: known.get(key) if value is None else value for key, value in metrics.time_s.items()
         },
         engine_test=earlier.get("engine_test"),
+        aperture=earlier.get("aperture"),
     )
 
 

@@ -168,6 +168,8 @@ def _scaled(scene: Scene, inputs: Inputs) -> dict[str, Scaled]:
         found[AIR] = Scaled(inputs.air, "stated")
     if inputs.mesh is not None:
         found["mesh and model of the flow"] = Scaled(inputs.mesh, "stated")
+    if inputs.numerics is not None:
+        found["numerics"] = Scaled(inputs.numerics, "stated")
     if (change := unsteadiness(scene)) is not None and not scene.members:
         found[UNSTEADY] = Scaled(change, "range over time that the field states")
     if stated.air is not None and stated.heating_k is not None:

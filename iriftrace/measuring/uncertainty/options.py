@@ -19,8 +19,8 @@ class AnswerOptions:
     ----------
     uncertainty
         Standard uncertainties of the inputs, "wall 10 K, ambient 2 K, pressure 2 hPa, sensor 8 um";
-        further ones: air and mesh (fractions of the air's effect, "5 %"), humidity, expansion (a
-        fraction), part (K), other (a length).
+        further ones: air, mesh and numerics (fractions of the air's effect, "5 %"), humidity,
+        expansion (a fraction), part (K), other (a length).
     tolerance
         Tolerance of a diameter, "cylinder:bore=20.22 -0.02 +0.02 mm", by which it is accepted or
         rejected; repeatable.
