@@ -81,7 +81,6 @@ statements: $(VENV)/installed $(VENV)/drawing llvm
 attack: $(VENV)/installed-dev $(VENV)/drawing llvm
 	$(BIN)/python -m validation.attack --write
 
-# Scaffolding while rooms are moved and cut.
 clean:
 	rm -rf build dist docs/_build docs/api docs/gallery docs/sg_execution_times.rst *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +
