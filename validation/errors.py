@@ -107,7 +107,7 @@ def page() -> str:
 
 def _escaped(text: str) -> str:
     """Text whose signs Markdown does not read."""
-    return re.sub(r"([<>*_`\[\]$])", r"\\\1", text)
+    return re.sub(r"([<>*`\[\]$]|(?<!\w)_|_(?!\w))", r"\\\1", text)
 
 
 if __name__ == "__main__":

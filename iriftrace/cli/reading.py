@@ -78,7 +78,7 @@ def read_part(
     sides = " x ".join(f"{side:.4g}" for side in part.bounds[1] - part.bounds[0])
     upright = reading.transform is not None or path.suffix.lower() not in (".glb", ".gltf")
     up = "" if upright else "; up is y in glTF, but z here (--part-transform 'rotate x 90')"
-    size = "" if part.growth is None else f" at {Temperature(part.growth.hot_k)}"
+    size = "" if part.growth is None else f" at {Temperature(part.growth.hot_k)!s}"
     say(f"Part {path}: {sides} mm{size}, read in {part.length_unit}{up}.")
     return part
 

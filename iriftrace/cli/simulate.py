@@ -146,7 +146,7 @@ def _words(wall: WallTemperatures) -> list[str]:
     """The part's hot temperatures as users write them, from the wall that is simulated."""
     if wall.measured is not None:
         return [FIELD]
-    regions = (f"{name}={Temperature(kelvin)}" for name, kelvin in wall.regions.items())
+    regions = (f"{name}={Temperature(kelvin)!s}" for name, kelvin in wall.regions.items())
     return [str(Temperature(wall.default)), *regions]
 
 

@@ -144,7 +144,10 @@ def counted(count: int, noun: str) -> str:
 
 
 class _Quantity(float):
-    """A number in `unit` (pint's name), also read from text; `str` shows it with its `symbol`."""
+    """A number in `unit` (pint's name), also read from text.
+
+    `str` shows it with its `symbol`; in an f-string it is the plain number.
+    """
 
     unit: ClassVar[str]
     symbol: ClassVar[str]
@@ -154,6 +157,9 @@ class _Quantity(float):
 
     def __str__(self) -> str:
         return f"{self:g} {self.symbol}"
+
+    def __format__(self, spec: str) -> str:
+        return format(float(self), spec)
 
 
 class Length(_Quantity):

@@ -1,4 +1,4 @@
-"""What is declared about the files of fields and parts, for Python and for commands."""
+"""Declarations about the files of fields and parts, for Python and for commands."""
 
 from __future__ import annotations
 

@@ -158,7 +158,7 @@ class CameraOptions:
             value = getattr(self, name)
             if value != getattr(USUAL, name):
                 raise InputError(
-                    f"the {name.replace('_', ' ')} is {value}, but the calibration states it as "
+                    f"the {name.replace('_', ' ')} is {value!s}, but the calibration states it as "
                     "well; leave one of them out.",
                     code="camera.stated_twice",
                     argument=name,

@@ -40,8 +40,16 @@ DENSITY_RATE = "ddtRho"
 """Rate of change of a state's density, kg/(m3 s)."""
 COURANT = 2
 """Largest Courant number of a step."""
+
+
+def _plain(value: object) -> object:
+    """A value for a template: a quantity without its unit."""
+    return float(value) if isinstance(value, float) else value
+
+
 _TEMPLATES = Environment(
     loader=PackageLoader("iriftrace.flow"),
+    finalize=_plain,
     undefined=StrictUndefined,
     trim_blocks=True,
     lstrip_blocks=True,
