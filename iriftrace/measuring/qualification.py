@@ -29,6 +29,7 @@ from iriftrace.core.plain import JsonObject, plain, structured
 from iriftrace.image.aov_image import Status
 from iriftrace.io.field import read_field
 from iriftrace.io.part_files import read_part, save_part
+from iriftrace.io.reading import ReadField, ReadPart
 from iriftrace.io.vtk_write import write_vtk
 from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.medium.air.refractivity import Air
@@ -184,13 +185,11 @@ def _scenario(path: Path) -> Scenario:
         )
     air = read_field(
         path.with_name(FIELD),
-        array="T",
-        temperature_unit="K",
-        length_unit="mm",
+        ReadField(array="T", temperature_unit="K", field_length_unit="mm"),
         air=stated.air.air,
     )
     return Scenario(
-        path.parent.name, stated, read_part(path.with_name(PART), length_unit="mm"), air
+        path.parent.name, stated, read_part(path.with_name(PART), ReadPart(length_unit="mm")), air
     )
 
 
