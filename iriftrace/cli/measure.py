@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from iriftrace.cli import checks
 from iriftrace.cli.console import drawn, say, working
 from iriftrace.cli.options import Flag, Output, numbers, word_parameter
+from iriftrace.cli.ray import write_rays
 from iriftrace.cli.trace_options import TraceOptions
 from iriftrace.cli.triangulation_text import (
     placed_names,
@@ -104,9 +105,12 @@ def measure(
     figures
         Draw the errors along the part's normal.
     """
+    from iriftrace.io.lost_rays import rays_file_of
+
     checks.scenes(scene)
     checks.cloud_output(output, "scan.vtp")
     checks.numbers(output, "iriftrace.scan")
+    checks.numbers(rays_file_of(output), "iriftrace.rays")
     loaded = trace.load(scene)
     checks.kept(output, loaded.part.path)
     write_scan(loaded, output, system, phase, feature, acceptance, figures, gate)
@@ -139,6 +143,7 @@ def write_scan(
         from iriftrace.figures.scan import scan_figure
 
         files.append(drawn(lambda: scan_figure(scan, loaded.part), output.with_suffix(".png")))
+    files += write_rays(output, scan.lost_rays)
     _say_errors(scan)
     say_field(scan.provenance)
     say("Files: " + ", ".join(map(str, files)))

@@ -203,6 +203,7 @@ for _module, _names in {
     "correct": ("correct",),
     "budget": ("budget",),
     "twin": ("twin",),
+    "ray": ("ray",),
     "compare": ("compare",),
     "fit": ("fit",),
     "field": ("field",),
