@@ -67,6 +67,8 @@ from .measuring.features.fit import fit_feature as fit_feature
 from .measuring.features.fitted import FittedFeature as FittedFeature
 from .measuring.features.quantity import Quantity as Quantity
 from .measuring.features.relations import Relation as Relation
+from .measuring.fit.board_placement import BoardPlace as BoardPlace
+from .measuring.fit.board_placement import board_placement as board_placement
 from .measuring.fit.member_fit import FittedView as FittedView
 from .measuring.fit.member_fit import MemberFit as MemberFit
 from .measuring.fit.shift_fit import fit_members as fit_members

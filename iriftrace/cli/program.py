@@ -205,6 +205,7 @@ for _module, _names in {
     "twin": ("twin",),
     "ray": ("ray",),
     "compare": ("compare",),
+    "board": ("board",),
     "fit": ("fit",),
     "field": ("field",),
     "part": ("part",),

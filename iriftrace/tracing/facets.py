@@ -22,7 +22,7 @@ LIMIT = 1000
 
 
 @frozen(eq=False)
-class Surface:
+class FacetSurface:
     """Triangles (m, 3, 3), mm, world, and the index outside and inside; opaque ones have none."""
 
     corners: FloatArray
@@ -65,7 +65,7 @@ class FacetPath:
 class FacetTracer:
     """Rays through shells onto opaque surfaces, of which the first one is the part."""
 
-    def __init__(self, shells: Sequence[Surface], opaque: Sequence[Surface]) -> None:
+    def __init__(self, shells: Sequence[FacetSurface], opaque: Sequence[FacetSurface]) -> None:
         surfaces = [*shells, *opaque]
         self._corners = np.concatenate([surface.corners for surface in surfaces])
         counts = [len(surface.corners) for surface in surfaces]

@@ -14,7 +14,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.runtime import variant as runtime
 from iriftrace.image.aov_image import Status
 from iriftrace.image.lost_rays import LostRay
-from iriftrace.tracing.facets import FacetTracer, Surface
+from iriftrace.tracing.facets import FacetSurface, FacetTracer
 from iriftrace.tracing.rays import RayHits, traced_as_chosen
 from iriftrace.tracing.scene import Scene, ready_scene
 
@@ -165,7 +165,7 @@ def _reference(scene: Scene) -> FacetTracer:
     with runtime.using(scene.compiled.variant):
         tables = scene.compiled.tables
         shells = [
-            Surface(
+            FacetSurface(
                 np.array(shape.vertex_positions_buffer(), dtype=np.float64).reshape(-1, 3)[
                     np.array(shape.faces_buffer()).reshape(-1, 3)
                 ],
@@ -174,4 +174,4 @@ def _reference(scene: Scene) -> FacetTracer:
             for shape, sides in zip(tables.shell_shapes, tables.index_pairs, strict=True)
         ]
     bodies = (scene.part, *scene.blockers)
-    return FacetTracer(shells, [Surface(body.vertices[body.faces]) for body in bodies])
+    return FacetTracer(shells, [FacetSurface(body.vertices[body.faces]) for body in bodies])

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 import trimesh
 
-from iriftrace.tracing.facets import FacetTracer, Surface
+from iriftrace.tracing.facets import FacetSurface, FacetTracer
 
 
 def numpy_tracer(xml: Path) -> FacetTracer:
@@ -19,8 +19,8 @@ def numpy_tracer(xml: Path) -> FacetTracer:
         mesh = trimesh.load(xml.parent / values["filename"], process=False)
         triangles = np.asarray(mesh.vertices, dtype=np.float64)[mesh.faces]
         if shape.get("id") == "part":
-            part.append(Surface(triangles))
+            part.append(FacetSurface(triangles))
         else:
             index = float(values.get("ext_ior", 1)), float(values.get("int_ior", 1))
-            shells.append(Surface(triangles, index))
+            shells.append(FacetSurface(triangles, index))
     return FacetTracer(shells, part)
