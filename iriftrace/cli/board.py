@@ -63,7 +63,7 @@ def board(
     enough
         Fraction of U without a board that is little enough, 0 to 1.
     output
-        The numbers, .json; by default they are only printed.
+        The numbers, .json, with the camera of each place; by default they are only printed.
     """
     from iriftrace.core.files import write_json
     from iriftrace.core.mesh.transform import parse_transform
@@ -94,7 +94,7 @@ def board(
     print_table(
         "Places of the board, the best first",
         (
-            *("place", "at (mm)", "camera (mm)", "dots"),
+            *("place", "at (mm)", "dots"),
             *(f"U ({one.unit})" for one in features[:MOST]),
             *("left", "dots enough", "pictures enough"),
         ),
@@ -102,7 +102,6 @@ def board(
             (
                 one.number,
                 _point(one.to_world[:3, 3]),
-                _point(one.camera.origin),
                 f"{one.dots:,}",
                 *(f"{u:.2g}" for u in one.expanded()[:MOST]),
                 f"{one.left():.1%}",

@@ -36,7 +36,8 @@ def read_lost_rays(path: str | Path) -> LostRays:
             vectors = (*ray.origin_mm, *ray.direction)
             if not (all(map(math.isfinite, vectors)) and math.hypot(*ray.direction) > 0.0):
                 raise ValueError(f"ray {ray.number} has no direction or is not finite")
-            Status(ray.status)
+            if ray.status not in list(Status):
+                raise ValueError(f"{ray.status} is not a ray's status")
     except (ValueError, RecursionError) as error:
         raise InputError(
             f"{path} is not a file of lost rays ({error}); give the file ending in {SUFFIX} that "

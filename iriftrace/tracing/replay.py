@@ -145,7 +145,8 @@ def _path(
             points.append(traced_as_chosen(scene, start, along).last_point[0])
     if not np.array_equal(points[-1], hits.last_point[0]):
         points.append(hits.last_point[0])
-    return RayPath(engine.value, np.array(points), Status(int(hits.status[0])), crossings)
+    status = next(code for code in Status if code == hits.status[0])
+    return RayPath(engine.value, np.array(points), status, crossings)
 
 
 @contextmanager
