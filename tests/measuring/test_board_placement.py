@@ -1,4 +1,4 @@
-"""Where to put the board: predicted U of a feature against actual fits with noise."""
+"""Places of a board: predicted U of a feature against actual fits with noise."""
 
 import json
 from pathlib import Path

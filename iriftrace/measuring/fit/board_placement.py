@@ -1,4 +1,4 @@
-r"""Where to put the board: the place that leaves the least uncertainty of a feature after the fit.
+r"""Places of a board, ranked by the uncertainty of a feature that a fit to its dots leaves.
 
 Before the fit the weights w of k members are those of any mixture, with the covariance P
 (`MemberWeights.of_mixtures`). A place's dots have the predicted shifts A w, with a noise of
