@@ -9,12 +9,13 @@ from cyclopts import Parameter
 
 from iriftrace.cli import checks
 from iriftrace.cli.console import print_table, say, working
-from iriftrace.cli.measure import Features
-from iriftrace.cli.options import Flag, Length, Output
-from iriftrace.cli.part import BoardSize
-from iriftrace.cli.trace_options import TraceOptions
+from iriftrace.cli.options import Flag, Output
+from iriftrace.cli.trace_options import Tracing, load
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
+from iriftrace.core.units import Length
+from iriftrace.part import sizes
+from iriftrace.tracing.options import AS_STATED
 
 Places = Annotated[
     list[str] | None,
@@ -31,14 +32,14 @@ def board(
     scene: Path,
     *,
     place: Places = None,
-    size: BoardSize = (300.0, 200.0),
-    pitch: Length = 3.0,
+    size: sizes.BoardSize = sizes.BOARD_SIZE,
+    pitch: Length = sizes.PITCH,
     noise: float = 0.05,
     camera_motion: Flag = False,
-    feature: Features = None,
+    feature: list[str] | None = None,
     enough: float = 0.1,
     output: Output | None = None,
-    trace: TraceOptions = TraceOptions(),
+    trace: Tracing = AS_STATED,
 ) -> None:
     """Rank places of a board by the uncertainty of a feature that a fit to its dots leaves.
 
@@ -60,6 +61,9 @@ def board(
         Standard deviation of a component of a dot's shift in one pair of pictures, px.
     camera_motion
         The fit will find a motion of the camera, too.
+    feature
+        Feature whose U counts, as for ``measure``: "cylinder:lateral", or "cylinder" for all
+        regions that are one; repeatable. By default all features, and distances and angles.
     enough
         Fraction of U without a board that is little enough, 0 to 1.
     output
@@ -75,12 +79,14 @@ def board(
     checks.output(output, "places.json")
     if not 0.0 < enough < 1.0:
         raise InputError(
-            f"--enough is {enough:g}; give a fraction between 0 and 1, such as 0.1.",
+            f"{enough:g} is no fraction of U that is enough; give one between 0 and 1, such as "
+            "0.1.",
             code="board.not_a_fraction",
+            argument="enough",
         )
     dots = Board(size, pitch)
     places = [parse_transform(text) for text in place or []]
-    loaded = trace.load(scene)
+    loaded = load(scene, trace)
     with working("Tracing the board's places"):
         found = board_placement(
             loaded,

@@ -10,8 +10,9 @@ import numpy as np
 from iriftrace.cli import checks
 from iriftrace.cli.console import command_line, drawn, print_table, say, working
 from iriftrace.cli.options import Output, Whole
-from iriftrace.cli.trace_options import TraceOptions
+from iriftrace.cli.trace_options import load
 from iriftrace.core.errors import InputError, warn
+from iriftrace.tracing.options import TraceOptions
 
 if TYPE_CHECKING:
     from iriftrace.image.lost_rays import LostRays
@@ -59,11 +60,11 @@ def ray(
     chosen = next((one for one in rays.rays if one.number == number), None)
     if chosen is None:
         raise InputError(
-            f"{file} has the rays 1 to {len(rays.rays)}, and no ray {number}; give one of them "
-            "(--number).",
+            f"{file} has the rays 1 to {len(rays.rays)}, and no ray {number}; give one of them.",
             code="rays.no_number",
+            argument="number",
         )
-    loaded = _options(rays).load(_scene_of(rays, scene, file))
+    loaded = load(_scene_of(rays, scene, file), _options(rays))
     if loaded.sha256 != rays.scene.sha256:
         warn(
             f"{loaded.name} is not the file in which the ray was lost (its checksum differs), so "
@@ -108,8 +109,9 @@ def _scene_of(rays: LostRays, given: Path | None, file: Path) -> Path:
         path = Path(rays.scene.path)
     if path is None:
         raise InputError(
-            f"The rays in {file} are those of a scene without a file; name a file (--scene).",
+            f"The rays in {file} are those of a scene without a file; name a file.",
             code="rays.no_scene",
+            argument="scene",
         )
     checks.scenes(path)
     return path

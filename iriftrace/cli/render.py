@@ -14,8 +14,9 @@ from iriftrace.cli import checks
 from iriftrace.cli.console import command_line, say, working
 from iriftrace.cli.options import LightOf, Output
 from iriftrace.cli.ray import write_rays
-from iriftrace.cli.trace_options import Statuses, TraceOptions, check_light, statuses
+from iriftrace.cli.trace_options import Statuses, Tracing, check_light, load, statuses
 from iriftrace.core.errors import warn
+from iriftrace.tracing.options import AS_STATED
 
 if TYPE_CHECKING:
     from iriftrace.tracing.render import Rendering
@@ -29,7 +30,7 @@ def render(
     scene: Path,
     *,
     output: Output | None = None,
-    trace: TraceOptions = TraceOptions(),
+    trace: Tracing = AS_STATED,
     figures: bool = True,
     surface: Path | None = None,
     rgb: Literal["displacement", "shift", "refracted"] | None = None,
@@ -68,7 +69,7 @@ def render(
     checks.numbers(rays_file_of(exr), "iriftrace.rays")
     checks.output(surface, "out.vtp", ".ply")
     used = statuses(include)
-    loaded = trace.load(scene)
+    loaded = load(scene, trace)
     checks.kept(surface, loaded.part.path)
     rendering, files = _render(loaded, exr, used, figures, rgb)
     if surface is not None:
@@ -126,7 +127,7 @@ def demo(
     *,
     output: Output = Path("out"),
     scene: str = DEMO,
-    trace: TraceOptions = TraceOptions(),
+    trace: Tracing = AS_STATED,
 ) -> None:
     """Run a bundled scene, by default a hot cylinder, from scene to pictures and metrics.
 
@@ -148,8 +149,8 @@ def demo(
     exr = output / f"{scene}.exr"
     folder = output / ("scene" if scene == DEMO else scene)
     with scene_copied(scene, folder) as (xml, shells):
-        loaded = trace.load(xml)
-        rendering, files = _render(loaded, exr)
+        loaded = load(xml, trace)
+        rendering, files = _render(loaded, exr, statuses(None))
     files += _scene_picture(loaded, shells, output / f"{scene}_scene.png")
     _print_rendering(rendering, loaded, files)
     if loaded.second is not None:
@@ -162,7 +163,7 @@ def demo(
 def _render(
     loaded: Scene,
     exr: Path,
-    include: tuple[int, ...] = (0,),
+    include: tuple[int, ...],
     figures: bool = True,
     rgb: str | None = None,
 ) -> tuple[Rendering, list[Path]]:

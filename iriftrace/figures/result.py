@@ -12,12 +12,12 @@ from matplotlib.figure import Figure
 from iriftrace.core.errors import InputError
 from iriftrace.figures.style import write_figure
 from iriftrace.image.aov_image import AovImage
+from iriftrace.image.displacement import NORM, Component
 from iriftrace.io.exr import read_exr
 from iriftrace.planning.criteria import STANDARD, Criteria
 from iriftrace.sweep.store import read_sweep
 
 if TYPE_CHECKING:
-    from iriftrace.figures.pose import Component
     from iriftrace.tracing.render import Rendering
 
 
@@ -60,7 +60,7 @@ def plot(
     *,
     criteria: Criteria = STANDARD,
     name: str | None = None,
-    component: Component = "norm",
+    component: Component = NORM,
 ) -> Plots:
     """Draw a result.
 
@@ -86,7 +86,7 @@ def plot(
         image = result if isinstance(result, AovImage) else result.image
         name = name or ("displacement" if image.origin is None else Path(image.origin.path).stem)
         return Plots(pose_figures(image, name, component=component))
-    if component != "norm":
+    if component != NORM:
         raise InputError(
             f"A component of the displacement ({component}) can be drawn for one pose, but this is "
             "a sweep; give the EXR of a pose.",

@@ -22,6 +22,7 @@ from iriftrace.core.files import FileOrigin, is_number, sha256_of, whole_file
 from iriftrace.core.plain import JsonObject
 from iriftrace.image.aov_image import KNOWN, NEEDED, SCHEMA, AovImage, FloatImage
 from iriftrace.io.part_files import read_part
+from iriftrace.io.reading import ReadPart
 from iriftrace.io.refusals import check_exists, check_schema, damaged
 from iriftrace.part.part import Part
 
@@ -212,4 +213,6 @@ def read_part_of(image: AovImage, path: str | Path | None = None) -> Part:
             code="file.changed",
             argument="part",
         )
-    return read_part(file, length_unit=named["length_unit"]).transformed(named["to_world"])
+    return read_part(file, ReadPart(length_unit=named["length_unit"])).transformed(
+        named["to_world"]
+    )

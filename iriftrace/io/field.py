@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyvista as pv
 from attrs import evolve
-from numpy.typing import ArrayLike
 
-from iriftrace.core.arrays import IntArray
+from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.mesh.transform import apply
 from iriftrace.core.units import length_factor
-from iriftrace.io.members import read_state
+from iriftrace.io.members import member_at, read_state
+from iriftrace.io.reading import AS_STATED, ReadField
 from iriftrace.io.refusals import chosen_unit
 from iriftrace.io.scattered import cells_outside
 from iriftrace.io.states import Contents
@@ -51,13 +51,9 @@ INDEX_TOLERANCE = 0.02
 
 def read_field(
     path: str | Path,
+    reading: ReadField = AS_STATED,
     *,
-    array: str | None = None,
-    quantity: str | None = None,
-    temperature_unit: str | None = None,
-    length_unit: str | None = None,
     air: Air | None = None,
-    transform: ArrayLike | None = None,
     member: int | None = None,
     part: Part | None = None,
     flow: bool = False,
@@ -72,22 +68,13 @@ def read_field(
         ``.ex2`` or ``.exo``; ``.cgns``; ``.xdmf`` or ``.xmf``; COMSOL's text exports and
         tables of other programs, ``.txt``, ``.csv`` or ``.dat``; an OpenFOAM case, by its folder or
         a ``.foam`` file in it, or one of its regions, by ``constant/<region>``.
-    array : str, optional
-        Name of the array; chosen by the usual names if omitted.
-    quantity : str, optional
-        What the array holds: ``"temperature"``, ``"index"`` (n or n - 1, determined from its
-        range) or ``"density"`` (kg/m3); determined from the array's name if omitted.
-    temperature_unit : str, optional
-        Unit of the temperatures; by default the unit stated in the file, else K.
-    length_unit : str, optional
-        Unit of the coordinates; by default the unit stated in the file (OpenFOAM: m), else mm.
+    reading : ReadField
+        Array, state, units and place, where the file does not state them, or states several.
     air : Air, optional
         Ambient air; `Air()` if omitted.
-    transform : (4, 4) array_like, optional
-        Applied to the coordinates after their conversion to mm.
     member : int, optional
-        Number of the state in a file with several (`iriftrace.io.members`); the last
-        one if omitted.
+        Number of the state in a file with several (`iriftrace.io.members`) instead of the time
+        of `reading`; the last one if both are omitted.
     part : Part, optional
         The part, mm, world; needed only for scattered points, out of whose hull it is cut.
     flow : bool, optional
@@ -114,23 +101,32 @@ def read_field(
         the file has an average over time, or such an average of the temperature.
     """
     air = Air() if air is None else air
+    if reading.isosurfaces:
+        raise InputError(
+            "Iso-surfaces have no air between them; give the volume.",
+            code="field.isosurfaces",
+            argument="isosurfaces",
+        )
+    if member is None and reading.time is not None:
+        member = member_at(Path(path), reading.time).index
+    transform = reading.matrix
     contents = read_volume(path, member=member, flow=flow)
     length_unit = chosen_unit(
-        Path(path), contents.length_unit, length_unit, argument="field_length_unit"
+        Path(path), contents.length_unit, reading.length_unit, argument="field_length_unit"
     )
     raw: pv.UnstructuredGrid = contents.data
     factor = length_factor(length_unit)
     if contents.scattered:
         placed = _placed(raw, factor, transform)
         raw = linear_volume(chosen_cells(raw, cells_outside(placed, part, str(path))))
-    choice = arrays.choose_array(raw, array, quantity, str(path))
+    choice = arrays.choose_array(raw, reading.array, reading.quantity, str(path))
     raw = linear_volume(without_gaps(raw, choice.name, str(path)))
     grid = _placed(raw, factor, transform)
     values = arrays.point_values(raw, choice.name, str(path))
     result = IndexField(
         grid=grid,
         refractivity=arrays.to_refractivity(
-            values, choice, contents.units, temperature_unit, air, str(path)
+            values, choice, contents.units, reading.temperature_unit, air, str(path)
         ),
         air=air,
         source=FieldSource(
@@ -153,7 +149,7 @@ def read_field(
             "density, which differs from that of the average temperature where the air fluctuates; "
             "average the density too, such as rhoMean, if the solver can."
         )
-    if choice.quantity == "temperature" and quantity is None and array is None:
+    if choice.quantity == "temperature" and reading.quantity is None and reading.array is None:
         _warn_of_other_index(raw, result)
     return result
 
@@ -256,7 +252,7 @@ def _facts(contents: Contents, array: str) -> FieldFacts:
 
 
 def _placed(
-    raw: pv.UnstructuredGrid, factor: float, transform: ArrayLike | None
+    raw: pv.UnstructuredGrid, factor: float, transform: FloatArray | None
 ) -> pv.UnstructuredGrid:
     """The cells of a file in mm, world, without its data."""
     points = np.asarray(raw.points)
@@ -269,7 +265,7 @@ def _placed(
     if factor != 1.0:
         points = np.asarray(points, dtype=np.float64) * factor
     if transform is not None:
-        points = apply(np.asarray(transform, dtype=np.float64), points)
+        points = apply(transform, points)
     grid = pv.UnstructuredGrid()
     grid.copy_structure(raw)
     # Assigning to `points` would also move those of `raw`, which uses the same structure.

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 from attrs import evolve, frozen
-from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import BoolArray, Float32Array, FloatArray, IntArray, as_float64
@@ -21,6 +20,7 @@ from iriftrace.core.mesh import transform as motion
 from iriftrace.core.mesh.topology import drop_degenerate, face_along, weld
 from iriftrace.core.mesh.triangles import area_vectors, normals_along, unit_vectors, used_vertices
 from iriftrace.core.units import length_factor
+from iriftrace.io.reading import AS_STATED, ReadField
 from iriftrace.io.refusals import check_ending, check_exists
 from iriftrace.io.vtk_check import read_file
 from iriftrace.io.vtk_files import blocks_of
@@ -29,6 +29,7 @@ from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.marked import chosen_cells
 from iriftrace.medium.origin import facts_of, origin_of
 from iriftrace.medium.shells.levels import layers_between
+from iriftrace.medium.shells.options import STANDARD
 from iriftrace.medium.shells.stack import Shell, ShellStack
 from iriftrace.medium.shells.table import SmallComponents
 from iriftrace.medium.source import FieldFacts, FieldSource
@@ -57,15 +58,11 @@ class Soup:
 
 def import_shells(
     path: str | Path,
+    reading: ReadField = AS_STATED,
     *,
-    array: str | None = None,
-    quantity: str | None = None,
     gradient: str | None = None,
-    temperature_unit: str | None = None,
-    length_unit: str = "mm",
     air: Air | None = None,
-    transform: ArrayLike | None = None,
-    min_size_mm: float = 1.0,
+    min_size_mm: float = STANDARD.min_size,
 ) -> ShellStack:
     """Read surfaces of equal temperature, density or index as shells.
 
@@ -78,22 +75,15 @@ def import_shells(
     Parameters
     ----------
     path : path
-        One ``.vtu``, ``.vtm`` or ``.vtp`` with triangles (or polygons) in mm or ``length_unit``.
-    array, quantity : str, optional
-        Name of the point or cell array, and what it holds: ``"temperature"``, ``"index"`` (n or
-        n - 1) or ``"density"``; needed where the name does not tell, as COMSOL's ``Color``
-        (:func:`iriftrace.medium.arrays.choose_array`).
+        One ``.vtu``, ``.vtm`` or ``.vtp`` with triangles (or polygons) in mm or another unit.
+    reading : ReadField
+        Array, units and place. Array and quantity are needed where the name does not tell, as
+        COMSOL's ``Color`` (:func:`iriftrace.medium.arrays.choose_array`).
     gradient : str, optional
         Name of a point array with the gradient of the same quantity, along which the shells get
         their normals; without one rays use the facets'.
-    temperature_unit : str, optional
-        Unit of the temperatures; by default that in brackets in the array's name, else K.
-    length_unit : str
-        Unit of the file's coordinates.
     air : Air, optional
         Ambient air; ``Air()`` by default.
-    transform : (4, 4) array_like, optional
-        Applied to the coordinates after their conversion to mm.
     min_size_mm : float, mm
         Pieces whose bounding box has a smaller diagonal are dropped.
 
@@ -110,10 +100,14 @@ def import_shells(
     """
     path = Path(path)
     air = Air() if air is None else air
-    factor = length_factor(length_unit)
-    soup = _read_triangles(
-        path, array, quantity, gradient, temperature_unit, factor, air, transform
-    )
+    if reading.time is not None:
+        raise InputError(
+            f'the time is "{reading.time}", but a file of iso-surfaces is read as a whole; export '
+            "the surfaces of one time.",
+            code="shells.time",
+            argument="time",
+        )
+    soup = _read_triangles(path, reading, gradient, air)
     surfaces, of_triangle = _split(soup.refractivity, soup.choice.name, path)
     _, e = layers_between(surfaces, air.ambient_refractivity)
     meshes = [_mesh(soup, of_triangle == k) for k in range(len(surfaces))]
@@ -141,7 +135,7 @@ def import_shells(
         sha256=sha256_of(path),
         array=soup.choice.name,
         quantity=soup.choice.quantity,
-        length_unit=length_unit,
+        length_unit=_unit(reading),
         origin=soup.origin,
         facts=soup.facts,
     )
@@ -194,19 +188,15 @@ def _outward(mesh: Soup, cooler: Float32Array | None, hotter: Float32Array | Non
     return direction
 
 
-def _read_triangles(
-    path: Path,
-    array: str | None,
-    quantity: str | None,
-    gradient: str | None,
-    temperature_unit: str | None,
-    length_factor: float,
-    air: Air,
-    transform: ArrayLike | None,
-) -> Soup:
+def _unit(reading: ReadField) -> str:
+    return reading.length_unit or "mm"
+
+
+def _read_triangles(path: Path, reading: ReadField, gradient: str | None, air: Air) -> Soup:
     """All triangles of a file; the parameters are those of :func:`import_shells`."""
+    factor, matrix = length_factor(_unit(reading)), reading.matrix
     blocks, origin, facts = _read(path)
-    choice = arrays.choose_array(blocks[0], array, quantity, str(path))
+    choice = arrays.choose_array(blocks[0], reading.array, reading.quantity, str(path))
     starts = np.cumsum([0] + [block.n_points for block in blocks])
     faces = [np.asarray(block.regular_faces, dtype=np.int64) for block in blocks]
     values = np.concatenate(
@@ -219,14 +209,13 @@ def _read_triangles(
             code="shells.not_finite",
         )
     points = np.concatenate([np.asarray(b.points, dtype=np.float64) for b in blocks])
-    points *= length_factor
+    points *= factor
     vectors = None
     if gradient is not None:
         # The index falls where the temperature rises.
         sign = -1.0 if choice.quantity == "temperature" else 1.0
         vectors = sign * np.concatenate([_vectors(block, gradient, path) for block in blocks])
-    if transform is not None:
-        matrix = np.asarray(transform, dtype=np.float64)
+    if matrix is not None:
         points = motion.apply(matrix, points)
         # A gradient is a covector: it turns with the inverse transposed.
         vectors = None if vectors is None else vectors @ np.linalg.inv(matrix[:3, :3])
@@ -238,7 +227,9 @@ def _read_triangles(
     return Soup(
         vertices=points.astype(np.float32),
         faces=np.concatenate([f + start for f, start in zip(faces, starts, strict=False)]),
-        refractivity=arrays.to_refractivity(values, choice, None, temperature_unit, air, str(path)),
+        refractivity=arrays.to_refractivity(
+            values, choice, None, reading.temperature_unit, air, str(path)
+        ),
         gradient=vectors,
         choice=choice,
         origin=origin,

@@ -4,24 +4,26 @@ from __future__ import annotations
 
 import itertools
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import trimesh
 from attrs import evolve, frozen
-from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import AnyArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of, whole_file
-from iriftrace.core.mesh.transform import apply, checked_matrix
+from iriftrace.core.mesh.transform import apply
 from iriftrace.core.units import LENGTH_UNITS, length_factor, length_unit_of
 from iriftrace.io.ply import HEADER_LIMIT, PlyMesh, check_corners, read_ply, write_ply
+from iriftrace.io.reading import AS_DRAWN, ReadPart
 from iriftrace.io.refusals import check_exists, damaged, not_read
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.regions import Regions
 from iriftrace.part.soundness import check_unit, stated_growth
+from iriftrace.part.uneven_growth import Temperatures, grown_unevenly
 
 # Mitsuba reads face properties only with a number at the end, and calls this one ``face_region``;
 # for any other name it prints a warning. It scales integers by their range, hence float.
@@ -205,33 +207,24 @@ def write_mesh_file(
 
 def read_part(
     path: str | Path,
+    reading: ReadPart = AS_DRAWN,
     *,
-    length_unit: str | None = None,
-    transform: ArrayLike | None = None,
-    expansion: float | None = None,
-    reference_temperature_k: float = 293.15,
-    hot_temperature_k: float | None = None,
-    region_angle_deg: float = 30.0,
+    field_wall: Callable[[Part], Temperatures] | None = None,
 ) -> Part:
     """Read a part's surface, check it and find its regions.
 
-    The coordinates are read in `length_unit`, then expanded about the file's origin, then
+    The coordinates are read in the part's length unit, then expanded about the file's origin, then
     transformed.
 
     Parameters
     ----------
     path
         A mesh that trimesh reads: PLY, STL, OBJ, OFF, GLB and others.
-    length_unit
-        Unit of the file's coordinates; by default that stated in the file (glTF: m), else mm.
-    transform
-        (4, 4) array, part to world, mm.
-    expansion
-        Linear thermal expansion, 1/K. The file describes the part at `reference_temperature_k`.
-    reference_temperature_k, hot_temperature_k
-        Temperatures of the file and of the hot part, K; the second is needed with `expansion`.
-    region_angle_deg
-        Faces whose normals differ by less are smoothly connected.
+    reading
+        Unit, place and thermal expansion of the part.
+    field_wall
+        Returns the temperatures of the field's wall for the cold part; needed if the part's hot
+        temperature is that of the field.
 
     Returns
     -------
@@ -250,13 +243,24 @@ def read_part(
         The surface is not closed, was turned over, has triangles that lie on others, which are
         removed, or on their neighbours, is far from the origin, or its unit is doubtful.
     """
-    path = Path(path)
+    path, length_unit, hot, transform = Path(path), reading.length_unit, reading.hot, reading.matrix
     if length_unit is not None:
         length_factor(length_unit)  # refuses an unknown unit before the file is read
         length_unit = LENGTH_UNITS.get(length_unit.casefold(), length_unit)
+    if reading.expansion is None and reading.hot_temperature:
+        raise InputError(
+            "a hot temperature is given, by which the part expands only with its expansion; give "
+            "that, such as 14e-6/K, or leave the temperature out for a part drawn hot.",
+            code="part.no_expansion",
+            argument="expansion",
+        )
     file = load_mesh_file(path)
     growth, factor = stated_growth(
-        str(path), file.growth, expansion, reference_temperature_k, hot_temperature_k
+        str(path),
+        file.growth,
+        None if hot.uneven else reading.expansion,
+        reading.reference_temperature,
+        hot.default,
     )
     stated = file.unit and LENGTH_UNITS.get(file.unit, file.unit)
     length_unit = length_unit or stated or "mm"
@@ -271,13 +275,21 @@ def read_part(
         length_unit=length_unit,
         regions=file.regions,
         transform=transform,
-        region_angle_deg=region_angle_deg,
+        region_angle_deg=reading.region_angle,
     )
+    if reading.expansion is not None and hot.uneven:
+        return grown_unevenly(
+            evolve(part, growth=growth),
+            reading.expansion,
+            reading.reference_temperature,
+            hot.at_walls(part, field_wall),
+            (0.0, 0.0, 0.0) if transform is None else transform[:3, 3],
+        )
     if growth is None or (file.drawing is None and transform is None):
         return evolve(part, growth=growth)
     drawing = vertices / growth.factor if file.drawing is None else file.drawing * scale
     if transform is not None:
-        drawing = apply(checked_matrix(transform), drawing)
+        drawing = apply(transform, drawing)
     return evolve(part, growth=growth, drawing=drawing)
 
 

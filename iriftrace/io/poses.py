@@ -18,6 +18,7 @@ from __future__ import annotations
 import io
 import json
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from attrs import frozen
@@ -35,6 +36,10 @@ from iriftrace.io.refusals import check_ending, check_exists, damaged
 from iriftrace.io.robot_poses import ROBOTS, RobotName
 
 SCHEMA = "iriftrace.poses/1"
+
+Convention = Literal["opencv", "mitsuba", "opengl", "ros"]
+OPENCV: Convention = "opencv"
+"""The usual axes: x right, y down, z forward."""
 
 CONVENTIONS: dict[str, FloatArray] = {
     # Columns: the convention's x, y and z in right, down, forward.
@@ -78,7 +83,7 @@ def from_convention(matrices: ArrayLike, name: str) -> FloatArray:
 
 def read_poses(
     path: str | Path,
-    convention: str = "opencv",
+    convention: str = OPENCV,
     *,
     length_unit: str = "mm",
     robot: RobotName | None = None,
@@ -160,7 +165,7 @@ def read_poses(
     return PoseSet(matrices, *(unknown if angle is None else angle for angle in angles))
 
 
-def write_poses(path: str | Path, poses: PoseSet, convention: str = "opencv") -> None:
+def write_poses(path: str | Path, poses: PoseSet, convention: str = OPENCV) -> None:
     """Write camera poses, in mm, such that `read_poses` gives them back to the last bit.
 
     ``.csv`` and ``.json`` keep angles and state the convention, one of `CONVENTIONS`; ``.npy``

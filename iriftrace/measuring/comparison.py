@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Collection
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from attrs import frozen
@@ -25,8 +24,7 @@ from iriftrace.image.displacement import shift_map
 from iriftrace.io.measured_shift import MeasuredShift
 from iriftrace.measuring.camera_motion import FEWEST_POINTS, CameraMotion, fit_camera_motion
 from iriftrace.measuring.fit.shift_signs import warn_of_signs
-
-Picture = Literal["cold", "hot"]
+from iriftrace.measuring.options import COLD, Picture
 
 SCHEMA = "iriftrace.comparison/2"
 CONVENTION = (
@@ -119,7 +117,7 @@ def compare(
     image: AovImage,
     measured: MeasuredShift,
     *,
-    positions: Picture = "cold",
+    positions: Picture = COLD,
     include: Collection[int] = (Status.GOOD,),
 ) -> Comparison:
     """Compare measured shifts with the channel ``shift.px`` of a rendering.

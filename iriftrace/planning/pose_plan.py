@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from attrs import frozen
 
 from iriftrace.core.errors import InputError
-from iriftrace.planning.cover import NO_LIMITS, ViewLimits, ViewSet, plan_views
-from iriftrace.planning.criteria import STANDARD, Criteria
+from iriftrace.planning.cover import ViewSet, plan_views
+from iriftrace.planning.criteria import STANDARD, Criteria, Views
 from iriftrace.planning.refine import Refinement, check_evaluations, refine_pose
 from iriftrace.planning.summary import SweepSummary, summarise
 from iriftrace.sweep.reload import load_swept_scene
@@ -41,8 +41,7 @@ def plan(
     sweep: xr.Dataset,
     criteria: Criteria = STANDARD,
     *,
-    views: int | None = None,
-    limits: ViewLimits = NO_LIMITS,
+    views: Views | None = None,
     evaluations: int | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> PosePlan:
@@ -54,10 +53,9 @@ def plan(
         A sweep that `iriftrace.run_sweep` returned or `iriftrace.read_sweep` has read.
     criteria : Criteria
         Weights, normalisation and requirements for a pose.
-    views : int, optional
-        Number of poses that together see as much area as possible.
-    limits : ViewLimits
-        Limits within which these poses must see a face.
+    views : Views, optional
+        Number of poses that together see as much area as possible, and limits within which they
+        must see a face.
     evaluations : int, optional
         Maximum number of poses to render in a search around the best pose, at least 10; needs the
         scene's files.
@@ -75,7 +73,7 @@ def plan(
     summary = summarise(sweep, criteria)
     together = refined = None
     if views is not None:
-        together = plan_views(sweep, views, limits, criteria)
+        together = plan_views(sweep, views, criteria)
     if evaluations is not None:
         check_evaluations(evaluations)
         try:

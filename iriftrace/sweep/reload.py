@@ -16,6 +16,7 @@ from iriftrace.core.engines import Engine
 from iriftrace.core.errors import InputError, SetupError, warn, without_warnings
 from iriftrace.core.plain import JsonObject
 from iriftrace.io.part_files import read_part
+from iriftrace.io.reading import ReadPart
 from iriftrace.part.part import Part
 from iriftrace.sweep.rig import add_measured, rig_of
 from iriftrace.sweep.store import attribute, check_unchanged, scene_of, scene_of_pose
@@ -151,7 +152,7 @@ def swept_part(dataset: xr.Dataset) -> Part:
     if not {"path", "sha256", "length_unit", "to_world"} <= set(named):
         raise InputError("the sweep does not name its file", code="sweep.no_part")
     check_unchanged(named["path"], named["sha256"])
-    part = read_part(named["path"], length_unit=named["length_unit"])
+    part = read_part(named["path"], ReadPart(length_unit=named["length_unit"]))
     return part.transformed(named["to_world"])
 
 

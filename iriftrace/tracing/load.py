@@ -19,6 +19,7 @@ from iriftrace.core.runtime import variant as runtime
 from iriftrace.core.units import parse_quantity
 from iriftrace.io.field_npz import FIELD_FILE
 from iriftrace.io.part_files import read_part
+from iriftrace.io.reading import ReadPart
 from iriftrace.part.part import Part
 from iriftrace.tracing.air import air_statement_of, other_shells, traced_air, warn_of_another_part
 from iriftrace.tracing.compiled import (
@@ -133,7 +134,7 @@ def load_scene(
     camera, second, second_id = read.devices
     with without_warnings():
         blockers = tuple(
-            read_part(file, length_unit="mm").transformed(place)
+            read_part(file, ReadPart(length_unit="mm")).transformed(place)
             for file, place in read.file.blockers
         )
     origin = Origin(
@@ -219,7 +220,7 @@ def _read(path: Path, values: Mapping[str, str], variant: str, engine: Engine) -
     elif WAVELENGTH in values:
         stated = set_shells(scene, stated, parse_quantity(values[WAVELENGTH], "nm"))
     prepared = integrator.prepare(scene)
-    part = read_part(file.part_path, length_unit="mm").transformed(file.part_to_world)
+    part = read_part(file.part_path, ReadPart(length_unit="mm")).transformed(file.part_to_world)
     warn_of_another_part(file, part, stated.part)
     _check_same_part(part, *prepared.tables.part_arrays())
     built = time.perf_counter()

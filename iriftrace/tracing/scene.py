@@ -30,8 +30,9 @@ from iriftrace.tracing.ensemble import MEMBER
 from iriftrace.tracing.file import WAVELENGTH
 from iriftrace.tracing.hot_air import FieldMember, HotAir, weights_of
 from iriftrace.tracing.objects import kept_camera, kept_part
+from iriftrace.tracing.options import SCALE
 from iriftrace.tracing.viewpoint import refuse_bad_places
-from iriftrace.tracing.xml import SCALE, SceneSettings
+from iriftrace.tracing.xml import SceneSettings
 
 if TYPE_CHECKING:
     from iriftrace.medium.part_fit import Fit

@@ -17,7 +17,7 @@ from iriftrace.figures import report as report_module
 from iriftrace.figures.report import Kind, sweep_page, write_report
 from iriftrace.image.aov_image import Status
 from iriftrace.medium.source import FieldFacts, FieldKind, FieldSource
-from iriftrace.planning.criteria import Criteria
+from iriftrace.planning.criteria import Criteria, Views
 from iriftrace.planning.summary import SweepSummary, summarise
 from iriftrace.planning.texts import front_text, ranking_table, stability_text
 from validation.inputs.sweep_tables import sweep_table, with_faces
@@ -272,7 +272,7 @@ def test_several_views_and_the_best_pose_are_shown(
     monkeypatch.setattr(report_module, "sweep_pictures", lambda *_: (pictures, ()))
     monkeypatch.setattr(report_module, "figure_bytes", lambda _: DOT)
     table = sweep()
-    write_report(tmp_path / "report.html", table, summarise(table), views=2)
+    write_report(tmp_path / "report.html", table, summarise(table), views=Views(2))
     page = read_page(tmp_path / "report.html")
     assert "What the best pose sees." in page.by_id["summary"]
     assert "What the best pose sees." not in page.by_id["figures"]

@@ -101,12 +101,16 @@ def fields(record: Record) -> None:
         "vtu, rotated": (
             partial(grid.save, "air.vtu"),
             "air.vtu",
-            {"transform": np.diag((1.0, -1.0, -1.0, 1.0)), "length_unit": "cm"},
+            {
+                "reading": iriftrace.ReadField(
+                    length_unit="cm", transform=np.diag((1.0, -1.0, -1.0, 1.0))
+                )
+            },
         ),
         "vtu, degC": (
             partial(units_stated, "c.vtu", kelvin - 273.15, "temperature"),
             "c.vtu",
-            {"temperature_unit": "degC"},
+            {"reading": iriftrace.ReadField(temperature_unit="degC")},
         ),
         "vtu, density": (
             partial(units_stated, "d.vtu", density, "rho"),
@@ -190,7 +194,7 @@ def fields(record: Record) -> None:
 
     def surfaces(**options: Any) -> Any:
         samples.surfaces(HERE)
-        return shell_values(iriftrace.import_shells("shells.vtp", **options))
+        return shell_values(iriftrace.import_shells("shells.vtp", iriftrace.ReadField(**options)))
 
     record("iso-surfaces", surfaces)
     record("iso-surfaces, declared", lambda: surfaces(quantity="temperature"))

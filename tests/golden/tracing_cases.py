@@ -159,17 +159,21 @@ def sweep(record: Record) -> None:
     three = ("--azimuth=240:300:3", "--elevation=20")
     record("two devices", partial(swept, "fringe_cylinder", "rig.nc", *three))
 
-    def planned(file: str, views: int | None = None, **criteria: Any) -> Any:
+    def planned(file: str, views: iriftrace.Views | None = None, **criteria: Any) -> Any:
         data = iriftrace.read_sweep(file)
         return plan_values(iriftrace.plan(data, iriftrace.Criteria(**criteria), views=views))
 
     record("plan", lambda: planned("sweep.nc"))
     record("plan of a median", lambda: planned("sweep.nc", statistic="median", region="lateral"))
-    record("plan, views", lambda: planned("sweep.nc", views=3))
+    record("plan, views", lambda: planned("sweep.nc", views=iriftrace.Views(3)))
     record("plan of two devices", lambda: planned("rig.nc"))
 
     def pairs() -> Any:
-        return pair_values(iriftrace.plan_pairs(iriftrace.read_sweep("sweep.nc"), confirm=False))
+        return pair_values(
+            iriftrace.plan_pairs(
+                iriftrace.read_sweep("sweep.nc"), pairing=iriftrace.Pairing(confirm=False)
+            )
+        )
 
     record("plan, pairs", pairs)
     # The texts, whose numbers are rounded.

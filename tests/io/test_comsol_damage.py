@@ -10,6 +10,7 @@ import pytest
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.io.field import read_field
 from iriftrace.io.part_files import read_part
+from iriftrace.io.reading import ReadField
 from validation.field_files import comsol
 from validation.inputs.field_grids import AMBIENT, box
 from validation.inputs.hot_block import air, block
@@ -52,7 +53,7 @@ def row(number: int, new: str) -> Edit:
 
 
 SPREADSHEET = {
-    "no unit": (swap("T (K)", "T"), "does not say in which unit 'T' is.*--temperature-unit"),
+    "no unit": (swap("T (K)", "T"), "does not say in which unit 'T' is"),
     "unit of another kind": (swap("(K)", "(V)"), "unit 'V', which is not a unit of temperature"),
     "unknown unit": (swap("(K)", "(Kelvins)"), "'Kelvins', which is not a unit"),
     "unknown unit of length": (swap(" mm", " furlong"), "'furlong' is not a length unit"),
@@ -174,13 +175,13 @@ def test_units_that_contradict_the_header(
 ) -> None:
     path = comsol.sectionwise(tmp_path / "f.txt", POINTS, TETRAHEDRA, {"T (K)": KELVIN})
     with pytest.raises(InputError, match=words):
-        read_field(path, **options)
+        read_field(path, ReadField(**options))
 
 
 def test_units_that_the_user_adds(tmp_path: Path) -> None:
     path = tmp_path / "f.txt"
     comsol.sectionwise(path, POINTS / 10, TETRAHEDRA, {"T": KELVIN - 273.15}, length_unit=None)
-    field = read_field(path, temperature_unit="degC", length_unit="cm")
+    field = read_field(path, ReadField(temperature_unit="degC", length_unit="cm"))
     assert field.grid.volume == pytest.approx(1000.0)
     assert field.temperature_k.min() == pytest.approx(AMBIENT)
 

@@ -12,6 +12,7 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.io.field import read_field
 from iriftrace.io.members import members
 from iriftrace.io.part_files import read_part
+from iriftrace.io.reading import ReadField
 from iriftrace.medium.index_field import IndexField
 from iriftrace.part.part import Part
 from validation.field_files import comsol
@@ -369,6 +370,6 @@ def test_names_and_units_of_other_programs(tmp_path: Path, header: str, unit: st
     rows = np.column_stack((POINTS / (1e3 if unit else 1.0), KELVIN))
     mark = "," if "," in header else " "
     np.savetxt(tmp_path / "f.txt", rows, "%.12e", mark, header=header, comments="")
-    field = read_field(tmp_path / "f.txt", temperature_unit="K")
+    field = read_field(tmp_path / "f.txt", ReadField(temperature_unit="K"))
     assert_the_box(field)
     assert field.source.length_unit == (unit or "mm")

@@ -16,6 +16,7 @@ from numpy.testing import assert_allclose
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.io.field import read_field, read_volume
 from iriftrace.io.members import member_at, members
+from iriftrace.io.reading import ReadField
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.air.thermophysics import heat_content
 from iriftrace.medium.index_field import IndexField
@@ -365,5 +366,5 @@ def test_a_folder_that_is_no_case(tmp_path: Path) -> None:
 
 def test_another_unit_of_length_is_refused(case: Path) -> None:
     with pytest.raises(InputError, match=r"read in mm; .* scale them by 0\.001 if") as error:
-        read_field(case, member=0, length_unit="mm")
+        read_field(case, ReadField(length_unit="mm"), member=0)
     assert (error.value.code, error.value.argument) == ("units.contradict", "field_length_unit")

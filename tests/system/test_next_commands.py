@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from iriftrace.cli import main
-from iriftrace.cli.field_options import PartOptions
 from iriftrace.cli.simulate import _print_simulation, next_scene
-from iriftrace.cli.simulation_options import SimulationOptions
+from iriftrace.flow.simulate.options import SimulationOptions
 from iriftrace.flow.simulate.simulate import Simulation
+from iriftrace.io.reading import AS_DRAWN, ReadPart
 from validation.inputs import hot_block
 
 Printed = pytest.CaptureFixture[str]
@@ -51,7 +51,7 @@ def test_after_a_simulation(capsys: Printed) -> None:
     _print_simulation(
         Simulation(Path("case/field.vtu"), (), 1000, 1.0, None, 0.1, 60.0),
         Path("a part.stl"),
-        PartOptions(length_unit="m", expansion=14e-6, hot_temperature=["1100 degC"]),
+        ReadPart(length_unit="m", expansion=14e-6, hot_temperature=["1100 degC"]),
         SimulationOptions(wall_temperature=1373.15, ambient=298.15, pressure=9e4),
     )
     assert next_words(capsys) == [
@@ -65,7 +65,7 @@ def test_after_a_family() -> None:
     """Its members are one ensemble, in the air of the simulation."""
     simulation = SimulationOptions(ambient=298.15, pressure=9e4)
     files = [Path("family/still.vtu"), Path("family/a.vtu"), Path("family/b.vtu")]
-    command = next_scene(files, Path("part.stl"), simulation, PartOptions())
+    command = next_scene(files, Path("part.stl"), simulation, AS_DRAWN)
     assert shlex.split(command)[1:] == [
         *("scene", "family/still.vtu", "part.stl", "-o", "family/scene/scene.xml"),
         *("--ambient", "25 degC", "--member", "family/a.vtu", "--member", "family/b.vtu"),

@@ -11,6 +11,7 @@ from attrs import frozen
 
 from iriftrace.core.errors import InputError
 from iriftrace.flow.simulate.draught import Draught, check_speed, draught_from
+from iriftrace.flow.simulate.options import DraughtOptions
 
 _MOST_MEMBERS = 1000
 
@@ -44,7 +45,7 @@ class FamilyMember:
         return not (self.image_of or self.between)
 
 
-def check_family(speeds: Sequence[float], directions: Sequence[float]) -> None:
+def _check_family(speeds: Sequence[float], directions: Sequence[float]) -> None:
     """Refuse speeds, m/s, and directions, degrees, that do not form a family."""
     for speed in speeds:
         check_speed(speed)
@@ -79,23 +80,16 @@ def check_family(speeds: Sequence[float], directions: Sequence[float]) -> None:
         )
 
 
-def plan_family(
-    speeds: Sequence[float],
-    directions: Sequence[float],
-    planes: str,
-    symmetric: str,
-    *,
-    between: bool = False,
-) -> tuple[FamilyMember, ...]:
+def plan_family(wind: DraughtOptions, planes: str, symmetric: str) -> tuple[FamilyMember, ...]:
     """Members of a family, in the order of their names.
 
-    Speeds are in m/s; 0 is one member for all directions. Directions are where the air comes from,
-    degrees from +x to +y. `planes` are axes of "xy" at whose centre plane the field may be
-    mirrored; a draught that blows through a plane is solved without it. `symmetric` are axes across
-    which part and wall temperatures are symmetric: mirror images of other draughts are not solved.
-    With `between` there are also members halfway between neighbouring speeds and directions.
+    A speed of 0 is one member for all directions. `planes` are axes of "xy" at whose centre plane
+    the field may be mirrored; a draught that blows through a plane is solved without it.
+    `symmetric` are axes across which part and wall temperatures are symmetric: mirror images of
+    other draughts are not solved.
     """
-    check_family(speeds, directions)
+    speeds, directions = wind.draughts or (), wind.draught_from or ()
+    _check_family(speeds, directions)
     turns = sorted(float(np.mod(direction, 360.0)) for direction in directions)
     originals = _originals(turns, symmetric)
     members: list[FamilyMember] = []
@@ -113,7 +107,7 @@ def plan_family(
             original, across = originals.get(turn, (turn, ""))
             image_of = _name(speed, original, digits) if across else ""
             members.append(FamilyMember(name, draught, left, image_of, across))
-    if between:
+    if wind.between:
         places = product(sorted(speeds), turns)
         halfway = _halfway({place: _name(*place, digits) for place in places})
         if not halfway:

@@ -174,7 +174,7 @@ def _reader(folder: Path) -> Callable[[str, Case], IndexField]:
 
     @lru_cache(maxsize=_KEPT)
     def read(name: str, case: Case) -> IndexField:
-        air = Air(temperature_k=case.ambient_k, pressure_pa=case.pressure_pa)
+        air = Air(temperature_k=case.options.ambient, pressure_pa=case.options.pressure)
         # What a field is warned of is said again where a scene is made of it.
         with without_warnings():
             return read_field(folder / f"{name}.vtu", air=air)
@@ -208,7 +208,7 @@ def _entry(member: FamilyMember, case: Case) -> JsonObject:
         "end_s": case.times.end,
         "averaging_s": case.times.averaging,
         "bodies": [body.record() for body in case.bodies],
-        "floor_mm": case.floor,
+        "floor_mm": case.options.floor,
     }
 
 
@@ -222,7 +222,8 @@ def _read(folder: Path) -> dict[str, JsonObject]:
         raise InputError(
             f"the folder {folder} holds files that are not a family of draughts, among which its "
             "members would be lost; name an empty or a new one.",
-            code="family.other_files",
+            code="output.replaces",
+            argument="output",
         )
     return {}
 

@@ -70,6 +70,8 @@ class AirGroups:
         Where the group of the members comes from; "" if the air is not known.
     outside : bool
         The air that was measured lies outside the members.
+    synthetic : bool
+        The air is of a formula.
     """
 
     weights: MemberWeights | None = None
@@ -77,6 +79,7 @@ class AirGroups:
     varied: Mapping[str, Varied] = Factory(dict)
     source: str = ""
     outside: bool = False
+    synthetic: bool = False
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -147,7 +150,7 @@ class AirGroups:
         elif weights is not None and weights.sampled > 1:
             source = f"any mixture of {weights.sampled} members"
         outside = OUTSIDE in scene.compiled.stated.notes
-        return cls(weights, scaled, varied, "" if synthetic else source, outside)
+        return cls(weights, scaled, varied, "" if synthetic else source, outside, synthetic)
 
 
 def _kinds(scene: Scene) -> list[FieldKind]:
