@@ -42,6 +42,7 @@ def simulate(
     wind: DraughtOptions = DraughtOptions(),
     part_options: PartOptions = PartOptions(),
     field: Path | None = None,
+    vary: str | None = None,
     processes: Whole = 1,
     write_only: Flag = False,
 ) -> None:
@@ -68,6 +69,10 @@ def simulate(
         Folder for the OpenFOAM case, or for a family's fields and cases.
     field
         File for the field, .vtu; by default field.vtu in the case's folder.
+    vary
+        Solve the flow again with an input changed, once for each, "wall 10 K, ambient 2 K, pressure
+        2 hPa", for its share of an uncertainty. The fields are written beside the first one, as
+        field_wall.vtu and so on; in a scene they are members without weight.
     processes
         Processes for the solver.
     write_only
@@ -76,12 +81,13 @@ def simulate(
     from iriftrace.flow.simulate.programs import find_openfoam
     from iriftrace.flow.simulate.simulate import check_solver, prepare
     from iriftrace.flow.simulate.simulate import simulate as run
+    from iriftrace.flow.simulate.variations import case_folder, varied_cases
 
     checks.inputs(part)
     checks.folder(output)
     target = output / "field.vtu" if field is None else field
     checks.output(target, "field.vtu", make=True)
-    wind.check(field=field, write_only=write_only)
+    wind.check(field=field, write_only=write_only, vary=vary)
     installation = None
     if not write_only:
         # Before anything is written: a case cannot be used if no solver is installed.
@@ -105,8 +111,11 @@ def simulate(
         say(f"Family written; now run:  {next_scene(files, part, simulation, hot)}")
         return
     case = simulation.case(measured, processes, wind.single())
+    varied = () if vary is None else varied_cases(case, vary)
     _print_case(case)
     there = prepare(case, output)
+    for one in varied:
+        prepare(one, case_folder(one, output))
     if installation is None:
         state = "already exists" if there else "written"
         say(f"Case {state}: {output}; the same command without --write-only runs it")
@@ -114,9 +123,39 @@ def simulate(
     target.parent.mkdir(parents=True, exist_ok=True)
     if there:
         say(f"Continuing the case in {output}")
+    if varied:
+        say(f"It is solved {len(varied) + 1} times on one mesh, of which this is the first.")
     with simulation_progress() as display:
         result = run(case, output, target, installation, display)
-    _print_simulation(result, part, hot, simulation)
+    _print_simulation(result)
+    files = [result.field, *_vary(varied, output, result, installation)]
+    written = "Fields" if varied else "Field"
+    say(f"{written} written; now run:  {next_scene(files, part, simulation, hot)}")
+
+
+def _vary(
+    varied: Sequence[Case], folder: Path, first: Simulation, installation: Installation
+) -> list[Path]:
+    """Solve each of the cases that vary the first one; returns their fields."""
+    from iriftrace.flow.simulate.variations import solve_varied
+
+    results = [first]
+    for one in varied:
+        with simulation_progress() as display:
+            # Mesh and cost are those of the first one.
+            quiet = evolve(display, expect=lambda cells, seconds: None)
+            result = solve_varied(one, folder, first.field, installation, quiet)
+        results.append(result)
+        text = "" if one.variation is None else one.variation.text
+        flow = result.steadiness
+        state = "" if flow is None else f"; heat flow {flow.heat_w:.4g} W, {flow.text}"
+        say(f"{result.field.name} {text}: {result.seconds:.0f} s{state}")
+    if varied and not all(one.steadiness and one.steadiness.steady for one in results):
+        warn(
+            "The flow is not steady, so what an input changes contains what time changes, too; "
+            "average longer (--average-time, --end-time)."
+        )
+    return [one.field for one in results[1:]]
 
 
 def _words(wall: WallTemperatures) -> list[str]:
@@ -189,9 +228,7 @@ def _print_wall(case: Case) -> None:
         say(f"  wall {region}: {kelvin:.2f} K ({kelvin - ZERO_CELSIUS_K:.0f} degC)")
 
 
-def _print_simulation(
-    result: Simulation, part: Path, part_options: PartOptions, simulation: SimulationOptions
-) -> None:
+def _print_simulation(result: Simulation) -> None:
     runs = f" ({result.all_seconds:.0f} s in all its runs)"
     say(
         f"{result.cells:,} cells, {result.seconds:.0f} s"
@@ -209,7 +246,6 @@ def _print_simulation(
     if result.snapshots:
         listed = result.field.with_name(f"{result.field.stem}_snapshots.pvd")
         say(f"{len(result.snapshots)} snapshots: {listed}")
-    say(f"Field written; now run:  {next_scene([result.field], part, simulation, part_options)}")
 
 
 def next_scene(

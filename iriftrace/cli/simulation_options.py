@@ -246,7 +246,7 @@ class DraughtOptions:
         """Scheduler of the workers; None if the members are solved in this process."""
         return "local" if self.scheduler is None and self.workers is not None else self.scheduler
 
-    def check(self, *, field: Path | None, write_only: bool) -> None:
+    def check(self, *, field: Path | None, write_only: bool, vary: str | None) -> None:
         """Refuse options that do not go together, and an invalid scheduler."""
         if self.draughts is None:
             refuse_given(
@@ -259,7 +259,7 @@ class DraughtOptions:
             )
             return
         refuse_given(
-            {"--field": field, "--write-only": write_only or None},
+            {"--field": field, "--write-only": write_only or None, "--vary": vary},
             "is for one field, but --draughts makes a family; leave one of them out.",
         )
         if self.address is not None:

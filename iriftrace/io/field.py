@@ -81,7 +81,8 @@ def read_field(
     length_unit : str, optional
         Unit of the coordinates; by default the unit stated in the file (OpenFOAM: m), else mm.
     air : Air, optional
-        Ambient air; `Air()` if omitted.
+        Ambient air; `Air()` if omitted. A file that states that it varies a field by another
+        temperature or pressure of the air is read in that air.
     transform : (4, 4) array_like, optional
         Applied to the coordinates after their conversion to mm.
     member : int, optional
@@ -112,8 +113,8 @@ def read_field(
         because the file marks them or the array is NaN there; the array is one of a moment although
         the file has an average over time, or such an average of the temperature.
     """
-    air = Air() if air is None else air
     contents = read_volume(path, member=member, flow=flow)
+    air = _varied(Air() if air is None else air, contents.facts)
     length_unit = _length_unit(length_unit, contents.length_unit, str(path))
     raw: pv.UnstructuredGrid = contents.data
     factor = length_factor(length_unit)
@@ -239,6 +240,16 @@ def _refuse_overlap(joined: pv.UnstructuredGrid, ends: IntArray, path: Path) -> 
             f"{path} has blocks that lie in each other, so the air there is ambiguous; export the "
             "blocks of the air alone, each part of it once."
         )
+
+
+def _varied(air: Air, facts: FieldFacts | None) -> Air:
+    """The air in which a field was solved that varies one of this air."""
+    variation = None if facts is None else facts.variation
+    if variation is not None and variation.quantity == "ambient":
+        return evolve(air, temperature_k=air.temperature_k + variation.step)
+    if variation is not None and variation.quantity == "pressure":
+        return evolve(air, pressure_pa=air.pressure_pa + variation.step)
+    return air
 
 
 def _facts(contents: Contents, array: str) -> FieldFacts:

@@ -21,6 +21,7 @@ from iriftrace.flow.simulate.part_surface import (
     symmetric_axes,
 )
 from iriftrace.flow.simulate.times import Times, natural_times
+from iriftrace.medium.source import Variation
 from iriftrace.part.part import Part, refuse_unlikely_size
 from iriftrace.part.wall_temperature import WallTemperatures, wall_temperature
 
@@ -53,6 +54,7 @@ class Case:
     bodies: tuple[Body, ...] = ()
     floor: float | None = None  # height z, mm, of a floor at ambient temperature
     family: tuple[Draught, ...] = ()  # draughts of all cases that use the same mesh
+    variation: Variation | None = None  # of a case that varies another one, and uses its mesh
     domain: Domain = field(init=False)
 
     def __attrs_post_init__(self) -> None:
@@ -124,7 +126,10 @@ class Case:
         """Leans of the plumes for which the mesh is refined."""
         height = float(np.ptp(self.part.bounds[:, 2]))
         own = () if self.draught is None else (self.draught,)
-        return leans(self.family or own, rise_speed(height, self.wall.hottest, self.ambient_k))
+        temperatures = {"wall": self.wall.hottest, "ambient": self.ambient_k}
+        if self.variation is not None and self.variation.quantity in temperatures:
+            temperatures[self.variation.quantity] -= self.variation.step
+        return leans(self.family or own, rise_speed(height, *temperatures.values()))
 
     def record(self) -> JsonObject:
         """Values on which flow and mesh depend."""
