@@ -67,25 +67,20 @@ def parse_quantity(text: str | float, unit: str) -> float:
     return value
 
 
-def named_quantities(text: str, units: Mapping[str, str], argument: str) -> dict[str, float]:
+def named_quantities(text: str, units: Mapping[str, str]) -> dict[str, float]:
     """Read ``"wall 10 K, pressure 2 hPa, air 5 %"`` as numbers in the `units` of their names.
 
-    A number in ``"K"`` is a difference of temperatures. Raises InputError, about the `argument`,
-    for an unknown name, a number without its unit, or a name that is given twice.
+    A number in ``"K"`` is a difference of temperatures. Raises ValueError, with the fault and its
+    remedy, for an unknown name, a number without its unit, or a name that is given twice.
     """
     found: dict[str, float] = {}
     for piece in filter(None, map(str.strip, text.split(","))):
         name, _, value = piece.partition(" ")
-        try:
-            if name not in units:
-                raise ValueError(f"{name!r} is none of its names; use {', '.join(units)}")
-            if name in found:
-                raise ValueError(f"{name!r} is given twice; give it once")
-            found[name] = _named(name, value.strip(), units[name])
-        except ValueError as error:
-            raise InputError(
-                f'In "{text}" {error}.', code="units.names_not_read", argument=argument
-            ) from None
+        if name not in units:
+            raise ValueError(f"{name!r} is not an input; use {', '.join(units)}")
+        if name in found:
+            raise ValueError(f"{name!r} is given twice; give it once")
+        found[name] = _named(name, value.strip(), units[name])
     return found
 
 

@@ -30,14 +30,16 @@ def varied_cases(case: Case, text: str) -> tuple[Case, ...]:
     Raises InputError for text that does not say so, a step that is not positive, and a case that
     cannot be simulated.
     """
-    steps = named_quantities(text, {str(name): unit for name, unit in _UNITS.items()}, "vary")
-    if not steps or not all(0.0 < step < math.inf for step in steps.values()):
+    try:
+        steps = named_quantities(text, {str(name): unit for name, unit in _UNITS.items()})
+        if not steps:
+            raise ValueError('there is none; write them like "wall 10 K"')
+        if not all(0.0 < step < math.inf for step in steps.values()):
+            raise ValueError('a step is not positive; write it like "wall 10 K"')
+    except ValueError as error:
         raise InputError(
-            f'"{text}" does not say by how much to change an input; give a positive number, such '
-            'as "wall 10 K".',
-            code="case.no_step",
-            argument="vary",
-        )
+            f"Among the inputs to change {error}.", code="case.steps_not_read", argument="vary"
+        ) from None
     return tuple(
         _changed(case, Variation(name, steps[name], of=""))
         for name in get_args(Quantity)

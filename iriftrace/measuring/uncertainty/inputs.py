@@ -76,7 +76,14 @@ class Inputs:
         Raises InputError for an unknown name, a number without its unit, or one given twice.
         """
         units = {name: unit for name, (_, unit) in NAMES.items()}
-        found = named_quantities(text, units, "uncertainty")
+        try:
+            found = named_quantities(text, units)
+        except ValueError as error:
+            raise InputError(
+                f"Among the uncertainties {error}.",
+                code="uncertainty.not_read",
+                argument="uncertainty",
+            ) from None
         return cls(**{NAMES[name][0]: value for name, value in found.items()})
 
     def stated(self) -> dict[str, float]:
