@@ -6,7 +6,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help demo test test-all lint docs bench bench-gpu bench-scaling accuracy validation statements attack golden clean llvm openfoam
+.PHONY: help demo test test-all lint docs bench bench-gpu bench-scaling accuracy validation statements attack clean llvm openfoam
 .DEFAULT_GOAL := help
 
 help:
@@ -23,7 +23,6 @@ help:
 	@echo 'make openfoam  install OpenFOAM, which iriftrace field simulate runs, and repair it where needed'
 	@echo 'make statements  compute docs/parts.md anew: what the paper says of its components'
 	@echo 'make attack  damage files of every format and count what readers make of them: docs/reliability.md'
-	@echo 'make golden  compare numbers with those frozen in tests/golden; ACTION=freeze freezes them'
 	@echo 'make clean   remove build folders and caches; .venv and out/ stay'
 
 demo: $(VENV)/installed $(VENV)/drawing llvm
@@ -81,11 +80,6 @@ statements: $(VENV)/installed $(VENV)/drawing llvm
 
 attack: $(VENV)/installed-dev $(VENV)/drawing llvm
 	$(BIN)/python -m validation.attack --write
-
-# Scaffolding while rooms are moved and cut.
-golden: ACTION = compare
-golden: $(VENV)/installed-dev $(VENV)/drawing llvm
-	$(BIN)/python tests/golden/run.py $(ACTION)
 
 clean:
 	rm -rf build dist docs/_build docs/api docs/gallery docs/sg_execution_times.rst *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

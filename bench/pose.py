@@ -79,8 +79,7 @@ def process_over_trace(scene: Scene, repeats: int) -> float:
 def shares(scene: Scene) -> dict[str, float]:
     """Time of each stage of one pose over the refracted trace's."""
     with tempfile.TemporaryDirectory() as folder:
-        rendering = render_scene(scene)
-        rendering.save(Path(folder) / "pose.exr")
+        rendering = render_scene(scene).saved(Path(folder) / "pose.exr")
     time_s = rendering.metrics.time_s
     stages = ("straight", "refracted", "metrics", "write")
     return {stage: time_s[stage] / time_s["refracted"] for stage in stages}

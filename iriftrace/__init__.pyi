@@ -53,6 +53,8 @@ from .io.part_files import save_part as save_part
 from .io.poses import from_convention as from_convention
 from .io.poses import read_poses as read_poses
 from .io.poses import to_convention as to_convention
+from .io.reading import ReadField as ReadField
+from .io.reading import ReadPart as ReadPart
 from .io.shells import load_shells as load_shells
 from .io.surface import write_surface as write_surface
 from .measuring.comparison import Comparison as Comparison
@@ -67,18 +69,35 @@ from .measuring.fit.member_fit import FittedView as FittedView
 from .measuring.fit.member_fit import MemberFit as MemberFit
 from .measuring.fit.shift_fit import fit_members as fit_members
 from .measuring.fit.temperature_fit import fit_temperatures as fit_temperatures
+from .measuring.two_devices.budget import FeatureBudget as FeatureBudget
+from .measuring.two_devices.budget import feature_budget as feature_budget
 from .measuring.two_devices.correct import correct as correct
 from .measuring.two_devices.correction import Correction as Correction
 from .measuring.two_devices.correction import CorrectionStatus as CorrectionStatus
 from .measuring.two_devices.measure import measure as measure
 from .measuring.two_devices.scan import Scan as Scan
 from .measuring.two_devices.scan import ScanStatus as ScanStatus
+from .measuring.uncertainty.budget import Uncertainty as Uncertainty
+from .measuring.uncertainty.decision import Decision as Decision
+from .measuring.uncertainty.decision import Tolerance as Tolerance
+from .measuring.uncertainty.displacement import PoseUncertainty as PoseUncertainty
+from .measuring.uncertainty.displacement import (
+    render_with_uncertainty as render_with_uncertainty,
+)
+from .measuring.uncertainty.inputs import Inputs as Inputs
+from .measuring.uncertainty.known_air import EngineError as EngineError
+from .measuring.uncertainty.known_air import KnownAir as KnownAir
+from .measuring.uncertainty.known_air import known_air as known_air
+from .measuring.uncertainty.twin import TwinResult as TwinResult
+from .measuring.uncertainty.twin import compare_twin as compare_twin
 from .medium.air.refractivity import Air as Air
 from .medium.flow import AirFlow as AirFlow
 from .medium.index_field import IndexField as IndexField
 from .medium.part_fit import Fit as Fit
 from .medium.part_fit import fit_part_to_field as fit_part_to_field
 from .medium.shells.contour import contour_shells as contour_shells
+from .medium.shells.contour import cut_shells as cut_shells
+from .medium.shells.options import ShellOptions as ShellOptions
 from .medium.shells.report import ShellReport as ShellReport
 from .medium.shells.report import report_shells as report_shells
 from .medium.shells.stack import Shell as Shell
@@ -92,10 +111,11 @@ from .part.part import Part as Part
 from .part.part import part_of_mesh as part_of_mesh
 from .part.regions import Regions as Regions
 from .part.standards import cylinder as cylinder
-from .planning.cover import ViewLimits as ViewLimits
 from .planning.cover import ViewSet as ViewSet
 from .planning.cover import choose_views as choose_views
 from .planning.criteria import Criteria as Criteria
+from .planning.criteria import Pairing as Pairing
+from .planning.criteria import Views as Views
 from .planning.pairs import PairPlan as PairPlan
 from .planning.pairs import plan_pairs as plan_pairs
 from .planning.pose_plan import PosePlan as PosePlan
@@ -106,6 +126,8 @@ from .sweep.store import read_sweep as read_sweep
 from .sweep.sweep import SweepOptions as SweepOptions
 from .sweep.sweep import run_sweep as run_sweep
 from .sweep.workers import pose_workers as pose_workers
+from .tracing.aperture import ApertureEffect as ApertureEffect
+from .tracing.aperture import aperture_effect as aperture_effect
 from .tracing.from_mitsuba import from_mitsuba as from_mitsuba
 from .tracing.hot_air import HotAir as HotAir
 from .tracing.load import load_scene as load_scene

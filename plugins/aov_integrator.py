@@ -194,6 +194,10 @@ def integrator_class(variant: str) -> type:
                         code="camera.inside_body",
                     )
 
+        def warn_of_missing_air(self, prepared: PreparedScene) -> None:
+            """Warn of a scene without shells, where these bend the rays."""
+            prepared.tables.warn_of_missing_shells("The scene")
+
         def further_counts(
             self, scene: mi.Scene, rays: PixelRays, trace: Trace | None
         ) -> dict[str, int]:
@@ -229,8 +233,8 @@ def integrator_class(variant: str) -> type:
             with full_precision():
                 channels, _ = self.image(scene, sensor)
             prepared = self.prepare(scene)
-            if prepared is not known and self.engine == "shells":
-                prepared.tables.warn_of_missing_shells("The scene")
+            if prepared is not known:
+                self.warn_of_missing_air(prepared)
             count, height, width = channels.shape
             base = film.prepare(self.aov_names()) - count
             block = film.create_block()

@@ -144,6 +144,9 @@ def plugin_class(variant: str) -> type:
             bent_hit = trace.refracted.outcome == HIT_PART
             return [*super().channel_values(trace, camera), (trace.refracted.error, bent_hit)]
 
+        def warn_of_missing_air(self, prepared: PreparedScene) -> None:
+            """No ray looks at shells."""
+
         def further_counts(
             self, scene: mi.Scene, rays: PixelRays, trace: Trace | None
         ) -> dict[str, int]:

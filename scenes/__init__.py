@@ -28,12 +28,9 @@ def folder_of(name: str) -> Path:
 
 def shells_of(name: str) -> Path:
     """Folder of the shells that a bundled scene uses: its own, or those of another scene."""
-    import re
+    from iriftrace.tracing.outline import outermost_surface
 
-    folder = folder_of(name)
-    text = (folder / "scene.xml").read_text(encoding="utf-8")
-    first = re.search(r'value="([^"]*)/shell_\d+\.ply"', text)
-    return (folder / (first[1] if first else "shells")).resolve()
+    return outermost_surface(folder_of(name) / "scene.xml").parent.resolve()
 
 
 @contextmanager

@@ -18,7 +18,6 @@ import pytest
 
 from iriftrace.core.errors import IriftraceError
 from iriftrace.core.runtime import variant as runtime
-from iriftrace.medium import part_fit
 
 SYSTEM_TESTS = Path(__file__).parent / "system"
 CUDA = runtime.cuda_state()
@@ -47,8 +46,6 @@ def pytest_sessionstart() -> None:
     # As for OpenBLAS above.
     if "PYTEST_XDIST_WORKER" in os.environ:
         drjit.set_thread_count(1)
-    # A tenth of the places at which each new scene compares its part with the field's wall.
-    part_fit.SAMPLE = 2_000
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -73,13 +73,18 @@ def _literal(node: ast.expr | None) -> str | None:
 
 
 def _template(text: ast.expr) -> str | None:
-    """The text with "..." for the values in it; None if it is not written at the place."""
-    if isinstance(text, ast.Constant) and isinstance(text.value, str):
-        return text.value
-    if isinstance(text, ast.JoinedStr):
-        return "".join(
-            str(piece.value) if isinstance(piece, ast.Constant) else "…" for piece in text.values
-        )
+    """The text with "…" for the values in it; None if it is not written at the place."""
+    match text:
+        case ast.Constant(value=str(words)):
+            return words
+        case ast.JoinedStr(values=pieces):
+            return "".join(
+                str(piece.value) if isinstance(piece, ast.Constant) else "…" for piece in pieces
+            )
+        case ast.BinOp(left=left, right=right):
+            return "".join(_template(part) or "…" for part in (left, right))
+        case ast.Call(func=ast.Attribute(value=words)):  # words.rstrip()
+            return _template(words)
     return None
 
 
@@ -102,7 +107,7 @@ def page() -> str:
 
 def _escaped(text: str) -> str:
     """Text whose signs Markdown does not read."""
-    return re.sub(r"([<>*_`\[\]$])", r"\\\1", text)
+    return re.sub(r"([<>*`\[\]$]|(?<!\w)_|_(?!\w))", r"\\\1", text)
 
 
 if __name__ == "__main__":

@@ -6,36 +6,30 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from iriftrace.cli import checks
-from iriftrace.cli.answer import (
-    Stated,
-    Tolerances,
-    print_groups,
-    say_answers,
-    say_influences,
-)
+from iriftrace.cli.answer import Answers, print_groups, say_answers
 from iriftrace.cli.console import say, working
-from iriftrace.cli.measure import Features, Gate
+from iriftrace.cli.measure import Devices
 from iriftrace.cli.options import Output
-from iriftrace.cli.trace_options import TraceOptions
+from iriftrace.cli.trace_options import Tracing, load
+from iriftrace.measuring.options import USUAL
+from iriftrace.measuring.uncertainty.options import NOTHING_ASKED
+from iriftrace.tracing.options import AS_STATED
 
 if TYPE_CHECKING:
     from iriftrace.core.plain import JsonObject
+    from iriftrace.measuring.options import MeasureOptions
     from iriftrace.measuring.uncertainty.inputs import Inputs
+    from iriftrace.measuring.uncertainty.options import AnswerOptions
     from iriftrace.tracing.scene import Scene
-
-MOST = 8
-"""Number of features that are printed."""
 
 
 def budget(
     scene: Path,
     *,
     output: Output | None = None,
-    uncertainty: Stated = "",
-    feature: Features = None,
-    tolerance: Tolerances = None,
-    gate: Gate = 3.5,
-    trace: TraceOptions = TraceOptions(),
+    answers: Answers = NOTHING_ASKED,
+    devices: Devices = USUAL,
+    trace: Tracing = AS_STATED,
 ) -> None:
     """State the uncertainty of a measurement before it is made, by group of inputs.
 
@@ -55,40 +49,42 @@ def budget(
         The numbers, .json; by default they are only printed.
     """
     from iriftrace.core.files import write_json
-    from iriftrace.measuring.uncertainty.inputs import Inputs
 
     checks.scenes(scene)
     checks.output(output, "budget.json")
-    inputs = Inputs.of(uncertainty)
-    loaded = trace.load(scene)
+    loaded = load(scene, trace)
     if loaded.second is None:
-        values = _of_camera(loaded, inputs)
+        values = _of_camera(loaded, answers.inputs)
     else:
-        values = _of_features(loaded, inputs, feature or [], tolerance or [], gate)
+        values = _of_features(loaded, answers, devices)
     if output is not None:
         write_json(output, values)
         say(f"Files: {output}")
 
 
-def _of_features(
-    scene: Scene, inputs: Inputs, choices: list[str], tolerance: list[str], gate: float | None
-) -> JsonObject:
+def _of_features(scene: Scene, answers: AnswerOptions, devices: MeasureOptions) -> JsonObject:
     from iriftrace.measuring.features.choice import checked_choices
     from iriftrace.measuring.two_devices.budget import feature_budget
-    from iriftrace.measuring.uncertainty.tolerances import tolerances_of
 
-    limits = tolerances_of(tolerance)
-    chosen = checked_choices(choices, scene.part)
+    inputs, tolerances = answers.inputs, answers.tolerances
+    chosen = checked_choices(devices.feature or (), scene.part)
     with working("Measuring"):
-        found = feature_budget(scene, inputs, choices=chosen, tolerances=limits, gate=gate)
+        found = feature_budget(
+            scene,
+            inputs,
+            choices=chosen,
+            tolerances=tolerances,
+            gate=devices.gate,
+            system=devices.system,
+            phase=devices.phase,
+        )
     named = [(f"Diameter of {one.name}", one.size) for one in found.features]
     named += [(" and ".join(map(str, one.regions)), one.value) for one in found.relations]
-    say_answers(named, MOST)
+    say_answers(named)
     stated = [(name, value) for name, value in named if value.uncertainty is not None]
     for name, value in stated[:1]:
         assert value.uncertainty is not None
         print_groups(f"{name}: U by group", value.uncertainty, value.unit)
-        say_influences(value.uncertainty)
     return {
         **found.correction.as_dict(),
         "schema": SCHEMA,
@@ -111,7 +107,6 @@ def _of_camera(scene: Scene, inputs: Inputs) -> JsonObject:
         )
     median = found.displacement_mm["median"]
     print_groups("Median displacement: U by group", median, "mm")
-    say_influences(median)
     return {
         "schema": SCHEMA,
         "scene": found.rendering.image.header["scene"],

@@ -76,7 +76,7 @@ def folder(path: Path) -> None:
             pass
     except OSError as error:
         raise InputError(
-            f"The folder {there} may not be written; name another one.", code="file.unwritable"
+            f"The folder {there} may not be written; name another one.", code="output.unwritable"
         ) from error
 
 
@@ -95,8 +95,9 @@ def numbers(path: Path, schema: str) -> None:
     if not found.startswith(f"{schema}/"):
         raise InputError(
             f"The numbers of {path} are written to {report}, another file that would be lost; "
-            "give the output another name (-o).",
-            code="file.replaces_another",
+            "give the output another name.",
+            code="output.replaces",
+            argument="output",
         )
 
 
@@ -106,7 +107,7 @@ def kept(path: Path | None, *read: Path | str) -> None:
         if path is not None and path.resolve() == Path(one).resolve():
             raise InputError(
                 f"The output would replace {path}, one of its inputs; give it another name.",
-                code="file.replaces_input",
+                code="output.replaces",
             )
 
 

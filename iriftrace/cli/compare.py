@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Literal
 
 from rich.markup import escape
 from rich.table import Table
@@ -16,6 +15,7 @@ from iriftrace.cli.shift_options import WithoutZeros, left_out, read_shifts
 from iriftrace.cli.trace_options import Statuses, check_light, statuses
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
+from iriftrace.measuring.options import COLD, Picture
 
 
 def compare(
@@ -23,7 +23,7 @@ def compare(
     measured: Path,
     *,
     output: Output | None = None,
-    positions: Literal["cold", "hot"] = "cold",
+    positions: Picture = COLD,
     without_zeros: WithoutZeros = False,
     include: Statuses = None,
     wavelength: LightOf = None,
@@ -55,22 +55,22 @@ def compare(
         Draw measured and simulated shifts and residuals.
     """
     from iriftrace.io.exr import read_exr
-    from iriftrace.measuring.comparison import compare as compare_files
+    from iriftrace.measuring.comparison import compare as compare_shifts
 
     checks.inputs(image, measured)
-    header = read_exr(image).header
+    rendering = read_exr(image)
     target = output or image.with_name(f"{image.stem}_against_{measured.stem}.json")
     checks.output(target, "comparison.json")
     if target.resolve() == measured.resolve():
         raise InputError(
             f"The output {target} would replace the measured shift; name another one.",
-            code="file.replaces_input",
+            code="output.replaces",
         )
     used = statuses(include)
-    check_light(wavelength, header, image)
+    check_light(wavelength, rendering.header, image)
     shifts = read_shifts(measured, without_zeros)
     with working("Comparing"):
-        comparison = compare_files(image, shifts, positions=positions, include=used)
+        comparison = compare_shifts(rendering, shifts, positions=positions, include=used)
     report = comparison.as_dict()
     written = [target]
     if figures:

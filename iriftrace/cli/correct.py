@@ -2,47 +2,24 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+import json
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 from iriftrace.cli import checks
+from iriftrace.cli.answer import Answers, say_lines
 from iriftrace.cli.console import drawn, say, working
-from iriftrace.cli.measure import Features, Gate, Phase, System
-from iriftrace.cli.options import Flag, Fraction, Output, read_motion, word_parameter
-from iriftrace.cli.trace_options import TraceOptions
-from iriftrace.cli.triangulation_text import (
-    print_regions,
-    say_features,
-    say_field,
-    say_relations,
-    um,
-)
+from iriftrace.cli.measure import Devices
+from iriftrace.cli.options import Flag, Output
+from iriftrace.cli.trace_options import Tracing, load
 from iriftrace.core.errors import InputError
-from iriftrace.core.plain import JsonObject
+from iriftrace.measuring.options import USUAL
+from iriftrace.measuring.uncertainty.options import NOTHING_ASKED
+from iriftrace.tracing.options import AS_STATED
 
 if TYPE_CHECKING:
-    from iriftrace.measuring.features.fitted import FittedFeature
     from iriftrace.measuring.two_devices.correction import Correction
-    from iriftrace.part.growth import Growth
-
-
-def _read_kelvins(text: str, option: str) -> float:
-    try:
-        kelvins = float(text.strip().removesuffix("K"))
-    except ValueError:
-        kelvins = math.nan
-    if not 0.0 <= kelvins < 1000.0:
-        raise InputError(
-            f'{option} is "{text}"; give a temperature difference such as 10 K.',
-            code="units.no_temperature_difference",
-        )
-    return kelvins
-
-
-Kelvins = Annotated[float | None, word_parameter("NUMBER K", _read_kelvins)]
 
 
 def correct(
@@ -54,14 +31,9 @@ def correct(
     columns: str | None = None,
     cloud_to_part: Path | None = None,
     in_cloud_frame: Flag = False,
-    system: System = None,
-    phase: Phase = None,
-    feature: Features = None,
-    gate: Gate = 3.5,
-    field_uncertainty: Fraction = 0.0,
-    expansion_uncertainty: Fraction | None = None,
-    temperature_uncertainty: Kelvins = None,
-    trace: TraceOptions = TraceOptions(),
+    devices: Devices = USUAL,
+    answers: Answers = NOTHING_ASKED,
+    trace: Tracing = AS_STATED,
     figures: bool = True,
 ) -> None:
     """Remove the refraction error from a measured cloud.
@@ -93,18 +65,12 @@ def correct(
         Text file of a 4 x 4 rigid motion from the cloud's frame, in mm, to the scene's.
     in_cloud_frame
         Write the corrected points in the frame and unit of the measured cloud.
-    field_uncertainty
-        Standard uncertainty of the field, as a fraction of the air's contrast in refractive index,
-        "5 %"; that of the corrections is the same fraction of them.
-    expansion_uncertainty
-        Standard uncertainty of the part's thermal expansion, "2 %", for sizes at 20 degC. The scene
-        has the expansion itself (iriftrace scene --expansion).
-    temperature_uncertainty
-        Standard uncertainty of the part's temperature, "10 K", for sizes at 20 degC.
     figures
         Draw the corrections, and the deviation from the part, into a .png next to the output.
     """
-    from iriftrace.core.mesh.transform import apply
+    from iriftrace.cli.triangulation_text import placed_names, say_group
+    from iriftrace.core.mesh.transform import apply, read_motion
+    from iriftrace.figures.describe_scan import describe, sentences
     from iriftrace.io.clouds import read_cloud
     from iriftrace.measuring.features.choice import checked_choices
     from iriftrace.measuring.two_devices.correct import correct as take_out
@@ -112,24 +78,26 @@ def correct(
 
     checks.inputs(cloud)
     checks.scenes(scene)
-    motion = read_motion(cloud_to_part)
+    checks.inputs(cloud_to_part)
+    motion = None if cloud_to_part is None else read_motion(cloud_to_part)
     checks.cloud_output(output, "corrected.vtp")
     checks.kept(output, cloud)
     checks.numbers(output, "iriftrace.correction")
     chosen = None if columns is None else columns.split(",")
     read = read_cloud(cloud, length_unit=length_unit, columns=chosen)
     points = read.points if motion is None else apply(motion, read.points)
-    loaded = trace.load(scene)
+    loaded = load(scene, trace)
     checks.kept(output, loaded.part.path)
-    choices = checked_choices(feature or (), loaded.part)
+    choices = checked_choices(devices.feature or (), loaded.part)
+    inputs, tolerances = answers.inputs, answers.tolerances
     try:
         with working("Correcting"):
             found = take_out(
                 points,
                 loaded,
-                system=system,
-                phase=phase,
-                field_uncertainty=field_uncertainty,
+                system=devices.system,
+                phase=devices.phase,
+                inputs=inputs,
                 pixels=read.pixels,
             )
     except InputError as error:
@@ -138,100 +106,37 @@ def correct(
                 f"{cloud} does not lie on the part, but would with {advice}.", code=error.code
             ) from None
         raise
-    doubts = {"u_expansion": expansion_uncertainty, "u_temperature_k": temperature_uncertainty}
-    features = found.features(loaded.part, choices, gate, **doubts)
-    related = found.relations(features, **doubts)
+    features = found.features(loaded.part, choices, devices.gate, tolerances=tolerances)
+    related = found.relations(features)
     regions = found.regions(loaded.part)
-    files: tuple[Path, ...] = found.save(
+    saved, numbers = found.save(
         output, features, regions, related, cloud=read, motion=motion, in_cloud_frame=in_cloud_frame
     )
+    files = [saved, numbers]
     if figures:
         from iriftrace.figures.scan import correction_figure
 
         figure = partial(correction_figure, found, loaded.part, loaded.camera)
-        files = (*files, drawn(figure, output.with_suffix(".png")))
-    values = found.as_dict()
-    _say_counts(values)
-    say_features(features, loaded.part, "corrected", gate)
-    say_relations(related, loaded.part, "corrected")
-    print_regions(regions, loaded.part, "Refraction error along the normal by region, removed")
-    _say_expansion(found.growth, features)
-    _say_uncertainty(found, values)
-    say_field(found.provenance)
+        files.append(drawn(figure, output.with_suffix(".png")))
+    rows = describe(json.loads(numbers.read_text(encoding="utf-8")), placed_names(loaded.part))
+    say_group(rows, "points moved")
+    say_lines(line.removesuffix(".") for line in sentences(rows, "result"))
+    say_group(rows, "warning")
+    _say_how_to_know(found)
     say("Files: " + ", ".join(map(str, files)))
 
 
-def _say_expansion(growth: Growth | None, features: Sequence[FittedFeature]) -> None:
-    """State the temperature for which sizes hold, and uncertainties missing at another one."""
-    stated = [feature.size.uncertainty for feature in features if feature.size.uncertainty]
-    if growth is None and stated:
-        say(
-            "Sizes hold at the temperature that the part had when it was measured; for those at 20 "
-            "degC make the scene with --expansion and --hot-temperature."
-        )
-    if any("expansion" in u.missing for u in stated):
-        say(
-            "U does not contain expansion and temperature of the part: give both "
-            "--expansion-uncertainty and --temperature-uncertainty."
-        )
+def _say_how_to_know(found: Correction) -> None:
+    """State with what the air's part of U would be known."""
+    from iriftrace.measuring.uncertainty.air_groups import AIR
 
-
-def _say_counts(values: JsonObject) -> None:
-    """State how many points are corrected, and why the others are not."""
-    counts, error = values["points"], values["error_mm"]
-    uncertain = counts["uncertain"]
-    say(
-        f"{counts['corrected']:,} of {counts['measured']:,} points are corrected, by "
-        f"{um(error['median'])} (median; 95th percentile {um(error['p95'])})"
-        + (f", {counts['uncertain']:,} of them by less than its uncertainty" if uncertain else "")
-        + f". Not corrected are "
-        f"{counts['far_from_part']:,} far from the part (table, clamps, outliers) or on its "
-        f"outline, {counts['hidden']:,} hidden from a device, {counts['outside_view']:,} behind a "
-        f"device or beyond its lens, {counts['several_images']:,} with several images, "
-        f"{counts['outside_field']:,} seen through no hot air and {counts['lost']:,} whose rays "
-        "were lost on the way. As measured, the cloud lies "
-        f"{um(values['to_part_mm']['median'])} from the part (median; 95th percentile "
-        f"{um(values['to_part_mm']['p95'])})."
-    )
-
-
-def _say_uncertainty(found: Correction, values: JsonObject) -> None:
-    """State what the uncertainties contain, or why there is none."""
-    if found.state.synthetic:
+    if AIR not in found.groups.missing:
+        return
+    if found.groups.synthetic:
+        say("The air is of a formula, so its part of U is not known: use a flow solution.")
+    else:
         say(
-            "The air is synthetic, so that its part of U is not known: use a flow solution "
-            "(iriftrace field simulate)."
-        )
-    elif found.u_normal is None:
-        say(
-            "The air's part of U is not known, because the uncertainty of the field is not: give "
-            '--field-uncertainty "5 %", or a scene of several states of the air (iriftrace scene '
-            "--member)."
-        )
-    if found.u_normal is not None:
-        say(
-            "Standard uncertainty of the correction along the normal: "
-            f"{um(values['u_normal_mm']['median'])} (median). Systematic errors of the sensor, the "
-            "shells and the mesh are not included in U."
-        )
-    unsteadiness = found.state.unsteadiness
-    if unsteadiness is None:
-        say(
-            "The field is NOT STEADY and does not state how much it changes, which is missing from "
-            "U: use several states of it (iriftrace scene --member)."
-        )
-    elif unsteadiness and found.u_contrast:
-        say(
-            f"The field is NOT STEADY: U includes {unsteadiness:.2g} of the air's contrast "
-            "(standard uncertainty) for it."
-        )
-    if found.weights is not None and found.weights.covariance is not None:
-        say(
-            f"The weights of {len(found.weights.weights)} fields were fitted to a measurement; U "
-            "includes their covariance and the residual of the fit."
-        )
-    elif found.weights is not None:
-        say(
-            f"It rests on the scatter of {len(found.weights.weights)} fields; k allows for so few "
-            "by Student's t."
+            "The air's part of U is not known, and nothing is decided: solve the flow in several "
+            "states of the hall (iriftrace field simulate --draughts), make the scene of them "
+            '(iriftrace scene --member), or state it (--uncertainty "air 5 %").'
         )

@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from cyclopts import App
 
 from iriftrace.cli import checks
 from iriftrace.cli.console import command_line, print_table, say, working
-from iriftrace.cli.field_options import FieldOptions, PartOptions
-from iriftrace.cli.options import Length, Output, Temperature, Vector, celsius, region_temperatures
+from iriftrace.cli.groups import group
+from iriftrace.cli.options import Output, Whole
+from iriftrace.cli.reading import AirOptions, FieldReading, PartReading, read_part, words_of
 from iriftrace.core.errors import InputError
-from iriftrace.core.units import ZERO_CELSIUS_K
+from iriftrace.core.units import Length, Temperature, Vector
+from iriftrace.flow.synthetic.options import STANDARD, WALL, SyntheticOptions
+from iriftrace.io.reading import AS_DRAWN, AS_STATED, ReadPart
+from iriftrace.medium.air.refractivity import Air
+
+if TYPE_CHECKING:
+    from iriftrace.flow.check.finding import FieldCheck
+    from iriftrace.measuring.uncertainty.known_air import KnownAir
+    from iriftrace.medium.index_field import IndexField
+    from iriftrace.part.part import Part
+    from iriftrace.part.uneven_growth import Temperatures
 
 _COLOURS = {"good": "green", "doubtful": "yellow", "bad": "red", "-": "dim"}
 
@@ -40,8 +51,11 @@ def check(
     transition: Length | None = None,
     diameter: Length | None = None,
     origin: Vector | None = None,
-    field_options: FieldOptions = FieldOptions(),
-    part_options: PartOptions = PartOptions(),
+    known: Path | None = None,
+    layers: Whole = 13,
+    air: AirOptions = Air(),
+    reading: FieldReading = AS_STATED,
+    part_reading: PartReading = AS_DRAWN,
 ) -> None:
     """Check a field against its part: wall, boundary layer, heat, edge of the data, gradients.
 
@@ -76,39 +90,49 @@ def check(
     origin
         Camera position, "x,y,z" in mm; also reports how much of its view enters hot air at the edge
         of the data.
+    known
+        Scene (.xml) of this field, whose camera sees a formula's boundary layer and plume on the
+        field's mesh; reports the errors of both engines against exact rays through the formula.
+    layers
+        Number of shells for that.
     """
+    from iriftrace.io.field import read_field
+
     checks.fields(field)
     checks.inputs(part)
+    checks.scenes(known)
     checks.output(output, "check.json")
-    if field_options.isosurfaces:
-        raise InputError(
-            "Iso-surfaces have no air between them to check; give the volume.",
-            code="field.isosurfaces",
-            argument="isosurfaces",
-        )
     if diameter is not None and not diameter > 0.0:
         raise InputError(
             f"A diameter of {diameter:g} mm is that of no cylinder; give a positive one.",
             code="cylinder.diameter",
             argument="diameter",
         )
-    measured = part_options.read(part, partial(field_options.read_wall, field))
+
+    def wall(cold: Part) -> Temperatures:
+        return read_field(field, reading, air=air, part=cold).wall_temperature_k
+
+    measured = read_part(part, part_reading, wall)
     with working("Reading the field"):
-        volume = field_options.read(field, measured, flow=True)
+        volume = read_field(field, reading, air=air, part=measured, flow=True)
     with working("Checking the field"):
         from iriftrace.flow.check.check import check_field as checked
         from iriftrace.flow.simulate.case import RECORD, recorded_wall
         from iriftrace.io.bodies import bodies_beside
         from iriftrace.part.region_choice import values_by_region
+        from iriftrace.part.wall_temperature import region_temperatures
 
         folder = field if field.is_dir() else field.parent
         stored = recorded_wall(folder, measured)
-        regions = values_by_region(measured, region_temperatures(region_temperature))
+        regions = values_by_region(
+            measured, region_temperatures(region_temperature or (), "region_temperature")
+        )
         if stored is not None:
             say(f"Wall temperatures that are not given are those of {folder / RECORD}.")
-            wall_temperature = stored.default if wall_temperature is None else wall_temperature
+            if wall_temperature is None:
+                wall_temperature = Temperature(stored.default)
             regions = stored.regions | regions
-            transition = stored.transition if transition is None else transition
+            transition = Length(stored.transition) if transition is None else transition
         result = checked(
             volume,
             measured,
@@ -117,8 +141,8 @@ def check(
             transition_mm=transition or 0.0,
             diameter_mm=diameter,
             camera=origin,
-            steady=field_options.steady,
-            bodies=bodies_beside(volume, transform=field_options.transform()),
+            steady=reading.steady,
+            bodies=bodies_beside(volume, transform=reading.matrix),
         )
     headings = ("checked", "found", "verdict", "compared with")
     rows = [
@@ -128,26 +152,73 @@ def check(
     print_table(f"{field.name}: {result.verdict}", headings, rows, texts=headings)
     if result.field["origin"]:
         say(f"Field: {result.field['origin']}.")
+    errors = None if known is None else _known_air(result, volume, measured, known, layers)
     if output is not None:
-        result.save(output)
+        result.save(output, None if errors is None else errors.as_dict())
         say(f"Numbers in {output}")
+
+
+Synthetic = Annotated[SyntheticOptions, group(SyntheticOptions)]
+
+SAME_PART_MM = 0.5
+"""Largest difference of the bounds of one part, as of one drawn cold and one hot."""
+
+
+def _known_air(
+    result: FieldCheck, volume: IndexField, part: Part, path: Path, layers: int
+) -> KnownAir:
+    """Trace a formula's air with the wall's temperature and layer of a checked field; print it."""
+    from iriftrace.flow.synthetic.model import synthetic_air
+    from iriftrace.measuring.uncertainty.known_air import known_air
+    from iriftrace.tracing.load import load_scene
+
+    with working("Tracing known air"):
+        scene = load_scene(path)
+        if not np.allclose(scene.part.bounds, part.bounds, rtol=0.0, atol=SAME_PART_MM):
+            raise InputError(
+                f"The part of {path} does not have the size and place of that of the field; give "
+                "the scene of this field and part.",
+                code="scene.other_part",
+                argument="known",
+            )
+        air = synthetic_air(
+            scene.part,
+            wall_k=result.number("wall temperature", "median_k"),
+            ambient_k=volume.air.temperature_k,
+            # The formula's layer is twice as thick as its slope at the wall says.
+            boundary_layer_mm=2.0 * result.number("boundary layer", "layer_mm"),
+        )
+        found = known_air(scene, volume, air.at, layers=layers)
+    names = {"shells": f"{layers} shells", "cells": "cells"}
+    print_table(
+        "Known air on this mesh: errors of the displacement",
+        ("pixels", "engine", "rays", "displacement (um)", "median", "95th percentile"),
+        [
+            (
+                one.pixels,
+                names[one.engine],
+                one.rays,
+                f"{1e3 * one.displacement_median_mm:.3g}",
+                f"{one.median:.2%}",
+                f"{one.p95:.2%}",
+            )
+            for one in found.errors
+        ],
+        texts=["pixels", "engine"],
+    )
+    stated = ", ".join(
+        f'"numerics {100 * u:.2g} %" ({names[e]})' for e, u in found.numerics.items()
+    )
+    say(f"For a budget: --uncertainty {stated}.")
+    return found
 
 
 def synthetic(
     part: Path,
     *,
     output: Output,
-    wall_temperature: Temperature | None = None,
-    region_temperature: list[str] | None = None,
-    transition: Length | None = None,
-    ambient: Temperature = 20.0 + ZERO_CELSIUS_K,
-    boundary_layer: Length | None = None,
-    plume: float = 0.8,
-    cell_size: Length | None = None,
-    sides: Length | None = None,
-    height: Length | None = None,
-    gradient: bool = False,
-    part_options: PartOptions = PartOptions(),
+    options: Synthetic = STANDARD,
+    part_reading: PartReading = AS_DRAWN,
 ) -> None:
     """Write a synthetic boundary layer and plume around a part: formulas, not a simulation.
 
@@ -165,49 +236,29 @@ def synthetic(
         The part's mesh (.ply .stl .obj .glb ...), closed.
     output
         The field's file, .vtu: mm, array T in K.
-    wall_temperature
-        Temperature of the part; by default --hot-temperature, else 1100 degC.
-    region_temperature
-        Another temperature for a region of the part, NAME=TEMPERATURE, or for all that match a
-        pattern, "plane -x*=900 degC"; repeatable.
-    transition
-        Width over which one wall temperature changes into another; by default the boundary
-        layer's thickness.
-    ambient
-        Temperature of the room.
-    boundary_layer
-        Thickness of the boundary layer; by default that of laminar convection at the part's size.
-    plume
-        Excess temperature of the plume above the part's top, as a fraction of the wall's; 0 for
-        none.
-    cell_size
-        Size of the cells at the wall; by default a fifth of the boundary layer.
-    sides
-        Air next to and below the part; by default as far as it is warm.
-    height
-        Air above the part, above which the plume is cut off.
-    gradient
-        Add the analytic gradient as array grad_T, K/mm.
     """
     from iriftrace.flow.synthetic.field import write_synthetic_field
     from iriftrace.flow.synthetic.mesh import usual_mesh
     from iriftrace.flow.synthetic.model import synthetic_air
+    from iriftrace.part.wall_temperature import region_temperatures
 
     checks.inputs(part)
     checks.output(output, "field.vtu")
-    wall_k, regions = part_options.hot.wall(wall_temperature, region_temperature)
+    wall_k, regions = part_reading.hot.wall(options.wall_temperature, options.region_temperature)
     air = synthetic_air(
-        part_options.read(part),
-        wall_k=1100.0 + ZERO_CELSIUS_K if wall_k is None else wall_k,
-        ambient_k=ambient,
-        boundary_layer_mm=boundary_layer,
-        plume=plume,
-        regions=region_temperatures(regions),
-        transition_mm=transition,
+        read_part(part, part_reading),
+        wall_k=WALL if wall_k is None else wall_k,
+        ambient_k=options.ambient,
+        boundary_layer_mm=options.boundary_layer,
+        plume=options.plume,
+        regions=region_temperatures(regions or (), "region_temperature"),
+        transition_mm=options.transition,
     )
-    size = usual_mesh(air, cell_mm=cell_size, sides_mm=sides, height_mm=height)
+    size = usual_mesh(
+        air, cell_mm=options.cell_size, sides_mm=options.sides, height_mm=options.height
+    )
     with working("Meshing the air"):
-        grid = write_synthetic_field(output, air, size, gradient=gradient)
+        grid = write_synthetic_field(output, air, size, gradient=options.gradient)
     temperature = np.asarray(grid.point_data["T"])
     say(air.origin)
     say(
@@ -215,13 +266,15 @@ def synthetic(
         f"air {size.sides_mm:.3g} mm next to and below the part and {size.height_mm:.3g} mm above"
     )
     say(f"  T from {temperature.min():.6g} K to {temperature.max():.6g} K")
-    say(f"Field in {output}; now run:  {scene_command(output, part, ambient, part_options)}")
+    say(
+        f"Field in {output}; now run:  {scene_command(output, part, options.ambient, part_reading)}"
+    )
 
 
 def scene_command(
-    field: Path, part: Path, ambient_k: float, part_options: PartOptions, *more: str
+    field: Path, part: Path, ambient: Temperature, reading: ReadPart, *more: str
 ) -> str:
     """The command that makes a scene, next to the field, from a field made here and its part."""
     scene = field.parent / "scene" / "scene.xml"
-    words = ("--ambient", celsius(ambient_k), *more, *part_options.words())
+    words = ("--ambient", ambient, *more, *words_of(reading))
     return command_line("scene", field, part, "-o", scene, *words)

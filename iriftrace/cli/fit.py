@@ -9,9 +9,10 @@ from iriftrace.cli import checks
 from iriftrace.cli.console import command_line, print_table, say, working
 from iriftrace.cli.options import Flag, Output, refuse_given
 from iriftrace.cli.shift_options import WithoutZeros, left_out, read_shifts
-from iriftrace.cli.trace_options import TraceOptions
+from iriftrace.cli.trace_options import Tracing, load
 from iriftrace.core.errors import warn
 from iriftrace.core.units import counted
+from iriftrace.tracing.options import AS_STATED, TraceOptions
 
 if TYPE_CHECKING:
     from iriftrace.measuring.fit.member_fit import MemberFit
@@ -28,7 +29,7 @@ def fit(
     noise: float | None = None,
     camera_motion: Flag = False,
     without_zeros: WithoutZeros = False,
-    trace: TraceOptions = TraceOptions(),
+    trace: Tracing = AS_STATED,
 ) -> None:
     """Find the measured air: weights of an ensemble's members from shifts or temperatures.
 
@@ -120,11 +121,11 @@ def _fitted(
         }
         refuse_given(options, f"is about shifts, but {measured} has temperatures; leave it out.")
         temperatures = read_air_temperatures(measured)
-        loaded = trace.load(board)
+        loaded = load(board, trace)
         with working("Fitting the members"):
             return fit_temperatures(loaded, temperatures), loaded
     first, *others = [
-        (trace.load(one), read_shifts(shifts, without_zeros)) for one, shifts in views
+        (load(one, trace), read_shifts(shifts, without_zeros)) for one, shifts in views
     ]
     with working("Fitting the members"):
         found = fit_members(*first, others=others, noise_px=noise, camera_motion=camera_motion)

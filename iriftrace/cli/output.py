@@ -12,7 +12,9 @@ from rich.table import Table
 
 from iriftrace.cli.console import out, print_table, say
 from iriftrace.core.units import ZERO_CELSIUS_K, counted
+from iriftrace.figures.describe import assumption_rows, camera_text, place_text, ray_rows
 from iriftrace.image.aov_image import Status
+from iriftrace.image.ray_statistics import OF_MET, TOO_FEW
 
 if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
@@ -24,8 +26,6 @@ if TYPE_CHECKING:
     from iriftrace.medium.shells.stack import ShellStack
     from iriftrace.part.part import Part
 
-
-TOO_FEW = "fewer than 100 good rays, so no numbers"
 
 LEAST_OUTSIDE = 0.0005
 """Fraction of a part outside the picture or focus from which it is printed."""
@@ -99,13 +99,8 @@ def _length(value: float | None) -> str:
 
 def print_camera(camera: Camera, scale: float) -> None:
     """Position and picture of a camera."""
-    x, y, z = (f"{v:.1f}" for v in camera.origin)
-    width, height = camera.scaled(scale).resolution
-    near, far = camera.focus_mm
-    out.print(
-        f"Camera at ({x}, {y}, {z}) mm, focal length {camera.focal_length_mm:g} mm, "
-        f"{width} x {height} px, focus {near:g} to {far:g} mm."
-    )
+    values = camera.scaled(scale).as_dict()
+    out.print(f"Camera {place_text(values)}; {camera_text(values)}.")
     if camera.distortion is not None:
         out.print(f"Lens distortion {camera.distortion}.")
 
@@ -118,15 +113,9 @@ def print_view(part: Part, camera: Camera, move: str, refocus: str, end: str = "
     from iriftrace.tracing.viewpoint import part_view
 
     view = part_view(part, camera)
-    fractions = {"outside the picture": view.outside, "out of focus": view.out_of_focus}
-    missing = [
-        f"{_percent(fraction)} is {place}"
-        for place, fraction in fractions.items()
-        if fraction >= LEAST_OUTSIDE
-    ]
-    if missing:
+    if missing := _missing(view.outside, view.out_of_focus, LEAST_OUTSIDE, ".1%"):
         remedy = " or ".join([move] + [refocus] * (view.out_of_focus >= LEAST_OUTSIDE))
-        say(f"Of the part's side that faces the camera {' and '.join(missing)}; {remedy}{end}.")
+        say(f"{missing}; {remedy}{end}.")
 
 
 def print_default_orbit(stand_off_mm: float, poses: PoseSet, part: Part, camera: Camera) -> None:
@@ -135,17 +124,20 @@ def print_default_orbit(stand_off_mm: float, poses: PoseSet, part: Part, camera:
 
     matrices = poses.matrices[:: math.ceil(len(poses) / _MOST_VIEWS)]
     views = [part_view(part, camera.at(matrix)) for matrix in matrices]
-    fractions = {
-        "outside the picture": np.mean([view.outside for view in views]),
-        "out of focus": np.mean([view.out_of_focus for view in views]),
-    }
-    missing = [f"{mean:.0%} is {place}" for place, mean in fractions.items() if mean >= 0.01]
-    if missing:
+    outside, blurred = np.mean([(view.outside, view.out_of_focus) for view in views], axis=0)
+    if missing := _missing(outside, blurred, 0.01, ".0%"):
         say(
-            f"Of the part's side that faces the camera {' and '.join(missing)} on average over the "
-            f"poses, {stand_off_mm:g} mm off the part; change this distance (--stand-off), or the "
-            "focus interval or focal length of the scene's sensor."
+            f"{missing} on average over the poses, {stand_off_mm:g} mm off the part; change this "
+            "distance (--stand-off), or the focus interval or focal length of the scene's sensor."
         )
+
+
+def _missing(outside: float, blurred: float, least: float, digits: str) -> str:
+    """What a camera does not see sharply, if it is at least some fraction, half a sentence."""
+    fractions = {"outside the picture": outside, "out of focus": blurred}
+    missing = [f"{x:{digits}} is {place}" for place, x in fractions.items() if x >= least]
+    facing = "Of the part's side that faces the camera"
+    return f"{facing} {' and '.join(missing)}" if missing else ""
 
 
 def print_summary(metrics: PoseMetrics) -> None:
@@ -195,20 +187,15 @@ def print_summary(metrics: PoseMetrics) -> None:
     table.add_row("time", ", ".join(f"{key} {value:.2f} s" for key, value in times.items()))
     out.print(table)
     out.print("Assumptions in force:", style="bold")
-    for key, value in metrics.assumptions.items():
-        text = ", ".join(value) if isinstance(value, list) else value
-        say(f"  {key.replace('_', ' ')}: {text}")
+    for name, text in assumption_rows(metrics.assumptions):
+        say(f"  {name}: {text}")
 
 
 def _add_rays(table: Table, rays: RayCounts) -> None:
-    from iriftrace.image.ray_statistics import OF_MET, percent
-
     table.add_row("rays", f"{rays.launched:,} launched, {rays.hit:,} hit the part")
-    for status in Status:
-        count = rays.of(status)
-        if count:
-            met = f" ({percent(count, rays.met)} {OF_MET})"
-            table.add_row("", f"{count:,} {status.text}{'' if status is Status.MISSED else met}")
+    for outcome, count, fraction in ray_rows({status: rays.of(status) for status in Status}):
+        met = f" ({fraction} {OF_MET})" if fraction else ""
+        table.add_row("", f"{count} {outcome}{met}")
     if rays.open_boundary:
         table.add_row(
             "",

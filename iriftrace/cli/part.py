@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,9 +10,11 @@ from cyclopts import App, Parameter
 
 from iriftrace.cli import checks
 from iriftrace.cli.console import command_line, say, working
-from iriftrace.cli.field_options import PartOptions
-from iriftrace.cli.options import Length, Output, Whole, quantity, word_parameter
-from iriftrace.core.errors import InputError
+from iriftrace.cli.options import Output, Whole, read_as_word
+from iriftrace.cli.reading import PartReading, read_part
+from iriftrace.core.units import Length
+from iriftrace.io.reading import AS_DRAWN
+from iriftrace.part import sizes
 
 if TYPE_CHECKING:
     from iriftrace.part.part import Part
@@ -26,6 +27,7 @@ part = App(
     help_format="rst",
 )
 
+read_as_word(sizes.BoardSize, "WIDTHxHEIGHT")
 Mesh = Annotated[Output, Parameter(help="A .ply, which keeps the named regions, or a .stl.")]
 
 
@@ -33,10 +35,10 @@ Mesh = Annotated[Output, Parameter(help="A .ply, which keeps the named regions, 
 def cylinder(
     *,
     output: Mesh,
-    diameter: Length = 27.0,
-    length: Length = 170.0,
-    segments: Whole = 60,
-    stations: Whole = 12,
+    diameter: Length = sizes.CYLINDER_DIAMETER,
+    length: Length = sizes.CYLINDER_LENGTH,
+    segments: Whole = sizes.CYLINDER_SEGMENTS,
+    stations: Whole = sizes.CYLINDER_STATIONS,
 ) -> None:
     """Make a cylinder along x.
 
@@ -61,7 +63,12 @@ def cylinder(
 
 
 @part.command
-def sphere(*, output: Mesh, diameter: Length = 25.0, segments: Whole = 240) -> None:
+def sphere(
+    *,
+    output: Mesh,
+    diameter: Length = sizes.SPHERE_DIAMETER,
+    segments: Whole = sizes.SPHERE_SEGMENTS,
+) -> None:
     """Make a sphere about the origin, for the probing error.
 
     Example: ``iriftrace part sphere -o sphere.ply --diameter "25 mm"``
@@ -83,9 +90,9 @@ def sphere(*, output: Mesh, diameter: Length = 25.0, segments: Whole = 240) -> N
 def ball_bar(
     *,
     output: Mesh,
-    diameter: Length = 25.0,
-    spacing: Length = 100.0,
-    segments: Whole = 240,
+    diameter: Length = sizes.SPHERE_DIAMETER,
+    spacing: Length = sizes.SPACING,
+    segments: Whole = sizes.SPHERE_SEGMENTS,
 ) -> None:
     """Make two spheres along x, for the sphere-spacing error.
 
@@ -110,10 +117,10 @@ def ball_bar(
 def plate(
     *,
     output: Mesh,
-    length: Length = 100.0,
-    width: Length = 60.0,
-    thickness: Length = 10.0,
-    cells: Whole = 40,
+    length: Length = sizes.PLATE_LENGTH,
+    width: Length = sizes.PLATE_WIDTH,
+    thickness: Length = sizes.PLATE_THICKNESS,
+    cells: Whole = sizes.PLATE_CELLS,
 ) -> None:
     """Make a flat plate with its upper face at z = 0, for the flatness error.
 
@@ -137,9 +144,7 @@ def plate(
 
 
 @part.command
-def decimate(
-    mesh: Path, *, output: Mesh, faces: Whole, part_options: PartOptions = PartOptions()
-) -> None:
+def decimate(mesh: Path, *, output: Mesh, faces: Whole, reading: PartReading = AS_DRAWN) -> None:
     """Write a part with fewer triangles, and print how far its surface has moved.
 
     Fields, scenes and sweeps of parts with hundreds of thousands of triangles take long, and
@@ -158,7 +163,7 @@ def decimate(
 
     checks.inputs(mesh)
     check_name(output)
-    before = part_options.read(mesh)
+    before = read_part(mesh, reading)
     with working("Thinning out the triangles"):
         thinned, apart_mm = decimate_part(before, faces)
     save_made(thinned, output)
@@ -171,9 +176,7 @@ def decimate(
 
 
 @part.command
-def subdivide(
-    mesh: Path, *, output: Mesh, edge: Length, part_options: PartOptions = PartOptions()
-) -> None:
+def subdivide(mesh: Path, *, output: Mesh, edge: Length, reading: PartReading = AS_DRAWN) -> None:
     """Write a part with more triangles, on the same surface.
 
     Sweeps and plans count the triangles that poses see, and CAD programs write planes as a few
@@ -192,7 +195,7 @@ def subdivide(
 
     checks.inputs(mesh)
     check_name(output)
-    before = part_options.read(mesh)
+    before = read_part(mesh, reading)
     with working("Splitting the triangles"):
         split = subdivide_part(before, edge)
         coarser = subdivide_part(before, 2 * edge)
@@ -232,27 +235,14 @@ def save_standard(made: Part, path: Path) -> None:
     say(f"Part written; now run:  {next_one}")
 
 
-def _read_size(text: str, option: str) -> tuple[float, float]:
-    pieces = re.split(r"\s*[x,]\s*", text.strip())
-    if len(pieces) != 2:
-        raise InputError(f'{option} is "{text}"; give width and height in mm, such as 300x200.')
-    return quantity(pieces[0], "mm", option), quantity(pieces[1], "mm", option)
-
-
-BoardSize = Annotated[
-    tuple[float, float],
-    word_parameter("WIDTHxHEIGHT", _read_size, lambda size: f"{size[0]:g}x{size[1]:g}"),
-]
-
-
 @part.command
 def board(
     *,
     output: Output,
-    size: BoardSize = (300.0, 200.0),
-    pitch: Length = 3.0,
+    size: sizes.BoardSize = sizes.BOARD_SIZE,
+    pitch: Length = sizes.PITCH,
     dot: Length | None = None,
-    thickness: Length = 5.0,
+    thickness: Length = sizes.BOARD_THICKNESS,
 ) -> None:
     """Make a board of dots: its mesh, a page to print (.pdf) and the dots' centres (.csv).
 

@@ -2,36 +2,27 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
-from attrs import frozen
 from cyclopts import Group, Parameter
 
-from iriftrace.cli import checks, plan_text
+from iriftrace.cli import checks
 from iriftrace.cli.console import say, working
-from iriftrace.cli.options import (
-    Angle,
-    Flag,
-    Interval,
-    LengthWithUnit,
-    LightOf,
-    Whole,
-    refuse_given,
-)
+from iriftrace.cli.groups import group
+from iriftrace.cli.options import Flag, LightOf, Whole, refuse_given
 from iriftrace.cli.trace_options import check_light
-from iriftrace.planning.criteria import STANDARD, Criteria
+from iriftrace.io.poses import OPENCV, Convention
+from iriftrace.planning.criteria import SHOWN, STANDARD, USUAL_PAIRING, Criteria, Pairing, Views
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from iriftrace.core.arrays import IntArray
-    from iriftrace.planning.cover import ViewLimits
 
 
-Ranking = Annotated[Criteria, Parameter(name="*", group=Group("Ranking", sort_key=1))]
+Ranking = Annotated[Criteria, group(Criteria, "Ranking", 1)]
 """Options of the ranking of poses: the same for plan, plot and report."""
 
 REFINE = Group("Refinement", sort_key=3)
@@ -39,57 +30,24 @@ PAIRS = Group("Two devices", sort_key=5)
 POSES = Group("Poses for other programs", sort_key=4)
 
 
-@Parameter(name="*", group=Group("Several views", sort_key=2))
-@frozen
-class ViewOptions:
-    """Several poses that together see more of the part than one.
-
-    Parameters
-    ----------
-    views
-        Number of poses that together see as much area as possible.
-    max_displacement
-        A pose does not see a face whose mean displacement is larger, with its unit: "20 um".
-    max_incidence
-        A pose does not see a face that its rays hit at a larger angle, in degrees.
-    """
-
-    views: Whole | None = None
-    max_displacement: LengthWithUnit | None = None
-    max_incidence: Angle | None = None
-
-    def limits(self) -> ViewLimits:
-        """Limits within which a pose sees a face; raises InputError for limits without views."""
-        from iriftrace.planning.cover import ViewLimits
-
-        largest, steepest = self.max_displacement, self.max_incidence
-        given = {"--max-displacement": largest, "--max-incidence": steepest}
-        _refuse_without("--views", self.views is not None, given)
-        return ViewLimits(
-            displacement_mm=math.inf if largest is None else largest,
-            incidence_deg=90.0 if steepest is None else steepest,
-        )
+Several = Annotated[Views | None, group(Views, "Several views", 2, show_default=False)]
+InPairs = Annotated[Pairing | None, group(Pairing, "Two devices", 5, show_default=False)]
 
 
 def plan(
     sweep: Path,
     *,
     ranking: Ranking = STANDARD,
-    top: Whole = 10,
+    top: Whole = SHOWN,
     wavelength: LightOf = None,
-    several: ViewOptions = ViewOptions(),
+    views: Several = None,
     refine: Annotated[Flag, Parameter(group=REFINE)] = False,
     evaluations: Annotated[Whole | None, Parameter(group=REFINE)] = None,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], group=REFINE)] = None,
     pairs: Annotated[Flag, Parameter(group=PAIRS)] = False,
-    confirm: Annotated[bool | None, Parameter(group=PAIRS)] = None,
-    system: Annotated[Literal["fringe", "stereo", "laser"] | None, Parameter(group=PAIRS)] = None,
-    angle: Annotated[Interval | None, Parameter(group=PAIRS)] = None,
-    feature: Annotated[str | None, Parameter(group=PAIRS)] = None,
+    pairing: InPairs = None,
     save_poses: Annotated[Path | None, Parameter(group=POSES)] = None,
-    convention: Annotated[
-        Literal["opencv", "mitsuba", "opengl", "ros"] | None, Parameter(group=POSES)
-    ] = None,
+    convention: Annotated[Convention | None, Parameter(group=POSES)] = None,
 ) -> None:
     """Rank the poses of a sweep by the combined metric and print the best one.
 
@@ -116,54 +74,38 @@ def plan(
         Rank pairs of poses for two devices, such as a camera and a projector, by their predicted
         error, the area that both see, and the angle between them; the best three are
         measured (``iriftrace measure``), unless --no-confirm is given.
-    confirm
-        For pairs: measure the best three, which is the default.
-    system
-        Kind of the second device: a projector (fringe, by default), a camera (stereo) or a laser.
-    angle
-        Smallest and largest angle between two lines of sight in degrees, 15:45 by default.
-    feature
-        Also print the error of this diameter, "cylinder:lateral", and rank by the larger error.
     save_poses
         Write the poses of the printed ranking, best first, to this .csv, .json or .npy file.
     convention
         Camera axes in that file, opencv (x right, y down, z forward) by default.
     """
+    from iriftrace.cli import plan_text
     from iriftrace.planning.pose_plan import plan as plan_poses
-    from iriftrace.planning.refine import check_evaluations, write_refined
+    from iriftrace.planning.refine import EVALUATIONS, check_evaluations, write_refined
     from iriftrace.planning.texts import ranking_table
     from iriftrace.sweep.store import read_sweep
 
     _refuse_without("--save-poses", save_poses is not None, {"--convention": convention})
     _refuse_without("--refine", refine, {"--evaluations": evaluations, "--output": output})
-    of_pairs = {"--system": system, "--angle": angle, "--feature": feature, "--confirm": confirm}
-    _refuse_without("--pairs", pairs, of_pairs)
-    limits = several.limits()
+    _refuse_without("--pairs", pairs, {"An option for two devices": pairing})
     checks.output(output, "refined.json")
-    count = 80 if evaluations is None else evaluations
+    count = EVALUATIONS if evaluations is None else evaluations
     if refine:
         check_evaluations(count)
     if pairs:
         refuse_given(
-            {"--views": several.views, "--save-poses": save_poses},
+            {"--views": views, "--save-poses": save_poses},
             "is about single poses; leave it out, or --pairs.",
         )
     checks.inputs(sweep)
     dataset = read_sweep(sweep)
     check_light(wavelength, dataset.attrs, sweep)
     if pairs:
-        from iriftrace.planning.pairs import ANGLES_DEG, plan_pairs
+        from iriftrace.planning.pairs import plan_pairs
         from iriftrace.planning.refine import refine_pair, write_refined_pair
 
         with working("Ranking pairs of poses"):
-            paired = plan_pairs(
-                dataset,
-                ranking,
-                system=system or "fringe",
-                angles_deg=angle or ANGLES_DEG,
-                feature=feature,
-                confirm=confirm is not False,
-            )
+            paired = plan_pairs(dataset, ranking, pairing or USUAL_PAIRING)
         plan_text.print_pairs(dataset, paired, top)
         if refine:
             with plan_text.search_progress(count) as progress:
@@ -177,19 +119,18 @@ def plan(
         found = plan_poses(
             dataset,
             ranking,
-            views=several.views,
-            limits=limits,
+            views=views,
             evaluations=count if refine else None,
             progress=progress,
         )
     summary = found.summary
     table = ranking_table(summary, top)
     if save_poses is not None:
-        _save(save_poses, dataset, summary.plan.order[:top], convention or "opencv")
+        _save(save_poses, dataset, summary.plan.order[:top], convention or OPENCV)
     # All errors have been raised by now, so that nothing is printed in vain.
     plan_text.print_plan(summary, table)
-    if found.views is not None:
-        plan_text.print_views(summary, found.views, limits)
+    if views is not None and found.views is not None:
+        plan_text.print_views(summary, found.views, views)
     if found.refined is not None:
         plan_text.print_refined(summary, found.refined)
         if output is not None:

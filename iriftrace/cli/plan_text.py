@@ -8,18 +8,20 @@ from typing import TYPE_CHECKING
 
 from iriftrace.cli.console import late_bar, print_table, say
 from iriftrace.core.units import counted
+from iriftrace.figures.describe import devices_at, placed
 
 if TYPE_CHECKING:
     import xarray as xr
-    from numpy.typing import ArrayLike
 
+    from iriftrace.camera.pose import PoseText
     from iriftrace.core.arrays import FloatArray
-    from iriftrace.measuring.two_devices.devices import System
-    from iriftrace.planning.cover import ViewLimits, ViewSet
+    from iriftrace.planning.cover import ViewSet
+    from iriftrace.planning.criteria import Views
     from iriftrace.planning.pairs import PairPlan
     from iriftrace.planning.refine import PairRefinement, Refinement
     from iriftrace.planning.summary import SweepSummary
     from iriftrace.planning.texts import RankingTable
+    from iriftrace.tracing.second_options import System
 
 
 def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
@@ -54,27 +56,26 @@ def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
 
 def _print_swept(kind: str, summary: SweepSummary, pose: int) -> None:
     name = f"{kind} {pose}{summary.setting(pose)}"
-    _print_devices(name, summary, summary.matrices[pose], summary.distance[pose])
+    _print_devices(devices_at(summary, name, summary.matrices[pose], summary.distance[pose]))
 
 
-def _print_devices(
-    name: str, summary: SweepSummary, matrix: FloatArray, distance_mm: float
-) -> None:
-    """Print the camera's pose, and that of a rig's second device, which moves with it."""
-    second = summary.second_at(matrix)
-    if second is None:
-        print_pose(name, matrix, distance_mm)
-        return
-    device = summary.rig["device"]
-    print_pose(name, matrix, distance_mm, "the first sensor")
-    print_pose("Second device with it", second, distance_mm, f'the second sensor (id="{device}")')
+def _print_devices(devices: Iterable[tuple[PoseText, str, str]]) -> None:
+    """Print poses as matrix, as look-at and as XML."""
+    for text, title, in_file in devices:
+        say(f"{title}:")
+        for row in text.matrix:
+            say(f"  {row}")
+        say(f"Look-at: {text.look_at}")
+        say(f"{in_file}:")
+        for line in text.xml:
+            say(f"  {line}")
 
 
-def print_views(summary: SweepSummary, views: ViewSet, limits: ViewLimits) -> None:
+def print_views(summary: SweepSummary, views: ViewSet, wanted: Views) -> None:
     """Poses that together see the most, the addition of each, and how good the choice is."""
     from iriftrace.planning.texts import views_table, views_text, views_title
 
-    say(f"{views_title(summary, limits)}:")
+    say(f"{views_title(summary, wanted)}:")
     found = views_table(summary, views)
     print_table(None, found.short_headings, found.rows)
     say(views_text(summary, views))
@@ -102,33 +103,17 @@ def print_refined(summary: SweepSummary, refined: Refinement) -> None:
         rows.append((metric.label, *(f"{factor * value:.4g}" for value in values)))
     print_table("Metrics", ("", "swept pose", "refined pose"), rows, texts=[""])
     name = f"Refined pose{summary.setting(refined.start)}"
-    _print_devices(name, summary, refined.matrix, refined.distance_mm)
-
-
-def print_pose(
-    name: str, matrix: ArrayLike, distance_mm: float, sensor: str = "the sensor"
-) -> None:
-    """A pose as matrix, as look-at and as XML."""
-    from iriftrace.camera.pose import pose_text
-
-    text = pose_text(matrix, distance_mm)
-    say(f"{name}, camera to world (x right, y down, z forward; mm):")
-    for row in text.matrix:
-        say(f"  {row}")
-    say(f"Look-at: {text.look_at}")
-    say(f"In the scene file, inside {sensor}:")
-    for line in text.xml:
-        say(f"  {line}")
+    _print_devices(devices_at(summary, name, refined.matrix, refined.distance_mm))
 
 
 def print_pairs(dataset: xr.Dataset, found: PairPlan, top: int) -> None:
     """Print the best pairs of poses, and both poses of the best one."""
-    system, criteria = found.system, found.criteria
-    error, bias = f"|e| {criteria.statistic}", "diameter" if found.feature else "median e"
+    pairing, criteria = found.pairing, found.criteria
+    error, bias = f"|e| {criteria.statistic}", "diameter" if pairing.feature else "median e"
     exact = [f"{1e3 * value:.3g}" for value in found.exact_mm]
     print_table(
-        f"Best of {counted(len(found.pairs), 'pair')} ({system}) for "
-        f"{found.feature or criteria.region}: errors in um, e along the normal",
+        f"Best of {counted(len(found.pairs), 'pair')} ({pairing.system}) for "
+        f"{pairing.feature or criteria.region}: errors in um, e along the normal",
         ("poses", "score", error, bias, "both see", "angle", "measured"),
         (
             (
@@ -144,7 +129,7 @@ def print_pairs(dataset: xr.Dataset, found: PairPlan, top: int) -> None:
         ),
     )
     if exact:
-        what = "the diameter" if found.feature else error
+        what = "the diameter" if pairing.feature else error
         say(f"Measured is {what} by the exact solver, {_THROUGH[found.exact_engine]}.")
     if "scatter_p95" in dataset:
         say(
@@ -153,7 +138,7 @@ def print_pairs(dataset: xr.Dataset, found: PairPlan, top: int) -> None:
         )
     names = [f"{what}, pose {pose}" for what, pose in zip(_DEVICES, found.pairs[0], strict=True)]
     chosen = dataset.isel(pose=found.pairs[0])
-    _print_pair(names, chosen["matrix"].values, chosen["distance"].values, system)
+    _print_pair(names, chosen["matrix"].values, chosen["distance"].values, pairing.system)
 
 
 _DEVICES = ("Camera", "Second device")
@@ -170,11 +155,10 @@ def _print_pair(
     names: Iterable[str], matrices: FloatArray, distances_mm: FloatArray, system: System
 ) -> None:
     """Print both poses of a pair, and how to simulate their measurement."""
-    from iriftrace.measuring.two_devices.devices import DEVICE_OF_SYSTEM
+    from iriftrace.tracing.second_options import DEVICE_OF_SYSTEM
 
     sensors = ("the first sensor", f'the second sensor (id="{DEVICE_OF_SYSTEM[system]}")')
-    for name, matrix, distance, sensor in zip(names, matrices, distances_mm, sensors, strict=True):
-        print_pose(name, matrix, float(distance), sensor)
+    _print_devices(map(placed, names, matrices, distances_mm, sensors))
     say("With both sensors in the scene file, iriftrace measure simulates their measurement.")
 
 
@@ -188,7 +172,7 @@ def print_refined_pair(plan: PairPlan, found: PairRefinement) -> None:
     )
     values = (found.start, found.best)
     statistic = f"|e| {plan.criteria.statistic} (um)"
-    bias = "diameter (um)" if plan.feature else "median e (um)"
+    bias = "diameter (um)" if plan.pairing.feature else "median e (um)"
     print_table(
         "What they measure",
         ("", "swept pair", "refined pair"),
@@ -201,7 +185,7 @@ def print_refined_pair(plan: PairPlan, found: PairRefinement) -> None:
         texts=[""],
     )
     names = [f"Refined {what.lower()}" for what in _DEVICES]
-    _print_pair(names, found.best.matrices, found.best.distances_mm, plan.system)
+    _print_pair(names, found.best.matrices, found.best.distances_mm, plan.pairing.system)
 
 
 @contextmanager

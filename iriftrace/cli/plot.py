@@ -5,15 +5,18 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from iriftrace.cli import checks
 from iriftrace.cli.console import notes, say, working
 from iriftrace.cli.options import LightOf, Output, Whole
-from iriftrace.cli.plan import Ranking, ViewOptions
+from iriftrace.cli.plan import Ranking, Several
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
-from iriftrace.planning.criteria import STANDARD
+from iriftrace.core.files import FileOrigin
+from iriftrace.image.displacement import NORM, Component
+from iriftrace.io.reading import ReadPart
+from iriftrace.planning.criteria import SHOWN, STANDARD
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -30,7 +33,7 @@ def plot(
     *,
     output: Output = Path("figures"),
     ranking: Ranking = STANDARD,
-    component: Literal["norm", "along", "right", "down"] = "norm",
+    component: Component = NORM,
     wavelength: LightOf = None,
 ) -> None:
     """Draw a sweep or one pose.
@@ -135,7 +138,7 @@ def _shown(file: Path, length_unit: str | None) -> tuple[Any, FieldSource | None
     if suffix in _MESHES:
         from iriftrace.io.part_files import read_part
 
-        return read_part(file, length_unit=length_unit), None
+        return read_part(file, ReadPart(length_unit=length_unit)), None
     if suffix == ".xml":
         from iriftrace.tracing.load import load_scene
 
@@ -189,9 +192,9 @@ def report(
     *,
     output: Output = Path("report.html"),
     ranking: Ranking = STANDARD,
-    top: Whole = 10,
+    top: Whole = SHOWN,
     wavelength: LightOf = None,
-    several: ViewOptions = ViewOptions(),
+    views: Several = None,
 ) -> None:
     """Write a sweep, a measurement or a correction as one HTML page that works offline.
 
@@ -207,7 +210,6 @@ def report(
     top
         Rows of the ranking.
     """
-    limits = several.limits()
     checks.output(output, "report.html")
     checks.inputs(file)
     if file.suffix.lower() == ".nc":
@@ -219,13 +221,17 @@ def report(
         check_light(wavelength, dataset.attrs, file)
         summary = summarise(dataset, ranking)
         with working("Writing the report"):
-            missing = write_report(
-                output, file, dataset, summary, top=top, views=several.views, limits=limits
-            )
-    elif (ranking, top, wavelength, several) == (STANDARD, 10, None, ViewOptions()):
+            missing = write_report(output, dataset, summary, top=top, views=views)
+    elif (ranking, top, wavelength, views) == (STANDARD, SHOWN, None, None):
         from iriftrace.figures.report import write_scan_report
 
-        missing = write_scan_report(output, *_numbers(file))
+        numbers, values = _numbers(file)
+        picture = numbers.with_suffix(".png")
+        png = picture.read_bytes() if picture.is_file() else b""
+        write_scan_report(output, values, FileOrigin.of(numbers), png)
+        missing = (
+            () if png else (f"There is no picture {picture}: compute the result with figures.",)
+        )
     else:
         raise InputError(
             f"Options of rankings, views and light are for a sweep (.nc), and {file} is none; "
@@ -238,7 +244,7 @@ def report(
 
 def _numbers(path: Path) -> tuple[Path, JsonObject]:
     """The JSON file of a scan or correction, which may be given by its cloud, and its values."""
-    from iriftrace.figures.report import TRUE_CLOUDS
+    from iriftrace.figures.describe_scan import TRUE_CLOUDS
 
     file = path if path.suffix.lower() == ".json" else path.with_suffix(".json")
     if not file.is_file():

@@ -188,7 +188,10 @@ def doctor() -> None:
         if finding.remedy:
             say(f"      {finding.remedy}")
     if not diagnosis.ok:
-        raise InputError("Something that iriftrace needs is missing; see the lines marked error.")
+        raise InputError(
+            "Something that iriftrace needs is missing; see the lines marked error.",
+            code="machine.incomplete",
+        )
 
 
 # By name, so that the program starts fast: a module is imported when its command is called or

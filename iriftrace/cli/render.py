@@ -8,13 +8,18 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from attrs import evolve
+
 from iriftrace.cli import checks
+from iriftrace.cli.aperture_options import Aperture, effects_of, say_effects
 from iriftrace.cli.console import command_line, say, working
 from iriftrace.cli.options import LightOf, Output
-from iriftrace.cli.trace_options import Statuses, TraceOptions, check_light, statuses
+from iriftrace.cli.trace_options import Statuses, Tracing, check_light, load, statuses
 from iriftrace.core.errors import warn
+from iriftrace.tracing.options import AS_STATED, PINHOLE
 
 if TYPE_CHECKING:
+    from iriftrace.core.plain import JsonObject
     from iriftrace.tracing.render import Rendering
     from iriftrace.tracing.scene import Scene
 
@@ -26,11 +31,12 @@ def render(
     scene: Path,
     *,
     output: Output | None = None,
-    trace: TraceOptions = TraceOptions(),
+    trace: Tracing = AS_STATED,
     figures: bool = True,
     surface: Path | None = None,
     rgb: Literal["displacement", "shift", "refracted"] | None = None,
     include: Statuses = None,
+    lens: Aperture = PINHOLE,
 ) -> None:
     """Trace a scene: AOV EXR, metrics JSON and displacement picture.
 
@@ -63,12 +69,14 @@ def render(
     checks.numbers(exr, "iriftrace.pose")
     checks.output(surface, "out.vtp", ".ply")
     used = statuses(include)
-    loaded = trace.load(scene)
+    loaded = load(scene, trace)
     checks.kept(surface, loaded.part.path)
-    rendering, files = _render(loaded, exr, used, figures, rgb)
+    effects = effects_of(lens, loaded, {"camera": loaded.camera})
+    rendering, files = _render(loaded, exr, used, figures, rgb, effects.get("camera"))
     if surface is not None:
         write_surface(surface, rendering.image, loaded.part)
         files.append(surface)
+    say_effects(effects)
     _print_rendering(rendering, loaded, files)
 
 
@@ -108,7 +116,7 @@ def metrics(
     started = time.perf_counter()
     with working("Reducing"):
         result = pose_metrics(pixels, shown, include=statuses(include))
-    result.time_s["metrics"] = time.perf_counter() - started
+    result = evolve(result, time_s={**result.time_s, "metrics": time.perf_counter() - started})
     with suppress(OSError, ValueError, AttributeError):
         # There may be no report of this image yet.
         result = keep_checks(result, json.loads(target.read_text(encoding="utf-8")))
@@ -121,7 +129,7 @@ def demo(
     *,
     output: Output = Path("out"),
     scene: str = DEMO,
-    trace: TraceOptions = TraceOptions(),
+    trace: Tracing = AS_STATED,
 ) -> None:
     """Run a bundled scene, by default a hot cylinder, from scene to pictures and metrics.
 
@@ -143,8 +151,8 @@ def demo(
     exr = output / f"{scene}.exr"
     folder = output / ("scene" if scene == DEMO else scene)
     with scene_copied(scene, folder) as (xml, shells):
-        loaded = trace.load(xml)
-        rendering, files = _render(loaded, exr)
+        loaded = load(xml, trace)
+        rendering, files = _render(loaded, exr, statuses(None))
     files += _scene_picture(loaded, shells, output / f"{scene}_scene.png")
     _print_rendering(rendering, loaded, files)
     if loaded.second is not None:
@@ -157,15 +165,17 @@ def demo(
 def _render(
     loaded: Scene,
     exr: Path,
-    include: tuple[int, ...] = (0,),
+    include: tuple[int, ...],
     figures: bool = True,
     rgb: str | None = None,
+    aperture: JsonObject | None = None,
 ) -> tuple[Rendering, list[Path]]:
     """Render a scene and write all its files except that of the surface."""
     from iriftrace.tracing.render import render_scene
 
     with working("Tracing"):
         rendering = render_scene(loaded, include=include)
+    rendering = evolve(rendering, metrics=evolve(rendering.metrics, aperture=aperture))
     pictures = []
     if figures:
         from iriftrace.figures.pose import pose_figures
@@ -176,9 +186,9 @@ def _render(
             for name, figure in pose_figures(rendering.image, exr.stem, include).items():
                 pictures.append(exr.with_name(f"{name}.png"))
                 write_figure(figure, pictures[-1])
-            rendering.metrics.add_time("figures", time.perf_counter() - started)
+            rendering = rendering.with_time("figures", started)
     with working("Writing"):
-        return rendering, [*rendering.save(exr, rgb=rgb), *pictures]
+        return rendering.saved(exr, rgb=rgb), [exr, exr.with_suffix(".json"), *pictures]
 
 
 def _print_rendering(rendering: Rendering, loaded: Scene, files: list[Path]) -> None:

@@ -3,19 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from iriftrace.cli import checks
-from iriftrace.cli.camera_options import CameraOptions, Scale
 from iriftrace.cli.console import command_line, out, print_table, say, working
-from iriftrace.cli.field_options import PartOptions, ShellOptions
 from iriftrace.cli.options import Output
-from iriftrace.cli.second_options import SecondOptions, StereoOptions, devices_of
+from iriftrace.cli.reading import (
+    AirOptions,
+    CameraDescription,
+    FieldReading,
+    PartReading,
+    Rig,
+    Scale,
+    Second,
+    Shells,
+    read_part,
+)
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import ZERO_CELSIUS_K, counted
+from iriftrace.io.reading import AS_DRAWN, AS_STATED, ReadField, ReadPart
+from iriftrace.medium.air.refractivity import Air
+from iriftrace.medium.shells.options import STANDARD, ShellOptions
+from iriftrace.tracing.camera_options import USUAL
+from iriftrace.tracing.options import GRADIENT, SCALE, Normals
+from iriftrace.tracing.second_options import NO_RIG, NO_SECOND, devices_of
 
 if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
@@ -33,8 +46,10 @@ def shells(
     *,
     output: Output,
     part: Path | None = None,
-    shell_options: ShellOptions = ShellOptions(),
-    part_options: PartOptions = PartOptions(),
+    air: AirOptions = Air(),
+    reading: FieldReading = AS_STATED,
+    shell_options: Shells = STANDARD,
+    part_reading: PartReading = AS_DRAWN,
 ) -> None:
     """Turn a temperature field into shells of equal refractive index.
 
@@ -53,6 +68,7 @@ def shells(
         The part's mesh; adds gaps and cuts to the table.
     """
     from iriftrace.cli.output import print_shells
+    from iriftrace.io.field import read_field
     from iriftrace.io.shells import save_shells
     from iriftrace.medium.part_fit import fit_part_to_field
     from iriftrace.medium.shells.report import report_shells
@@ -60,18 +76,21 @@ def shells(
     checks.fields(field)
     checks.inputs(part)
     checks.folder(output)
-    wall = partial(shell_options.field.read_wall, field)
-    measured = None if part is None else part_options.read(part, wall)
-    stack, volume = shell_options.stack(field, measured)
+
+    def wall(cold: Part) -> Temperatures:
+        return read_field(field, reading, air=air, part=cold).wall_temperature_k
+
+    measured = None if part is None else read_part(part, part_reading, wall)
+    stack, volume = _cut(field, measured, None, air, reading, shell_options)
     fit = None
     if measured is not None and volume is not None:
         with working("Comparing part and field"):
-            fit = fit_part_to_field(volume, measured, wall_temperature_k=part_options.hot.single)
+            fit = fit_part_to_field(volume, measured, wall_temperature_k=part_reading.hot.single)
         for message in fit.warnings:
             warn(message)
     with working("Measuring the shells"):
         reports = report_shells(stack, volume, measured)
-    files = save_shells(stack, output, report=reports, notes=shell_options.field.notes())
+    files = save_shells(stack, output, report=reports, notes=reading.notes)
     print_shells(stack, reports, fit)
     out.print(f"{counted(len(files), 'file')} in {output}", soft_wrap=True)
 
@@ -84,13 +103,15 @@ def scene(
     member: list[Path] | None = None,
     blocker: list[Path] | None = None,
     blocker_length_unit: str | None = None,
-    normals: Literal["gradient", "facet"] = "gradient",
-    shell_options: ShellOptions = ShellOptions(),
-    part_options: PartOptions = PartOptions(),
-    camera_options: CameraOptions = CameraOptions(),
-    second_options: SecondOptions = SecondOptions(),
-    stereo_options: StereoOptions = StereoOptions(),
-    scale: Scale = 0.5,
+    normals: Normals = GRADIENT,
+    air: AirOptions = Air(),
+    reading: FieldReading = AS_STATED,
+    shell_options: Shells = STANDARD,
+    part_reading: PartReading = AS_DRAWN,
+    camera_options: CameraDescription = USUAL,
+    second_options: Second = NO_SECOND,
+    stereo_options: Rig = NO_RIG,
+    scale: Scale = SCALE,
 ) -> None:
     """Make a complete scene folder of field, part and camera, which ``iriftrace render`` runs.
 
@@ -122,64 +143,71 @@ def scene(
     """
     from iriftrace.cli.output import print_shells
     from iriftrace.io.bodies import bodies_beside
+    from iriftrace.io.field import read_field
     from iriftrace.io.members import chosen_members
-    from iriftrace.io.part_files import read_part
+    from iriftrace.io.part_files import read_part as read_body
     from iriftrace.medium.part_fit import refuse_expanded_board
+    from iriftrace.medium.shells.contour import cut_shells
     from iriftrace.tracing.hot_air import AirState
     from iriftrace.tracing.save import save_scene
     from iriftrace.tracing.xml import SceneSettings, refuse_edited
 
-    field_options = shell_options.field
-    if not field_options.isosurfaces:
+    if not reading.isosurfaces:
         checks.order(field, part)
     fields = [field, *(member or [])]
     checks.fields(*fields)
     checks.inputs(part, *(blocker or []))
     checks.output(output, "scene.xml", make=True)
     refuse_edited(output)
-    states = () if field_options.isosurfaces else chosen_members(fields, field_options.time)
+    states = () if reading.isosurfaces else chosen_members(fields, reading.time)
 
     def first_wall(cold: Part) -> Temperatures:
         """Temperatures of the wall of the first state, by which the part expands."""
         if not states:
             raise InputError(
-                '--hot-temperature is "field", but iso-surfaces have no wall; give a temperature.'
+                '--hot-temperature is "field", but iso-surfaces have no wall; give a temperature.',
+                code="part.no_field",
+                argument="hot_temperature",
             )
-        return field_options.read_wall(states[0].path, cold, states[0].index)
+        first = states[0]
+        volume = read_field(first.path, reading, air=air, member=first.index, part=cold)
+        return volume.wall_temperature_k
 
-    measured = part_options.read(part, first_wall)
-    blockers = [read_part(file, length_unit=blocker_length_unit) for file in blocker or []]
-    if field_options.isosurfaces and member:
+    measured = read_part(part, part_reading, first_wall)
+    blockers = [read_body(file, ReadPart(blocker_length_unit)) for file in blocker or []]
+    if reading.isosurfaces and member:
         raise InputError(
             "An ensemble is made of volume fields, from which the shells of all members are cut in "
-            "the same manner; leave out --isosurfaces or --member."
+            "the same manner; leave out --isosurfaces or --member.",
+            code="field.isosurfaces",
+            argument="isosurfaces",
         )
-    place = devices_of(camera_options, second_options, stereo_options, measured)
-    wall_k = part_options.hot.single
+    place = devices_of(camera_options, second_options, stereo_options, measured, say)
+    wall_k = part_reading.hot.single
 
     def bodies(volume: IndexField) -> list[Part]:
         """Bodies around which a field was solved, without those that are given as blockers."""
         given = [file.stem for file in blocker or []]
-        found = bodies_beside(volume, given, field_options.transform())
+        found = bodies_beside(volume, given, reading.matrix)
         if found:
             say(f"Bodies of the field that block the view: {', '.join(b.path for b in found)}.")
         return found
 
     def devices(volume: IndexField | None, stack: ShellStack) -> tuple[Camera, SceneSettings]:
         """The camera, and the settings of the scene's file."""
-        if volume and part_options.expansion is not None:
+        if volume and part_reading.expansion is not None:
             refuse_expanded_board(volume, measured, blockers)
         settings = SceneSettings(
             scale=scale,
             normals=normals,
-            notes=field_options.notes(),
+            notes=reading.notes,
             blockers=(*blockers, *(bodies(volume) if volume else ())),
         )
         camera, settings = place(settings, volume, stack)
         camera.scaled(scale)  # refuses a scale that leaves no pixel
         return camera, settings
 
-    if len(states) > len(fields) and field_options.time is None:
+    if len(states) > len(fields) and reading.time is None:
         warn(
             f"All {len(states)} states are averaged as an ensemble, {states[0].label} to "
             f"{states[-1].label}; choose one with --time latest, or all with --time all."
@@ -187,20 +215,45 @@ def scene(
     if len(states) > 1:
 
         def cut(one: Member) -> tuple[ShellStack, IndexField]:
-            volume = field_options.read(one.path, measured, one.index)
-            return shell_options.build(volume), volume
+            volume = read_field(one.path, reading, air=air, member=one.index, part=measured)
+            return cut_shells(volume, shell_options), volume
 
         _ensemble(states, measured, output, devices, cut, wall_k)
         return
     # Without --time the reader of the file states which of several states it is.
-    number = states[0].index if states and field_options.time is not None else None
-    stack, volume = shell_options.stack(field, measured, number)
+    number = states[0].index if states and reading.time is not None else None
+    stack, volume = _cut(field, measured, number, air, reading, shell_options)
     camera, settings = devices(volume, stack)
     with working("Comparing part and field, measuring the shells"):
         state = AirState(volume, ready=stack)
         saved = save_scene(output, measured, [state], camera, settings, wall_temperature_k=wall_k)
     print_shells(saved.shells, saved.reports[0], saved.fits[0])
     _print_scene(output, camera, measured, settings)
+
+
+def _cut(
+    file: Path,
+    part: Part | None,
+    member: int | None,
+    air: Air,
+    reading: ReadField,
+    options: ShellOptions,
+) -> tuple[ShellStack, IndexField | None]:
+    """Shells of a volume field, or ready-made ones."""
+    from iriftrace.medium.shells.contour import cut_shells, reduced
+
+    if reading.isosurfaces:
+        from iriftrace.io.iso_surfaces import import_shells
+
+        with working("Reading iso-surfaces"):
+            stack = import_shells(file, reading, air=air, min_size_mm=options.min_size)
+        return reduced(stack, options), None
+    from iriftrace.io.field import read_field
+
+    with working("Reading the field"):
+        volume = read_field(file, reading, air=air, member=member, part=part)
+    with working("Contouring the shells"):
+        return cut_shells(volume, options), volume
 
 
 def _ensemble(

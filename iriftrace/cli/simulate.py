@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager
 from datetime import timedelta
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 from attrs import evolve
 from rich.progress import BarColumn, Progress, TimeElapsedColumn
@@ -15,17 +15,22 @@ from rich.progress import BarColumn, Progress, TimeElapsedColumn
 from iriftrace.cli import checks
 from iriftrace.cli.console import notes, say, say_finding, stating_kept
 from iriftrace.cli.field import scene_command
-from iriftrace.cli.field_options import AirOptions, PartOptions
-from iriftrace.cli.options import FIELD, Flag, Output, Whole, celsius
-from iriftrace.cli.simulation_options import DraughtOptions, SimulationOptions
+from iriftrace.cli.groups import group
+from iriftrace.cli.options import Flag, Output, read_as_word, refuse_given
+from iriftrace.cli.reading import PartReading, read_part
 from iriftrace.core.errors import InputError, SetupError, warn
 from iriftrace.core.plain import JsonObject
-from iriftrace.core.units import ZERO_CELSIUS_K
+from iriftrace.core.units import ZERO_CELSIUS_K, Temperature
+from iriftrace.flow.simulate.options import DraughtOptions, SimulationOptions, Speeds
+from iriftrace.io.reading import AS_DRAWN, ReadPart
+from iriftrace.medium.air.refractivity import Air
+from iriftrace.part.hot_temperature import FIELD
+from iriftrace.sweep.options import NO_WORKERS, Workers
 
 if TYPE_CHECKING:
     from iriftrace.flow.simulate.case import Case
     from iriftrace.flow.simulate.draught import Draught
-    from iriftrace.flow.simulate.family import Member
+    from iriftrace.flow.simulate.family import FamilyMember
     from iriftrace.flow.simulate.family_run import Cost, Solve, Task
     from iriftrace.flow.simulate.programs import Installation
     from iriftrace.flow.simulate.run import State
@@ -34,16 +39,22 @@ if TYPE_CHECKING:
     from iriftrace.part.wall_temperature import WallTemperatures
 
 
+read_as_word(Speeds, "STR")
+Simulating = Annotated[SimulationOptions, group(SimulationOptions, "Simulation", 1)]
+Wind = Annotated[DraughtOptions, group(DraughtOptions, "Draught", 2)]
+WorkersOfFamily = Annotated[Workers, group(Workers, "Draught", 2)]
+
+
 def simulate(
     part: Path,
     *,
     output: Output,
-    simulation: SimulationOptions = SimulationOptions(),
-    wind: DraughtOptions = DraughtOptions(),
-    part_options: PartOptions = PartOptions(),
+    simulation: Simulating = SimulationOptions(),
+    wind: Wind = DraughtOptions(),
+    workers: WorkersOfFamily = NO_WORKERS,
+    part_reading: PartReading = AS_DRAWN,
     field: Path | None = None,
     vary: str | None = None,
-    processes: Whole = 1,
     write_only: Flag = False,
 ) -> None:
     """Simulate the hot air around a part with OpenFOAM and write the field.
@@ -73,11 +84,10 @@ def simulate(
         Solve the flow again with an input changed, once for each, "wall 10 K, ambient 2 K, pressure
         2 hPa", for its share of an uncertainty. The fields are written beside the first one, as
         field_wall.vtu and so on; in a scene they are members without weight.
-    processes
-        Processes for the solver.
     write_only
         Write the case and stop; the same command without this option runs it.
     """
+    from iriftrace.flow.simulate.case import natural_case
     from iriftrace.flow.simulate.programs import find_openfoam
     from iriftrace.flow.simulate.simulate import check_solver, prepare
     from iriftrace.flow.simulate.simulate import simulate as run
@@ -87,13 +97,26 @@ def simulate(
     checks.folder(output)
     target = output / "field.vtu" if field is None else field
     checks.output(target, "field.vtu", make=True)
-    wind.check(field=field, write_only=write_only, vary=vary)
+    family = wind.draughts is not None
+    if family:
+        refuse_given(
+            {"--field": field, "--write-only": write_only or None, "--vary": vary},
+            "is for one field, but --draughts makes a family; leave one of them out.",
+        )
+        from iriftrace.sweep.workers import check_scheduler
+
+        check_scheduler(workers.address, workers.workers)
+    else:
+        refuse_given(
+            {"--scheduler": workers.scheduler, "--workers": workers.workers},
+            "is for the members of a family; give --draughts 0:0.2:0.02, or leave it out.",
+        )
     installation = None
     if not write_only:
         # Before anything is written: a case cannot be used if no solver is installed.
         installation = find_openfoam()
         check_solver(installation)
-    hot = part_options
+    hot = part_reading
     if simulation.wall_temperature_from is None:
         kelvin, regions = hot.hot.wall(simulation.wall_temperature, simulation.region_temperature)
         simulation = evolve(simulation, wall_temperature=kelvin, region_temperature=regions)
@@ -102,15 +125,15 @@ def simulate(
         # It has expanded according to the temperature of its wall.
         hot = evolve(hot, hot_temperature=_words(wall))
     known = wall.measured
-    measured = hot.read(part, None if known is None else lambda _: known.at)
-    if wind.draughts is not None and installation is not None:
-        members, cases = family_cases(measured, simulation, wind, processes)
+    measured = read_part(part, hot, None if known is None else lambda _: known.at)
+    if family and installation is not None:
+        members, cases = family_cases(measured, simulation, wind)
         _print_case(cases[members[0].name])
-        simulate_family(members, cases, output, installation, wind)
+        simulate_family(members, cases, output, installation, workers)
         files = [output / member.file for member in members]
         say(f"Family written; now run:  {next_scene(files, part, simulation, hot)}")
         return
-    case = simulation.case(measured, processes, wind.single())
+    case = natural_case(measured, simulation, draught=wind.single())
     varied = () if vary is None else varied_cases(case, vary)
     _print_case(case)
     there = prepare(case, output)
@@ -162,7 +185,8 @@ def _words(wall: WallTemperatures) -> list[str]:
     """The part's hot temperatures as users write them, from the wall that is simulated."""
     if wall.measured is not None:
         return [FIELD]
-    return [celsius(wall.default), *(f"{name}={celsius(k)}" for name, k in wall.regions.items())]
+    regions = (f"{name}={Temperature(kelvin)!s}" for name, kelvin in wall.regions.items())
+    return [str(Temperature(wall.default)), *regions]
 
 
 def doctor() -> None:
@@ -184,7 +208,8 @@ def doctor() -> None:
     say_finding("error" if verdict else "ok", "solver", f"{installation.solver}{built}: {said}")
     if verdict:
         raise SetupError(
-            f"the solver computes wrong, as that of Debian 12's package does; {REPAIR}."
+            f"the solver computes wrong, as that of Debian 12's package does; {REPAIR}.",
+            code="openfoam.computes_wrong",
         )
 
 
@@ -249,39 +274,42 @@ def _print_simulation(result: Simulation) -> None:
 
 
 def next_scene(
-    fields: Sequence[Path], part: Path, simulation: SimulationOptions, part_options: PartOptions
+    fields: Sequence[Path], part: Path, simulation: SimulationOptions, reading: ReadPart
 ) -> str:
     """The command that makes a scene of simulated fields, in the air of the simulation."""
     more = [word for file in fields[1:] for word in ("--member", str(file))]
-    if simulation.pressure != AirOptions().pressure:
+    if simulation.pressure != Air().pressure_pa:
         more += ["--pressure", f"{simulation.pressure:.10g} Pa"]
-    return scene_command(fields[0], part, simulation.ambient, part_options, *more)
+    return scene_command(fields[0], part, simulation.ambient, reading, *more)
 
 
 def family_cases(
-    part: Part, simulation: SimulationOptions, wind: DraughtOptions, processes: int
-) -> tuple[tuple[Member, ...], dict[str, Case]]:
+    part: Part, simulation: SimulationOptions, wind: DraughtOptions
+) -> tuple[tuple[FamilyMember, ...], dict[str, Case]]:
     """Members of a family, and the case of each by name."""
-    from iriftrace.flow.simulate.case import symmetric_case
+    from iriftrace.flow.simulate.case import natural_case, symmetric_case
     from iriftrace.flow.simulate.family import plan_family
 
     if simulation.snapshots:
         raise InputError(
             "--snapshots keeps states of one simulation, but --draughts makes a family; leave one "
-            "of them out."
+            "of them out.",
+            code="options.snapshots_of_family",
         )
     # Refuses planes that the part does not have before leaving out those through which air blows.
-    still = simulation.case(part, processes, None)
-    members = plan_family(
-        *wind.family(), simulation.mirrors, symmetric_case(still), between=wind.between
-    )
+    still = natural_case(part, simulation)
+    members = plan_family(wind, simulation.mirrors, symmetric_case(still))
     sharing: dict[str, list[Draught]] = {}
     for member in members:
         if member.draught is not None and member.solved:
             sharing.setdefault(member.planes, []).append(member.draught)
     cases = {
-        member.name: simulation.case(
-            part, processes, member.draught, member.planes, sharing.get(member.planes, ())
+        member.name: natural_case(
+            part,
+            simulation,
+            draught=member.draught,
+            mirrors=member.planes,
+            family=sharing.get(member.planes, ()),
         )
         for member in members
     }
@@ -289,11 +317,11 @@ def family_cases(
 
 
 def simulate_family(
-    members: Sequence[Member],
+    members: Sequence[FamilyMember],
     cases: dict[str, Case],
     folder: Path,
     installation: Installation,
-    wind: DraughtOptions,
+    workers: Workers,
 ) -> None:
     """Solve the missing members of a family, here or on workers, and print the progress."""
     from iriftrace.flow.simulate.family_run import run_family, solve_elsewhere
@@ -302,8 +330,8 @@ def simulate_family(
     folder.mkdir(parents=True, exist_ok=True)
     with ExitStack() as stack:
         solve: Solve = partial(_solve_here, installation)
-        if wind.address is not None:
-            client = stack.enter_context(scheduler_client(wind.address, wind.workers))
+        if workers.address is not None:
+            client = stack.enter_context(scheduler_client(workers.address, workers.workers))
             solve = partial(run_tasks, client, solve_elsewhere)
         status = stack.enter_context(notes.status("Mesh"))
 

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from iriftrace.cli import checks
 from iriftrace.cli.console import command_line, notes, pose_progress, say
-from iriftrace.cli.options import Lengths, Output, Whole
-from iriftrace.cli.orbit_options import OrbitOptions
-from iriftrace.cli.trace_options import Statuses, TraceOptions, statuses
+from iriftrace.cli.groups import group
+from iriftrace.cli.options import Output
+from iriftrace.cli.trace_options import Statuses, Tracing, load, statuses
 from iriftrace.core.errors import InputError
-from iriftrace.core.units import counted
+from iriftrace.core.units import Lengths, counted
+from iriftrace.sweep.options import LOCAL, NO_WORKERS, SweepPoses, Workers
+from iriftrace.tracing.options import AS_STATED
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -25,15 +27,14 @@ def sweep(
     /,
     *,
     output: Output,
-    orbit: OrbitOptions = OrbitOptions(),
+    orbit: Annotated[SweepPoses, group(SweepPoses, "Orbit", 1)] = SweepPoses(),
     focal_length: Lengths | None = None,
-    trace: TraceOptions = TraceOptions(),
+    trace: Tracing = AS_STATED,
     exr: bool = False,
     include: Statuses = None,
     export: Path | None = None,
     surface: Path | None = None,
-    scheduler: str | None = None,
-    workers: Whole | None = None,
+    workers: Annotated[Workers, group(Workers)] = NO_WORKERS,
 ) -> None:
     """Render scenes from many poses into one netCDF file.
 
@@ -60,31 +61,32 @@ def sweep(
     surface
         Also write the part with the maps of all poses (displacement, times seen, best incidence)
         to this .vtp or .vtu file, for ParaView.
-    scheduler
-        Let worker processes render: "local" starts them here, "tcp://host:8786" is the address
-        that `dask scheduler` prints; its workers must see the scene under the same path.
-    workers
-        Number of local workers; by default one for every two cores, at least two.
     """
     from iriftrace.sweep.export import check_table, write_face_maps, write_table
     from iriftrace.sweep.sweep import SweepOptions, run_sweep
     from iriftrace.sweep.workers import check_scheduler, pose_workers
 
-    if workers is not None and scheduler is None:
-        scheduler = "local"
+    scheduler = workers.address
     checks.inputs(*scenes)
     twice = [scene for scene in scenes if scenes.count(scene) > 1]
     if twice:
-        raise InputError(f"{twice[0]} is given twice, so its poses would count twice; remove one.")
+        raise InputError(
+            f"{twice[0]} is given twice, so its poses would count twice; remove one.",
+            code="scene.twice",
+        )
     checks.output(output, "sweep.nc")
     checks.output(export, "sweep.csv", ".parquet")
     if export is not None:
         check_table(export)
     checks.output(surface, "part.vtp", ".vtu")
-    if scheduler is not None:
-        check_scheduler(scheduler, workers)
-    loaded = [trace.load(scene) for scene in scenes]
+    check_scheduler(scheduler, workers.workers)
+    loaded = [load(scene, trace) for scene in scenes]
+    checks.inputs(orbit.hand_eye, orbit.base_to_part)
     poses = orbit.pose_sets(loaded[0])
+    if orbit.poses is not None:
+        ((_, listed),) = poses.items()
+        far = np.linalg.norm(listed.origins - loaded[0].part.centre, axis=1)
+        say(f"Poses {far.min():.4g} to {far.max():.4g} mm from the part's middle.")
     if orbit.is_default and focal_length is None:
         from iriftrace.cli.output import print_default_orbit
 
@@ -93,15 +95,15 @@ def sweep(
     render, complete = None, output.is_file()
     with ExitStack() as stack:
         if scheduler is not None:
-            starting = scheduler == "local"
+            starting = scheduler == LOCAL
             with notes.status("Starting workers ..." if starting else f"Calling {scheduler} ..."):
-                render = stack.enter_context(pose_workers(scheduler, workers))
+                render = stack.enter_context(pose_workers(scheduler, workers.workers))
         report = stack.enter_context(pose_progress(output))
         dataset = run_sweep(
             loaded,
             poses,
             output,
-            focal_lengths_mm=focal_length or (),
+            focal_lengths_mm=[float(length) for length in focal_length or ()],
             move_out=orbit.is_orbit,
             target=orbit.look_at(loaded[0]),
             options=SweepOptions(statuses(include), exr),

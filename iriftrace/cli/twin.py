@@ -6,15 +6,18 @@ from pathlib import Path
 
 from iriftrace.cli import checks
 from iriftrace.cli.console import print_table, say
-from iriftrace.cli.options import Length, Output
+from iriftrace.cli.options import Output
+from iriftrace.core.units import Length
+
+NO_LENGTH = Length(0.0)
 
 
 def twin(
     real: Path,
     simulated: Path,
     *,
-    calibration_uncertainty: Length = 0.0,
-    other_uncertainty: Length = 0.0,
+    calibration_uncertainty: Length = NO_LENGTH,
+    other_uncertainty: Length = NO_LENGTH,
     output: Output | None = None,
 ) -> None:
     """Compare repeats of a real measurement with simulated ones: does the simulation hold?

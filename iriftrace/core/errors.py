@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from functools import partial
 from traceback import walk_stack
 from typing import Any, Self
+
+from attrs import fields
 
 
 class IriftraceError(Exception):
@@ -28,7 +30,7 @@ class IriftraceError(Exception):
         Name of the argument or field of a class that is wrong, or with which to mend it.
     """
 
-    def __init__(self, text: str, *, code: str = "", argument: str | None = None) -> None:
+    def __init__(self, text: str, *, code: str, argument: str | None = None) -> None:
         super().__init__(text)
         self.code = code
         self.argument = argument
@@ -55,6 +57,13 @@ class IriftraceWarning(UserWarning):
     def __init__(self, text: str, *, argument: str | None = None) -> None:
         super().__init__(text)
         self.argument = argument
+
+
+def refuse_given(options: Any, names: Collection[str], reason: str, code: str) -> None:
+    """Refuse fields of an attrs class, by name, that differ from their defaults."""
+    for one in fields(type(options)):
+        if one.name in names and getattr(options, one.name) != one.default:
+            raise InputError(f"`{one.name}` {reason}", code=code, argument=one.name)
 
 
 def warn(text: str, *, argument: str | None = None) -> None:

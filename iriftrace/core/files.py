@@ -16,6 +16,7 @@ from pathlib import Path
 from tokenize import TokenError
 
 import numpy as np
+from attrs import frozen
 from numpy.lib import format as npy
 
 from iriftrace.core.arrays import AnyArray
@@ -80,6 +81,24 @@ def sha256_of(path: Path) -> str:
     """Hexadecimal SHA-256 of a file's bytes."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+@frozen
+class FileOrigin:
+    """The file that a value was read from, so that results name it."""
+
+    path: str  # absolute
+    sha256: str
+
+    @classmethod
+    def of(cls, path: str | Path) -> FileOrigin:
+        """The origin of what is read from a file now."""
+        return cls(str(Path(path).resolve()), sha256_of(Path(path)))
+
+    @property
+    def name(self) -> str:
+        """Name of the file in its folder."""
+        return Path(self.path).name
 
 
 def sha256_of_list(files: Sequence[Path], folder: Path) -> str:

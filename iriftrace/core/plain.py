@@ -70,6 +70,10 @@ def _converter() -> Converter:
     converter = Converter(use_alias=True, unstruct_collection_overrides={tuple: list})
     for kind, (name, taken) in _KINDS.items():
         converter.register_structure_hook(kind, _strict(kind, name, taken))
+    # Quantities are numbers with a unit, which files state by other means.
+    converter.register_unstructure_hook_func(
+        lambda kind: float in getattr(kind, "__mro__", ()), float
+    )
     converter.register_structure_hook_factory(has, _from_dictionary)
     return converter
 

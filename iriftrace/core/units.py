@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar, Self
 
 from iriftrace.core.errors import InputError, warn
 
@@ -180,3 +180,236 @@ def _convert(text: str, unit: str) -> float:
 def counted(count: int, noun: str) -> str:
     """A number with its noun: "1 pose", "1,224 poses"."""
     return f"{count:,} {noun}{'' if count == 1 else 's'}"
+
+
+class _Quantity(float):
+    """A number in `unit` (pint's name), also read from text.
+
+    `str` shows it with its `symbol`; in an f-string it is the plain number.
+    """
+
+    unit: ClassVar[str]
+    symbol: ClassVar[str]
+
+    def __new__(cls, value: str | float) -> Self:
+        return super().__new__(cls, parse_quantity(value, cls.unit))
+
+    def __str__(self) -> str:
+        return f"{self:g} {self.symbol}"
+
+    def __format__(self, spec: str) -> str:
+        return format(float(self), spec)
+
+
+class Length(_Quantity):
+    """A length, mm."""
+
+    unit, symbol = "mm", "mm"
+
+
+class LengthWithUnit(Length):
+    """A length, mm, that is usual in another unit, so that a text needs its unit."""
+
+    def __new__(cls, value: str | float) -> Self:
+        if isinstance(value, str) and _is_number(value):
+            raise InputError(
+                f'"{value}" is a length without a unit; write it with one, like "20 um".',
+                code="units.no_unit",
+            )
+        return super().__new__(cls, value)
+
+
+class FNumber(float):
+    """Focal length over the aperture's diameter; in a text "f/4"."""
+
+    def __new__(cls, value: str | float) -> Self:
+        first, slash, number = value.partition("/") if isinstance(value, str) else ("f", "/", value)
+        try:
+            if first.strip().lower() != "f" or not slash:
+                raise ValueError
+            return super().__new__(cls, number)
+        except ValueError:
+            raise InputError(
+                f'"{value}" is not an f-number; write it like f/4.', code="aperture.not_read"
+            ) from None
+
+    def __str__(self) -> str:
+        return f"f/{self:g}"
+
+
+class Wavelength(_Quantity):
+    """A wavelength, nm."""
+
+    unit, symbol = "nm", "nm"
+
+
+class Temperature(_Quantity):
+    """An absolute temperature, K; a text needs its unit, and `str` shows degC."""
+
+    unit, symbol = "kelvin", "degC"
+
+    def __new__(cls, value: str | float) -> Self:
+        kelvin = super().__new__(cls, value)
+        if kelvin < 0.0:
+            raise InputError(
+                f"{value!r} is below absolute zero; check number and unit.",
+                code="units.below_zero",
+            )
+        return kelvin
+
+    def __str__(self) -> str:
+        return f"{round(self - ZERO_CELSIUS_K, 6):g} {self.symbol}"
+
+
+class Pressure(_Quantity):
+    """A pressure, Pa."""
+
+    unit, symbol = "pascal", "Pa"
+
+
+class Duration(_Quantity):
+    """A time, s."""
+
+    unit, symbol = "second", "s"
+
+
+class Angle(_Quantity):
+    """An angle, degree."""
+
+    unit, symbol = "degree", "deg"
+
+
+class Speed(_Quantity):
+    """A speed, m/s."""
+
+    unit, symbol = "m/s", "m/s"
+
+
+class Expansion(_Quantity):
+    """A linear thermal expansion, 1/K."""
+
+    unit, symbol = "1/kelvin", "/K"
+
+
+class Fraction(_Quantity):
+    """A fraction, 1; also read from a percentage, and shown as one."""
+
+    unit, symbol = "dimensionless", "%"
+
+    def __new__(cls, value: str | float) -> Self:
+        try:
+            return super().__new__(cls, value)
+        except InputError as error:
+            raise InputError(
+                f'"{value}" is not a fraction; write "5 %" or 0.05.', code="units.no_fraction"
+            ) from error
+
+    def __str__(self) -> str:
+        return f"{100 * self:g} {self.symbol}"
+
+
+class Numbers(tuple[float, ...]):
+    """Finite numbers; in a text separated by commas."""
+
+    def __new__(cls, value: str | Iterable[float]) -> Self:
+        return super().__new__(cls, _numbers(value))
+
+    def __str__(self) -> str:
+        return ",".join(f"{number:g}" for number in self)
+
+
+class Pair(tuple[float, float]):
+    """Two finite numbers, across and down; in a text "2448,2048"."""
+
+    def __new__(cls, value: str | Iterable[float]) -> Self:
+        return super().__new__(cls, _numbers(value, 2))
+
+    def __str__(self) -> str:
+        return ",".join(f"{number:g}" for number in self)
+
+
+class Vector(tuple[float, float, float]):
+    """Three finite numbers, x, y and z; in a text "150,-100,40"."""
+
+    def __new__(cls, value: str | Iterable[float]) -> Self:
+        return super().__new__(cls, _numbers(value, 3))
+
+    def __str__(self) -> str:
+        return ",".join(f"{number:g}" for number in self)
+
+
+class Interval(tuple[float, float]):
+    """Two numbers, the ends of an interval, which may be infinite; in a text "50:250"."""
+
+    def __new__(cls, value: str | Iterable[float]) -> Self:
+        return super().__new__(cls, _numbers(value, 2, ":", finite=False))
+
+    def __str__(self) -> str:
+        return ":".join(f"{number:g}" for number in self)
+
+
+class Lengths(tuple[Length, ...]):
+    """Lengths, mm, none of them twice; in a text "80 mm,100 mm"."""
+
+    def __new__(cls, value: str | Iterable[str | float]) -> Self:
+        lengths = super().__new__(cls, map(Length, _pieces(value, ",")))
+        if len(set(lengths)) < len(lengths):
+            raise InputError(
+                f'"{value}" has a length twice, so that it would count twice; give each once.',
+                code="units.twice",
+            )
+        return lengths
+
+    def __str__(self) -> str:
+        return ",".join(map(str, self))
+
+
+class Size(tuple[Length, Length]):
+    """Width and height, mm; in a text "6.7 mm,5.6 mm"."""
+
+    def __new__(cls, value: str | Iterable[str | float]) -> Self:
+        size = super().__new__(cls, map(Length, _pieces(value, ",")))
+        if len(size) != 2:
+            raise InputError(
+                f'"{value}" is not width and height; write it like "6.7 mm,5.6 mm".',
+                code="units.no_numbers",
+            )
+        return size
+
+    def __str__(self) -> str:
+        return ",".join(map(str, self))
+
+
+def _pieces(value: str | Iterable[str | float], separator: str) -> Iterable[str | float]:
+    return value.split(separator) if isinstance(value, str) else value
+
+
+def _numbers(
+    value: str | Iterable[str | float],
+    count: int | None = None,
+    separator: str = ",",
+    *,
+    finite: bool = True,
+) -> tuple[float, ...]:
+    """Numbers, `count` of them if given; InputError for others, and for one that is NaN."""
+    try:
+        numbers = tuple(map(float, _pieces(value, separator)))
+    except (TypeError, ValueError):
+        numbers = (math.nan,)
+    if len(numbers) != (count or len(numbers)) or any(map(math.isnan, numbers)):
+        raise InputError(
+            f'"{value}" is not {"" if count is None else f"{count} "}numbers separated by '
+            f'"{separator}".',
+            code="units.no_numbers",
+        )
+    if finite and any(map(math.isinf, numbers)):
+        raise InputError(f'"{value}" has a number that is not finite.', code="units.not_finite")
+    return numbers
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

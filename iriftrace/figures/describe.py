@@ -4,25 +4,24 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from iriftrace.camera.pose import PoseText, pose_text
 from iriftrace.core.plain import JsonObject
 from iriftrace.image.aov_image import Status
 from iriftrace.image.ray_statistics import percent
-from iriftrace.measuring.features.fitted import cone_place
-from iriftrace.measuring.features.quantity import DRAWING, Quantity
-from iriftrace.measuring.two_devices.statistics import RegionValues
 from iriftrace.medium.source import stated_source, synthetic_mark
 from iriftrace.sweep.store import attribute, scene_of, traced_through_cells
-from iriftrace.tracing.hot_air import OUTSIDE
 
 if TYPE_CHECKING:
     import xarray as xr
+    from numpy.typing import ArrayLike
 
+    from iriftrace.core.arrays import FloatArray
     from iriftrace.planning.summary import SweepSummary
 
 Rows = tuple[tuple[str, ...], ...]
@@ -56,6 +55,11 @@ def camera_text(camera: JsonObject, *, varied: bool = False) -> str:
         f"{camera['projection']}, {lens}sensor {width:g} \N{MULTIPLICATION SIGN} {height:g} mm, "
         f"{columns} \N{MULTIPLICATION SIGN} {rows} pixels, in focus from {depth}{distorted}"
     )
+
+
+def place_text(camera: JsonObject) -> str:
+    """Position of a device."""
+    return f"at ({', '.join(f'{row[3]:.1f}' for row in camera['matrix'][:3])}) mm"
 
 
 def origin_text(fields: Iterable[JsonObject | None], origin: str) -> str:
@@ -122,6 +126,31 @@ def fields_of(dataset: xr.Dataset) -> list[JsonObject]:
     return several if len(several) > 1 else [attribute(dataset, "field")]
 
 
+def devices_at(
+    summary: SweepSummary, name: str, matrix: FloatArray, distance_mm: float
+) -> Iterator[tuple[PoseText, str, str]]:
+    """The camera's pose, and that of a rig's second device, which moves with it.
+
+    With each come the titles of its matrix and of its lines for the scene file.
+    """
+    second = summary.second_at(matrix)
+    yield placed(name, matrix, distance_mm, "the sensor" if second is None else "the first sensor")
+    if second is not None:
+        sensor = f'the second sensor (id="{summary.rig["device"]}")'
+        yield placed("Second device with it", second, distance_mm, sensor)
+
+
+def placed(
+    name: str, matrix: ArrayLike, distance_mm: float, sensor: str
+) -> tuple[PoseText, str, str]:
+    """A pose, and the titles of its matrix and of its lines inside a sensor of the scene file."""
+    return (
+        pose_text(matrix, distance_mm),
+        f"{name}, camera to world (x right, y down, z forward; mm)",
+        f"In the scene file, inside {sensor}",
+    )
+
+
 def distinct(values: Iterable[str]) -> list[str]:
     """Each value once, in their order."""
     return list(dict.fromkeys(values))
@@ -165,13 +194,14 @@ def sweep_rays(dataset: xr.Dataset) -> Rows:
     counts = {
         status: int(np.maximum(whole[f"rays_{status.key}"].values, 0).sum()) for status in Status
     }
+    return tuple((outcome.capitalize(), *numbers) for outcome, *numbers in ray_rows(counts))
+
+
+def ray_rows(counts: Mapping[Status, int]) -> Rows:
+    """Each outcome of rays that occurs, its number, and its fraction of those that did not miss."""
     met = max(1, sum(counts.values()) - counts[Status.MISSED])
     return tuple(
-        (
-            status.text.capitalize(),
-            f"{count:,}",
-            "" if status is Status.MISSED else percent(count, met),
-        )
+        (status.text, f"{count:,}", "" if status is Status.MISSED else percent(count, met))
         for status, count in counts.items()
         if count
     )
@@ -194,44 +224,9 @@ def sweep_limits(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
         "the plume beyond is not modelled.",
         f"{100 * unseen:.1f} % of the part's area is seen by no pose.",
         *plan.warnings,
-        "The ranking compares the poses of this sweep only; a pose between them may be better "
-        "(iriftrace plan can refine the best).",
+        "The ranking compares the poses of this sweep only; a refined plan may find a better one "
+        "between them.",
     )
-
-
-def scan_text(values: JsonObject, simulated: bool) -> str:
-    """What was measured or corrected, and by how much, from JSON values."""
-    counts, error = values["points"], values["error_mm"]
-    if simulated:
-        error, left = values["error_normal_mm"], values["best_fit"]["error_normal_mm"]
-        return (
-            f"{counts['measured']:,} points were measured. Error along the normal: median "
-            f"{um_text(error['median'])} µm, rms {um_text(error['rms'])} µm, after a rigid best "
-            f"fit rms {um_text(left['rms'])} µm."
-        )
-    u = values.get("u_normal_mm")
-    u = "" if u is None else f", with a standard uncertainty of {um_text(u['median'])} µm (median)"
-    return (
-        f"{counts['corrected']:,} of {counts['measured']:,} points are corrected, by "
-        f"{um_text(error['median'])} µm (median; 95th percentile {um_text(error['p95'])} µm){u}."
-    )
-
-
-def scan_doubts(values: JsonObject, simulated: bool) -> list[str]:
-    """Facts that limit the reliability of these numbers, a sentence each."""
-    assumed = values["assumptions"]
-    said = [f"{origin_text([values.get('field')], assumed['field_origin'])}."]
-    said += [str(assumed[key]) for key in ("field_fit", OUTSIDE) if key in assumed]
-    if larger := values.get("larger"):
-        by = 100 * (larger["scale"] - 1.0)
-        said.append(
-            f"The cloud is {abs(by):.2f} % {'larger' if by > 0 else 'smaller'} than the part."
-        )
-    if not simulated and "u_normal_mm" not in values:
-        said.append(
-            "No uncertainty of the correction is stated, as that of the field is not known."
-        )
-    return said
 
 
 def scan_setting(values: JsonObject) -> Rows:
@@ -259,88 +254,9 @@ def _devices(values: JsonObject) -> Rows:
     if "devices" not in values:
         return ()
     both = [values["devices"][name] for name in ("camera", "second")]
-    places = [[row[3] for row in device["matrix"][:3]] for device in both]
-    texts = [
-        f"at ({', '.join(f'{x:.1f}' for x in place)}) mm; {camera_text(device)}"
-        for place, device in zip(places, both, strict=True)
-    ]
+    texts = [f"{place_text(device)}; {camera_text(device)}" for device in both]
+    places = ([row[3] for row in device["matrix"][:3]] for device in both)
     texts.append(f"{math.dist(*places):.1f} mm")
     texts.append(f"{values['angle_deg']['median']:.3g}° (median of the points)")
     names = ("Camera", "Second device", "Distance of both", "Angle of both lines of sight")
     return tuple(zip(names, texts, strict=True))
-
-
-def feature_row(row: JsonObject, true: str, at: str) -> dict[str, str]:
-    """Cells by heading; `true` is the cloud without air, `at` the drawing's temperature or ""."""
-    size = Quantity.of(row)
-    sized = size.by_cloud["measured"] is not None
-    values = row["size_mm"] if sized else row["form_mm"]
-    measured, cold = values["measured"], values[true]
-    place = cone_place(row["kind"], row["position_mm"][true])
-    return {
-        "feature": row["kind"],
-        "region": " at ".join(filter(None, (row["region"] or "all points", place))),
-        "points": f"{row['points']:,}",
-        "measured (mm)": f"{measured:.4f}",
-        f"{true} (mm)": f"{cold:.4f}",
-        "air (µm)": um_text(measured - cold),
-        **({f"{at} (mm)": f"{values[DRAWING]:.4f}"} if at else {}),
-        **({} if true == "cold" else {"U": _expanded(size)}),
-    }
-
-
-def relation_row(row: JsonObject, true: str, at: str) -> dict[str, str]:
-    """Distance or angle of two planes, as `feature_row`."""
-    value = Quantity.of(row)
-    angle = value.unit == "deg"
-    names = ("measured", true, DRAWING) if at else ("measured", true)
-    measured, cold, *drawn = (
-        f"{value.by_cloud[name]:.4f}{'°' if angle else ' mm'}" for name in names
-    )
-    return {
-        "": row["kind"],
-        "planes": " and ".join(str(region or "all points") for region in row["regions"]),
-        "measured": measured,
-        true: cold,
-        "air": _difference(value.difference("measured", true), angle),
-        **({at: drawn[0]} if at else {}),
-        **({} if true == "cold" else {"U": _expanded(value)}),
-    }
-
-
-def _expanded(value: Quantity) -> str:
-    """The whole uncertainty of a value, and its parts; "" of a feature without a size."""
-    u = value.uncertainty
-    if u is None:
-        return ""
-    angle = value.unit == "deg"
-    parts = [f"{name} {_difference(u.coverage_factor * x, angle)}" for name, x in u.parts.items()]
-    parts += [f"{name} not known" for name in u.missing]
-    return f"{_difference(u.expanded, angle)} ({', '.join(parts)})"
-
-
-def _difference(value: float | None, angle: bool) -> str:
-    """A difference of angles, deg, in minutes, or of lengths, mm, in micrometres."""
-    if value is None:
-        return "not known"
-    return f"{60 * value:.2g}\N{PRIME}" if angle else f"{um_text(value)} µm"
-
-
-def um_text(millimetres: float | None) -> str:
-    """A length in micrometres, without the unit."""
-    return "not known" if millimetres is None else f"{1e3 * millimetres:.3g}"
-
-
-def region_row(region: RegionValues) -> dict[str, str]:
-    """Cells by heading, of a region with a point."""
-    values = region.along_normal_mm
-    assert values is not None
-    area = {} if region.measured is None else {"area measured": f"{region.measured:.0%}"}
-    return {
-        "region": region.region,
-        "points": f"{region.points:,}",
-        **area,
-        "median (µm)": um_text(values["median"]),
-        "rms (µm)": um_text(values["rms"]),
-        "95 % below (µm)": um_text(region.size_p95_mm),
-    }

@@ -18,13 +18,19 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray
-from iriftrace.core.engines import Bending
+from iriftrace.core.engines import Bending, engine_named
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
 from iriftrace.figures.style import COLOURS, DPI, TEXT_COLOUR, ColourScale, legend_below
 from iriftrace.image.aov_image import AovImage, Status
-from iriftrace.image.displacement import directions_to, good_mask, signed_components
-from iriftrace.image.ray_statistics import FEWEST_RAYS, OF_MET, percent
+from iriftrace.image.displacement import (
+    NORM,
+    Component,
+    directions_to,
+    good_mask,
+    signed_components,
+)
+from iriftrace.image.ray_statistics import FEWEST_RAYS, OF_MET, TOO_FEW, percent
 from iriftrace.medium.source import stated_source, synthetic_mark
 from iriftrace.sweep.faces import displacement_limits
 
@@ -57,8 +63,6 @@ SCATTER = Shown(
     "displacement.std.norm", "Scatter over the ensemble", "Standard deviation of the displacement"
 )
 
-Component = Literal["norm", "along", "right", "down"]
-
 COMPONENTS = {
     "along": Shown(
         "along", "Displacement along the line of sight", "Away from the camera", signed=True
@@ -79,7 +83,7 @@ def displacement_figure(
     include: Collection[int] = (Status.GOOD,),
     *,
     view: str = "",
-    component: Component = "norm",
+    component: Component = NORM,
 ) -> Figure:
     """Draw the displacement of every pixel on the part, 1600 pixels wide; for an ensemble the mean.
 
@@ -118,7 +122,7 @@ def pose_figures(
     image: AovImage,
     name: str,
     include: Collection[int] = (Status.GOOD,),
-    component: Component = "norm",
+    component: Component = NORM,
 ) -> dict[str, Figure]:
     """All figures of a pose, named after it.
 
@@ -284,7 +288,7 @@ def _pixel_edges(marked: BoolArray, axis: int) -> FloatArray:
 
 def _statistics(values: FloatArray) -> str:
     if len(values) < FEWEST_RAYS:
-        return f"fewer than {FEWEST_RAYS} good rays, so no numbers"
+        return TOO_FEW
     median, p95 = (
         f"{value:.1f}" if value >= 1.0 or value == 0.0 else f"{value:.2g}"
         for value in np.percentile(values, (50.0, 95.0))
@@ -304,7 +308,9 @@ def _provenance(header: JsonObject) -> str:
         else None,
         f"{wavelength:g} nm" if wavelength is not None else None,
         # The gradient of cells has no normals.
-        normals if engine == "cells" or not normals else f"{normals} normals",
+        normals
+        if not normals or (engine and engine_named(engine).through_cells)
+        else f"{normals} normals",
         "bent at the shells" if bending and Bending(bending).at_shells_alone else None,
         f"engine: {engine}" if engine else None,
     ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -12,28 +12,25 @@ from matplotlib.figure import Figure
 
 from iriftrace.camera.pose import pose_text
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import sha256_of, write_whole
-from iriftrace.core.plain import JsonObject, structured
-from iriftrace.core.units import ZERO_CELSIUS_K, counted
-from iriftrace.figures import describe
+from iriftrace.core.files import FileOrigin, write_whole
+from iriftrace.core.plain import JsonObject
+from iriftrace.core.units import counted
+from iriftrace.figures import describe, describe_scan
+from iriftrace.figures.describe_scan import TRUE_CLOUDS, Row
 from iriftrace.figures.style import figure_bytes
 from iriftrace.figures.sweep import sweep_charts, sweep_pictures
 from iriftrace.image.resolution import FRONTAL
-from iriftrace.measuring.two_devices import correction, scan
-from iriftrace.measuring.two_devices.statistics import RegionValues
 from iriftrace.planning import texts
 from iriftrace.planning.candidates import name_of as metric_name
-from iriftrace.planning.cover import NO_LIMITS, ViewLimits, plan_views
+from iriftrace.planning.cover import plan_views
+from iriftrace.planning.criteria import SHOWN, Views
 from iriftrace.planning.stability import stability
-from iriftrace.sweep.store import attribute
+from iriftrace.sweep.store import attribute, origin_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from iriftrace.planning.summary import SweepSummary
-
-TRUE_CLOUDS = {scan.SCHEMA: "cold", correction.SCHEMA: "corrected"}
-"""Schemas of the results of one cloud, and the names of their features' clouds without air."""
 
 # In the order of the page; a picture that is not listed comes last, under its file's name.
 # {error} is the ranked one, of a rig the error along the normal.
@@ -99,8 +96,8 @@ class Page:
             block = {"kind": kind, "content": found, "title": title, "headings": tuple(headings)}
             self.sections[-1]["blocks"].append(block)
 
-    def write(self, path: Path, source: Path) -> None:
-        """Write the page about a file, complete or not at all; its folder must exist."""
+    def write(self, path: Path, origin: FileOrigin | None) -> None:
+        """Write the page about a file's values, complete or not at all; its folder must exist."""
         from jinja2 import Environment, PackageLoader, StrictUndefined
 
         environment = Environment(
@@ -111,8 +108,7 @@ class Page:
             lstrip_blocks=True,
         )
         template = environment.get_template("report.html.jinja")
-        about = {"source": source.name, "sha256": sha256_of(source)}
-        write_whole(path, template.render(page=self, **about))
+        write_whole(path, template.render(page=self, origin=origin))
 
 
 def _picture(name: str, caption: str, png: bytes) -> tuple[str, str, str] | None:
@@ -122,13 +118,11 @@ def _picture(name: str, caption: str, png: bytes) -> tuple[str, str, str] | None
 
 def write_report(
     path: Path,
-    sweep: Path,
     dataset: xr.Dataset,
     summary: SweepSummary,
     *,
-    top: int = 10,
-    views: int | None = None,
-    limits: ViewLimits = NO_LIMITS,
+    top: int = SHOWN,
+    views: Views | None = None,
 ) -> tuple[str, ...]:
     """Write the report of a sweep as one HTML file.
 
@@ -136,13 +130,11 @@ def write_report(
     ----------
     path
         The HTML file; an existing one is replaced when the new one is complete.
-    sweep
-        The sweep's file.
     dataset, summary
         The sweep's dataset and summary.
     top
         Rows of the ranking.
-    views, limits
+    views
         Number of poses that together see the most, and limits within which they must see a face.
 
     Returns
@@ -157,8 +149,8 @@ def write_report(
     """
     figures, missing = sweep_pictures(dataset, summary)
     figures = sweep_charts(summary) | figures
-    page = sweep_page(dataset, summary, figures, missing, top=top, views=views, limits=limits)
-    page.write(path, sweep)
+    page = sweep_page(dataset, summary, figures, missing, top=top, views=views)
+    page.write(path, origin_of(dataset))
     return missing
 
 
@@ -168,9 +160,8 @@ def sweep_page(
     figures: Mapping[str, Figure],
     missing: Iterable[str] = (),
     *,
-    top: int = 10,
-    views: int | None = None,
-    limits: ViewLimits = NO_LIMITS,
+    top: int = SHOWN,
+    views: Views | None = None,
 ) -> Page:
     """The page of a sweep with these figures; parameters as of `write_report`."""
     plan, error = summary.plan, texts.in_words(summary.displacement)
@@ -198,20 +189,16 @@ def sweep_page(
     page.add("names", *describe.sweep_setting(dataset, summary))
 
     page.section("best", "Best pose")
-    page.add("lines", *best.matrix, title="Camera to world (x right, y down, z forward; mm)")
-    second = summary.second_at(summary.matrices[plan.best])
-    first = "" if second is None else "first "
-    page.add("lines", *best.xml, title=f"For the scene file, inside the {first}sensor")
-    if second is not None:
-        title = "The second device with it, inside the second sensor"
-        other = pose_text(second, summary.distance[plan.best])
-        page.add("lines", *other.xml, title=f'{title} (id="{summary.rig["device"]}")')
+    where = summary.matrices[plan.best], summary.distance[plan.best]
+    for pose, title, in_file in describe.devices_at(summary, f"Pose {plan.best}", *where):
+        page.add("lines", *pose.matrix, title=title)
+        page.add("lines", *pose.xml, title=in_file)
 
     if views is not None:
-        chosen = plan_views(dataset, views, limits, plan.criteria)
+        chosen = plan_views(dataset, views, plan.criteria)
         table = texts.views_table(summary, chosen)
         page.section("views", "Several views")
-        page.add("text", f"{texts.views_title(summary, limits)}.")
+        page.add("text", f"{texts.views_title(summary, views)}.")
         page.add("numbers", *table.rows, headings=table.headings)
         page.add("text", texts.views_text(summary, chosen))
 
@@ -312,56 +299,44 @@ def _add_stability(page: Page, summary: SweepSummary) -> None:
     page.add("numbers", *rows, title=title, headings=headings)
 
 
-def write_scan_report(path: Path, result: Path, values: JsonObject) -> tuple[str, ...]:
-    """Write the report of a scan or correction from its JSON file and the values in it.
+def write_scan_report(path: Path, values: JsonObject, origin: FileOrigin, png: bytes = b"") -> None:
+    """Write the report of a scan or correction from the values of its JSON file and its picture.
 
-    Returns why the picture is missing, a sentence, if it is. Raises InputError if the values are
-    not those of such a result, or the file cannot be written.
+    Raises InputError if the values are not those of such a result, or the file cannot be written.
     """
-    picture = result.with_suffix(".png")
-    png = picture.read_bytes() if picture.is_file() else b""
     try:
         page = scan_page(values, png)
     except (LookupError, TypeError, ValueError) as error:
         raise InputError(
-            f"{result} is damaged ({error!r}); compute the result again.", code="file.damaged"
+            f"{origin.path} is damaged ({error!r}); compute the result again.", code="file.damaged"
         ) from error
-    page.write(path, result)
-    return () if png else (f"There is no picture {picture}: compute the result with figures.",)
+    page.write(path, origin)
 
 
 def scan_page(values: JsonObject, png: bytes = b"") -> Page:
     """The page of the JSON values of a scan or correction, with its picture."""
-    true = TRUE_CLOUDS[values["schema"]]
-    simulated, growth = true == "cold", values["growth"]
-    at = f"at {growth['reference_k'] - ZERO_CELSIUS_K:g} °C" if growth else ""
-    measured = structured(values.get("regions", ()), tuple[RegionValues, ...])
-    one_line = any(region.measured is None for region in measured)
+    simulated = TRUE_CLOUDS[values["schema"]] == "cold"
+    rows = describe_scan.describe(values)
     what = "What hot air adds to a measurement" if simulated else "Measured cloud, corrected"
     page = Page(f"{what}: {describe.name_of(values['part'])}", values.get("version", ""))
 
     page.section("answer")
-    page.add("answer", describe.scan_text(values, simulated))
-    page.add("doubt", *describe.scan_doubts(values, simulated))
+    page.add("answer", *describe_scan.sentences(rows, "answer"))
+    page.add("doubt", *(text for group in _DOUBTS for text in describe_scan.sentences(rows, group)))
     shown = "error along the normal" if simulated else "refraction error that was removed"
     caption = f"Left: the camera's picture, coloured by the {shown}."
     page.add("pictures", _picture("picture", caption, png))
 
     page.section("features", "Sizes")
-    features = [describe.feature_row(row, true, at) for row in values["features"]]
-    related = [describe.relation_row(row, true, at) for row in values.get("relations", ())]
-    _add_rows(page, features)
-    page.add("text", _feature_note(bool(at)) if features else _no_feature(one_line))
-    _add_rows(page, related, "Distances and angles of planes")
+    _add_facts(page, rows, "feature")
+    page.add("text", _FEATURE_NOTE if values["features"] else _no_feature(values))
+    _add_facts(page, rows, "planes", "Distances and angles of planes")
 
     page.section("regions", "Regions")
-    regions = [describe.region_row(region) for region in measured if region.points]
-    _add_rows(page, regions)
-    what = "error" if simulated else "correction"
-    note = f"Along the part's outward normal: the {what} of the points."
-    area = "" if one_line else " Area measured: that of the triangles with a point."
-    page.add("text", note + area if regions else "")
-    points = [(key.replace("_", " "), f"{count:,}") for key, count in values["points"].items()]
+    what = "Error" if simulated else "Correction"
+    _add_facts(page, rows, "region", f"{what} along the part's outward normal")
+    page.add("text", *describe_scan.sentences(rows, "note"))
+    points = [(row.name, row.value) for row in rows if row.group == "points"]
     page.add("numbers", *points, title="Points", headings=("outcome", "points"))
 
     assumed = describe.assumption_rows(values["assumptions"])
@@ -371,22 +346,23 @@ def scan_page(values: JsonObject, png: bytes = b"") -> Page:
     return page
 
 
-def _feature_note(expanded: bool) -> str:
-    text = (
-        "Diameters, of a cone at the stated point of its axis; for planes the form deviation. "
-        "U is expanded (k = 2, larger for few fields)"
-    )
-    return f"{text}{' and holds for the size on the drawing, at its temperature' * expanded}."
+_DOUBTS = ("field", "larger", "uncertainty")
+
+_FEATURE_NOTE = (
+    "Diameters, of a cone at the stated point of its axis, and form deviations. U is expanded "
+    "(k = 2, larger for few fields) and holds for the size on the drawing where that is stated."
+)
 
 
-def _no_feature(one_line: bool) -> str:
+def _no_feature(values: JsonObject) -> str:
+    one_line = any(region["measured"] is None for region in values.get("regions", ()))
     return (
         "No region of the part has enough points that determine a plane, cylinder, cone or sphere"
         f"{'; those of one line of a laser lie in a plane' * one_line}."
     )
 
 
-def _add_rows(page: Page, rows: list[dict[str, str]], title: str = "") -> None:
-    """Add a table of numbers, whose rows name their columns."""
-    cells = (tuple(row.values()) for row in rows)
-    page.add("numbers", *cells, title=title, headings=rows[0] if rows else ())
+def _add_facts(page: Page, rows: Sequence[Row], group: str, title: str = "") -> None:
+    """Add a table of the facts of a group."""
+    headings, cells = describe_scan.table(rows, group)
+    page.add("numbers", *cells, title=title, headings=headings)

@@ -1,4 +1,4 @@
-"""Figures of any result: a pose or a sweep, as an object or as its file."""
+"""Figures of any result: a pose or a sweep."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from matplotlib.figure import Figure
 from iriftrace.core.errors import InputError
 from iriftrace.figures.style import write_figure
 from iriftrace.image.aov_image import AovImage
+from iriftrace.image.displacement import NORM, Component
 from iriftrace.io.exr import read_exr
 from iriftrace.planning.criteria import STANDARD, Criteria
 from iriftrace.sweep.store import read_sweep
 
 if TYPE_CHECKING:
-    from iriftrace.figures.pose import Component
     from iriftrace.tracing.render import Rendering
 
 
@@ -56,18 +56,18 @@ class Plots:
 
 
 def plot(
-    result: str | Path | AovImage | Rendering | xr.Dataset,
+    result: AovImage | Rendering | xr.Dataset,
     *,
     criteria: Criteria = STANDARD,
     name: str | None = None,
-    component: Component = "norm",
+    component: Component = NORM,
 ) -> Plots:
     """Draw a result.
 
     Parameters
     ----------
     result
-        A pose (an AOV image, a rendering, or an ``.exr``), or a sweep (a dataset or an ``.nc``).
+        A pose (an AOV image or a rendering), or a sweep (a dataset).
     criteria
         Criteria by which a sweep's poses are ranked.
     name
@@ -78,17 +78,15 @@ def plot(
     Raises
     ------
     InputError
-        The file cannot be read, the image has no good ray, or no pose of the sweep can be ranked.
+        The image has no good ray, or no pose of the sweep can be ranked.
     """
-    if isinstance(result, str | Path):
-        name = name or Path(result).stem
-        result = read_result(result)
     if not isinstance(result, xr.Dataset):
         from iriftrace.figures.pose import pose_figures
 
         image = result if isinstance(result, AovImage) else result.image
-        return Plots(pose_figures(image, name or "displacement", component=component))
-    if component != "norm":
+        name = name or ("displacement" if image.origin is None else Path(image.origin.path).stem)
+        return Plots(pose_figures(image, name, component=component))
+    if component != NORM:
         raise InputError(
             f"A component of the displacement ({component}) can be drawn for one pose, but this is "
             "a sweep; give the EXR of a pose.",

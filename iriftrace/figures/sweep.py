@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
@@ -70,8 +69,7 @@ def sweep_pictures(
     missing: list[str] = []
     poses = extreme_poses(summary)
     try:
-        folder = Path(dataset.encoding.get("source", "")).parent
-        for name, image in extreme_images(dataset, summary, folder):
+        for name, image in extreme_images(dataset, summary):
             figure = displacement_figure(image, view=view_name(summary, poses[name]))
             figures["view_best" if name == "best" else f"view_{name}_displacement"] = figure
     except (InputError, SetupError) as error:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
+from iriftrace.core.files import FileOrigin
 from iriftrace.core.plain import JsonObject
 
 FloatImage = NDArray[np.float32]
@@ -124,6 +125,8 @@ class AovImage:
         `SCATTER_CHANNELS`; mm and rad, world frame; 0 where a quantity does not exist.
     header
         Plain JSON values: schema, version, camera, pose, engine, part and the like.
+    origin
+        The file that it was read from.
 
     Raises
     ------
@@ -133,6 +136,7 @@ class AovImage:
 
     channels: dict[str, FloatImage]
     header: JsonObject = field(factory=dict)
+    origin: FileOrigin | None = None
 
     def __attrs_post_init__(self) -> None:
         of_ensemble = not set(self.channels).isdisjoint(SCATTER_CHANNELS)

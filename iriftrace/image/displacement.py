@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from typing import Literal
 
 import numpy as np
 from attrs import frozen
@@ -79,6 +80,12 @@ def split_displacement(vectors: FloatArray, sight: FloatArray) -> tuple[FloatArr
     axial = np.einsum("ij,ij->i", vectors, sight)
     across = vectors - axial[:, None] * sight
     return row_lengths(across), axial
+
+
+Component = Literal["norm", "along", "right", "down"]
+
+NORM: Component = "norm"
+"""The length of a displacement; the others are `signed_components`."""
 
 
 def signed_components(

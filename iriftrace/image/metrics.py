@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import numpy as np
-from attrs import asdict, frozen, has
+from attrs import asdict, evolve, frozen, has
 from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
@@ -99,7 +99,7 @@ class PoseMetrics(ViewMetrics):
     triangles_in_view
         Triangles of shells that the rays crossed, if the image states it.
     time_s
-        Seconds of each stage in `TIMES`; None for those not measured. `add_time` enters the stages
+        Seconds of each stage in `TIMES`; None for those not measured. `with_time` adds the stages
         after the reduction.
     wavelength_nm
         Wavelength, nm, if the image states it.
@@ -113,17 +113,21 @@ class PoseMetrics(ViewMetrics):
         Pixels of the camera before the picture was scaled, if the image states it.
     engine_test
         Result of the check of the shells, plain values; None if there was none.
+    aperture
+        Bias and blur by a lens's aperture, plain values of
+        `iriftrace.tracing.aperture.ApertureEffect`; None if they were not computed.
     """
 
     hits_at_border: int
     triangles_in_view: int | None
-    time_s: dict[str, float | None]
+    time_s: Mapping[str, float | None]
     wavelength_nm: float | None
     camera: Camera
     assumptions: JsonObject
     regions: dict[str, ViewMetrics]
     full_resolution: tuple[int, int] | None = None
     engine_test: JsonObject | None = None
+    aperture: JsonObject | None = None
 
     @property
     def full_camera(self) -> JsonObject | None:
@@ -144,17 +148,17 @@ class PoseMetrics(ViewMetrics):
             **{key: None if step is None else step / factor for key, step in steps.items()},
         }
 
-    def add_time(self, stage: str, seconds: float) -> None:
-        """Enter the time of a stage after the reduction, and add it to the total."""
-        self.time_s[stage] = seconds
-        self.time_s["total"] = (self.time_s["total"] or 0.0) + seconds
+    def with_time(self, stage: str, seconds: float) -> PoseMetrics:
+        """The same metrics with the time of a stage after the reduction, also in the total."""
+        total = (self.time_s["total"] or 0.0) + seconds
+        return evolve(self, time_s={**self.time_s, stage: seconds, "total": total})
 
     def as_dict(self) -> JsonObject:
         """Plain JSON values of schema `SCHEMA`."""
         whole = super().as_dict()
         whole["rays"] = {"launched": self.rays.launched, **whole["rays"]}
         whole["rays"]["open_boundary"] = self.rays.open_boundary
-        test = {} if self.engine_test is None else {"engine_test": self.engine_test}
+        known = {"engine_test": self.engine_test, "aperture": self.aperture}
         return {
             "schema": SCHEMA,
             **whole,
@@ -170,7 +174,7 @@ class PoseMetrics(ViewMetrics):
             },
             "assumptions": dict(self.assumptions),
             "regions": {name: view.as_dict() for name, view in self.regions.items()},
-            **test,
+            **{key: values for key, values in known.items() if values is not None},
         }
 
 

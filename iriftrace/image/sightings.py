@@ -6,7 +6,6 @@ all rows of the first pose, then all of the second.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterable
 from typing import TYPE_CHECKING
 
@@ -229,7 +228,10 @@ def sightings_of(dataset: xr.Dataset, pose: int) -> FaceSightings:
 
 
 def seen_by_pose(
-    dataset: xr.Dataset, *, max_displacement_mm: float = math.inf, max_incidence_deg: float = 90.0
+    dataset: xr.Dataset,
+    *,
+    max_displacement_mm: float | None = None,
+    max_incidence_deg: float | None = None,
 ) -> Float32Array:
     """Fraction of each face that each pose of a sweep sees well enough: (n, m), 0..1.
 
@@ -237,13 +239,13 @@ def seen_by_pose(
     incidence is larger than a limit. Raises InputError if a limit lets nothing pass, or the sweep
     has no face data.
     """
-    if not max_displacement_mm > 0.0:
+    if max_displacement_mm is not None and not max_displacement_mm > 0.0:
         raise InputError(
             f"No face has a displacement below {max_displacement_mm:g} mm; give a positive limit.",
             code="sweep.displacement_limit",
             argument="max_displacement",
         )
-    if not 0.0 < max_incidence_deg <= 90.0:
+    if max_incidence_deg is not None and not 0.0 < max_incidence_deg <= 90.0:
         raise InputError(
             f"The largest angle of incidence is {max_incidence_deg:g} degrees, but rays arrive at "
             "0 to 90; give a limit in between.",
@@ -254,8 +256,10 @@ def seen_by_pose(
     seen = np.zeros((poses, dataset.sizes["face"]), dtype=np.float32)
     for pose in range(poses):
         found = sightings_of(dataset, pose)
-        # An unknown displacement is within no limit but this one.
-        small = (found.displacement <= max_displacement_mm) | math.isinf(max_displacement_mm)
-        good = small & (found.incidence <= max_incidence_deg)
+        good = np.ones(len(found.face), dtype=bool)
+        if max_displacement_mm is not None:
+            good &= found.displacement <= max_displacement_mm  # no unknown one
+        if max_incidence_deg is not None:
+            good &= found.incidence <= max_incidence_deg
         seen[pose, found.face[good]] = found.seen[good]
     return seen

@@ -88,12 +88,16 @@ def read_air_temperatures(path: str | Path) -> AirTemperatures:
     if names.count("T") != 1:
         raise InputError(
             f"{file} has {'several columns' if 'T' in names else 'no column'} T; give places and "
-            "temperatures of the air under a header x, y, z, T, and U if it is known."
+            "temperatures of the air under a header x, y, z, T, and U if it is known.",
+            code="air.columns",
         )
     axes = table.coordinates
     values = table.numbers([*axes, *(k for k, name in enumerate(names) if name in ("T", "U"))])
     if not np.isfinite(values).all():
-        raise InputError(f"{file} has values that are not finite; give a number for each column.")
+        raise InputError(
+            f"{file} has values that are not finite; give a number for each column.",
+            code="air.not_finite",
+        )
     by_name = dict(zip((name for name in names if name in ("T", "U")), values.T[3:], strict=True))
     unit = columns["T"] or "K"
     zero, ten = (parse_quantity(f"{value} {unit}", "K") for value in (0, 10))
@@ -102,21 +106,23 @@ def read_air_temperatures(path: str | Path) -> AirTemperatures:
     if "U" in by_name:
         if columns["U"] not in ("", unit) and {columns["U"], unit} - _KELVIN_STEPS:
             raise InputError(
-                f"{file} has U in {columns['U']} and T in {unit}; give both in the same unit."
+                f"{file} has U in {columns['U']} and T in {unit}; give both in the same unit.",
+                code="units.two",
             )
         deviations = 0.5 * step * by_name["U"]
     else:
         deviations = np.maximum(2.5, 0.0075 * np.abs(kelvins - ZERO_CELSIUS_K)) / np.sqrt(3.0)
-    if not (deviations.min() > 0.0 and kelvins.min() > 0.0):
+    if not deviations.min() > 0.0:
         raise InputError(
-            f"{file} has temperatures below 0 K or uncertainties U of 0 K or less; correct them."
+            f"{file} has uncertainties U of 0 K or less; correct them.", code="air.uncertainty"
         )
     low, high = PLAUSIBLE_K
     strange = kelvins[(kelvins < low) | (kelvins > high)]  # an open thermocouple's, too
     if len(strange):
         raise InputError(
             f"{file} has air of {strange[0]:.4g} K, as T is read in {unit}; write the unit of T "
-            "into the header, as in T (degC), and leave out thermocouples that are open."
+            "into the header, as in T (degC), and leave out thermocouples that are open.",
+            code="air.implausible",
         )
     if not columns["T"]:
         low, high = (kelvins.min() - ZERO_CELSIUS_K, kelvins.max() - ZERO_CELSIUS_K)
@@ -133,6 +139,8 @@ def read_air_temperatures(path: str | Path) -> AirTemperatures:
     places = length_factor(table.length_unit(axes) or "mm") * values[:, :3]
     if len(np.unique(places, axis=0)) < len(places):
         raise InputError(
-            f"{file} has several temperatures at one place, as of several times; give one for each."
+            f"{file} has several temperatures at one place, as of several times; give one for "
+            "each.",
+            code="table.two_values",
         )
     return AirTemperatures(places, kelvins, deviations, str(file), sha256_of(file))

@@ -8,6 +8,7 @@ from pathlib import Path
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import warn
 from iriftrace.io.part_files import read_part
+from iriftrace.io.reading import ReadPart
 from iriftrace.medium.index_field import IndexField
 from iriftrace.part.part import Part
 
@@ -31,4 +32,4 @@ def bodies_beside(
             "the part; copy the folder along with the field."
         )
     present = (file for file in files.values() if file.is_file())
-    return [read_part(file, length_unit="mm", transform=transform) for file in present]
+    return [read_part(file, ReadPart(length_unit="mm", transform=transform)) for file in present]

@@ -22,7 +22,6 @@ from iriftrace.io.calibration_checks import (
     exact_rotation,
     refuse_contradiction,
     rotation_of,
-    wrong,
 )
 from iriftrace.io.calibration_formats import (
     FORMATS,
@@ -38,6 +37,7 @@ from iriftrace.io.calibration_formats import (
     numbered_cameras,
     single_camera,
 )
+from iriftrace.io.refusals import not_read
 
 _FOUR = {"radtan", "radialtangential"}
 """Lens models of k1, k2, p1, p2 alone, folded."""
@@ -120,7 +120,8 @@ def read_stereo_calibration(
     """
     if len(paths) not in (1, 2):
         raise InputError(
-            f"{len(paths)} files are given as the calibration of two cameras; give one or two."
+            f"{len(paths)} files are given as the calibration of two cameras; give one or two.",
+            code="calibration.three_files",
         )
     first, second, rest = _two_cameras([Path(path) for path in paths])
     rotation, translation = _motion(first, second, rest)
@@ -147,13 +148,13 @@ def _one_camera(path: Path) -> Values:
         case [values] if values.format is KALIBR:
             return evolve(values, camera="")
         case [_, _]:
-            raise wrong(
-                str(path),
-                "it is of two cameras; read it with read_stereo_calibration (--stereo-calibration)",
+            raise InputError(
+                f"The calibration {path}: it is of two cameras; read it with "
+                "read_stereo_calibration.",
+                code="calibration.two_cameras",
+                argument="stereo_calibration",
             )
-    raise wrong(
-        str(path), f"it is of none of {_PROGRAMS} (its names are {listed(content)}); {INSTEAD}"
-    )
+    raise not_read(path, f"other names than {_PROGRAMS} ({listed(content)})", INSTEAD)
 
 
 def _two_cameras(paths: list[Path]) -> tuple[Values, Values, Values]:
@@ -168,17 +169,16 @@ def _two_cameras(paths: list[Path]) -> tuple[Values, Values, Values]:
         case [first, second]:
             return first, second, Values(paths[0], first.format, content)
     if any(singles):
-        raise wrong(
-            str(paths[0]),
-            "it has one camera; give a file with M1, D1, M2, D2, R and T of OpenCV, or read "
-            "cameras that have poses of their own one by one (--calibration and "
-            "--second-calibration)",
+        raise InputError(
+            f"The calibration {paths[0]}: it has one camera; give a file with M1, D1, M2, D2, R "
+            "and T of OpenCV, or read cameras that have poses of their own one by one.",
+            code="calibration.one_camera",
         )
-    raise wrong(
-        str(paths[0]),
-        f"it has not two cameras of {_PROGRAMS} (its names are {listed(content)}); write OpenCV's "
-        "YAML: M1, D1, M2 and D2 (row by row), R and T from camera 1 to camera 2, image_width and "
-        "image_height",
+    raise InputError(
+        f"The calibration {paths[0]}: it has not two cameras of {_PROGRAMS} (its names are "
+        f"{listed(content)}); write OpenCV's YAML: M1, D1, M2 and D2 (row by row), R and T from "
+        "camera 1 to camera 2, image_width and image_height.",
+        code="calibration.no_cameras",
     )
 
 
@@ -208,12 +208,16 @@ def _resolution(values: Values) -> tuple[int, int]:
     elif values.has("width") or values.has("height"):
         size = np.append(values.array("width", 1), values.array("height", 1))
     else:
-        raise values.wrong(
-            "image_width and image_height are missing, the pixels of the pictures; add both lines"
+        raise InputError(
+            f"The calibration {values.called}: image_width and image_height are missing, the "
+            "pixels of the pictures; add both lines.",
+            code="calibration.no_resolution",
         )
     if (size % 1).any() or (size < 1).any():
-        raise values.wrong(
-            f"its pictures are {size[0]:g} x {size[1]:g} px, but pixels are whole numbers from 1 on"
+        raise InputError(
+            f"The calibration {values.called}: its pictures are {size[0]:g} x {size[1]:g} px, but "
+            "pixels are whole numbers from 1 on.",
+            code="calibration.resolution",
         )
     return int(size[0]), int(size[1])
 
@@ -233,22 +237,17 @@ def _lens(values: Values) -> Calibration:
 
 def _models(values: Values) -> set[str]:
     """Lens models that the file names, folded; InputError for one that is not modelled."""
-    if str(values.value("fisheye") or 0).lower() not in ("0", "false"):
-        raise values.wrong(
-            "it is of OpenCV's fisheye model, which is not modelled; calibrate with the one of "
-            "Brown and Conrady"
-        )
-    if values.has("xi"):
-        raise values.wrong(
-            "it has xi, that of an omnidirectional camera, which is not modelled; calibrate "
-            "without it"
-        )
     found = [str(values.value(name)) for name in ("model", "camera_model") if values.has(name)]
+    if str(values.value("fisheye") or 0).lower() not in ("0", "false"):
+        found.append("fisheye")
+    if values.has("xi"):
+        found.append("omnidirectional (xi)")
     for model in found:
         if folded(model) not in {*_MODELS, "pinhole", "none"}:
-            raise values.wrong(
-                f"the lens model {model!r} is not the one of Brown and Conrady (plumb_bob, "
-                "rational_polynomial, radtan); calibrate with that"
+            raise InputError(
+                f"The calibration {values.called}: the lens model {model!r} is not the one of "
+                "Brown and Conrady (plumb_bob, rational_polynomial, radtan); calibrate with that.",
+                code="calibration.model",
             )
     return set(map(folded, found))
 
@@ -259,25 +258,31 @@ def _distortion(values: Values, models: set[str]) -> Distortion:
         return Distortion.of_sequence((*radial[:2], *values.array("tangential", 2), *radial[2:]))
     if "none" in models:
         if values.has("distortion") and values.array("distortion").any():
-            raise values.wrong(
-                "its lens model is 'none', but it has distortion coefficients; leave out either"
+            raise InputError(
+                f"The calibration {values.called}: its lens model is 'none', but it has distortion "
+                "coefficients; leave out either.",
+                code="calibration.model_contradicts",
             )
         return Distortion()
     if not values.has("distortion"):
-        raise values.wrong(
-            f"{values.format.fields['distortion'][0]} is missing; add [k1, k2, p1, p2, k3], with "
-            "zeros only for a lens without distortion"
+        raise InputError(
+            f"The calibration {values.called}: {values.format.fields['distortion'][0]} is missing; "
+            "add [k1, k2, p1, p2, k3], with zeros only for a lens without distortion.",
+            code="calibration.no_distortion",
         )
     numbers = values.array("distortion")
     if models & _FOUR and len(numbers) != 4:
-        raise values.wrong(
-            "its lens model has four coefficients, k1, k2, p1, p2, but the file has "
-            f"{len(numbers)}; name the model of these"
+        raise InputError(
+            f"The calibration {values.called}: its lens model has four coefficients, k1, k2, p1, "
+            f"p2, but the file has {len(numbers)}; name the model of these.",
+            code="calibration.coefficients",
         )
     if numbers[8:].any():
-        raise values.wrong(
-            f"{len(numbers)} distortion coefficients with thin prism or tilt terms are given, "
-            "which are not modelled; calibrate with k1 to k6, p1 and p2 only"
+        raise InputError(
+            f"The calibration {values.called}: it has {len(numbers)} distortion coefficients with "
+            "thin prism or tilt terms, which are not modelled; calibrate with k1 to k6, p1 and p2 "
+            "only.",
+            code="calibration.coefficients",
         )
     named = models & _MODELS or values.has("fisheye")
     if len(numbers) == 4 and numbers.any() and not named:
@@ -289,7 +294,11 @@ def _distortion(values: Values, models: set[str]) -> Distortion:
     try:
         return Distortion.of_sequence(numbers[:8])
     except InputError as error:
-        raise values.wrong(str(error).rstrip(".")) from error
+        raise InputError(
+            f"The calibration {values.called}: {str(error).rstrip('.')}.",
+            code=error.code,
+            argument=error.argument,
+        ) from error
 
 
 def _pose(values: Values, length_mm: float) -> FloatArray | None:
@@ -298,7 +307,11 @@ def _pose(values: Values, length_mm: float) -> FloatArray | None:
         return None
     turn, shift = values.has("rotation"), values.has("translation")
     if turn != shift:
-        raise values.wrong("it has only one of rvec and tvec, which is not a pose; give both")
+        raise InputError(
+            f"The calibration {values.called}: it has only one of rvec and tvec, which is not a "
+            "pose; give both.",
+            code="calibration.half_pose",
+        )
     if turn:
         numbers = np.append(values.array("rotation", 3, 9), values.array("translation", 3))
     elif values.has("views") and len(values.array("views")) == 6:
@@ -318,9 +331,11 @@ def _motion(first: Values, second: Values, rest: Values) -> tuple[FloatArray, Fl
     pose = rest.value("motion")
     values = evolve(rest, content=pose) if isinstance(pose, Mapping) else rest
     if not values.has("rotation", "translation"):
-        raise rest.wrong(
-            "R and T from camera 1 to camera 2 are missing, as stereoCalibrate gives them (its "
-            f"names are {listed(rest.content)}); add both, x2 = R x1 + T"
+        raise InputError(
+            f"The calibration {rest.called}: R and T from camera 1 to camera 2 are missing, as "
+            f"stereoCalibrate gives them (its names are {listed(rest.content)}); add both, x2 = R "
+            "x1 + T.",
+            code="calibration.no_motion",
         )
     rotation = rotation_of(rest.called, values.array("rotation", 3, 9))
     motion = rotation, values.array("translation", 3)
@@ -345,8 +360,9 @@ def _motion_of_rectified(first: Values, second: Values) -> tuple[FloatArray, Flo
         shifts.append(projection[:, 3] / projection[0, 0])
     shift = turns[1].T @ (shifts[1] - shifts[0])
     if not np.isfinite(shift).all() or not shift.any():
-        raise first.wrong(
-            "its projection matrices have no baseline (P[0, 3] is 0 in both), as of cameras that "
-            "were calibrated one by one; calibrate the pair"
+        raise InputError(
+            f"The calibration {first.called}: its projection matrices have no baseline (P[0, 3] is "
+            "0 in both), as of cameras that were calibrated one by one; calibrate the pair.",
+            code="calibration.no_baseline",
         )
     return turns[1].T @ turns[0], shift

@@ -33,30 +33,26 @@ SAME_MOTION = 0.03
 """Angle, rad, below which two rotations or directions differ by rounding alone."""
 
 
-def wrong(called: str, fault: str) -> InputError:
-    """The error for a fault of a calibration."""
-    return InputError(f"The calibration {called}: {fault}.")
-
-
 def checked_matrix(called: str, matrix: FloatArray, skew: float) -> FloatArray:
     """A camera matrix, (3, 3), px, if it is one; `skew` is what the file states next to it."""
     if np.allclose(matrix[:, 2], (0, 0, 1)) and not np.allclose(matrix[2], (0, 0, 1)):
-        raise wrong(
-            called,
-            f"{matrix.tolist()} is a camera matrix column by column (transposed); write it and the "
-            "rotations of the same program row by row",
+        raise InputError(
+            f"The calibration {called}: {matrix.tolist()} is a camera matrix column by column "
+            "(transposed); write it and the rotations of the same program row by row.",
+            code="calibration.transposed",
         )
     if matrix[0, 0] <= 0 or matrix[1, 1] <= 0 or not np.allclose(matrix[2], (0, 0, 1)):
-        raise wrong(
-            called,
-            f"{matrix.tolist()} is not a camera matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]",
+        raise InputError(
+            f"The calibration {called}: {matrix.tolist()} is not a camera matrix [[fx, 0, cx], [0, "
+            "fy, cy], [0, 0, 1]].",
+            code="calibration.matrix",
         )
     for number in (matrix[0, 1], skew):
         if abs(number) > 1e-9 * matrix[0, 0] or matrix[1, 0] != 0:
-            raise wrong(
-                called,
-                f"the camera matrix has the skew {number:g}, which is not modelled; calibrate "
-                "without it",
+            raise InputError(
+                f"The calibration {called}: the camera matrix has the skew {number:g}, which is "
+                "not modelled; calibrate without it.",
+                code="calibration.skew",
             )
     return matrix
 
@@ -66,25 +62,27 @@ def check_pixels(called: str, matrix: FloatArray, resolution: tuple[int, int]) -
     size = np.array(resolution)
     focal, centre = matrix[0, 0], matrix[:2, 2]
     if not FOCAL[0] * size[0] <= focal <= FOCAL[1] * size[0]:
-        raise wrong(
-            called,
-            f"the focal length is {focal:.4g} px for pictures {size[0]} px wide, which no such "
-            "lens has; give the camera matrix and the size of the pictures in pixels",
+        raise InputError(
+            f"The calibration {called}: the focal length is {focal:.4g} px for pictures {size[0]} "
+            "px wide, which no such lens has; give the camera matrix and the size of the pictures "
+            "in pixels.",
+            code="calibration.focal_length",
         )
     off, swapped = (np.abs(centre / one - 0.5).max() for one in (size, size[::-1]))
     if swapped < 0.05 < off - swapped:
-        raise wrong(
-            called,
-            f"its pictures are {size[0]} px wide and {size[1]} px high, but its principal point "
-            f"({centre[0]:.0f}, {centre[1]:.0f}) px is the middle of pictures {size[1]} px wide; "
-            "give the width first",
+        raise InputError(
+            f"The calibration {called}: its pictures are {size[0]} px wide and {size[1]} px high, "
+            f"but its principal point ({centre[0]:.0f}, {centre[1]:.0f}) px is the middle of "
+            f"pictures {size[1]} px wide; give the width first.",
+            code="calibration.swapped",
         )
     across, down = centre / size
     if max(abs(across), abs(down)) < NEAR_CORNER:
-        raise wrong(
-            called,
-            f"its principal point ({centre[0]:.4g}, {centre[1]:.4g}) px is at the corner of the "
-            "pictures, so it is counted from their middle; add half of their width and height",
+        raise InputError(
+            f"The calibration {called}: its principal point ({centre[0]:.4g}, {centre[1]:.4g}) px "
+            "is at the corner of the pictures, so it is counted from their middle; add half of "
+            "their width and height.",
+            code="calibration.principal_point",
         )
     if off > 0.5:
         warn(
@@ -109,11 +107,11 @@ def rotation_of(called: str, numbers: FloatArray) -> FloatArray:
         return exact_rotation(called, numbers.reshape(3, 3))
     length = float(np.linalg.norm(numbers))
     if length > 2 * np.pi:
-        raise wrong(
-            called,
-            f"its rotation vector {numbers.tolist()} turns by {length:.4g} rad, more than a whole "
-            "turn, so it is in degrees or no rotation vector; give radians (axis times angle, as "
-            "of OpenCV's Rodrigues), or the rotation matrix",
+        raise InputError(
+            f"The calibration {called}: its rotation vector {numbers.tolist()} turns by "
+            f"{length:.4g} rad, more than a whole turn, so it is in degrees or no rotation vector; "
+            "give radians (axis times angle, as of OpenCV's Rodrigues), or the rotation matrix.",
+            code="calibration.rotation_vector",
         )
     if length > 1.01 * np.pi:
         warn(
@@ -128,10 +126,11 @@ def exact_rotation(called: str, matrix: FloatArray) -> FloatArray:
     """The nearest rotation, (3, 3), to a matrix of rounded numbers, with a warning."""
     off = float(np.abs(np.linalg.svd(matrix, compute_uv=False) - 1.0).max())
     if np.linalg.det(matrix) < 0 or off > LARGEST_ROUNDING:
-        raise wrong(
-            called,
-            "its rotation does not turn, but stretches or mirrors (lengths change by up to "
-            f"{100 * off:.2g} %); give a rotation, with four digits or more",
+        raise InputError(
+            f"The calibration {called}: its rotation does not turn, but stretches or mirrors "
+            f"(lengths change by up to {100 * off:.2g} %); give a rotation, with four digits or "
+            "more.",
+            code="calibration.rotation",
         )
     if off > 1e-6:
         warn(
@@ -152,14 +151,11 @@ def refuse_contradiction(
     if _is_same(motion, rectified):
         return
     inverse = rotation.T, -rotation.T @ shift
-    raise wrong(
-        called,
-        "its R and T contradict its R1, R2, P1 and P2"
-        + (
-            ", as they lead from camera 2 to camera 1; invert them"
-            if _is_same(inverse, rectified)
-            else "; export the calibration again"
-        ),
+    led = ", as they lead from camera 2 to camera 1; invert them"
+    remedy = led if _is_same(inverse, rectified) else "; export the calibration again"
+    raise InputError(
+        f"The calibration {called}: its R and T contradict its R1, R2, P1 and P2{remedy}.",
+        code="calibration.contradiction",
     )
 
 
@@ -174,10 +170,11 @@ def check_baseline(called: str, shift_mm: FloatArray, unit: str) -> None:
     """Refuse a T, in mm, that was read in a wrong unit."""
     baseline, (low, high) = float(np.linalg.norm(shift_mm)), BASELINES_MM
     if not low <= baseline <= high:
-        raise wrong(
-            called,
-            f"its two cameras are {baseline:.4g} mm apart where T is in {unit}; give the unit of T "
-            "(--calibration-length-unit)",
+        raise InputError(
+            f"The calibration {called}: its two cameras are {baseline:.4g} mm apart where T is in "
+            f"{unit}; give the unit of T.",
+            code="calibration.baseline",
+            argument="calibration_length_unit",
         )
 
 
@@ -186,10 +183,11 @@ def check_axes(called: str, rotation: FloatArray, shift_mm: FloatArray) -> None:
     centre, axis = -rotation.T @ shift_mm, rotation[2]
     angle = np.degrees(np.arccos(np.clip(axis[2], -1.0, 1.0)))
     if angle > LARGEST_ANGLE_DEG:
-        raise wrong(
-            called,
-            f"the axes of its two cameras are {angle:.0f} degrees apart, so that they see no "
-            "surface in common; R is a rotation vector in degrees, or of other frames",
+        raise InputError(
+            f"The calibration {called}: the axes of its two cameras are {angle:.0f} degrees apart, "
+            "so that they see no surface in common; R is a rotation vector in degrees, or of other "
+            "frames.",
+            code="calibration.axes",
         )
     if angle <= LEAST_ANGLE_DEG:
         return
@@ -200,9 +198,9 @@ def check_axes(called: str, rotation: FloatArray, shift_mm: FloatArray) -> None:
     if 0.0 < meeting_mm < NEAREST_CROSSING_MM:
         warn(
             f"The axes of the two cameras in {called} meet {meeting_mm:.3g} mm in front of "
-            "them. If they stand farther from what they see, T is in another unit: state it "
-            "(--calibration-length-unit), or multiply T by the size of a square if the target's "
-            "points were given in squares."
+            "them. If they stand farther from what they see, T is in another unit: state it, or "
+            "multiply T by the size of a square if the target's points were given in squares.",
+            argument="calibration_length_unit",
         )
     if to_nearest < 0.0:
         warn(

@@ -16,8 +16,8 @@ from attrs import evolve, field, frozen
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import LENGTH_UNITS
-from iriftrace.io.calibration_checks import wrong
 from iriftrace.io.calibration_text import calibration_text, named_values
+from iriftrace.io.refusals import not_read
 
 
 @frozen(kw_only=True)
@@ -168,15 +168,13 @@ class Values:
         """Unit of lengths that the file states, or else the format's, as `length_factor` takes."""
         unit = str(self.value("length_unit") or self.format.length_unit).casefold()
         if unit not in LENGTH_UNITS:
-            raise self.wrong(
-                f"its unit {unit!r} is not known here; give the unit of translations "
-                "(--calibration-length-unit)"
+            raise InputError(
+                f"The calibration {self.called}: its unit {unit!r} is not known here; give the "
+                "unit of translations.",
+                code="units.unknown",
+                argument="calibration_length_unit",
             )
         return LENGTH_UNITS[unit]
-
-    def wrong(self, fault: str) -> InputError:
-        """The error for a fault of this file."""
-        return wrong(self.called, fault)
 
     def names(self, field: str) -> list[str]:
         """Names under which the file has a value, as it writes them."""
@@ -192,8 +190,10 @@ class Values:
         """The value as the file has it; None without it; InputError if it has two names."""
         names = self.names(field)
         if len(names) > 1:
-            raise self.wrong(
-                f"{' and '.join(names)} are names of one value; leave out the one that is not meant"
+            raise InputError(
+                f"The calibration {self.called}: {' and '.join(names)} are names of one value; "
+                "leave out the one that is not meant.",
+                code="calibration.twice",
             )
         return self.content[names[0]] if names else None
 
@@ -202,7 +202,11 @@ class Values:
         value = self.value(field)
         name, *_ = self.names(field) or self.format.fields[field]
         if value is None:
-            raise self.wrong(f"{name} is missing, without which there are no rays; add it")
+            raise InputError(
+                f"The calibration {self.called}: {name} is missing, without which there are no "
+                "rays; add it.",
+                code="calibration.missing_value",
+            )
         try:
             numbers = np.asarray(
                 value.get("data") if isinstance(value, Mapping) else value, dtype=np.float64
@@ -210,10 +214,18 @@ class Values:
         except (TypeError, ValueError, OverflowError):
             numbers = np.array((np.nan,))
         if not np.isfinite(numbers).all():
-            raise self.wrong(f"{name} has entries that are not finite numbers; write it again")
+            raise InputError(
+                f"The calibration {self.called}: {name} has entries that are not finite numbers; "
+                "write it again.",
+                code="calibration.not_finite",
+            )
         if counts and len(numbers) not in counts:
             allowed = " or ".join(map(str, counts))
-            raise self.wrong(f"{name} has {len(numbers)} numbers instead of {allowed}")
+            raise InputError(
+                f"The calibration {self.called}: {name} has {len(numbers)} numbers instead of "
+                f"{allowed}.",
+                code="calibration.count",
+            )
         if len(numbers) == 9 and folded(name) in map(folded, self.format.transpose):
             return numbers.reshape(3, 3).T.ravel()
         return numbers
@@ -224,7 +236,7 @@ def content_of(path: Path) -> Mapping[str, object]:
     text = calibration_text(path)
     for pattern, program in _OTHERS.items():
         if re.search(pattern, text, re.MULTILINE):
-            raise wrong(str(path), f"it is of {program}, and is not read; {INSTEAD}")
+            raise not_read(path, f"the format of {program}", INSTEAD)
     return named_values(path, text)
 
 
@@ -243,8 +255,10 @@ def numbered_cameras(path: Path, content: Mapping[str, object]) -> list[Values]:
         )
         found = [camera for part in parts if (camera := _camera(path, one, part))]
         if len(found) > 2:
-            raise wrong(
-                str(path), "it has more than two cameras; write a file with the two that measured"
+            raise InputError(
+                f"The calibration {path}: it has more than two cameras; write a file with the two "
+                "that measured.",
+                code="calibration.three_cameras",
             )
         if found:
             return [

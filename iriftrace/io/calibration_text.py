@@ -14,6 +14,7 @@ import yaml
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import text_in
 from iriftrace.core.plain import TwiceError, once
+from iriftrace.io.refusals import check_exists, damaged
 
 LARGEST_BYTES = 4_000_000
 """Size of a calibration with the poses of ten thousand boards, which YAML reads in ten seconds."""
@@ -74,20 +75,16 @@ _MatrixLoader.add_implicit_resolver(
 
 def calibration_text(path: Path) -> str:
     """Text of a calibration file; InputError if it cannot be read, is too large or binary."""
-    try:
-        if path.stat().st_size > LARGEST_BYTES:
-            raise InputError(
-                f"The calibration {path} has {path.stat().st_size:,} bytes, more than any camera "
-                f"needs ({LARGEST_BYTES:,}); give the file that OpenCV's FileStorage wrote."
-            )
-        text = text_in(path)
-    except OSError as error:
-        raise InputError(f"cannot read the calibration {path}: {error.strerror}.") from error
-    if "\0" in text:
+    check_exists(path, "give a camera calibration")
+    if path.stat().st_size > LARGEST_BYTES:
         raise InputError(
-            f"The calibration {path} is a binary file; give YAML, XML or JSON with OpenCV's names "
-            "(unpacked, if it is packed)."
+            f"The calibration {path} has {path.stat().st_size:,} bytes, more than any camera needs "
+            f"({LARGEST_BYTES:,}); give the file that OpenCV's FileStorage wrote.",
+            code="calibration.too_large",
         )
+    text = text_in(path)
+    if "\0" in text:
+        raise damaged(path, "it is a binary file", "give YAML, XML or JSON, unpacked")
     return text
 
 
@@ -106,15 +103,15 @@ def named_values(path: Path, text: str) -> Mapping[str, object]:
             content = _yaml_values(text)
     except TwiceError as error:
         raise InputError(
-            f"The calibration {path} has {error} twice; leave out the one that is not meant."
+            f"The calibration {path} has {error} twice; leave out the one that is not meant.",
+            code="calibration.twice",
         ) from error
     except (ValueError, RecursionError, yaml.YAMLError, ElementTree.ParseError) as error:
-        raise InputError(
-            f"{path} is neither YAML, XML nor JSON of a calibration "
-            f"({' '.join(str(error).split())}); give the file that OpenCV's FileStorage wrote."
+        raise damaged(
+            path, " ".join(str(error).split()), "give YAML, XML or JSON of a calibration"
         ) from error
     if not isinstance(content, Mapping):
-        raise InputError(f"{path} holds no named values; give a camera calibration of OpenCV.")
+        raise damaged(path, "it holds no named values", "give a camera calibration of OpenCV")
     return {str(name): value for name, value in content.items()}
 
 

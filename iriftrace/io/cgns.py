@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
+from iriftrace.io.refusals import not_read
 from iriftrace.io.states import Contents, State, state_number, states_at
 from iriftrace.io.vtk_check import read_times
 
@@ -20,6 +20,7 @@ _UNITS = re.compile(
 them."""
 
 _LENGTHS = {b"Meter": "m", b"Centimeter": "cm", b"Millimeter": "mm", b"Inch": "inch"}
+_INSTEAD = "export x, y and z in metres and temperatures in K"
 
 
 def states(path: Path) -> list[State]:
@@ -35,18 +36,13 @@ def read(path: Path, member: int | None) -> Contents:
     data, _ = read_times(path, "read_cgns", "" if moment is None else repr(moment))
     content = path.read_bytes()
     if b"CoordinateTheta" in content or b"DataConversion_t" in content:
-        raise InputError(
-            f"{path} has cylindrical coordinates or numbers to be scaled (DataConversion_t), which "
-            "VTK does not read; export x, y and z in metres and temperatures in K."
-        )
+        what = "cylindrical coordinates or numbers to be scaled (DataConversion_t)"
+        raise not_read(path, what, _INSTEAD)
     stated = {match.groups() for match in _UNITS.finditer(content)}
     lengths = {length for length, _ in stated} - {b"Null", b"UserDefined"}
-    if len(lengths) > 1 or not lengths <= set(_LENGTHS):
-        raise InputError(
-            f"{path} states its coordinates in {' and '.join(sorted(map(bytes.decode, lengths)))}; "
-            "export it in metres."
-        )
-    if not {kelvins for _, kelvins in stated} <= {b"Kelvin", b"Null", b"UserDefined"}:
-        raise InputError(f"{path} states temperatures in other units than kelvin; export it in K.")
+    kelvins = {kelvin for _, kelvin in stated} - {b"Kelvin", b"Null", b"UserDefined"}
+    if len(lengths) > 1 or not lengths <= set(_LENGTHS) or kelvins:
+        words = " and ".join(sorted(map(bytes.decode, lengths | kelvins)))
+        raise not_read(path, f"units of {words}", _INSTEAD)
     unit = next((_LENGTHS[length] for length in lengths), None)
     return Contents(data, sha256_of(path), found, length_unit=unit, origin=found[number][0])

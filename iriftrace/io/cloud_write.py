@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray
-from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import length_factor
 from iriftrace.io.e57 import check_e57, write_e57
 from iriftrace.io.ply import write_ply_points
+from iriftrace.io.refusals import check_ending
 from iriftrace.io.table import AXES
 from iriftrace.io.vtk_write import write_vtk
 
@@ -33,10 +33,7 @@ def by_axis(name: str, vectors: FloatArray) -> dict[str, FloatArray]:
 
 def check_cloud_name(path: Path) -> None:
     """Refuse a name that is none of a cloud that can be written."""
-    if path.suffix.lower() not in WRITTEN:
-        raise InputError(
-            f"{path} does not end like a cloud that can be written; use {', '.join(WRITTEN)}."
-        )
+    check_ending(path, WRITTEN, "a cloud")
     if path.suffix.lower() == ".e57":
         check_e57(path)
 

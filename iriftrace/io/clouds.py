@@ -16,6 +16,7 @@ from iriftrace.core.files import text_in
 from iriftrace.core.units import length_factor, length_unit_of
 from iriftrace.io.part_files import remarks_of
 from iriftrace.io.ply import read_ply
+from iriftrace.io.refusals import check_ending, check_exists, chosen_unit, damaged
 from iriftrace.io.table import listed, table_in
 
 CONVENTIONAL = (".xyz", ".asc", ".pts")
@@ -109,11 +110,10 @@ def read_cloud(
     the sensor measured.
     """
     file = Path(path)
-    if not file.is_file():
-        raise InputError(f"There is no file {file}; check the name.")
+    check_exists(file)
     rows, stated, further, remarks = _rows(file, columns)
     if rows.ndim != 2 or rows.shape[1] != 3 or len(rows) == 0:
-        raise InputError(f"{file} holds no points; export the cloud again.")
+        raise damaged(file, "it has no points")
     if file.suffix.lower() == ".stl":
         # Every triangle has its own corners.
         rows = np.unique(rows, axis=0)
@@ -122,7 +122,8 @@ def read_cloud(
             "does not say from which; correct the cloud of each scan before it is merged or "
             "meshed."
         )
-    unit = _length_unit(file, stated, length_unit)
+    default = "m" if file.suffix.lower() == ".e57" else "mm"
+    unit = chosen_unit(file, stated, length_unit, "length_unit", default)
     if further.keys() >= {"true_x", "error_x", "error_normal"}:
         further = {name: one for name, one in further.items() if not _SIMULATED.fullmatch(name)}
     measured = _measured(rows, further, file)
@@ -158,26 +159,20 @@ def _measured(rows: FloatArray, columns: Columns, file: Path) -> BoolArray:
             counts.append(f"{count:,} of {len(rows):,} points in {file.name} are {are}")
         measured &= ~which
     if not measured.any():
-        raise InputError(f"No point was measured: {', '.join(counts)}; export the cloud again.")
+        raise InputError(
+            f"No point was measured: {', '.join(counts)}; export the cloud again.",
+            code="cloud.not_measured",
+        )
     for text in counts:
         warn(f"{text}, as of pixels that a sensor did not measure, and are left out.")
     return measured
-
-
-def _length_unit(file: Path, stated: str, given: str | None) -> str:
-    """Unit of a cloud that states one or "", as it was given or not."""
-    if stated and given and length_factor(stated) != length_factor(given):
-        raise InputError(
-            f"{file} states its coordinates in {stated}, but they were to be read in {given}; "
-            f"leave out the unit (--length-unit), or give {stated}."
-        )
-    return given or stated or ("m" if file.suffix.lower() == ".e57" else "mm")
 
 
 def _rows(
     file: Path, chosen: Sequence[str] | None
 ) -> tuple[FloatArray, str, Columns, tuple[str, ...]]:
     """Coordinates (m, 3) of a file's rows, the unit it states or "", further columns, remarks."""
+    check_ending(file, (*MESHES, ".vtp", ".e57", ".pcd", *TEXT), "a cloud")
     kind = file.suffix.lower()
     remarks: tuple[str, ...] = ()
     unit, corrected = "", False
@@ -197,13 +192,8 @@ def _rows(
 
         pcd = read_pcd(file)
         points, columns, remarks, unit = pcd.points, pcd.columns, pcd.remarks, pcd.length_unit
-    elif kind in MESHES:
-        points, columns, remarks, unit = _mesh_rows(file, kind)
     else:
-        known = ", ".join((*MESHES, ".vtp", ".e57", ".pcd", *TEXT))
-        raise InputError(
-            f"{file} is not a cloud of a supported format; export it as one of {known}."
-        )
+        points, columns, remarks, unit = _mesh_rows(file, kind)
     _refuse_corrected(file, [*columns, *(["correction_x"] if corrected else [])])
     named = _single(columns)
     if chosen is None:
@@ -231,10 +221,7 @@ def _table_rows(
     table = table_in(text, file)
     _refuse_corrected(file, table.names)
     if count is not None and count != len(table.cells):
-        raise InputError(
-            f"{file} states {count:,} points and has {len(table.cells):,}, so it was cut short or "
-            "edited; export the cloud again."
-        )
+        raise damaged(file, f"it states {count:,} points and has {len(table.cells):,}")
     named = table.names if len(table.names) == table.width else ()
     if chosen is not None:
         places = _chosen_columns(named, chosen, table.width, file)
@@ -246,7 +233,9 @@ def _table_rows(
         except InputError as error:
             raise InputError(
                 f"{str(error).removesuffix('.')}, or choose three columns of the measured points "
-                "by name, or by number from 1 (--columns A,B,C)."
+                "by name, or by number from 1.",
+                code=error.code,
+                argument="columns",
             ) from error
     rest = [place for place in range(table.width) if place not in places]
     names = named or [f"column_{place + 1}" for place in range(table.width)]
@@ -273,14 +262,17 @@ def _chosen_columns(
         if len(same) != 1:
             there = f"the columns {listed(names)}" if names else f"{count} columns without names"
             raise InputError(
-                f"{file} has {'no' if not same else 'more than one'} column {word!r} (--columns); "
-                f"it has {there}: choose by name, or by number from 1."
+                f"{file} has {'no' if not same else 'more than one'} column {word!r}; it has "
+                f"{there}: choose by name, or by number from 1.",
+                code="cloud.columns",
+                argument="columns",
             )
         found += same
     if len(found) != 3 or len(set(found)) != 3:
         raise InputError(
-            f"The columns {', '.join(chosen)} are not three; give those of x, y and z (--columns "
-            "A,B,C)."
+            f"The columns {', '.join(chosen)} are not three; give those of x, y and z.",
+            code="cloud.columns",
+            argument="columns",
         )
     return found
 
@@ -290,7 +282,8 @@ def _refuse_corrected(file: Path, names: Iterable[str]) -> None:
     if any(_CORRECTED.fullmatch(name.casefold()) for name in names):
         raise InputError(
             f"{file} is corrected already, as its column correction_x says, and the refraction "
-            "error would be removed twice; give the cloud as it was measured."
+            "error would be removed twice; give the cloud as it was measured.",
+            code="cloud.corrected",
         )
 
 
@@ -327,4 +320,4 @@ def _mesh_rows(file: Path, kind: str) -> tuple[FloatArray, Columns, tuple[str, .
         return rows, {}, (), unit
     # A damaged file meets trimesh in many ways, which it does not list.
     except Exception as error:
-        raise InputError(f"{file} cannot be read ({error}); export the cloud again.") from error
+        raise damaged(file, error) from error

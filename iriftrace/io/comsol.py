@@ -19,7 +19,8 @@ from attrs import evolve, frozen
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import sha256_of, text_in
-from iriftrace.core.units import LENGTH_UNITS, length_factor
+from iriftrace.core.units import LENGTH_UNITS
+from iriftrace.io.refusals import damaged, not_read, one_unit
 from iriftrace.io.scattered import merged, tetrahedra_between
 from iriftrace.io.states import (
     Column,
@@ -72,9 +73,7 @@ class _Export:
         """The only section of a kind; raises InputError if there is none, or several."""
         found = self.of_kind(kind)
         if len(found) != 1:
-            raise InputError(
-                f"{self.path} has {len(found)} sections % {kind} instead of one; export it again."
-            )
+            raise damaged(self.path, f"it has {len(found)} sections % {kind} instead of one")
         return found[0]
 
     def of_kind(self, kind: str) -> list[_Section]:
@@ -85,10 +84,7 @@ class _Export:
         """Refuse another number of nodes, elements or expressions than the header states."""
         stated = self.entries.get(key)
         if stated is not None and stated not in map(str, found):
-            raise InputError(
-                f"The header of {self.path} counts {stated} {key.lower()}, but the file has "
-                f"{found[0]}: it was cut short or edited; export it again."
-            )
+            raise damaged(self.path, f"its header counts {stated} {key.lower()}, not {found[0]}")
 
     def check_expressions(self, columns: Sequence[Column]) -> None:
         """The same for results; an expression counts once, or once for each of several states."""
@@ -106,13 +102,8 @@ class _Export:
         """Unit of the coordinates in the header and in their names; InputError if these differ."""
         stated = self.entries.get("Length unit", "")
         named = self.table.length_unit(self.table.coordinates) if self.table else ""
-        if stated and named and length_factor(stated) != length_factor(named):
-            raise InputError(
-                f"{self.path} states lengths in {stated} and {named}, so it is not clear where its "
-                "points are; correct its header."
-            )
-        unit = stated or named
-        return LENGTH_UNITS.get(unit.casefold(), unit) or None
+        units = (LENGTH_UNITS.get(unit.casefold(), unit) for unit in (stated, named))
+        return one_unit(self.path, units) or None
 
 
 @frozen(eq=False)
@@ -182,11 +173,17 @@ def _export(path: Path) -> _Export:
         first = next(k for k, line in enumerate(lines) if _TITLE.fullmatch(line))
         file = _Export(path, _entries(lines[:first], path), None, tuple(_sections(lines, path)))
     if file.entries.get("Dimension", "3") != "3":
-        raise InputError(
-            f"{path} holds data in {file.entries['Dimension']} dimensions, but rays need the air "
-            "in three; revolve or extrude them to a 3D dataset in COMSOL and export that."
-        )
+        raise _flat(path, f"data in {file.entries['Dimension']} dimensions")
     return file
+
+
+def _flat(path: Path, found: str) -> InputError:
+    """The error for a file that has something else than a volume."""
+    return InputError(
+        f"{path} has {found}, but rays need the air volume; export a 3D dataset, with tetrahedra "
+        "if it has elements.",
+        code="field.no_volume",
+    )
 
 
 def _entries(lines: Iterable[str], path: Path) -> dict[str, str]:
@@ -197,10 +194,8 @@ def _entries(lines: Iterable[str], path: Path) -> dict[str, str]:
         if key in _KEYS:
             entries[key] = value
         elif value.isdecimal() or value.casefold() in LENGTH_UNITS:
-            raise InputError(
-                f"{path} has the line {entry[0].strip()!r} in its header, which COMSOL does not "
-                "write in English, so that a count or unit would be lost; export it in English."
-            )
+            found = f"the line {entry[0].strip()!r} in its header, not COMSOL's English"
+            raise not_read(path, found, "export it in English")
     return entries
 
 
@@ -253,14 +248,15 @@ def _section_columns(file: _Export) -> list[Column]:
     """
     sections = file.of_kind("Data")
     if not sections:
-        raise InputError(f"{file.path} has no section % Data; export it again.")
+        raise damaged(file.path, "it has no section % Data")
     titles = [section.name for section in sections]
     if not all(titles):
         titles = [name.strip() for name in file.entries.get("Description", "").split(",")]
         if len(titles) != len(sections) or not all(titles):
             raise InputError(
                 f"{file.path} does not name its {len(sections)} sections of data, so the "
-                "temperature cannot be identified; export it with its header."
+                "temperature cannot be identified; export it with its header.",
+                code="field.no_array",
             )
     return [column_of(title) for title in titles]
 
@@ -292,24 +288,15 @@ def _sectionwise(file: _Export) -> _Table:
     points = file.only("Coordinates").numbers
     file.check_count("Nodes", len(points))
     if points.shape[1] != 3:
-        raise InputError(
-            f"The coordinates in {file.path} have {points.shape[1]} columns instead of x, y and z; "
-            "export 3D data."
-        )
+        raise _flat(file.path, f"coordinates of {points.shape[1]} columns")
     corners = file.only("Elements").numbers
     file.check_count("Elements", len(corners))
     if corners.shape[1] != 4:
-        raise InputError(
-            f"The elements in {file.path} have {corners.shape[1]} corners, so they are a surface; "
-            "rays need the air volume, so export tetrahedra (the volume)."
-        )
+        raise _flat(file.path, f"elements of {corners.shape[1]} corners")
     cells = corners.astype(np.int64)
     if not np.array_equal(cells, corners) or cells.min() < 1 or cells.max() > len(points):
-        raise InputError(
-            f"The elements in {file.path} name points from {corners.min():g} to "
-            f"{corners.max():g}, but it has points 1 to {len(points)}; the file is damaged, so "
-            "export it again."
-        )
+        named = f"{corners.min():g} to {corners.max():g}"
+        raise damaged(file.path, f"its elements name points {named} of {len(points)}")
     return _with_results(file, points, cells - 1)
 
 
@@ -317,10 +304,7 @@ def _grid(file: _Export) -> _Table:
     """Coordinates of a regular grid along x, y and z, and results, with x running fastest."""
     rows = file.only("Grid").tables
     if len(rows) != 3:
-        raise InputError(
-            f"The grid in {file.path} has {len(rows)} rows instead of one each for x, y and z; "
-            "export 3D data."
-        )
+        raise _flat(file.path, f"a grid of {len(rows)} rows instead of x, y and z")
     axes = [_all_numbers(row).ravel() for row in rows]
     z, y, x = np.meshgrid(*axes[::-1], indexing="ij")
     points = np.stack((x.ravel(), y.ravel(), z.ravel()), axis=1)
@@ -344,10 +328,8 @@ def _with_results(file: _Export, points: FloatArray, cells: IntArray) -> _Table:
     values = [section.numbers.ravel() for section in file.of_kind("Data")]
     for data in values:
         if len(data) != len(points):
-            raise InputError(
-                f"A section of data in {file.path} has {len(data)} values for {len(points)} "
-                "points: it was cut short or edited; export it again."
-            )
+            found = f"a section of data has {len(data)} values for {len(points)} points"
+            raise damaged(file.path, found)
     return _Table(points, columns, np.stack(values, axis=1), cells)
 
 
@@ -355,7 +337,10 @@ def _of_state(table: _Table, state: str, path: Path) -> tuple[dict[str, Column],
     """Columns of one state by the name of their array, and the table without other columns."""
     places = [k for k, c in enumerate(table.columns) if c.state in ("", state)]
     if not places:
-        raise InputError(f"{path} has no results, only coordinates; export the temperature too.")
+        raise InputError(
+            f"{path} has no results, only coordinates; export the temperature too.",
+            code="field.no_array",
+        )
     names: dict[str, Column] = {}
     for column in (table.columns[k] for k in places):
         taken = column.name in names
@@ -363,7 +348,8 @@ def _of_state(table: _Table, state: str, path: Path) -> tuple[dict[str, Column],
     if len(names) != len(places):
         raise InputError(
             f"{path} has several columns of the same name among "
-            f"{', '.join(table.columns[k].name for k in places)}; export each once."
+            f"{', '.join(table.columns[k].name for k in places)}; export each once.",
+            code="field.two_arrays",
         )
     return names, evolve(table, columns=list(names.values()), values=table.values[:, places])
 
@@ -377,7 +363,8 @@ def _without_gaps(table: _Table, names: dict[str, Column], path: Path) -> _Table
         return table
     if missing.all():
         raise InputError(
-            f"The results in {path} are NaN at all points; export a dataset with a solution."
+            f"The results in {path} are NaN at all points; export a dataset with a solution.",
+            code="field.not_finite",
         )
     warn(
         f"{path} has no number (NaN) at {np.count_nonzero(missing)} of {len(missing)} points; they "

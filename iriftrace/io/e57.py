@@ -12,6 +12,7 @@ from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
 from iriftrace.core.isolated import ChildError, read_in_child
+from iriftrace.io.refusals import damaged
 
 _COLUMNS = {
     "intensity": ("intensity", np.float32),
@@ -32,7 +33,8 @@ def check_e57(path: Path) -> None:
     if find_spec("pye57") is None:
         raise InputError(
             f"{path} is an E57 file, which needs pye57: pip install 'iriftrace[e57]'; or use a "
-            ".ply."
+            ".ply.",
+            code="file.no_library",
         )
 
 
@@ -47,7 +49,7 @@ def read_e57(path: Path) -> tuple[FloatArray, dict[str, AnyArray], bool]:
     try:
         columns = read_in_child(f"{__name__}:read_scan", path.stat().st_size, str(path))
     except ChildError as error:
-        raise InputError(f"{path} cannot be read ({error}); export the cloud again.") from error
+        raise damaged(path, error) from error
     corrected = bool(columns.pop("corrected").any())
     return columns.pop("points"), columns, corrected
 

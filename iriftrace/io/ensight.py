@@ -8,6 +8,7 @@ from pathlib import Path
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
+from iriftrace.io.refusals import damaged, not_read
 from iriftrace.io.states import Contents, State, state_number, states_at
 from iriftrace.io.vtk_check import read_ensight
 
@@ -41,23 +42,19 @@ def _times(path: Path) -> list[str]:
     if not _FORMAT.search(text):
         raise InputError(
             f"{path} is not an EnSight case (it states no `type: ensight`); name the field's file, "
-            "or the folder of an OpenFOAM case."
+            "or the folder of an OpenFOAM case.",
+            code="file.damaged",
         )
     _refuse_unread(path, text)
     sets = [match["values"].split() for match in _TIMES.finditer(text)]
     times = max(sets, key=len, default=[])
     steps = max(map(int, _STEPS.findall(text)), default=0)
     if steps > max(1, len(times)):
-        raise InputError(
-            f"{path} states {steps} steps and {len(times)} time values, so some states have no "
-            "time; export the case again with a time value for each."
-        )
+        raise damaged(path, f"it states {steps} steps and {len(times)} time values")
     try:
         list(map(float, times))
     except ValueError:
-        raise InputError(
-            f"The time values in {path} are not numbers; export the case again."
-        ) from None
+        raise damaged(path, "its time values are not numbers") from None
     return times
 
 
@@ -68,16 +65,18 @@ def _refuse_unread(path: Path, text: str) -> None:
     lower = "".join(key + (value if key.lower() == "type" else "") for key, value in entries)
     upper = "".join(_SECTION.findall(text))
     if path.read_bytes().startswith(marks) or lower != lower.lower() or upper != upper.upper():
-        raise InputError(
-            f"{path} begins with a byte order mark or does not write its keywords as VTK reads "
-            "them; save it as plain text, with FORMAT, GEOMETRY and VARIABLE in capitals and the "
-            "other keywords in lower case (`type: ensight gold`)."
+        raise not_read(
+            path,
+            "a byte order mark or keywords in other letters",
+            "save it as plain text, with FORMAT, GEOMETRY and VARIABLE in capitals and the other "
+            "keywords in lower case (`type: ensight gold`)",
         )
     for key, value in entries:
         if key != "type" and re.search(r"\\|\s\"?/|[A-Za-z]:/", value):
-            raise InputError(
-                f"{path} names a file by a folder ({value.strip()}); put its files next to it and "
-                "name them without folders."
+            raise not_read(
+                path,
+                f"a file named by its folder ({value.strip()})",
+                "put its files next to it and name them without folders",
             )
         words = value.replace("change_coords_only", "").strip().strip('"').split()
         if words and re.match(r"model|(scalar|vector|tensor \w+) per (node|element)", key):
@@ -85,5 +84,6 @@ def _refuse_unread(path: Path, text: str) -> None:
             # Asterisks are digits of a time step.
             if not any(path.parent.glob(name.replace("*", "?"))):
                 raise InputError(
-                    f"{path} names {name}, which is not next to it; copy all its files."
+                    f"{path} names {name}, which is not next to it; copy all its files.",
+                    code="file.missing",
                 )

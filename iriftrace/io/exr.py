@@ -18,10 +18,12 @@ import OpenEXR
 
 from iriftrace.core.arrays import AnyArray
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import is_number, sha256_of, whole_file
+from iriftrace.core.files import FileOrigin, is_number, sha256_of, whole_file
 from iriftrace.core.plain import JsonObject
 from iriftrace.image.aov_image import KNOWN, NEEDED, SCHEMA, AovImage, FloatImage
 from iriftrace.io.part_files import read_part
+from iriftrace.io.reading import ReadPart
+from iriftrace.io.refusals import check_exists, check_schema, damaged
 from iriftrace.part.part import Part
 
 RGB = {
@@ -43,7 +45,11 @@ THREADS = min(4, os.cpu_count() or 1)
 def colour_channels(channels: dict[str, FloatImage], rgb: str) -> dict[str, FloatImage]:
     """Channels R, G and B that repeat others."""
     if rgb not in RGB:
-        raise InputError(f"R, G and B can repeat {', '.join(RGB)}, but not {rgb!r}; give one.")
+        raise InputError(
+            f"R, G and B can repeat {', '.join(RGB)}, but not {rgb!r}; give one.",
+            code="picture.rgb",
+            argument="rgb",
+        )
     planes = [channels[name].copy() for name in RGB[rgb]]
     nothing = [np.zeros_like(planes[0])] * (3 - len(planes))
     return dict(zip("RGB", [*planes, *nothing], strict=True))
@@ -52,14 +58,14 @@ def colour_channels(channels: dict[str, FloatImage], rgb: str) -> dict[str, Floa
 def exr_content(name: str, remedy: str) -> tuple[JsonObject, dict[str, AnyArray]]:
     """Header and channels of an OpenEXR file; raises InputError with a remedy if it is damaged."""
     if not OpenEXR.isOpenExrFile(name):
-        raise InputError(f"{name} is not an OpenEXR file; {remedy}.")
+        raise damaged(name, "it is not an OpenEXR file", remedy)
     try:
         with OpenEXR.File(name, separate_channels=True, num_threads=THREADS) as file:
             # Closing the file empties its dictionaries, so both are copied.
             channels = {key: channel.pixels for key, channel in file.channels().items()}
             return dict(file.header()), channels
     except Exception as error:  # OpenEXR and its layer of Python let any through
-        raise InputError(f"{name} is damaged or incomplete ({error}); {remedy}.") from error
+        raise damaged(name, error, remedy) from error
 
 
 def names_part(named: object) -> bool:
@@ -82,7 +88,9 @@ def encoded(key: str, value: object) -> str:
     try:
         return json.dumps(value, allow_nan=False, ensure_ascii=False)
     except (TypeError, ValueError) as error:
-        raise InputError(f"header entry {key!r} is not plain JSON: {error}.") from error
+        raise InputError(
+            f"header entry {key!r} is not plain JSON: {error}.", code="picture.header"
+        ) from error
 
 
 def decoded(text: Any) -> Any:
@@ -127,7 +135,7 @@ def write_exr(path: str | Path, image: AovImage, *, rgb: str | None = None) -> N
         try:
             OpenEXR.File(header, channels, num_threads=THREADS).write(str(temporary))
         except RuntimeError as error:
-            raise InputError(f"cannot write {path}: {error}") from error
+            raise InputError(f"cannot write {path}: {error}", code="file.not_written") from error
 
 
 def read_exr(path: str | Path) -> AovImage:
@@ -139,8 +147,7 @@ def read_exr(path: str | Path) -> AovImage:
         The file is missing, damaged, not OpenEXR, not from iriftrace, or of a newer schema.
     """
     name = str(path)
-    if not Path(path).is_file():
-        raise InputError(f"there is no file {name}; give the AOV EXR that a render wrote.")
+    check_exists(Path(path), "give the AOV EXR that a render wrote")
     attributes, channels = exr_content(
         name, "give the AOV EXR that a render wrote, or render it again"
     )
@@ -149,13 +156,9 @@ def read_exr(path: str | Path) -> AovImage:
         for key, value in attributes.items()
         if key.startswith(PREFIX) and key != PREFIX + RGB_ENTRY
     }
-    schema = header.get("schema")
-    if schema != SCHEMA:
-        raise InputError(
-            f"{name} has schema {schema!r} instead of {SCHEMA!r}, so it is not an AOV image of "
-            "this version of iriftrace; render the scene again."
-        )
-    image = AovImage({key: channels[key] for key in KNOWN if key in channels}, header)
+    check_schema(name, header.get("schema"), SCHEMA, "render the scene again")
+    known = {key: channels[key] for key in KNOWN if key in channels}
+    image = AovImage(known, header, FileOrigin.of(path))
     _refuse_not_finite(image, f"in {name} is damaged")
     return image
 
@@ -169,7 +172,8 @@ def _refuse_not_finite(image: AovImage, consequence: str) -> None:
             count = int(pixels.size - np.isfinite(pixels).sum())
             raise InputError(
                 f"channel {name} {consequence}: {count} of its pixels are NaN or infinite, which "
-                "would spoil every mean; a quantity that does not exist is 0 with a status code."
+                "would spoil every mean; a quantity that does not exist is 0 with a status code.",
+                code="picture.not_finite",
             )
 
 
@@ -191,18 +195,24 @@ def read_part_of(image: AovImage, path: str | Path | None = None) -> Part:
     named = image.header["part"]
     if not names_part(named):
         raise InputError(
-            "The image's header does not say which part it shows; render the scene again."
+            "The image's header does not say which part it shows; render the scene again.",
+            code="picture.no_part",
         )
     file = Path(named["path"] if path is None else path)
     if not file.is_file():
         raise InputError(
-            f"The part's file {file} is missing, and face areas and regions come from it; "
-            "give its new place (--part)."
+            f"The part's file {file} is missing, and face areas and regions come from it; give its "
+            "new place.",
+            code="file.missing",
+            argument="part",
         )
     if sha256_of(file) != named["sha256"]:
         raise InputError(
-            f"{file} is not the part the image was rendered with (its SHA-256 differs), so "
-            "face numbers would not fit; give the right one (--part) or render "
-            "again."
+            f"{file} is not the part the image was rendered with (its SHA-256 differs), so face "
+            "numbers would not fit; give the right one or render again.",
+            code="file.changed",
+            argument="part",
         )
-    return read_part(file, length_unit=named["length_unit"]).transformed(named["to_world"])
+    return read_part(file, ReadPart(length_unit=named["length_unit"])).transformed(
+        named["to_world"]
+    )

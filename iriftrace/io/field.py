@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyvista as pv
 from attrs import evolve
-from numpy.typing import ArrayLike
 
-from iriftrace.core.arrays import IntArray
+from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.mesh.transform import apply
 from iriftrace.core.units import length_factor
-from iriftrace.io.members import read_state
+from iriftrace.io.members import member_at, read_state
+from iriftrace.io.reading import AS_STATED, ReadField
+from iriftrace.io.refusals import chosen_unit
 from iriftrace.io.scattered import cells_outside
 from iriftrace.io.states import Contents
 from iriftrace.io.vtk_check import Data
@@ -50,13 +51,9 @@ INDEX_TOLERANCE = 0.02
 
 def read_field(
     path: str | Path,
+    reading: ReadField = AS_STATED,
     *,
-    array: str | None = None,
-    quantity: str | None = None,
-    temperature_unit: str | None = None,
-    length_unit: str | None = None,
     air: Air | None = None,
-    transform: ArrayLike | None = None,
     member: int | None = None,
     part: Part | None = None,
     flow: bool = False,
@@ -71,23 +68,14 @@ def read_field(
         ``.ex2`` or ``.exo``; ``.cgns``; ``.xdmf`` or ``.xmf``; COMSOL's text exports and
         tables of other programs, ``.txt``, ``.csv`` or ``.dat``; an OpenFOAM case, by its folder or
         a ``.foam`` file in it, or one of its regions, by ``constant/<region>``.
-    array : str, optional
-        Name of the array; chosen by the usual names if omitted.
-    quantity : str, optional
-        What the array holds: ``"temperature"``, ``"index"`` (n or n - 1, determined from its
-        range) or ``"density"`` (kg/m3); determined from the array's name if omitted.
-    temperature_unit : str, optional
-        Unit of the temperatures; by default the unit stated in the file, else K.
-    length_unit : str, optional
-        Unit of the coordinates; by default the unit stated in the file (OpenFOAM: m), else mm.
+    reading : ReadField
+        Array, state, units and place, where the file does not state them, or states several.
     air : Air, optional
         Ambient air; `Air()` if omitted. A file that states that it varies a field by another
         temperature or pressure of the air is read in that air.
-    transform : (4, 4) array_like, optional
-        Applied to the coordinates after their conversion to mm.
     member : int, optional
-        Number of the state in a file with several (`iriftrace.io.members`); the last
-        one if omitted.
+        Number of the state in a file with several (`iriftrace.io.members`) instead of the time
+        of `reading`; the last one if both are omitted.
     part : Part, optional
         The part, mm, world; needed only for scattered points, out of whose hull it is cut.
     flow : bool, optional
@@ -113,22 +101,33 @@ def read_field(
         because the file marks them or the array is NaN there; the array is one of a moment although
         the file has an average over time, or such an average of the temperature.
     """
+    if reading.isosurfaces:
+        raise InputError(
+            "Iso-surfaces have no air between them; give the volume.",
+            code="field.isosurfaces",
+            argument="isosurfaces",
+        )
+    if member is None and reading.time is not None:
+        member = member_at(Path(path), reading.time).index
+    transform = reading.matrix
     contents = read_volume(path, member=member, flow=flow)
     air = _varied(Air() if air is None else air, contents.facts)
-    length_unit = _length_unit(length_unit, contents.length_unit, str(path))
+    length_unit = chosen_unit(
+        Path(path), contents.length_unit, reading.length_unit, argument="field_length_unit"
+    )
     raw: pv.UnstructuredGrid = contents.data
     factor = length_factor(length_unit)
     if contents.scattered:
         placed = _placed(raw, factor, transform)
         raw = linear_volume(chosen_cells(raw, cells_outside(placed, part, str(path))))
-    choice = arrays.choose_array(raw, array, quantity, str(path))
+    choice = arrays.choose_array(raw, reading.array, reading.quantity, str(path))
     raw = linear_volume(without_gaps(raw, choice.name, str(path)))
     grid = _placed(raw, factor, transform)
     values = arrays.point_values(raw, choice.name, str(path))
     result = IndexField(
         grid=grid,
         refractivity=arrays.to_refractivity(
-            values, choice, contents.units, temperature_unit, air, str(path)
+            values, choice, contents.units, reading.temperature_unit, air, str(path)
         ),
         air=air,
         source=FieldSource(
@@ -151,7 +150,7 @@ def read_field(
             "density, which differs from that of the average temperature where the air fluctuates; "
             "average the density too, such as rhoMean, if the solver can."
         )
-    if choice.quantity == "temperature" and quantity is None and array is None:
+    if choice.quantity == "temperature" and reading.quantity is None and reading.array is None:
         _warn_of_other_index(raw, result)
     return result
 
@@ -174,7 +173,8 @@ def read_volume(path: str | Path, *, member: int | None = None, flow: bool = Fal
     if member is None and len(contents.states) > 1:
         warn(
             f"{path} has {len(contents.states)} states; the last one, {contents.states[-1][0]}, "
-            "is used; choose another with the time option (--time)."
+            "is used; choose another if that is not meant.",
+            argument="time",
         )
     grid = _joined(contents.data, path)
     if has_higher_order(grid):
@@ -201,7 +201,8 @@ def _joined(data: Data, path: Path) -> pv.UnstructuredGrid:
         if left_out == count:
             raise InputError(
                 f"{path} marks all its {count} cells as hidden or without a value ({names}), so no "
-                "air is known; export the volume on which the solver has values."
+                "air is known; export the volume on which the solver has values.",
+                code="field.no_values",
             )
         warn(
             f"{path} marks {left_out} of {count} cells as hidden, as copies or as without a value "
@@ -211,8 +212,9 @@ def _joined(data: Data, path: Path) -> pv.UnstructuredGrid:
     blocks = [block for block in blocks if block.n_cells]
     if not blocks:
         raise InputError(
-            f"{path} has no volume cells: it is empty, damaged or a surface, but rays need the "
-            "air volume; export the solver's volume mesh."
+            f"{path} has no volume cells: it is empty, damaged or a surface, but rays need the air "
+            "volume; export the solver's volume mesh.",
+            code="field.no_volume",
         )
     joined = blocks[0]
     arrays_of = [{str(name) for name in block.array_names} for block in blocks]
@@ -220,7 +222,8 @@ def _joined(data: Data, path: Path) -> pv.UnstructuredGrid:
         listed = "; ".join(", ".join(sorted(some)) or "none" for some in arrays_of)
         raise InputError(
             f"{path} has {len(blocks)} blocks without an array in common ({listed}); export the "
-            "blocks of the air alone, or with one name for the temperature."
+            "blocks of the air alone, or with one name for the temperature.",
+            code="field.no_array",
         )
     if len(blocks) > 1:
         joined = pv.MultiBlock(blocks).combine(merge_points=True, tolerance=0.0)
@@ -238,7 +241,8 @@ def _refuse_overlap(joined: pv.UnstructuredGrid, ends: IntArray, path: Path) -> 
     if np.mean((found >= 0) & (own != other)) > _MOST_OVERLAP:
         raise InputError(
             f"{path} has blocks that lie in each other, so the air there is ambiguous; export the "
-            "blocks of the air alone, each part of it once."
+            "blocks of the air alone, each part of it once.",
+            code="field.blocks_overlap",
         )
 
 
@@ -258,32 +262,21 @@ def _facts(contents: Contents, array: str) -> FieldFacts:
     return evolve(facts, time="mean") if arrays.is_average(array) else facts
 
 
-def _length_unit(given: str | None, stated: str | None, path: str) -> str:
-    """Unit of a file's coordinates; mm if neither file nor user states one."""
-    if given is not None and stated is not None and length_factor(given) != length_factor(stated):
-        factor = length_factor(given) / length_factor(stated)
-        raise InputError(
-            f"The coordinates in {path} are in {stated}, but the length unit given is {given}; "
-            "omit length_unit (--field-length-unit), or if the numbers are in "
-            f'{given} nevertheless, scale them (--field-transform "scale {factor:.6g}").'
-        )
-    return given or stated or "mm"
-
-
 def _placed(
-    raw: pv.UnstructuredGrid, factor: float, transform: ArrayLike | None
+    raw: pv.UnstructuredGrid, factor: float, transform: FloatArray | None
 ) -> pv.UnstructuredGrid:
     """The cells of a file in mm, world, without its data."""
     points = np.asarray(raw.points)
     if not np.isfinite(points).all():
         raise InputError(
             f"{np.count_nonzero(~np.isfinite(points).all(axis=1))} points of the field have "
-            "coordinates that are not finite numbers; export the mesh again."
+            "coordinates that are not finite numbers; export the mesh again.",
+            code="field.not_finite",
         )
     if factor != 1.0:
         points = np.asarray(points, dtype=np.float64) * factor
     if transform is not None:
-        points = apply(np.asarray(transform, dtype=np.float64), points)
+        points = apply(transform, points)
     grid = pv.UnstructuredGrid()
     grid.copy_structure(raw)
     # Assigning to `points` would also move those of `raw`, which uses the same structure.
@@ -295,16 +288,14 @@ def _warn_of_other_ambient(result: IndexField) -> None:
     coolest = float(result.temperature_k.min())
     ambient = result.air.temperature_k
     if abs(coolest - ambient) > AMBIENT_TOLERANCE_K:
+        possible = TEMPERATURE_RANGE[0] <= coolest <= TEMPERATURE_RANGE[1]
+        room = f"give air=Air(temperature_k={coolest:.1f}) if that is the room"
+        remedy = room if possible else "no room is like that: check the unit"
         warn(
             f"The coolest air in {result.source.path} has {coolest:.1f} K, but the ambient "
             f"temperature is {ambient:.1f} K, which puts a false step at the edge of the data; "
-            + (
-                f"give air=Air(temperature_k={coolest:.1f}) (--ambient '{coolest:.1f} K') if that "
-                "is the room."
-                if TEMPERATURE_RANGE[0] <= coolest <= TEMPERATURE_RANGE[1]
-                else "no room is like that: check the array's unit (temperature_unit, "
-                "--temperature-unit)."
-            )
+            f"{remedy}.",
+            argument="ambient" if possible else "temperature_unit",
         )
 
 
@@ -322,6 +313,6 @@ def _warn_of_other_index(raw: pv.UnstructuredGrid, result: IndexField) -> None:
             f"{result.source.path} also holds an index {name!r} that disagrees with its "
             f"temperature {result.source.array!r}, which is used: where the air has "
             f"{result.temperature_k[worst]:.0f} K, {name!r} says n-1 = {stored[worst]:.4g} and the "
-            f'density scaling {result.refractivity[worst]:.4g}; give array="{name}" '
-            f"(--array {name}) to use it."
+            f'density scaling {result.refractivity[worst]:.4g}; give array="{name}" to use it.',
+            argument="array",
         )

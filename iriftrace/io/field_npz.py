@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from attrs import frozen
 
-from iriftrace.core.errors import InputError
-from iriftrace.core.files import arrays_in, check_readable, whole_file
+from iriftrace.core.files import arrays_in, whole_file
 from iriftrace.core.plain import plain, structured
+from iriftrace.io.refusals import check_exists, check_schema, damaged
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.gradient import CORNERS
 from iriftrace.medium.path_data import FieldCells, cells_of
@@ -55,28 +55,17 @@ def save_field_file(field: IndexField, path: str | Path) -> Path:
 
 def load_field_file(path: str | Path) -> FieldCells:
     """Read what `save_field_file` wrote; InputError if missing, damaged or of another schema."""
-    if not Path(path).is_file():
-        raise InputError(
-            f"There is no field file {path}, which the cells engine needs; "
-            "`iriftrace scene FIELD PART -o SCENE.xml` writes it next to the scene."
-        )
-    check_readable(Path(path))
+    check_exists(Path(path), "`iriftrace scene` writes it for the cells engine")
     try:
         arrays = arrays_in(Path(path), (*ARRAYS, "header"))
         header = structured(json.loads(arrays.pop("header").tobytes()), _Header)
     except (ValueError, LookupError, TypeError, RecursionError) as error:
-        raise InputError(
-            f"{path} is damaged or not a field file ({error}); write the scene again."
-        ) from error
-    if header.schema != SCHEMA:
-        raise InputError(
-            f"{path} has schema {header.schema!r} instead of {SCHEMA!r}, so it was written by "
-            "another version of iriftrace; write the scene again."
-        )
+        raise damaged(path, error, "write the scene again") from error
+    check_schema(path, header.schema, SCHEMA, "write the scene again")
     cells = FieldCells(**arrays, air=header.air, ambient=header.ambient, source=header.source)
     fault = _fault(cells)
     if fault:
-        raise InputError(f"{path} is damaged: {fault}; write the scene again.")
+        raise damaged(path, fault, "write the scene again")
     return cells
 
 

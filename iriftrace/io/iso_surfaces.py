@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 from attrs import evolve, frozen
-from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import BoolArray, Float32Array, FloatArray, IntArray, as_float64
@@ -21,6 +20,8 @@ from iriftrace.core.mesh import transform as motion
 from iriftrace.core.mesh.topology import drop_degenerate, face_along, weld
 from iriftrace.core.mesh.triangles import area_vectors, normals_along, unit_vectors, used_vertices
 from iriftrace.core.units import length_factor
+from iriftrace.io.reading import AS_STATED, ReadField
+from iriftrace.io.refusals import check_ending, check_exists
 from iriftrace.io.vtk_check import read_file
 from iriftrace.io.vtk_files import blocks_of
 from iriftrace.medium import arrays
@@ -28,6 +29,7 @@ from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.marked import chosen_cells
 from iriftrace.medium.origin import facts_of, origin_of
 from iriftrace.medium.shells.levels import layers_between
+from iriftrace.medium.shells.options import STANDARD
 from iriftrace.medium.shells.stack import Shell, ShellStack
 from iriftrace.medium.shells.table import SmallComponents
 from iriftrace.medium.source import FieldFacts, FieldSource
@@ -49,22 +51,18 @@ class Soup:
     faces: IntArray  # (m, 3)
     refractivity: FloatArray  # (m,), n - 1 of every triangle's surface
     gradient: FloatArray | None  # (n, 3), along grad(n) at the vertices, with arbitrary length
-    choice: arrays.Choice  # the array that was used
+    choice: arrays.UsedArray  # the array that was used
     origin: str  # what the file states about its origin; "" if nothing
     facts: FieldFacts
 
 
 def import_shells(
     path: str | Path,
+    reading: ReadField = AS_STATED,
     *,
-    array: str | None = None,
-    quantity: str | None = None,
     gradient: str | None = None,
-    temperature_unit: str | None = None,
-    length_unit: str = "mm",
     air: Air | None = None,
-    transform: ArrayLike | None = None,
-    min_size_mm: float = 1.0,
+    min_size_mm: float = STANDARD.min_size,
 ) -> ShellStack:
     """Read surfaces of equal temperature, density or index as shells.
 
@@ -77,22 +75,15 @@ def import_shells(
     Parameters
     ----------
     path : path
-        One ``.vtu``, ``.vtm`` or ``.vtp`` with triangles (or polygons) in mm or ``length_unit``.
-    array, quantity : str, optional
-        Name of the point or cell array, and what it holds: ``"temperature"``, ``"index"`` (n or
-        n - 1) or ``"density"``; needed where the name does not tell, as COMSOL's ``Color``
-        (:func:`iriftrace.medium.arrays.choose_array`).
+        One ``.vtu``, ``.vtm`` or ``.vtp`` with triangles (or polygons) in mm or another unit.
+    reading : ReadField
+        Array, units and place. Array and quantity are needed where the name does not tell, as
+        COMSOL's ``Color`` (:func:`iriftrace.medium.arrays.choose_array`).
     gradient : str, optional
         Name of a point array with the gradient of the same quantity, along which the shells get
         their normals; without one rays use the facets'.
-    temperature_unit : str, optional
-        Unit of the temperatures; by default that in brackets in the array's name, else K.
-    length_unit : str
-        Unit of the file's coordinates.
     air : Air, optional
         Ambient air; ``Air()`` by default.
-    transform : (4, 4) array_like, optional
-        Applied to the coordinates after their conversion to mm.
     min_size_mm : float, mm
         Pieces whose bounding box has a smaller diagonal are dropped.
 
@@ -109,10 +100,14 @@ def import_shells(
     """
     path = Path(path)
     air = Air() if air is None else air
-    factor = length_factor(length_unit)
-    soup = _read_triangles(
-        path, array, quantity, gradient, temperature_unit, factor, air, transform
-    )
+    if reading.time is not None:
+        raise InputError(
+            f'the time is "{reading.time}", but a file of iso-surfaces is read as a whole; export '
+            "the surfaces of one time.",
+            code="shells.time",
+            argument="time",
+        )
+    soup = _read_triangles(path, reading, gradient, air)
     surfaces, of_triangle = _split(soup.refractivity, soup.choice.name, path)
     _, e = layers_between(surfaces, air.ambient_refractivity)
     meshes = [_mesh(soup, of_triangle == k) for k in range(len(surfaces))]
@@ -125,7 +120,9 @@ def import_shells(
         if len(faces) == 0:
             raise InputError(
                 f"All pieces of the surface at n - 1 = {surfaces[k]:.6g} in {path} are smaller "
-                f"than {min_size_mm:g} mm; check the length unit or allow smaller pieces."
+                f"than {min_size_mm:g} mm; check the length unit or allow smaller pieces.",
+                code="shells.too_small",
+                argument="min_size",
             )
         used, faces = used_vertices(len(mesh.vertices), faces)
         vertices, normals = mesh.vertices[used], None
@@ -138,7 +135,7 @@ def import_shells(
         sha256=sha256_of(path),
         array=soup.choice.name,
         quantity=soup.choice.quantity,
-        length_unit=length_unit,
+        length_unit=_unit(reading),
         origin=soup.origin,
         facts=soup.facts,
     )
@@ -191,19 +188,15 @@ def _outward(mesh: Soup, cooler: Float32Array | None, hotter: Float32Array | Non
     return direction
 
 
-def _read_triangles(
-    path: Path,
-    array: str | None,
-    quantity: str | None,
-    gradient: str | None,
-    temperature_unit: str | None,
-    length_factor: float,
-    air: Air,
-    transform: ArrayLike | None,
-) -> Soup:
+def _unit(reading: ReadField) -> str:
+    return reading.length_unit or "mm"
+
+
+def _read_triangles(path: Path, reading: ReadField, gradient: str | None, air: Air) -> Soup:
     """All triangles of a file; the parameters are those of :func:`import_shells`."""
+    factor, matrix = length_factor(_unit(reading)), reading.matrix
     blocks, origin, facts = _read(path)
-    choice = arrays.choose_array(blocks[0], array, quantity, str(path))
+    choice = arrays.choose_array(blocks[0], reading.array, reading.quantity, str(path))
     starts = np.cumsum([0] + [block.n_points for block in blocks])
     faces = [np.asarray(block.regular_faces, dtype=np.int64) for block in blocks]
     values = np.concatenate(
@@ -212,26 +205,31 @@ def _read_triangles(
     if not np.isfinite(values).all():
         raise InputError(
             f"The array {choice.name!r} in {path} has values that are not finite, so its surfaces "
-            "have no index; export it without gaps."
+            "have no index; export it without gaps.",
+            code="shells.not_finite",
         )
     points = np.concatenate([np.asarray(b.points, dtype=np.float64) for b in blocks])
-    points *= length_factor
+    points *= factor
     vectors = None
     if gradient is not None:
         # The index falls where the temperature rises.
         sign = -1.0 if choice.quantity == "temperature" else 1.0
         vectors = sign * np.concatenate([_vectors(block, gradient, path) for block in blocks])
-    if transform is not None:
-        matrix = np.asarray(transform, dtype=np.float64)
+    if matrix is not None:
         points = motion.apply(matrix, points)
         # A gradient is a covector: it turns with the inverse transposed.
         vectors = None if vectors is None else vectors @ np.linalg.inv(matrix[:3, :3])
     if not np.isfinite(points).all():
-        raise InputError(f"{path} has points that are not finite numbers; export it again.")
+        raise InputError(
+            f"{path} has points that are not finite numbers; export it again.",
+            code="shells.not_finite",
+        )
     return Soup(
         vertices=points.astype(np.float32),
         faces=np.concatenate([f + start for f, start in zip(faces, starts, strict=False)]),
-        refractivity=arrays.to_refractivity(values, choice, None, temperature_unit, air, str(path)),
+        refractivity=arrays.to_refractivity(
+            values, choice, None, reading.temperature_unit, air, str(path)
+        ),
         gradient=vectors,
         choice=choice,
         origin=origin,
@@ -241,15 +239,14 @@ def _read_triangles(
 
 def _read(path: Path) -> tuple[list[pv.PolyData], str, FieldFacts]:
     """Blocks of a file as triangles with their data, and what the file states: origin, facts."""
-    if not path.is_file():
-        raise InputError(f"The file of surfaces {path} does not exist; check the path.")
-    if path.suffix.lower() not in SUFFIXES:
-        raise InputError(f"{path} cannot be read as surfaces; export it as {', '.join(SUFFIXES)}.")
+    check_exists(path)
+    check_ending(path, SUFFIXES, "a file of surfaces")
     data = read_file(path)
     found = [mesh for mesh in map(_triangles, blocks_of(data)) if mesh is not None]
     if not found:
         raise InputError(
-            f"{path} has no triangles; volume data are contoured by `iriftrace shells` instead."
+            f"{path} has no triangles; volume data are contoured by `iriftrace shells` instead.",
+            code="shells.no_triangles",
         )
     return found, origin_of(data), facts_of(data) or FieldFacts()
 
@@ -270,7 +267,8 @@ def _vectors(block: pv.PolyData, name: str, path: Path) -> FloatArray:
     if name not in block.point_data or block.point_data[name].shape[1:] != (3,):
         raise InputError(
             f"{path} has no gradient {name!r} with three components at the points; its point "
-            f"arrays are {', '.join(block.point_data) or 'none'}."
+            f"arrays are {', '.join(block.point_data) or 'none'}.",
+            code="shells.no_gradient",
         )
     return np.asarray(block.point_data[name], dtype=np.float64)
 
@@ -280,7 +278,9 @@ def _triangle_values(block: pv.PolyData, faces: IntArray, name: str, path: Path)
         return np.asarray(block.cell_data[name], dtype=np.float64)
     if name not in block.point_data:
         raise InputError(
-            f"The array {name!r} is missing in a block of {path}; export it for all surfaces."
+            f"The array {name!r} is missing in a block of {path}; export it for all surfaces.",
+            code="field.no_array",
+            argument="array",
         )
     values = np.asarray(block.point_data[name], dtype=np.float64)
     tolerance = max(1e-3 * float(np.ptp(values)), 1e-6 * float(np.abs(values).max()))
@@ -292,6 +292,7 @@ def _triangle_values(block: pv.PolyData, faces: IntArray, name: str, path: Path)
 def _continuous(name: str, path: Path) -> InputError:
     """The error for triangles that are not iso-surfaces."""
     return InputError(
-        f"The values of {name!r} in {path} change along the triangles, so they are not surfaces "
-        "of equal value; export iso-surfaces, or contour the volume with `iriftrace shells`."
+        f"The values of {name!r} in {path} change along the triangles, so they are not surfaces of "
+        "equal value; export iso-surfaces, or contour the volume with `iriftrace shells`.",
+        code="shells.not_iso",
     )

@@ -9,9 +9,10 @@ import pyvista as pv
 
 from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError, warn
-from iriftrace.core.files import check_readable, sha256_of
+from iriftrace.core.files import sha256_of
 from iriftrace.core.mesh.triangles import used_vertices
 from iriftrace.core.units import ZERO_CELSIUS_K, counted, length_factor
+from iriftrace.io.refusals import check_ending, check_exists, chosen_unit, damaged
 from iriftrace.io.scattered import merged
 from iriftrace.io.table import read_table
 from iriftrace.io.vtk_check import read_file
@@ -42,45 +43,41 @@ def read_measured_wall(
     file is missing, damaged, or has no temperatures (of `above_k` or more), or if a unit
     contradicts it.
     """
-    check_readable(path)
+    check_exists(path)
+    check_ending(path, (*_TABLES, *_SURFACES), "a file of wall temperatures")
     suffix = path.suffix.lower()
     data: pv.DataSet
     faces, unit, stated = None, None, None
     if suffix in _TABLES:
         data, unit, stated = _table(path)
-    elif suffix in _SURFACES:
+    else:
         read = read_file(path)
         if not isinstance(read, pv.DataSet) or not read.n_points:
-            raise InputError(f"{path} has no points with temperatures; give a surface or points.")
+            raise damaged(path, "it has no points with temperatures", "give a surface or points")
         data = read.extract_surface(algorithm="geometry").triangulate()
         faces = np.asarray(data.regular_faces, dtype=np.int64) if data.n_cells else None
         if faces is None or not len(faces):
             data, faces = read, None
-    else:
-        raise InputError(
-            f"wall temperatures cannot be read from {path}; give a table of x, y, z, T "
-            f"({', '.join(_TABLES)}) or a file of VTK ({', '.join(_SURFACES)})."
-        )
-    if length_unit and unit and length_factor(length_unit) != length_factor(unit):
-        raise InputError(
-            f"{path} states coordinates in {unit}, but --wall-length-unit is {length_unit}; leave "
-            "the option out, or correct the file."
-        )
+    unit = chosen_unit(path, unit, length_unit, "wall_length_unit")
     choice = choose_array(data, None, "temperature", str(path))
     data = _without_gaps(data, choice.name, path) if suffix in _TABLES else data
-    points = as_float64(data.points) * length_factor(length_unit or unit or "mm")
+    points = as_float64(data.points) * length_factor(unit)
     if choice.name not in data.point_data:
         data = data.cell_data_to_point_data()
     values = finite_values(data.point_data, choice.name, str(path))
     if not np.isfinite(points).all():
-        raise InputError(f"{path} has coordinates that are not finite numbers; export them again.")
+        raise InputError(
+            f"{path} has coordinates that are not finite numbers; export them again.",
+            code="wall.not_finite",
+        )
     units = stated if stated and choice.name in stated else None
     kelvins = to_si(values, choice, units, temperature_unit, str(path))
     if not (stated_unit(choice, units) or temperature_unit):
         warn(
             f"{path} does not state the unit of {choice.name!r}, which is read in K: "
             f"{kelvins.min() - ZERO_CELSIUS_K:.0f} to {kelvins.max() - ZERO_CELSIUS_K:.0f} degC; "
-            "state it (--wall-temperature-unit K or degC)."
+            "state it.",
+            argument="wall_temperature_unit",
         )
     if above_k is not None:
         points, kelvins, faces = _cut(points, kelvins, faces, above_k, path)
@@ -100,8 +97,10 @@ def _cut(
         used, faces = used_vertices(len(points), faces[used[faces].all(axis=1)])
     if not used.any():
         raise InputError(
-            f"{path} has no wall above {above_k:g} K, as its temperatures end at "
-            f"{kelvins.max():g} K; give a lower limit."
+            f"{path} has no wall above {above_k:g} K, as its temperatures end at {kelvins.max():g} "
+            "K; give a lower limit.",
+            code="wall.too_cold",
+            argument="wall_above",
         )
     return points[used], kelvins[used], faces
 
@@ -127,7 +126,8 @@ def _table(path: Path) -> tuple[pv.PolyData, str | None, dict[str, str]]:
     names = [column.name for column in columns]
     if twice := {name for name in names if names.count(name) > 1}:
         raise InputError(
-            f"{path} has several columns {min(twice)}, as of several times; leave the one to use."
+            f"{path} has several columns {min(twice)}, as of several times; leave the one to use.",
+            code="table.columns",
         )
     data = pv.PolyData(table.numbers(axes))
     for number, name in enumerate(names):

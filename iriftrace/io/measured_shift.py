@@ -19,6 +19,7 @@ from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import array_in, sha256_of
 from iriftrace.io.exr import exr_content
+from iriftrace.io.refusals import check_ending, check_exists, damaged, not_read
 from iriftrace.io.table import listed, read_table
 
 COLUMNS = ("u", "v", "du", "dv")
@@ -94,13 +95,8 @@ def read_measured_shift(path: str | Path, *, without_zeros: bool | None = None) 
     """
     file = Path(path)
     kind = file.suffix.lower()
-    if kind not in (".exr", ".npy", ".csv", ".txt"):
-        raise InputError(
-            f"{file} is not a file of measured shifts; give a two-channel map (.exr, .npy) or "
-            "markers with the columns u, v, du, dv (.csv)."
-        )
-    if not file.is_file():
-        raise InputError(f"there is no file {file}; give the measured shift.")
+    check_ending(file, (".exr", ".npy", ".csv", ".txt"), "a file of measured shifts")
+    check_exists(file)
     resolution, failed, rendered = None, 0, False
     if kind in (".exr", ".npy"):
         field, rendered = _exr_map(file) if kind == ".exr" else (_npy_map(file), False)
@@ -113,14 +109,20 @@ def read_measured_shift(path: str | Path, *, without_zeros: bool | None = None) 
         places, shifts, failed = _markers(file)
     if len(shifts) == 0:
         marked = f", and {failed:,} rows are marked as not found" if failed else ""
-        raise InputError(f"{file} has no measured shift: none of its values is finite{marked}.")
+        raise InputError(
+            f"{file} has no measured shift: none of its values is finite{marked}.",
+            code="shift.not_measured",
+        )
     read = MeasuredShift(places, shifts, resolution, str(file), sha256_of(file), failed)
     if without_zeros:
         return _without_zeros(read)
     # A rendering has exact zeros where there is no hot air.
     found = read if rendered else _with_doubt(read)
     if found.doubt and without_zeros is None:
-        warn(f"{found.doubt}; leave them out with without_zeros=True, or keep them with False.")
+        warn(
+            f"{found.doubt}; leave them out with without_zeros=True, or keep them with False.",
+            argument="without_zeros",
+        )
     return found
 
 
@@ -129,7 +131,8 @@ def _without_zeros(read: MeasuredShift) -> MeasuredShift:
     if not measured.any():
         raise InputError(
             f"All {len(measured):,} shifts of {read.path} are exactly 0, so none is left; "
-            "correlate the pictures again."
+            "correlate the pictures again.",
+            code="shift.not_measured",
         )
     zeros = int((~measured).sum())
     return evolve(read, places=read.places[measured], shifts=read.shifts[measured], zeros=zeros)
@@ -162,25 +165,21 @@ def _pair(names: list[str], file: Path) -> tuple[str, str]:
     for across, down in PAIRS:
         if len(names) == 2 and set(short) == {across, down}:
             return short[across], short[down]
-    raise InputError(
-        f"{file} has the channels {', '.join(names)}, but a map of shifts has two, across and "
-        "down, named " + ", ".join(f"{a} and {b}" for a, b in PAIRS) + "; rename them."
-    )
+    known = ", ".join(f"{a} and {b}" for a, b in PAIRS)
+    raise not_read(file, f"the channels {', '.join(names)}", f"name the two of a map {known}")
 
 
 def _npy_map(file: Path) -> FloatArray:
     try:
         numbers = np.asarray(array_in(file.read_bytes()), dtype=np.float64)
     except (OSError, ValueError, TypeError) as error:
-        raise InputError(f"{file} is not a NumPy array of numbers ({error}).") from error
+        raise damaged(file, error, "give a NumPy array of numbers") from error
     if numbers.ndim == 3 and numbers.shape[2] == 2:
         return numbers
     if numbers.ndim == 3 and numbers.shape[0] == 2:
         return np.moveaxis(numbers, 0, 2)
-    raise InputError(
-        f"{file} has the shape {numbers.shape}, but a map of shifts is (height, width, 2) or "
-        "(2, height, width): across and down."
-    )
+    remedy = "give a map (height, width, 2) or (2, height, width): across and down"
+    raise not_read(file, f"an array of the shape {numbers.shape}", remedy)
 
 
 def _markers(file: Path) -> tuple[FloatArray, FloatArray, int]:
@@ -188,10 +187,8 @@ def _markers(file: Path) -> tuple[FloatArray, FloatArray, int]:
     table = read_table(file)
     names = [column.name.casefold() for column in table.columns]
     if any(names.count(name) != 1 for name in COLUMNS):
-        raise InputError(
-            f"{file} has the columns {listed(table.names)}, but a list of markers has one each of "
-            "u, v, du, dv: position and shift, px, (0, 0) the first pixel's centre."
-        )
+        remedy = "name u, v, du, dv: position and shift, px, (0, 0) the first pixel's centre"
+        raise not_read(file, f"the columns {listed(table.names)}", remedy)
     failed = np.zeros(len(table.cells), dtype=bool)
     for name in (name for name in MARKS if name in names):
         failed |= MARKS[name](table.numbers([names.index(name)])[:, 0])

@@ -15,8 +15,8 @@ from typing import Protocol
 from attrs import evolve, frozen
 
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import check_readable
 from iriftrace.io import cgns, comsol, ensight, exodus, openfoam, vtk_files, xdmf
+from iriftrace.io.refusals import check_ending, check_exists
 from iriftrace.io.states import Contents, State
 
 
@@ -64,22 +64,17 @@ def reader_of(path: Path) -> Reader:
             return openfoam
         raise InputError(
             f"The folder {path} is not an OpenFOAM case (it has neither system/controlDict nor "
-            "constant/polyMesh); name the case's folder or the field's file."
+            "constant/polyMesh); name the case's folder or the field's file.",
+            code="case.no_case",
         )
-    if not path.is_file():
-        raise InputError(f"The field file {path} does not exist; check the path.")
-    check_readable(path)
+    check_exists(path)
     suffix = path.suffix.lower()
     if path.name == "controlDict":
         return openfoam
-    if suffix in _READERS:
-        return _READERS[suffix]
     if suffix in COMPRESSED:
-        raise InputError(f"The field file {path} is compressed; unpack it first.")
-    raise InputError(
-        f"{path} is not a field file of a supported format; export it as one of "
-        f"{', '.join(SUFFIXES)}, or name the folder of an OpenFOAM case."
-    )
+        raise InputError(f"{path} is compressed; unpack it first.", code="file.packed")
+    check_ending(path, SUFFIXES, "a field file")
+    return _READERS[suffix]
 
 
 def read_state(path: Path, number: int | None, *, flow: bool = False) -> Contents:
@@ -120,13 +115,11 @@ def member_at(path: str | Path, when: str) -> Member:
         if m.time is not None and math.isclose(m.time, time, rel_tol=_SAME_TIME, abs_tol=1e-12)
     ]
     if len(chosen) != 1:
-        if not found[0].label:
-            raise InputError(
-                f"{path} has no state {word!r}: it has {_listed(found)}; leave --time out."
-            )
         what = "no state" if not chosen else "several states"
         raise InputError(
-            f"{path} has {what} {word!r}; give latest, first or one of {_listed(found)}."
+            f"{path} has {what} {word!r}: it has {_listed(found)}.",
+            code="field.no_state",
+            argument="time",
         )
     return chosen[0]
 
@@ -142,7 +135,9 @@ def chosen_members(paths: Sequence[str | Path], when: str | None = None) -> tupl
     places = [path.resolve() for path in files]
     twice = [path for path in files if places.count(path.resolve()) > 1]
     if twice:
-        raise InputError(f"{twice[0]} is given twice, so it would count twice; remove one.")
+        raise InputError(
+            f"{twice[0]} is given twice, so it would count twice; remove one.", code="file.twice"
+        )
     chosen = []
     for path in files:
         for member in _chosen(path, when):
@@ -165,12 +160,18 @@ def _chosen(path: Path, when: str | None) -> tuple[Member, ...]:
         begin = end = math.nan
     if not begin <= end:
         raise InputError(
-            f'--time is "{when}", but a span FIRST:LAST goes from an earlier to a later time.'
+            f"The time is {when!r}, but a span FIRST:LAST goes from an earlier to a later time.",
+            code="field.time_span",
+            argument="time",
         )
     listed = members(path)
     found = tuple(m for m in listed if m.time is not None and begin <= m.time <= end)
     if not found:
-        raise InputError(f"{path} has no time from {begin:g} to {end:g}; it has {_listed(listed)}.")
+        raise InputError(
+            f"{path} has no time from {begin:g} to {end:g}; it has {_listed(listed)}.",
+            code="field.no_state",
+            argument="time",
+        )
     return found
 
 
@@ -194,4 +195,4 @@ def _file_errors(path: Path) -> Iterator[None]:
     except (OSError, EOFError) as error:
         name = getattr(error, "filename", None) or path
         reason = getattr(error, "strerror", None) or error
-        raise InputError(f"Cannot read {name}: {reason}.") from error
+        raise InputError(f"Cannot read {name}: {reason}.", code="file.unreadable") from error

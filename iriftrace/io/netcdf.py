@@ -11,10 +11,10 @@ from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from iriftrace.core.errors import InputError
-from iriftrace.core.files import MOST_PACKED, check_readable
+from iriftrace.core.files import MOST_PACKED
 from iriftrace.core.isolated import ChildError, read_in_child
 from iriftrace.core.plain import JsonObject
+from iriftrace.io.refusals import check_exists, check_schema, damaged
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -45,15 +45,11 @@ def read_netcdf(path: Path, kind: str, schema: str, *, left_in_file: str = "") -
     """
     import xarray as xr
 
-    if not path.is_file():
-        raise InputError(f"There is no {kind} {path}; `iriftrace {kind}` writes one.")
-    check_readable(path)
+    remedy = f"give the .nc that `iriftrace {kind}` writes"
+    check_exists(path, remedy)
     with path.open("rb") as file:
         if file.read(8) != b"\x89HDF\r\n\x1a\n":
-            raise InputError(
-                f"{path} is no netCDF file, so it is not a {kind}; give the .nc that "
-                f"`iriftrace {kind}` writes."
-            )
+            raise damaged(path, "it is no netCDF file", remedy)
     check_netcdf(path)
     try:
         dataset = xr.open_dataset(path, engine="h5netcdf")
@@ -61,17 +57,11 @@ def read_netcdf(path: Path, kind: str, schema: str, *, left_in_file: str = "") -
             if left_in_file not in variable.dims:
                 variable.load()
     except Exception as error:  # xarray decodes what a damaged file states, with any error
-        raise InputError(
-            f"{path} is damaged or not a netCDF file ({error}); give a {kind}."
-        ) from error
+        raise damaged(path, error, remedy) from error
     stated = dataset.attrs.get("schema")
     if not left_in_file or stated != schema:
         dataset.close()
-    if stated != schema:
-        raise InputError(
-            f"{path} has schema {stated!r} instead of {schema!r}, so it is not a {kind} of this "
-            f"version of iriftrace; run the {kind} again."
-        )
+    check_schema(path, stated, schema, f"run the {kind} again")
     return dataset
 
 
@@ -80,7 +70,7 @@ def check_netcdf(path: Path) -> None:
     state = path.stat()
     fault = _fault(path.absolute(), state.st_size, state.st_mtime_ns)
     if fault:
-        raise InputError(f"{path} is damaged or no netCDF file ({fault}); write it again.")
+        raise damaged(path, fault, "write it again")
 
 
 @cache

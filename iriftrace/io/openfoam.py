@@ -17,8 +17,9 @@ from attrs import frozen
 
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import sha256_of_list, text_in
-from iriftrace.io.openfoam_mesh import Piece, joined, split_piece
+from iriftrace.io.openfoam_mesh import MeshPiece, joined, split_piece
 from iriftrace.io.openfoam_walls import set_values_of_gradients, unpacked
+from iriftrace.io.refusals import damaged, not_read
 from iriftrace.io.states import Contents, State, state_number
 from iriftrace.io.vtk_check import read_case
 from iriftrace.io.vtk_files import blocks_by_name
@@ -78,17 +79,16 @@ def read(path: Path, member: int | None, *, flow: bool = False) -> Contents:
     ]
     if not names:
         raise InputError(
-            f"The case {path} has no scalar field in its time folder {time}; choose another time "
-            "(--time)."
+            f"The case {path} has no scalar field in its time folder {time}; choose another time.",
+            code="field.no_array",
+            argument="time",
         )
     for piece in pieces:
         for patch, mesh in piece.patches.items():
             missing = [name for name in names if mesh.n_cells and name not in mesh.cell_data]
             if missing:
-                raise InputError(
-                    f"The case {path} has no values of {missing[0]} on the patch {patch}; is the "
-                    "file of this time complete?"
-                )
+                found = f"no values of {missing[0]} on the patch {patch}"
+                raise damaged(path, found, "choose another time", argument="time")
     files = (
         file
         for piece in case.pieces
@@ -144,7 +144,8 @@ def _fluid_region(case: Path) -> str:
             f"The case {case} has the regions {', '.join(regions)}, of which "
             f"{' and '.join(fluids) or 'none'} are fluid, but only one can be read; give the "
             "folder of the region with the air instead of the case's, such as "
-            f"{case / 'constant' / (fluids or regions)[0]}."
+            f"{case / 'constant' / (fluids or regions)[0]}.",
+            code="case.two_fluids",
         )
     return fluids[0]
 
@@ -187,10 +188,8 @@ def _case(path: Path) -> _Case:
     later = [*map(float, apart), *(time for p in collated for time in time_folders(p))]
     last, latest = float(whole[-1]) if whole else 0.0, max(later, default=0.0)
     if collated and not apart and (not whole or last == 0.0 < latest):
-        raise InputError(
-            f"The results of the case {folder} are in {collated[0].name}, in OpenFOAM's collated "
-            "format, which cannot be read here; run reconstructPar first."
-        )
+        found = f"its results in {collated[0].name}, in OpenFOAM's collated format"
+        raise not_read(folder, found, "run reconstructPar first")
     if whole and (last > 0.0 or not apart):
         if latest > last:
             warn(
@@ -201,10 +200,14 @@ def _case(path: Path) -> _Case:
     if apart:
         return _Case(folder, tuple(processors), apart, region)
     if not _mesh(folder, region).is_dir() and not processors:
-        raise InputError(f"The case {folder} has no mesh ({_mesh(Path(), region)}); mesh it first.")
+        raise InputError(
+            f"The case {folder} has no mesh ({_mesh(Path(), region)}); mesh it first.",
+            code="case.no_mesh",
+        )
     raise InputError(
         f"The case {folder} has no time folder with results, so there is no field; run the solver, "
-        "or reconstructPar."
+        "or reconstructPar.",
+        code="case.no_time",
     )
 
 
@@ -238,7 +241,7 @@ def _solver(folder: Path) -> str:
     return f" {found[1]}" if found else ""
 
 
-def _piece(folder: Path, time: str, region: str, flow: bool) -> Piece:
+def _piece(folder: Path, time: str, region: str, flow: bool) -> MeshPiece:
     """Cells and patches of one folder with a polyMesh, or of a region in it."""
     data, named = read_case(folder, time, region)
     blocks = blocks_by_name(data)
@@ -247,28 +250,27 @@ def _piece(folder: Path, time: str, region: str, flow: bool) -> Piece:
     place = folder / time / region
     grid = blocks.get("internalMesh")
     if not isinstance(grid, pv.UnstructuredGrid) or not grid.n_cells:
-        raise InputError(
-            f"The mesh of the case {folder} cannot be read; is {_mesh(Path(), region)} complete?"
-        )
+        raise damaged(folder, "it has no cells", f"check {_mesh(Path(), region)}")
     files = [file.name for file in place.iterdir()]
     there = {name.removesuffix(".gz") for name in files}
     twice = {name for name in there if {name, f"{name}.gz"} <= set(files) and quantity_of(name)}
     if twice:
         raise InputError(
-            f"{place} has both {min(twice)} and {min(twice)}.gz, of which OpenFOAM reads "
-            "the first; remove the one that is out of date."
+            f"{place} has both {min(twice)} and {min(twice)}.gz, of which OpenFOAM reads the "
+            "first; remove the one that is out of date.",
+            code="case.twice",
         )
     empty = {file.name for file in place.iterdir() if not file.stat().st_size}
     # VTK ignores an empty file as if it did not exist.
-    damaged = there.intersection(n for n in (*named, *empty) if quantity_of(n))
-    damaged = damaged.difference(grid.cell_data)
-    if damaged:
-        file = place / min(damaged)
+    unread = there.intersection(n for n in (*named, *empty) if quantity_of(n))
+    unread = unread.difference(grid.cell_data)
+    if unread:
+        file = place / min(unread)
         why = "a solver that was stopped leaves such files"
         text = file.read_bytes() if file.is_file() else b""
         if _DIRECTIVE.search(text) and not _BINARY.search(text):
             why = "it has variables or directives ($ or #), and a solver writes files without them"
-        raise InputError(f"The file {file} cannot be read; {why}, so choose another time (--time).")
+        raise damaged(file, why, "choose another time", argument="time")
     if TEMPERATURE in there:
         _refuse_other_dimensions(place / TEMPERATURE)
     kinds = _patch_kinds(_mesh(folder, region))
@@ -298,7 +300,8 @@ def _refuse_other_dimensions(file: Path) -> None:
     if [word for word in enumerate(exponents) if word[1] != "0"] != [(3, "1")]:
         raise InputError(
             f"{file} states the dimensions [{' '.join(exponents)}], which are not those of a "
-            "temperature in kelvin, [0 0 0 1 0 0 0]; write the temperature under this name."
+            "temperature in kelvin, [0 0 0 1 0 0 0]; write the temperature under this name.",
+            code="case.dimensions",
         )
 
 
@@ -313,7 +316,8 @@ def _refuse_missing_pieces(case: _Case) -> None:
     if missing:
         raise InputError(
             f"{case.folder} has only a part of a decomposed mesh, which borders on "
-            f"{', '.join(missing)}; give the case's folder, with the folders of all processors."
+            f"{', '.join(missing)}; give the case's folder, with the folders of all processors.",
+            code="case.processors",
         )
 
 

@@ -23,7 +23,7 @@ _CELLS, _PATCHES, _WALLS = range(3)
 
 
 @frozen(eq=False)
-class Piece:
+class MeshPiece:
     """A mesh as read, whole or from one processor, and as linear cells."""
 
     grid: pv.UnstructuredGrid  # with cell data
@@ -39,7 +39,7 @@ class Piece:
 
 def split_piece(
     grid: pv.UnstructuredGrid, patches: Mapping[str, pv.PolyData], walls: frozenset[str]
-) -> Piece:
+) -> MeshPiece:
     """Split the polyhedra of a grid; its other cells do not change.
 
     The gradients in a cell's pieces then start from its own value at its own centroid.
@@ -53,10 +53,10 @@ def split_piece(
         cells[kind] = np.concatenate((cells[kind], new)) if kind in cells else new
     points = np.asarray(grid.points, dtype=np.float64)
     points = np.concatenate((points, split.face_centres, split.centres))
-    return Piece(grid, patches, walls, points, cells, centres, split)
+    return MeshPiece(grid, patches, walls, points, cells, centres, split)
 
 
-def joined(pieces: Sequence[Piece], names: Sequence[str]) -> pv.UnstructuredGrid:
+def joined(pieces: Sequence[MeshPiece], names: Sequence[str]) -> pv.UnstructuredGrid:
     """One grid of all pieces, joined at points that coincide exactly, with values at its points.
 
     A point gets a weighted mean of the values around it that is exact for values linear in space,
@@ -85,7 +85,7 @@ def joined(pieces: Sequence[Piece], names: Sequence[str]) -> pv.UnstructuredGrid
 
 
 def _point_means(
-    pieces: Sequence[Piece], numbers: Sequence[IntArray], count: int, names: Sequence[str]
+    pieces: Sequence[MeshPiece], numbers: Sequence[IntArray], count: int, names: Sequence[str]
 ) -> dict[str, FloatArray]:
     """Values at `count` points; `numbers` are those of the points of each piece."""
     around = [
@@ -131,7 +131,7 @@ class _Around:
     data: pv.DataSetAttributes  # cell data
 
 
-def _around(piece: Piece, number: IntArray) -> Iterator[_Around]:
+def _around(piece: MeshPiece, number: IntArray) -> Iterator[_Around]:
     """Cells and faces of each patch around points, with the points' numbers in the joined grid."""
     cell, corner = corners_in(piece.grid.GetCells())
     arm = piece.centres[cell] - piece.points[corner]

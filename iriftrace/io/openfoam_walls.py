@@ -19,7 +19,8 @@ from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError, warn
-from iriftrace.io.openfoam_mesh import Piece
+from iriftrace.io.openfoam_mesh import MeshPiece
+from iriftrace.io.refusals import damaged
 from iriftrace.medium.gradient import corners_in
 
 if TYPE_CHECKING:
@@ -37,6 +38,8 @@ _MIXED = ("refValue", "refGradient", "valueFraction")
 _COMPONENTS = {b"vector": 3, b"symmTensor": 6, b"tensor": 9}
 """Numbers per entry of a list; one for all other kinds."""
 
+_STOPPED = "a solver that was stopped leaves such files, so choose another time"
+
 _TOKEN = re.compile(
     rb"""(?P<skip>\s+|//[^\n]*|/\*.*?\*/|\#[^\n]*)
     |(?P<list>List<(?P<kind>\w+)>\s*(?P<count>\d+)\s*(?P<open>[({]))
@@ -45,7 +48,7 @@ _TOKEN = re.compile(
 )
 
 
-def set_values_of_gradients(piece: Piece, folder: Path, names: frozenset[str]) -> None:
+def set_values_of_gradients(piece: MeshPiece, folder: Path, names: frozenset[str]) -> None:
     """Compute the values of patches for which the files of some fields, by name, state a gradient.
 
     `folder` is the time's. Refuses a wall with neither value nor gradient; warns of other patches.
@@ -79,10 +82,7 @@ def boundary_entries(file: Path) -> Entries:
         width = (4 if b"scalar=32" in head else 8) if binary else 0
         entries = _dictionary(_tokens(body, width))
     except (ValueError, IndexError, RecursionError, zlib.error) as error:
-        raise InputError(
-            f"The boundary values in {file} cannot be read ({error}); a solver that was stopped "
-            "leaves such files, so choose another time (--time)."
-        ) from error
+        raise damaged(file, error, _STOPPED, argument="time") from error
     return next((value for value in entries.values() if isinstance(value, dict)), {})
 
 
@@ -148,7 +148,7 @@ def _fits(pattern: str, patch: str) -> bool:
         return False
 
 
-def _set_value(piece: Piece, patch: str, name: str, entries: Entries, file: Path) -> None:
+def _set_value(piece: MeshPiece, patch: str, name: str, entries: Entries, file: Path) -> None:
     """Replace VTK's values on one patch."""
     mesh = piece.patches[patch]
     gradient = _numbers(entries.get("gradient"), mesh.n_cells, file)
@@ -159,7 +159,9 @@ def _set_value(piece: Piece, patch: str, name: str, entries: Entries, file: Path
         if patch in piece.walls:
             raise InputError(
                 f"{what}wall {patch} (type {entries['type']}), so the temperature there is not "
-                "known; choose a time that the solver has written (--time), or add a `value` there."
+                "known; choose a time that the solver has written, or add a `value` there.",
+                code="case.no_wall_value",
+                argument="time",
             )
         warn(
             f"{what}patch {patch} (type {entries['type']}); the values of the cells next to it are "
@@ -180,10 +182,8 @@ def _numbers(
         return None
     if isinstance(stated, np.ndarray):
         if len(stated) != count:
-            raise InputError(
-                f"{file} lists {len(stated)} values for a patch of {count} faces; it is damaged, "
-                "so choose another time (--time)."
-            )
+            found = f"it lists {len(stated)} values for a patch of {count} faces"
+            raise damaged(file, found, _STOPPED, argument="time")
         return stated
     try:
         return float(stated)

@@ -4,23 +4,26 @@ from __future__ import annotations
 
 import itertools
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import trimesh
 from attrs import evolve, frozen
-from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import AnyArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of, whole_file
-from iriftrace.core.mesh.transform import apply, checked_matrix
+from iriftrace.core.mesh.transform import apply
 from iriftrace.core.units import LENGTH_UNITS, length_factor, length_unit_of
 from iriftrace.io.ply import HEADER_LIMIT, PlyMesh, check_corners, read_ply, write_ply
+from iriftrace.io.reading import AS_DRAWN, ReadPart
+from iriftrace.io.refusals import check_exists, damaged, not_read
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.regions import Regions
 from iriftrace.part.soundness import check_unit, stated_growth
+from iriftrace.part.uneven_growth import Temperatures, grown_unevenly
 
 # Mitsuba reads face properties only with a number at the end, and calls this one ``face_region``;
 # for any other name it prints a warning. It scales integers by their range, hence float.
@@ -55,27 +58,26 @@ class MeshFile:
 
 def load_mesh_file(path: Path) -> MeshFile:
     """Read a mesh file; the parts of a scene (``.glb``) are combined."""
-    if not path.is_file():
-        raise InputError(f"there is no part file {path}; give an existing mesh.")
+    check_exists(path, "give an existing mesh")
     suffix = path.suffix.removeprefix(".").lower()
     with path.open("rb") as file:
         packed = file.read(4).startswith((b"\x1f\x8b", b"BZh", b"PK\x03\x04"))
     if packed and suffix != "3mf":
         raise InputError(
-            f"{path} is packed (gzip, bzip2 or zip); unpack it, and give the mesh in it."
+            f"{path} is packed (gzip, bzip2 or zip); unpack it, and give the mesh in it.",
+            code="file.packed",
         )
     if suffix not in trimesh.available_formats():
         install = "install lxml and networkx (pip install lxml networkx), or "
         raise InputError(
             f"{path} is of a format {suffix!r} that cannot be read; "
-            f"{install if suffix == '3mf' else ''}convert it to PLY, STL, OBJ or GLB."
+            f"{install if suffix == '3mf' else ''}convert it to PLY, STL, OBJ or GLB.",
+            code="file.ending",
         )
     required = _REQUIRED.search(path.read_bytes()) if suffix in ("glb", "gltf") else None
     if required and (unread := _OF_SHAPES.search(required[1])):
-        raise InputError(
-            f"{path} requires the extension {unread[1].decode()} of glTF, which is not read; "
-            "export it without compression and instances."
-        )
+        found = f"the extension {unread[1].decode()} of glTF"
+        raise not_read(path, found, "export it without compression and instances")
     unit, region_columns, growth, drawing = None, [], None, None
     mesh: PlyMesh | trimesh.parent.Geometry
     try:
@@ -93,24 +95,17 @@ def load_mesh_file(path: Path) -> MeshFile:
             mesh = mesh.to_mesh() if isinstance(mesh, trimesh.Scene) else mesh
     except Exception as error:  # its readers raise any error for a damaged file
         if _DECIMAL_COMMA.search(path.read_bytes()[:4096]):
-            raise InputError(
-                f"{path} has decimal commas, which no mesh format knows; export it with decimal "
-                "points, or as a binary file."
-            ) from error
-        raise InputError(
-            f"{path} is damaged or no mesh ({error}); export it again, as triangles."
-        ) from error
+            remedy = "export it with decimal points, or as a binary file"
+            raise not_read(path, "decimal commas", remedy) from error
+        raise damaged(path, error, "export it again, as triangles") from error
     faces = np.asarray(getattr(mesh, "faces", ()), dtype=np.int64)
     if faces.size == 0:
-        raise InputError(
-            f"{path} has no triangles or is damaged, so there is nothing to measure; export the "
-            "part's surface as triangles."
-        )
+        raise damaged(path, "it has no triangles", "export the part's surface as triangles")
     vertices = np.array(getattr(mesh, "vertices", ()), dtype=np.float64)
     try:
         check_corners(vertices, faces)
     except ValueError as error:
-        raise InputError(f"{path} is damaged: {error}; export it again.") from error
+        raise damaged(path, error) from error
     regions = _regions(path, region_columns[0], len(faces)) if region_columns else None
     unit = unit or length_unit_of(remarks_of(path), path.name) or None
     return MeshFile(vertices, faces, regions, unit, sha256_of(path), growth, drawing)
@@ -149,23 +144,19 @@ def _header(path: Path) -> list[str]:
 def _regions(path: Path, column: AnyArray, face_count: int) -> Regions:
     given = column.astype(np.float64)
     if not (np.abs(given) < LARGEST_REGION).all():
-        raise InputError(
-            f"{path} is damaged: a triangle's region is not a number below {LARGEST_REGION:,}; "
-            "export it again."
-        )
+        raise damaged(path, f"a triangle's region is not a number below {LARGEST_REGION:,}")
     if len(given) != face_count:
-        raise InputError(
-            f"{path} has {len(given)} region numbers for {face_count} triangles, because some of "
-            "its faces are not triangles; export it as triangles or drop the regions."
-        )
+        fault = f"it has {len(given)} region numbers for {face_count} triangles"
+        raise damaged(path, fault, "export it as triangles or drop the regions")
     ids, of_face = np.unique(np.rint(given).astype(np.int64), return_inverse=True)
     matches = filter(None, map(_REGION_COMMENT.fullmatch, _header(path)))
     named = {int(match[1]): match[2] for match in matches}
     found = tuple(named.get(i, f"region {i}") for i in ids.tolist())
     if len(set(found)) < len(found):
         raise InputError(
-            f"{path} gives one region name to several numbers: {', '.join(found)}; "
-            "make the names in its comments unique."
+            f"{path} gives one region name to several numbers: {', '.join(found)}; make the names "
+            "in its comments unique.",
+            code="region.twice",
         )
     return Regions(of_face.astype(np.int64), found)
 
@@ -176,7 +167,9 @@ def check_part_name(path: Path) -> None:
         proposed = path.with_name((path.stem or "part") + ".ply")
         raise InputError(
             f"The output {path} must end in .ply, which keeps the named regions, or .stl; name it "
-            f"{proposed}, for example."
+            f"{proposed}, for example.",
+            code="file.ending",
+            argument="output",
         )
 
 
@@ -214,33 +207,24 @@ def write_mesh_file(
 
 def read_part(
     path: str | Path,
+    reading: ReadPart = AS_DRAWN,
     *,
-    length_unit: str | None = None,
-    transform: ArrayLike | None = None,
-    expansion: float | None = None,
-    reference_temperature_k: float = 293.15,
-    hot_temperature_k: float | None = None,
-    region_angle_deg: float = 30.0,
+    field_wall: Callable[[Part], Temperatures] | None = None,
 ) -> Part:
     """Read a part's surface, check it and find its regions.
 
-    The coordinates are read in `length_unit`, then expanded about the file's origin, then
+    The coordinates are read in the part's length unit, then expanded about the file's origin, then
     transformed.
 
     Parameters
     ----------
     path
         A mesh that trimesh reads: PLY, STL, OBJ, OFF, GLB and others.
-    length_unit
-        Unit of the file's coordinates; by default that stated in the file (glTF: m), else mm.
-    transform
-        (4, 4) array, part to world, mm.
-    expansion
-        Linear thermal expansion, 1/K. The file describes the part at `reference_temperature_k`.
-    reference_temperature_k, hot_temperature_k
-        Temperatures of the file and of the hot part, K; the second is needed with `expansion`.
-    region_angle_deg
-        Faces whose normals differ by less are smoothly connected.
+    reading
+        Unit, place and thermal expansion of the part.
+    field_wall
+        Returns the temperatures of the field's wall for the cold part; needed if the part's hot
+        temperature is that of the field.
 
     Returns
     -------
@@ -259,19 +243,30 @@ def read_part(
         The surface is not closed, was turned over, has triangles that lie on others, which are
         removed, or on their neighbours, is far from the origin, or its unit is doubtful.
     """
-    path = Path(path)
+    path, length_unit, hot, transform = Path(path), reading.length_unit, reading.hot, reading.matrix
     if length_unit is not None:
         length_factor(length_unit)  # refuses an unknown unit before the file is read
         length_unit = LENGTH_UNITS.get(length_unit.casefold(), length_unit)
+    if reading.expansion is None and reading.hot_temperature:
+        raise InputError(
+            "a hot temperature is given, by which the part expands only with its expansion; give "
+            "that, such as 14e-6/K, or leave the temperature out for a part drawn hot.",
+            code="part.no_expansion",
+            argument="expansion",
+        )
     file = load_mesh_file(path)
     growth, factor = stated_growth(
-        path, file.growth, expansion, reference_temperature_k, hot_temperature_k
+        str(path),
+        file.growth,
+        None if hot.uneven else reading.expansion,
+        reading.reference_temperature,
+        hot.default,
     )
     stated = file.unit and LENGTH_UNITS.get(file.unit, file.unit)
     length_unit = length_unit or stated or "mm"
     scale = length_factor(length_unit) * factor
     vertices = file.vertices * scale
-    check_unit(path, vertices[file.faces.ravel()], stated or length_unit, length_unit)
+    check_unit(str(path), vertices[file.faces.ravel()], stated or length_unit, length_unit)
     part = part_of_mesh(
         vertices,
         file.faces,
@@ -280,13 +275,21 @@ def read_part(
         length_unit=length_unit,
         regions=file.regions,
         transform=transform,
-        region_angle_deg=region_angle_deg,
+        region_angle_deg=reading.region_angle,
     )
+    if reading.expansion is not None and hot.uneven:
+        return grown_unevenly(
+            evolve(part, growth=growth),
+            reading.expansion,
+            reading.reference_temperature,
+            hot.at_walls(part, field_wall),
+            (0.0, 0.0, 0.0) if transform is None else transform[:3, 3],
+        )
     if growth is None or (file.drawing is None and transform is None):
         return evolve(part, growth=growth)
     drawing = vertices / growth.factor if file.drawing is None else file.drawing * scale
     if transform is not None:
-        drawing = apply(checked_matrix(transform), drawing)
+        drawing = apply(transform, drawing)
     return evolve(part, growth=growth, drawing=drawing)
 
 

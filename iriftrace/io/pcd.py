@@ -13,8 +13,9 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.core.arrays import AnyArray, FloatArray
-from iriftrace.core.errors import InputError, warn
+from iriftrace.core.errors import warn
 from iriftrace.core.units import length_unit_of
+from iriftrace.io.refusals import damaged
 
 _IDENTITY = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 _KINDS = {"F": (4, 8), "I": (1, 2, 4, 8), "U": (1, 2, 4, 8)}
@@ -42,9 +43,7 @@ def read_pcd(path: Path) -> PcdCloud:
     try:
         return _read(path)
     except (ValueError, KeyError, IndexError) as error:
-        raise InputError(
-            f"{path} is damaged or no PCD file ({error}); export the cloud again."
-        ) from error
+        raise damaged(path, error) from error
 
 
 def _read(path: Path) -> PcdCloud:
@@ -72,7 +71,8 @@ def _read(path: Path) -> PcdCloud:
     if viewpoint != _IDENTITY:
         warn(
             f"{path.name} states a VIEWPOINT ({' '.join(header['VIEWPOINT'])}), which is not "
-            "applied; if its points are in the sensor's frame, use --cloud-to-part."
+            "applied; if its points are in the sensor's frame, give the motion to the part's.",
+            argument="cloud_to_part",
         )
     return PcdCloud(
         np.column_stack([columns[axis] for axis in "xyz"]).astype(np.float64),

@@ -13,6 +13,7 @@ from attrs import frozen
 from iriftrace.camera.pose_set import aimed
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
+from iriftrace.io.refusals import damaged, not_read, one_unit
 from iriftrace.io.robot_poses import QUATERNION, ROBOTS, RobotName
 
 ANGLES = ("azimuth_deg", "elevation_deg")
@@ -45,6 +46,7 @@ class StatedPoses:
 class _Table:
     """Cells of a table by the names of its columns, with the numbers of the rows' lines."""
 
+    path: Path
     lines: list[int]
     cells: dict[str, list[str]]
 
@@ -64,9 +66,8 @@ class _Table:
             try:
                 values[row] = float(cell)
             except ValueError:
-                raise InputError(
-                    f"line {self.lines[row]}: {cell!r} is not a number; correct it."
-                ) from None
+                found = f"line {self.lines[row]}: {cell!r} is not a number"
+                raise damaged(self.path, found, "correct it") from None
         return values
 
 
@@ -84,32 +85,36 @@ def read_table(text: str, path: Path, robot: RobotName | None) -> StatedPoses:
     form = next((form for form in forms if named == sorted(form)), None)
     if form is None or not set(units) <= {*ORIGIN, *_TARGET, *orientation.angles}:
         known = _OWN if robot is None else f"{', '.join(turned)} (of the robot {robot})"
-        raise InputError(
-            f"{path} has the columns {text.splitlines()[0][:200]!r}, but poses are read from "
-            f"{known}, and besides only azimuth_deg, elevation_deg and convention; name them so in "
-            "the first line, leave out others, and state the robot if they are a robot's."
+        raise not_read(
+            path,
+            f"the columns {text.splitlines()[0][:200]!r}",
+            f"name {known}, and besides only azimuth_deg, elevation_deg and convention, and state "
+            "the robot if they are a robot's",
+            argument="robot",
         )
     lengths = sorted({unit for name, unit in units.items() if name in looking})
-    angles = sorted({unit for name, unit in units.items() if name in orientation.angles})
-    if angles not in ([], ["deg"], ["rad"]):
-        raise InputError(
-            f"{path} has angles in {' and '.join(angles)}; write all in deg or all in rad."
-        )
-    try:
-        azimuth, elevation = map(table.angles, ANGLES)
-        if form == MATRIX:
-            matrices = table.numbers(MATRIX).reshape(-1, 4, 4)
-        elif form == looking:
-            matrices = aimed(table.numbers(ORIGIN), table.numbers(_TARGET))
-        else:
-            values = table.numbers(orientation.columns)
-            if not orientation.angles:
-                _check_quaternions(values, table)
-            matrices = np.tile(np.eye(4), (len(values), 1, 1))
-            matrices[:, :3, :3] = orientation.matrices(values, "".join(angles))
-            matrices[:, :3, 3] = table.numbers(ORIGIN)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
+    angle = one_unit(path, (unit for name, unit in units.items() if name in orientation.angles))
+    if angle not in ("", "deg", "rad"):
+        raise not_read(path, f"angles in {angle}", "write all in deg or all in rad")
+    azimuth, elevation = map(table.angles, ANGLES)
+    if form == MATRIX:
+        matrices = table.numbers(MATRIX).reshape(-1, 4, 4)
+    else:
+        origins = table.numbers(ORIGIN)
+        values = table.numbers(_TARGET if form == looking else orientation.columns)
+        if form == turned and not orientation.angles:
+            _check_quaternions(values, table)
+        try:
+            if form == looking:
+                matrices = aimed(origins, values)
+            else:
+                matrices = np.tile(np.eye(4), (len(values), 1, 1))
+                matrices[:, :3, :3] = orientation.matrices(values, angle)
+                matrices[:, :3, 3] = origins
+        except InputError as error:
+            raise InputError(
+                f"{path}: {error}", code=error.code, argument=error.argument
+            ) from error
     return StatedPoses(
         matrices,
         azimuth,
@@ -129,16 +134,14 @@ def _parsed(text: str, path: Path) -> tuple[_Table, list[str], dict[str, str]]:
     try:
         header, *rows = csv.reader([first, *below.splitlines()], delimiter=mark)
     except csv.Error as error:
-        raise InputError(f"{path} is not a table of poses ({error}); write it again.") from error
+        raise damaged(path, error, "write it again") from error
     numbered = [(k, row) for k, row in enumerate(rows, 2) if any(map(str.strip, row))]
     if not numbered:
-        raise InputError(f"{path} has no pose below the line with the names; add one.")
+        raise damaged(path, "it has no pose below the line with the names", "add one")
     for line, row in numbered:
         if len(row) != len(header):
-            raise InputError(
-                f"{path}, line {line} has {len(row)} columns, but the first line names "
-                f"{len(header)}; give all rows the same."
-            )
+            fault = f"line {line} has {len(row)} columns, but the first one names {len(header)}"
+            raise damaged(path, fault, "give all rows the same")
     names, units = [], {}
     for title in map(str.strip, header):
         found = _WITH_UNIT.fullmatch(title)
@@ -147,7 +150,7 @@ def _parsed(text: str, path: Path) -> tuple[_Table, list[str], dict[str, str]]:
             units[names[-1]] = found["unit"]
     columns = zip(*(map(str.strip, row) for _, row in numbered), strict=True)
     lines = [line for line, _ in numbered]
-    return _Table(lines, dict(zip(names, map(list, columns), strict=True))), names, units
+    return _Table(path, lines, dict(zip(names, map(list, columns), strict=True))), names, units
 
 
 def _check_quaternions(quaternions: FloatArray, table: _Table) -> None:
@@ -156,6 +159,7 @@ def _check_quaternions(quaternions: FloatArray, table: _Table) -> None:
     if wrong.any():
         number = int(np.argmax(wrong))
         raise InputError(
-            f"line {table.lines[number]}: the quaternion has length "
-            f"{lengths[number]:g} instead of 1, so it is not a rotation; correct it."
+            f"{table.path}, line {table.lines[number]}: the quaternion has length "
+            f"{lengths[number]:g} instead of 1, so it is not a rotation; correct it.",
+            code="poses.quaternion",
         )

@@ -18,6 +18,7 @@ from __future__ import annotations
 import io
 import json
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from attrs import frozen
@@ -31,9 +32,14 @@ from iriftrace.core.mesh.transform import checked_matrix, nearest_rotations, rig
 from iriftrace.core.plain import plain, structured
 from iriftrace.core.units import LENGTH_UNITS, length_factor
 from iriftrace.io.pose_table import ANGLES, MATRIX, ORIGIN, StatedPoses, read_table
+from iriftrace.io.refusals import check_ending, check_exists, damaged
 from iriftrace.io.robot_poses import ROBOTS, RobotName
 
 SCHEMA = "iriftrace.poses/1"
+
+Convention = Literal["opencv", "mitsuba", "opengl", "ros"]
+OPENCV: Convention = "opencv"
+"""The usual axes: x right, y down, z forward."""
 
 CONVENTIONS: dict[str, FloatArray] = {
     # Columns: the convention's x, y and z in right, down, forward.
@@ -77,7 +83,7 @@ def from_convention(matrices: ArrayLike, name: str) -> FloatArray:
 
 def read_poses(
     path: str | Path,
-    convention: str = "opencv",
+    convention: str = OPENCV,
     *,
     length_unit: str = "mm",
     robot: RobotName | None = None,
@@ -127,12 +133,14 @@ def read_poses(
     stated = _stated(path, robot)
     for name, said, given in (
         ("convention", stated.convention, convention),
-        ("length unit", stated.length_unit, length_unit),
+        ("length_unit", stated.length_unit, length_unit),
     ):
         if said and _folded(said) != _folded(given):
             raise InputError(
-                f"{path} states the {name} {said!r}, but is read with {given!r}, which would "
-                "misplace every camera; read it with its own."
+                f"{path} states the {name.replace('_', ' ')} {said!r}, but is read with {given!r}, "
+                "which would misplace every camera; read it with its own.",
+                code="poses.contradict",
+                argument=name,
             )
     matrices = np.array(stated.matrices, dtype=np.float64)
     refuse_distorted(matrices, _LARGEST_ROUNDING, f" of {path}")
@@ -142,7 +150,9 @@ def read_poses(
         if stated.is_aimed:
             raise InputError(
                 f"{path} aims cameras at targets, but a hand-eye matrix belongs to poses of a "
-                "flange; leave it out."
+                "flange; leave it out.",
+                code="poses.aimed",
+                argument="hand_eye",
             )
         matrices = matrices @ _hand_eye(hand_eye)
     if not stated.is_aimed:
@@ -155,7 +165,7 @@ def read_poses(
     return PoseSet(matrices, *(unknown if angle is None else angle for angle in angles))
 
 
-def write_poses(path: str | Path, poses: PoseSet, convention: str = "opencv") -> None:
+def write_poses(path: str | Path, poses: PoseSet, convention: str = OPENCV) -> None:
     """Write camera poses, in mm, such that `read_poses` gives them back to the last bit.
 
     ``.csv`` and ``.json`` keep angles and state the convention, one of `CONVENTIONS`; ``.npy``
@@ -163,9 +173,12 @@ def write_poses(path: str | Path, poses: PoseSet, convention: str = "opencv") ->
     pose, or the file cannot be written.
     """
     path = Path(path)
+    check_ending(path, _FORMATS, "a file of poses")
     matrices = to_convention(poses.matrices, convention)
     if len(poses) == 0:
-        raise InputError(f"There is no pose to write to {path}; choose at least one.")
+        raise InputError(
+            f"There is no pose to write to {path}; choose at least one.", code="poses.empty"
+        )
     match path.suffix.lower():
         case ".npy":
             buffer = io.BytesIO()
@@ -176,23 +189,15 @@ def write_poses(path: str | Path, poses: PoseSet, convention: str = "opencv") ->
             listed = ([None if np.isnan(x) else x for x in angle.tolist()] for angle in angles)
             described = _JsonFile(SCHEMA, convention, "mm", matrices.tolist(), *listed)
             content = (json.dumps(plain(described)) + "\n").encode()
-        case ".csv":
+        case _:
             lines = [",".join((*MATRIX, *ANGLES, "convention"))]
             angle_pairs = np.stack((poses.azimuth_deg, poses.elevation_deg), axis=1)
             for matrix, pair in zip(matrices, angle_pairs, strict=True):
                 stated = ("" if np.isnan(x) else repr(x) for x in pair.tolist())
                 lines.append(",".join((*map(repr, matrix.ravel().tolist()), *stated, convention)))
             content = ("\n".join(lines) + "\n").encode()
-        case _:
-            raise _unknown_ending(path)
     with whole_file(path) as temporary:
         temporary.write_bytes(content)
-
-
-def _unknown_ending(path: Path) -> InputError:
-    return InputError(
-        f"{path} has an ending that no format of poses has; use {', '.join(_FORMATS)}."
-    )
 
 
 def _folded(word: str) -> str:
@@ -205,7 +210,9 @@ def _axes(name: str) -> FloatArray:
         return CONVENTIONS[name]
     except KeyError:
         raise InputError(
-            f"Unknown camera convention {name!r}; use one of {', '.join(CONVENTIONS)}."
+            f"Unknown camera convention {name!r}; use one of {', '.join(CONVENTIONS)}.",
+            code="poses.convention",
+            argument="convention",
         ) from None
 
 
@@ -222,20 +229,23 @@ def _hand_eye(matrix: ArrayLike) -> FloatArray:
     if 0.0 < distance < 1.0:
         warn(
             f"The hand-eye matrix has the camera {distance:.3g} mm from the flange, as if it were "
-            "in metres; write '# unit: m' into its file, or give it in mm."
+            "in metres; write '# unit: m' into its file, or give it in mm.",
+            argument="hand_eye",
         )
     return motion
 
 
 def _stated(path: Path, robot: RobotName | None) -> StatedPoses:
     """What a file states of its poses, in its own convention and unit."""
+    check_ending(path, _FORMATS, "a file of poses")
+    check_exists(path)
     kind = path.suffix.lower()
-    if kind not in _FORMATS:
-        raise _unknown_ending(path)
     if robot is not None and kind != ".csv":
         raise InputError(
             f"{path} cannot state orientations of a robot ({robot}); give a table (.csv) with the "
-            f"columns {', '.join(ORIGIN + ROBOTS[robot].columns)}, or leave out the robot."
+            f"columns {', '.join(ORIGIN + ROBOTS[robot].columns)}, or leave out the robot.",
+            code="poses.robot",
+            argument="robot",
         )
     try:
         match kind:
@@ -245,15 +255,11 @@ def _stated(path: Path, robot: RobotName | None) -> StatedPoses:
                 return _described(text_in(path))
             case _:
                 return read_table(text_in(path), path, robot)
-    except OSError as error:
-        raise InputError(f"cannot read poses from {path}: {error.strerror or error}.") from error
     except InputError:
         raise
     except ValueError as error:
-        raise InputError(
-            f"{path} holds no poses: {error}; write 4x4 camera-to-world matrices, (n, 4, 4), as "
-            ".npy, or a table (.csv)."
-        ) from error
+        remedy = "write 4x4 camera-to-world matrices, (n, 4, 4), as .npy, or a table (.csv)"
+        raise damaged(path, error, remedy) from error
 
 
 def _matrices(values: ArrayLike) -> FloatArray:

@@ -70,8 +70,11 @@ class RobotFormat:
             longest = np.linalg.norm(values, axis=1).max()
             if longest > (_TURN_DEG if degrees else math.radians(_TURN_DEG)):
                 raise InputError(
-                    f"a rotation vector has the length {longest:.4g} {'deg' if degrees else 'rad'},"
-                    " which is more than a turn; if these are angles, name the robot that has them."
+                    f"a rotation vector has the length {longest:.4g} "
+                    f"{'deg' if degrees else 'rad'}, which is more than a turn; if these are "
+                    "angles, name the robot that has them.",
+                    code="poses.rotation_vector",
+                    argument="robot",
                 )
             rotations = Rotation.from_rotvec(values, degrees=degrees)
         else:

@@ -46,9 +46,10 @@ def merged(points: FloatArray, values: FloatArray, path: Path) -> tuple[FloatArr
         if off.max() > _SAME_VALUE * np.ptp(column):
             place = points[off.argmax()]
             raise InputError(
-                f"{path} has several different values at one point, such as "
-                f"({place[0]:g}, {place[1]:g}, {place[2]:g}), so the field is not defined there; "
-                "export one state of one domain."
+                f"{path} has several different values at one point, such as ({place[0]:g}, "
+                f"{place[1]:g}, {place[2]:g}), so the field is not defined there; export one state "
+                "of one domain.",
+                code="table.two_values",
             )
     warn(
         f"{path} repeats {len(points) - len(unique)} points with the same values; each is used "
@@ -66,7 +67,8 @@ def tetrahedra_between(points: FloatArray, path: Path) -> IntArray:
     except (QhullError, ValueError) as error:
         raise InputError(
             f"The {len(points)} points in {path} fill no volume, but rays need the air volume; "
-            "export the volume and not a surface, slice or line."
+            "export the volume and not a surface, slice or line.",
+            code="field.no_volume",
         ) from error
     tetrahedra = mesh.simplices.astype(np.int64)
     bridges = _bridges(points, tetrahedra)
@@ -127,13 +129,16 @@ def cells_outside(grid: pv.UnstructuredGrid, part: Part | None, path: str) -> In
     if part is None:
         raise InputError(
             f"{path} holds scattered points without elements, and the tetrahedra between them fill "
-            "the part too; give the part so that it can be cut out (--part), or export elements "
-            "(sectionwise format)."
+            "the part too; give the part so that it can be cut out, or export elements "
+            "(sectionwise format).",
+            code="field.no_part",
+            argument="part",
         )
     if not part.closed:
         raise InputError(
             f"The part {part.path} is not a closed surface, so it cannot be cut out of the "
-            f"scattered points in {path}; close the surface, or export elements (sectionwise)."
+            f"scattered points in {path}; close the surface, or export elements (sectionwise).",
+            code="part.open",
         )
     surface = part.surface
     points = np.asarray(grid.points, dtype=np.float64)
@@ -159,8 +164,10 @@ def cells_outside(grid: pv.UnstructuredGrid, part: Part | None, path: str) -> In
     inside[near] = buried
     if inside.all():
         raise InputError(
-            f"All points in {path} lie in the part {part.path}; check the length units "
-            "(--field-length-unit, --length-unit) and the transforms of field and part."
+            f"All points in {path} lie in the part {part.path}; check the length units and the "
+            "transforms of field and part.",
+            code="field.in_part",
+            argument="field_length_unit",
         )
     return np.flatnonzero(~inside)
 

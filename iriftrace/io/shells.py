@@ -17,8 +17,9 @@ from iriftrace.core.files import seen_from, sha256_of, write_json, write_whole
 from iriftrace.core.mesh.triangles import polydata
 from iriftrace.core.plain import plain, structured
 from iriftrace.io import ply
+from iriftrace.io.refusals import check_exists, check_schema, damaged
 from iriftrace.io.vtk_write import write_vtk
-from iriftrace.medium.shells.hessian import HESSIAN_AXES, PLY_COLUMNS
+from iriftrace.medium.shells.hessian import PLY_COLUMNS, vertex_columns
 from iriftrace.medium.shells.stack import Shell, ShellStack
 from iriftrace.medium.shells.table import SCHEMA, AirStatement, PartOrigin
 
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 TABLE = "shells.json"
 PARAVIEW = "shells.vtm"
 
+_AGAIN = "write the shells again, or use import_shells for surfaces from elsewhere"
 _NORMAL = ("nx", "ny", "nz")
 _DERIVATIVES = tuple(f"{name}_{k + 1}" for name, n in PLY_COLUMNS.items() for k in range(n))
 
@@ -54,12 +56,17 @@ def save_shells(
     there. Raises InputError if the folder cannot be made, or the report belongs to other shells.
     """
     if report is not None and [r.layer for r in report] != [s.layer for s in stack.shells]:
-        raise InputError("The report does not list the shells of this stack; report on it again.")
+        raise InputError(
+            "The report does not list the shells of this stack; report on it again.",
+            code="shells.report",
+        )
     folder = Path(directory)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"cannot make the folder {folder}: {error.strerror}.") from error
+        raise InputError(
+            f"cannot make the folder {folder}: {error.strerror}.", code="file.not_written"
+        ) from error
     written = [folder / f"{_stem(shell)}.ply" for shell in stack.shells]
     for path, shell in zip(written, stack.shells, strict=True):
         write_shell(path, shell.vertices, shell.faces, shell.normals, shell.derivatives)
@@ -98,23 +105,18 @@ def load_shells(folder: str | Path) -> ShellStack:
         path /= TABLE
     if not path.is_file() and (path.parent / "shells" / TABLE).is_file():
         path = path.parent / "shells" / TABLE
+    check_exists(path, "give a folder that `iriftrace shells` wrote")
     try:
         table = json.loads(path.read_text(encoding="utf-8"))
-        ours = isinstance(table, dict) and table.get("schema") == SCHEMA
-        stated = structured(table, AirStatement) if ours else None
-    except OSError as error:
-        raise InputError(
-            f"cannot read {path} ({error.strerror}); give a folder that `iriftrace shells` wrote."
-        ) from error
+        schema = table.get("schema") if isinstance(table, dict) else None
+        check_schema(path, schema, SCHEMA, _AGAIN)
+        stated = structured(table, AirStatement)
+    except InputError:
+        raise
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{path} is damaged ({error}); write the shells again.") from error
-    if stated is None:
-        raise InputError(
-            f"{path} is not a table of shells of schema {SCHEMA}; write the shells again with this "
-            "version."
-        )
+        raise damaged(path, error, _AGAIN) from error
     if stated.air is None or stated.rule is None:
-        raise InputError(f"{path} states no air or no rule; write the shells again.")
+        raise damaged(path, "it states no air or no rule", _AGAIN)
     shells = [
         Shell(row.layer, row.refractivity, row.ext, row.int_, *read_shell(path.parent / row.file))
         for row in stated.shells
@@ -124,22 +126,6 @@ def load_shells(folder: str | Path) -> ShellStack:
 
 def _stem(shell: Shell) -> str:
     return f"shell_{shell.layer:02d}"
-
-
-def vertex_columns(
-    normals: Float32Array | None, derivatives: Float32Array | None
-) -> dict[str, Float32Array]:
-    """Mitsuba's vertex attributes of a shell, (n, 1) or (n, 3) each, by name."""
-    if normals is None:
-        return {}
-    found = {"normal": normals}
-    if derivatives is not None:
-        found["gradient"] = normals * derivatives[:, :1]
-        found |= {
-            name: derivatives[:, column : column + 1]
-            for column, name in enumerate(HESSIAN_AXES, start=1)
-        }
-    return found
 
 
 def write_shell(
@@ -163,15 +149,14 @@ def read_shell(
 ) -> tuple[Float32Array, AnyIntArray, Float32Array | None, Float32Array | None]:
     """Vertices, faces, normals and derivatives (or None) of a PLY of :func:`write_shell`."""
     path = Path(path)
+    check_exists(path, _AGAIN)
     try:
         mesh = ply.read_ply(path)
-    except OSError as error:
-        raise InputError(f"cannot read the shell {path}: {error.strerror}.") from error
     except Exception as error:  # damaged files can raise any
-        raise _damaged(path) from error
+        raise damaged(path, error, _AGAIN) from error
     names = tuple(mesh.vertex_columns)[3:]
     if names not in ((), _NORMAL, _NORMAL + _DERIVATIVES):
-        raise _damaged(path)
+        raise damaged(path, "its columns are not those of a shell", _AGAIN)
     vertices, faces = mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32)
     if not names:
         return vertices, faces, None, None
@@ -180,13 +165,6 @@ def read_shell(
         return vertices, faces, columns, None
     length = np.linalg.norm(columns[:, 3:6], axis=1, keepdims=True)
     return vertices, faces, columns[:, :3], np.hstack((length, columns[:, 6:]))
-
-
-def _damaged(path: Path) -> InputError:
-    return InputError(
-        f"{path} is cut short or was written by another program; write the shells again, or use "
-        "import_shells for surfaces from elsewhere."
-    )
 
 
 def _write_paraview(folder: Path, stack: ShellStack) -> Path:

@@ -53,7 +53,9 @@ def state_number(states: Sequence[State], member: int | None, path: Path) -> int
     if not 0 <= member < len(states):
         raise InputError(
             f"{path} has {len(states)} states, numbered from 0, and no state {member}; choose one "
-            "of them."
+            "of them.",
+            code="field.no_state",
+            argument="time",
         )
     return member
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from iriftrace.core.arrays import FloatArray, as_float64
-from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import AovImage, FloatImage
 from iriftrace.io.ply import write_ply_points
+from iriftrace.io.refusals import check_ending
 from iriftrace.io.vtk_write import write_vtk
 from iriftrace.medium.origin import one_line
 from iriftrace.part.part import Part
@@ -52,11 +52,7 @@ def write_surface(path: str | Path, image: AovImage, part: Part) -> None:
         The file has another ending or cannot be written.
     """
     target = Path(path)
-    if target.suffix.lower() not in SUFFIXES:
-        raise InputError(
-            f"{target} ends neither in .vtp nor in .ply, in which points on the part are written; "
-            "rename it."
-        )
+    check_ending(target, SUFFIXES, "a file of points on the part")
     pixels = np.flatnonzero(image.channels["part.face"])
     points = _straight_hits(image, part, pixels)
     columns = {

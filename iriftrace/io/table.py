@@ -21,6 +21,7 @@ from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import text_in
 from iriftrace.core.units import LENGTH_UNITS, length_unit_of, stated_length_unit
+from iriftrace.io.refusals import damaged, not_read, one_unit
 from iriftrace.io.states import Column, column_of
 
 MARKS = ("#", "%", "//")
@@ -70,9 +71,10 @@ class Table:
         if len(self.names) != self.width:
             last = f" (the last one is {self.header!r})" if self.header else ""
             raise InputError(
-                f"{self.path} has rows of {self.width} columns, which no line above them names"
-                f"{last}; write a name for each column, and if it is a matrix of pixels, a table "
-                "with their positions."
+                f"{self.path} has rows of {self.width} columns, which no line above them "
+                f"names{last}; write a name for each column, and if it is a matrix of pixels, a "
+                "table with their positions.",
+                code="table.columns",
             )
         return [_column(name) for name in self.names]
 
@@ -86,7 +88,8 @@ class Table:
                 return [names.index(axis) for axis in axes]
         raise InputError(
             f"{self.path} has the columns {listed(self.names)}, of which not one each is x, y and "
-            "z; name them so."
+            "z; name them so.",
+            code="table.columns",
         )
 
     def length_unit(self, places: Sequence[int]) -> str:
@@ -100,15 +103,10 @@ class Table:
         if stated - set(LENGTH_UNITS.values()):
             raise InputError(
                 f"{self.path} states lengths in {', '.join(sorted(stated))}, which is not known "
-                "here; export them in mm."
+                "here; export them in mm.",
+                code="units.unknown",
             )
-        stated |= {length_unit_of(self.remarks, self.path.name)} - {""}
-        if len(stated) > 1:
-            raise InputError(
-                f"{self.path} states lengths in {' and '.join(sorted(stated))}, so it is not clear "
-                "where its points are; write all in one unit."
-            )
-        return next(iter(stated), "")
+        return one_unit(self.path, (*stated, length_unit_of(self.remarks, self.path.name)))
 
     def numbers(self, places: Sequence[int]) -> FloatArray:
         """Some columns as numbers, (rows, columns); NaN where they are missing.
@@ -122,10 +120,9 @@ class Table:
                 column = column.map(self._number, na_action="ignore")
                 if (wrong := column.isna() & self.cells[place].notna()).any():
                     row = int(np.argmax(wrong))
-                    raise InputError(
-                        f"{self.path}, line {self.lines[row]}: {self.cells[place].iloc[row]!r} is "
-                        "not a number, so this row cannot be used; correct or remove it."
-                    )
+                    cell = self.cells[place].iloc[row]
+                    fault = f"line {self.lines[row]}: {cell!r} is not a number"
+                    raise damaged(self.path, fault, "correct or remove this row")
             found[:, k] = column.to_numpy(dtype=np.float64, na_value=np.nan)
         return found
 
@@ -160,7 +157,7 @@ def table_in(text: str, path: Path, separator: str = "") -> Table:
     where a comment is between them.
     """
     if "\0" in text:
-        raise InputError(f"{path} is not text; export it again, in UTF-8.")
+        raise damaged(path, "it is not text", "export it again, in UTF-8")
     lines = text.splitlines()
     if lines and (stated := _SEPARATOR_LINE.fullmatch(lines[0])):
         lines[0], separator = "", stated[1]
@@ -168,7 +165,7 @@ def table_in(text: str, path: Path, separator: str = "") -> Table:
     filled = [number for number, line in enumerate(lines) if line.strip(' \t,;"#%/')]
     begin = next((k for k, number in enumerate(filled) if _is_row(lines[number])), None)
     if begin is None:
-        raise InputError(f"{path} has no row of numbers; export it again.")
+        raise damaged(path, "it has no row of numbers")
     above, first = filled[:begin], filled[begin]
     last_row = max(number for number in filled[begin:] if not _is_comment(lines[number]))
     separator = separator or separator_of(lines[first])
@@ -180,19 +177,16 @@ def table_in(text: str, path: Path, separator: str = "") -> Table:
         if number in known or (separator != _BLANKS and separator in lines[number])
     ]
     if among := next((number for number in body if _is_comment(lines[number])), 0):
-        raise InputError(
-            f"{path}, line {among + 1}: the comment {lines[among].strip()!r} is between rows, as "
-            "if it parted several tables; give each as a file of its own, or remove the comment."
-        )
+        found = f"a comment between rows, in line {among + 1}: {lines[among].strip()!r}"
+        raise not_read(path, found, "give each table as a file of its own, or remove it")
     rows = [lines[number] for number in body]
     width = _width(rows[0], separator)
     for number, row in zip(body, rows, strict=True):
         if (count := _width(row, separator)) != width:
-            raise InputError(
-                f"{path}, line {number + 1}: the row {row.strip()[:40]!r} has {count} columns, but "
-                f"the first one has {width}; the file was cut short, or holds more than a table, "
-                "such as settings above a matrix of pixels."
-            )
+            found = f"line {number + 1}: the row {row.strip()[:40]!r} has {count} columns, but "
+            found += f"the first one has {width}"
+            remedy = "give a whole file with one table, not settings above a matrix of pixels"
+            raise damaged(path, found, remedy)
     decimal = _decimal(rows, separator, path)
     cells = _cells(rows, separator, decimal, path)
     remarks = [lines[number].strip() for number in above]
@@ -232,10 +226,8 @@ def _decimal(rows: Sequence[str], separator: str, path: Path) -> str:
     if separator == "," or not any(re.search(r"\d,\d", row) for row in rows):
         return "."
     if any(re.search(r"\d\.\d", row) for row in rows):
-        raise InputError(
-            f"The numbers in {path} have points and commas, of which either may be the decimal "
-            "sign; export them with decimal points and no other sign in a number."
-        )
+        found = "numbers with points and commas, of which either may be the decimal sign"
+        raise not_read(path, found, "export them with decimal points and no other sign")
     return ","
 
 
@@ -251,9 +243,9 @@ def _cells(rows: Sequence[str], separator: str, decimal: str, path: Path) -> pd.
             low_memory=False,
         )
     except (ValueError, OverflowError) as error:  # pandas' own errors are ValueErrors
-        raise InputError(f"{path} cannot be read as a table ({error}); export it again.") from error
+        raise damaged(path, error) from error
     if len(cells) != len(rows):
-        raise InputError(f"{path} has a cell of several lines; export it again without.")
+        raise damaged(path, "it has a cell of several lines", "export it again without")
     return cells
 
 

@@ -16,9 +16,9 @@ import numpy as np
 import pyvista as pv
 
 from iriftrace.core.arrays import AnyArray, IntArray
-from iriftrace.core.errors import InputError
 from iriftrace.core.files import text_in
 from iriftrace.core.isolated import ChildError, read_in_child
+from iriftrace.io.refusals import damaged
 
 if TYPE_CHECKING:
     from iriftrace.io.vtk_read import Arrays, Cells, Described
@@ -107,9 +107,7 @@ def _read(
         return pv.MultiBlock() if data is None else data, names
     except (ChildError, _Damage, MemoryError) as error:
         reason = str(error) or "it needs more memory than there is"
-        raise InputError(
-            f"{path} cannot be read ({reason}); is it a complete file of its type?"
-        ) from error
+        raise damaged(path, reason, "check that it is a complete file of its type") from error
 
 
 class _Damage(Exception):

@@ -13,6 +13,7 @@ import pyvista as pv
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
+from iriftrace.io.refusals import damaged, not_read
 from iriftrace.io.states import Contents, State, column_of, state_number, states_of
 from iriftrace.io.vtk_check import SUFFIXES, Data, read_file
 
@@ -35,10 +36,8 @@ def read(path: Path, member: int | None) -> Contents:
         series = list(_series(path).values())
         files = series[number]
         if len(files) < (most := max(map(len, series))):
-            raise InputError(
-                f"{path} names {len(files)} of {most} files at {found[number][0]}, as a stopped "
-                "run leaves it; choose another time (--time)."
-            )
+            what = f"it names {len(files)} of {most} files at {found[number][0]}"
+            raise damaged(path, what, "choose another time", argument="time")
         blocks = pv.MultiBlock([read_file(file) for file in files])
         origin = found[number][0] if len(found) > 1 else ""
         return Contents(blocks, sha256_of(path), found, origin=origin)
@@ -63,17 +62,15 @@ def _series(path: Path) -> dict[float, list[Path]]:
                 # As Windows separates folders.
                 file = path.parent / name.replace("\\", "/")
             found.setdefault(float(time), []).append(file)
+    except InputError:
+        raise
     except (ElementTree.ParseError, LookupError, TypeError, ValueError) as error:
-        raise InputError(
-            f"{path} cannot be read ({error}); is it a complete file of its type?"
-        ) from error
+        raise damaged(path, error, "check that it is a complete file of its type") from error
     if not found or not np.isfinite(list(found)).all():
-        raise InputError(f"{path} names no data sets at a time; export the series again.")
+        raise damaged(path, "it names no data sets at a time")
     for file in (file for files in found.values() for file in files):
         if file.suffix.lower() not in SUFFIXES or not os.path.isfile(file):
-            raise InputError(
-                f"{path} names {file}, which is not an existing VTK file; export the series again."
-            )
+            raise damaged(path, f"it names {file}, which is not an existing VTK file")
     return dict(sorted(found.items()))
 
 
@@ -84,18 +81,14 @@ def _listed(path: Path) -> list[tuple[str, str]]:
         return [(str(entry["name"]), entry["time"]) for entry in entries]
     text = path.read_bytes()
     if b"<!" in text.replace(b"<!--", b""):
-        raise InputError(
-            f"{path} declares entities, which a series does not need and which can fill the "
-            "memory; export the series again."
-        )
+        raise not_read(path, "entities, which can fill the memory", "export the series again")
     sets = list(ElementTree.fromstring(text).iter("DataSet"))
     without = [entry for entry in sets if "timestep" not in entry.attrib]
     parts = {entry.get("part", "0") for entry in without}
     if len(without) > len(parts):
-        raise InputError(
-            f"{path} names {len(without)} files without a timestep, so they would all be one "
-            "state; add the attribute timestep to each DataSet, or give the file of one state."
-        )
+        found = f"{len(without)} files of one part without a timestep"
+        remedy = "add the attribute timestep to each DataSet, or give the file of one state"
+        raise not_read(path, found, remedy)
     return [(entry.attrib["file"], entry.get("timestep", "0")) for entry in sets]
 
 

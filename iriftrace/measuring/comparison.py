@@ -10,24 +10,21 @@ from __future__ import annotations
 from collections.abc import Collection
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError, warn
-from iriftrace.core.files import sha256_of, write_json
-from iriftrace.core.plain import JsonObject
+from iriftrace.core.files import write_json
+from iriftrace.core.plain import JsonObject, plain
 from iriftrace.core.statistics import rms, spread
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.displacement import shift_map
-from iriftrace.io.exr import read_exr
-from iriftrace.io.measured_shift import MeasuredShift, read_measured_shift
+from iriftrace.io.measured_shift import MeasuredShift
 from iriftrace.measuring.camera_motion import FEWEST_POINTS, CameraMotion, fit_camera_motion
 from iriftrace.measuring.fit.shift_signs import warn_of_signs
-
-Picture = Literal["cold", "hot"]
+from iriftrace.measuring.options import COLD, Picture
 
 SCHEMA = "iriftrace.comparison/2"
 CONVENTION = (
@@ -50,8 +47,6 @@ class Comparison:
         Points seen there.
     image : AovImage
         The rendering.
-    image_path : Path or None
-        Its file, if it was read from one.
     measurement : MeasuredShift
         All measured shifts, also at places without a simulated shift: outside the part, or where
         the ray does not count.
@@ -68,7 +63,6 @@ class Comparison:
     simulated: FloatArray
     points: FloatArray
     image: AovImage
-    image_path: Path | None
     measurement: MeasuredShift
     positions: Picture
     motion: CameraMotion | None
@@ -86,15 +80,12 @@ class Comparison:
 
     def as_dict(self) -> JsonObject:
         """All numbers, as plain JSON values."""
-        file = None
-        if self.image_path is not None:
-            file = {"path": str(self.image_path.resolve()), "sha256": sha256_of(self.image_path)}
         residual, measured = self.residual, self.measurement
         copied = ("camera", "pose", "wavelength_nm", "field", "part", "engine", "assumptions")
         return {
             "schema": SCHEMA,
             "version": version("iriftrace"),
-            "image": file,
+            "image": plain(self.image.origin),
             "measured": {
                 "path": str(Path(measured.path).resolve()),
                 "sha256": measured.sha256,
@@ -123,20 +114,19 @@ class Comparison:
 
 
 def compare(
-    image: AovImage | str | Path,
-    measured: MeasuredShift | str | Path,
+    image: AovImage,
+    measured: MeasuredShift,
     *,
-    positions: Picture = "cold",
+    positions: Picture = COLD,
     include: Collection[int] = (Status.GOOD,),
 ) -> Comparison:
     """Compare measured shifts with the channel ``shift.px`` of a rendering.
 
     Parameters
     ----------
-    image : AovImage or path
-        The rendering, or the EXR of one, at the camera's own resolution.
-    measured : MeasuredShift or path
-        Measured shifts, or a file that `read_measured_shift` reads.
+    image : AovImage
+        The rendering, at the camera's own resolution.
+    measured : MeasuredShift
     positions : str
         The picture in which the places were measured: ``"cold"``, as in most correlation programs,
         where the first picture is the reference, or ``"hot"``. Simulated shifts belong to the hot
@@ -156,12 +146,7 @@ def compare(
         Markers may be positions in a picture of the camera's full resolution, which differs from
         that of the rendering; or shifts of another sign match far better.
     """
-    image_path = None if isinstance(image, AovImage) else Path(image)
-    if not isinstance(image, AovImage):
-        image = read_exr(image)
     image.require("camera")
-    if not isinstance(measured, MeasuredShift):
-        measured = read_measured_shift(measured)
     _refuse_another_picture(image, measured)
     shift, points, known = _at_places(image, measured.places, positions, include)
     if known.sum() < FEWEST_POINTS:
@@ -188,7 +173,6 @@ def compare(
         simulated=shift[known],
         points=points[known],
         image=image,
-        image_path=image_path,
         measurement=measured,
         positions=positions,
         motion=motion,

@@ -46,14 +46,14 @@ _IN_BRACKETS = re.compile(r".*[\s_]*[(\[{](?P<unit>[^()\[\]{}]+)[)\]}]\s*")
 
 
 @frozen(eq=False)
-class Choice:
+class UsedArray:
     """The array of a file that is used, and the physical quantity it holds."""
 
     name: str
     quantity: str
 
 
-def choose_array(grid: pv.DataSet, array: str | None, quantity: str | None, path: str) -> Choice:
+def choose_array(grid: pv.DataSet, array: str | None, quantity: str | None, path: str) -> UsedArray:
     """Find the array to use.
 
     A given name is used as it is. Otherwise temperature is searched first, then index, then
@@ -85,7 +85,7 @@ def choose_array(grid: pv.DataSet, array: str | None, quantity: str | None, path
                 code="field.no_quantity",
                 argument="quantity",
             )
-        return Choice(array, found)
+        return UsedArray(array, found)
     averages = [name for name in names if is_average(name)]
     averages.sort(key=lambda name: quantity_of(name) != "density")
     for candidate in (quantity,) if quantity else QUANTITIES:
@@ -100,10 +100,10 @@ def choose_array(grid: pv.DataSet, array: str | None, quantity: str | None, path
         if likely:
             if averages:
                 _warn_of_averages(likely[0], averages, path)
-            return Choice(likely[0], candidate)
+            return UsedArray(likely[0], candidate)
     for name in averages:
         if quantity in (None, quantity_of(name)):
-            return Choice(name, quantity_of(name) or "")
+            return UsedArray(name, quantity_of(name) or "")
     raise InputError(
         f"{path} has no array named as {quantity or 'a temperature, index or density'} usually "
         f"is; its arrays are {listed}; name one as `array`, and what it "
@@ -187,7 +187,7 @@ def _scalar_names(grid: pv.DataSet) -> list[str]:
     )
 
 
-def stated_unit(choice: Choice, units: Mapping[str, str] | None) -> str:
+def stated_unit(choice: UsedArray, units: Mapping[str, str] | None) -> str:
     """Unit of an array by the file's `units`, or by brackets in its name; "" for none."""
     if units is not None:
         return units.get(choice.name, "")
@@ -196,7 +196,7 @@ def stated_unit(choice: Choice, units: Mapping[str, str] | None) -> str:
 
 
 def _unit_of(
-    choice: Choice, units: Mapping[str, str] | None, temperature_unit: str | None, path: str
+    choice: UsedArray, units: Mapping[str, str] | None, temperature_unit: str | None, path: str
 ) -> str:
     """Unit of an array with a temperature or density."""
     name, quantity = choice.name, choice.quantity
@@ -254,7 +254,7 @@ def _scale(unit: str, quantity: str) -> tuple[float, float]:
 
 def to_si(
     values: FloatArray,
-    choice: Choice,
+    choice: UsedArray,
     units: Mapping[str, str] | None,
     temperature_unit: str | None,
     path: str,
@@ -288,7 +288,7 @@ def _refuse_dimensionless(values: FloatArray, name: str, path: str) -> None:
 
 def to_refractivity(
     values: FloatArray,
-    choice: Choice,
+    choice: UsedArray,
     units: Mapping[str, str] | None,
     temperature_unit: str | None,
     air: Air,

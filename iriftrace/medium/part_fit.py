@@ -34,9 +34,6 @@ NEAR_MM = 1.0
 LARGEST_DIFFERENCE_K = 5.0
 """A larger difference between expected and actual wall temperature gives a warning."""
 
-SAMPLE = 20_000
-"""Samples on the part, of equal area each, whose distance from the field's wall is computed."""
-
 LARGEST_BARE_SHARE = 0.05
 """A larger fraction of the part's area without the field's wall near it gives a warning."""
 
@@ -143,6 +140,7 @@ def fit_part_to_field(
     *,
     wall_temperature_k: float | None = None,
     blockers: Sequence[Part] = (),
+    samples: int = 20_000,
 ) -> Fit:
     """Compare a field's inner wall, the boundary of its cavity, with a part's surface.
 
@@ -155,6 +153,8 @@ def fit_part_to_field(
     blockers : sequence of Part
         Other bodies, which may have walls in the field, too. If the part stands apart from the
         field and one of them does not, that one is compared (`body_in_air`).
+    samples : int
+        Samples on the part, of equal area each, whose distance from the field's wall is computed.
 
     Raises
     ------
@@ -166,7 +166,7 @@ def fit_part_to_field(
     wall, data = field.wall, _box(np.asarray(field.grid.points))
     unreached = f"The field {field.source.path} does not reach the part {part.path}: "
     if not wall.n_points:
-        return _fit_without_wall(field, part, data, unreached, wall_temperature_k)
+        return _fit_without_wall(field, part, data, unreached, wall_temperature_k, samples)
     cavity = _box(np.asarray(wall.points))
     advice, argument = _advice(part, field, cavity) if part is board else (_OF_BLOCKER, "blocker")
     if _apart(part.bounds, data):
@@ -200,7 +200,7 @@ def fit_part_to_field(
         )
     median, p95 = (float(gap) for gap in np.percentile(gaps, (50, 95)))
     temperature = float(np.median(field.air.temperature(as_float64(wall["refractivity"]))))
-    places, face = part.surface.even_places(SAMPLE)
+    places, face = part.surface.even_places(samples)
     to_wall = Surface(wall.points, wall.regular_faces).distance(places)
     off_wall = to_wall > LARGEST_GAP_MM
     contact: dict[str, float] = {}
@@ -251,7 +251,12 @@ def _bare_regions(part: Part, off_wall: BoolArray, face: IntArray) -> tuple[dict
 
 
 def _fit_without_wall(
-    field: IndexField, part: Part, data: FloatArray, unreached: str, expected_k: float | None
+    field: IndexField,
+    part: Part,
+    data: FloatArray,
+    unreached: str,
+    expected_k: float | None,
+    samples: int,
 ) -> Fit:
     """The temperature of the air at the part; refuses a part elsewhere or of another size."""
     if _apart(part.bounds, data):
@@ -274,11 +279,11 @@ def _fit_without_wall(
         "The field has no cavity, so the position of the part in it cannot be checked; "
         "look at part and field together."
     )
-    places, _ = part.surface.even_places(SAMPLE)
+    places, _ = part.surface.even_places(samples)
     places = places[np.isnan(field.sample(places))]
     edge = field.grid.extract_surface(algorithm="geometry").triangulate()
     outside = Surface(edge.points, edge.regular_faces).distance(places) > LARGEST_GAP_MM
-    if (bare := np.count_nonzero(outside) / SAMPLE) > LARGEST_BARE_SHARE:
+    if (bare := np.count_nonzero(outside) / samples) > LARGEST_BARE_SHARE:
         message += (
             f" {bare:.0%} of the part's surface lies outside of the data, where no hot air is "
             "known; give all of a field that was solved on a sector."

@@ -12,6 +12,7 @@ from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import write_whole
 from iriftrace.part.part import Part
+from iriftrace.part.sizes import BOARD_SIZE, BOARD_THICKNESS, PITCH
 from iriftrace.part.standards import check_less, check_positive, plate
 
 STRIP_MM = 12.0
@@ -52,10 +53,10 @@ class Board:
         `MOST_DOTS`.
     """
 
-    size_mm: tuple[float, float] = (300.0, 200.0)
-    pitch_mm: float = 3.0
+    size_mm: tuple[float, float] = BOARD_SIZE
+    pitch_mm: float = PITCH
     dot_mm: float = field()
-    thickness_mm: float = 5.0
+    thickness_mm: float = BOARD_THICKNESS
 
     @dot_mm.default
     def _half_the_pitch(self) -> float:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
@@ -34,7 +32,7 @@ LEAST_FOLDED = 2e-3
 
 
 def stated_growth(
-    path: Path,
+    path: str,
     stated: Growth | None,
     expansion: float | None,
     reference_k: float,
@@ -60,7 +58,7 @@ def stated_growth(
     return growth, growth.factor
 
 
-def check_unit(path: Path, vertices: FloatArray, stated: str, chosen: str) -> None:
+def check_unit(path: str, vertices: FloatArray, stated: str, chosen: str) -> None:
     """Warn when the unit is not the one that the file states, or makes an unlikely size."""
     if stated != chosen:
         warn(

@@ -12,6 +12,7 @@ import numpy as np
 
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
+from iriftrace.part import sizes
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.regions import Regions
 
@@ -20,7 +21,11 @@ _HEAD_RINGS = 3
 
 
 def cylinder(
-    diameter_mm: float = 27.0, length_mm: float = 170.0, *, segments: int = 60, stations: int = 12
+    diameter_mm: float = sizes.CYLINDER_DIAMETER,
+    length_mm: float = sizes.CYLINDER_LENGTH,
+    *,
+    segments: int = sizes.CYLINDER_SEGMENTS,
+    stations: int = sizes.CYLINDER_STATIONS,
 ) -> Part:
     """Cylinder along x.
 
@@ -53,7 +58,9 @@ def cylinder(
     return part_of_mesh(vertices, faces, name="cylinder", regions=regions)
 
 
-def sphere(diameter_mm: float = 25.0, *, segments: int = 240) -> Part:
+def sphere(
+    diameter_mm: float = sizes.SPHERE_DIAMETER, *, segments: int = sizes.SPHERE_SEGMENTS
+) -> Part:
     """Sphere about the origin, its corners on the diameter; its equator has `segments` sides.
 
     Region ``sphere``. An InputError if the diameter is not positive or there are too few segments.
@@ -63,7 +70,12 @@ def sphere(diameter_mm: float = 25.0, *, segments: int = 240) -> Part:
     return part_of_mesh(vertices, faces, name="sphere", regions=regions)
 
 
-def ball_bar(diameter_mm: float = 25.0, spacing_mm: float = 100.0, *, segments: int = 240) -> Part:
+def ball_bar(
+    diameter_mm: float = sizes.SPHERE_DIAMETER,
+    spacing_mm: float = sizes.SPACING,
+    *,
+    segments: int = sizes.SPHERE_SEGMENTS,
+) -> Part:
     """Two spheres along x, about the origin; what holds them is left out.
 
     Their centres are a spacing apart. Regions ``sphere -x`` and ``sphere +x``. An InputError as for
@@ -83,7 +95,11 @@ def ball_bar(diameter_mm: float = 25.0, spacing_mm: float = 100.0, *, segments: 
 
 
 def plate(
-    length_mm: float = 100.0, width_mm: float = 60.0, thickness_mm: float = 10.0, *, cells: int = 40
+    length_mm: float = sizes.PLATE_LENGTH,
+    width_mm: float = sizes.PLATE_WIDTH,
+    thickness_mm: float = sizes.PLATE_THICKNESS,
+    *,
+    cells: int = sizes.PLATE_CELLS,
 ) -> Part:
     """Flat plate, its length along x, its width along y and its upper face at z = 0.
 

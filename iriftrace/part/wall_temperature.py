@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +14,7 @@ from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError
 from iriftrace.core.mesh.query import Surface
 from iriftrace.core.plain import JsonObject
+from iriftrace.core.units import Temperature
 from iriftrace.part.part import Part
 from iriftrace.part.region_choice import placed_regions
 
@@ -171,6 +173,27 @@ class WallTemperatures:
     def hottest(self) -> float:
         """Highest temperature, K."""
         return max((self.default, *self.regions.values()))
+
+
+def region_temperatures(texts: Iterable[str], argument: str) -> dict[str, float]:
+    """Temperatures, K, of regions or patterns, from NAME=TEMPERATURE of an argument."""
+    found: dict[str, float] = {}
+    for text in texts:
+        name, equals, value = text.rpartition("=")
+        if not (name and equals and value):
+            raise InputError(
+                f'"{text}" is not NAME=TEMPERATURE; write it like "head +x=450 degC".',
+                code="wall.no_region_temperature",
+                argument=argument,
+            )
+        if name in found:
+            raise InputError(
+                f'"{name}" is given two temperatures; give one.',
+                code="wall.region_twice",
+                argument=argument,
+            )
+        found[name] = float(Temperature(value))
+    return found
 
 
 def measured_wall(measured: MeasuredWall) -> WallTemperatures:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +14,7 @@ from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.image.sightings import seen_by_pose
 from iriftrace.planning.candidates import ranked_region
-from iriftrace.planning.criteria import STANDARD, Criteria
+from iriftrace.planning.criteria import STANDARD, Criteria, Views
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -95,7 +94,7 @@ def choose_views(seen: ArrayLike, face_areas: ArrayLike, k: int) -> ViewSet:
     visible = np.asarray(seen)
     if k < 1:
         raise InputError(
-            f"The number of views is {k}, so nothing is seen; give at least 1.",
+            f"The number of views is {k}, and limits are for several of them; give at least 1.",
             code="views.below_one",
             argument="views",
         )
@@ -246,38 +245,7 @@ def _integer_program(groups: BoolArray, fractions: FloatArray, k: int) -> tuple[
     return poses.astype(np.int64), -float(best) / _UNIT if known else float(fractions.sum())
 
 
-@frozen
-class ViewLimits:
-    """Limits within which a face counts as seen by a pose.
-
-    Attributes
-    ----------
-    displacement_mm : float, mm
-        Largest mean displacement of the rays on the face.
-    incidence_deg : float, degree
-        Largest angle of incidence of the ray that hits the face most squarely.
-    """
-
-    displacement_mm: float = math.inf
-    incidence_deg: float = 90.0
-
-    @property
-    def text(self) -> str:
-        """The limits in words, half a sentence after another one; empty if there is none."""
-        limits = []
-        if math.isfinite(self.displacement_mm):
-            limits.append(f"with a displacement of {1e3 * self.displacement_mm:g} um at most")
-        if self.incidence_deg < 90.0:
-            limits.append(f"at an angle of {self.incidence_deg:g} degrees at most")
-        return f"; a face counts that is seen {' and '.join(limits)}" if limits else ""
-
-
-NO_LIMITS = ViewLimits()
-
-
-def plan_views(
-    dataset: xr.Dataset, views: int, limits: ViewLimits = NO_LIMITS, criteria: Criteria = STANDARD
-) -> ViewSet:
+def plan_views(dataset: xr.Dataset, views: Views, criteria: Criteria = STANDARD) -> ViewSet:
     """Choose the poses of a sweep that together see the most of the criteria's region.
 
     Faces beyond the limits do not count as seen. Poses with fewer good rays on the region than
@@ -285,7 +253,7 @@ def plan_views(
     """
     number = ranked_region(dataset, criteria.region)
     seen = seen_by_pose(
-        dataset, max_displacement_mm=limits.displacement_mm, max_incidence_deg=limits.incidence_deg
+        dataset, max_displacement_mm=views.max_displacement, max_incidence_deg=views.max_incidence
     )
     areas = np.asarray(dataset["face_area"].values, dtype=np.float64)
     if number > 0:
@@ -293,7 +261,7 @@ def plan_views(
     seen[dataset["rays_good"].isel(region=number).values < criteria.min_hits] = 0.0
     if not np.any(seen[:, areas > 0]):
         raise _nothing(dataset, areas > 0, criteria.region)
-    found = choose_views(seen, areas, views)
+    found = choose_views(seen, areas, views.views)
     warn_of_large_faces(seen[found.poses], areas)
     return found
 

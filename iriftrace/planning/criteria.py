@@ -1,4 +1,4 @@
-"""Criteria by which the poses of a sweep are compared."""
+"""Criteria by which the poses of a sweep are compared, alone, together and in pairs."""
 
 from __future__ import annotations
 
@@ -7,10 +7,13 @@ from collections.abc import Callable
 from typing import Literal, get_args
 
 from attrs import Attribute, asdict, field, frozen
+from attrs.converters import optional as if_given
 from attrs.validators import optional
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
+from iriftrace.core.units import Angle, Interval, LengthWithUnit
+from iriftrace.tracing.second_options import System
 
 METRICS = ("displacement", "coverage", "axial", "lateral")
 """Names of the metrics; a larger coverage is better, smaller values of the others are."""
@@ -18,6 +21,9 @@ METRICS = ("displacement", "coverage", "axial", "lateral")
 Statistic = Literal["mean", "median", "p95"]
 Outside = Literal["clip", "discard"]
 Criterion = Literal["displacement", "normal", "features"]
+
+SHOWN = 10
+"""Number of rows of a ranking that are shown."""
 
 _SCORE = {"displacement": 0.5, "coverage": 0.2, "axial": 0.15, "lateral": 0.15}
 _ALONE = {"displacement": 1.0, "coverage": 0.0, "axial": 0.0, "lateral": 0.0}
@@ -165,3 +171,75 @@ class Criteria:
 
 STANDARD = Criteria()
 THE_PAPERS = Criteria(statistic="mean")
+
+
+@frozen
+class Views:
+    """Several poses that together see more of the part than one.
+
+    Parameters
+    ----------
+    views
+        Number of poses that together see as much area as possible.
+    max_displacement
+        A pose does not see a face whose mean displacement is larger, with its unit: "20 um".
+    max_incidence
+        A pose does not see a face that its rays hit at a larger angle, in degrees.
+    """
+
+    views: int = 0
+    max_displacement: LengthWithUnit | None = field(
+        default=None, converter=if_given(LengthWithUnit)
+    )
+    max_incidence: Angle | None = field(default=None, converter=if_given(Angle))
+
+    @property
+    def text(self) -> str:
+        """The limits in words, half a sentence after another one; empty if there is none."""
+        limits = []
+        if self.max_displacement is not None:
+            limits.append(f"with a displacement of {1e3 * self.max_displacement:g} um at most")
+        if self.max_incidence is not None:
+            limits.append(f"at an angle of {self.max_incidence:g} degrees at most")
+        return f"; a face counts that is seen {' and '.join(limits)}" if limits else ""
+
+
+@frozen
+class Pairing:
+    """Pairs of poses for two devices that triangulate.
+
+    Parameters
+    ----------
+    confirm
+        For pairs: measure the best three, which is the default.
+    system
+        Kind of the second device: a projector (fringe, by default), a camera (stereo) or a laser.
+    angle
+        Smallest and largest angle between two lines of sight in degrees, 15:45 by
+        default.
+    feature
+        Also print the error of this diameter, "cylinder:lateral", and rank by the larger error.
+
+    Raises
+    ------
+    InputError
+        If the angles are not a range.
+    """
+
+    confirm: bool = True
+    system: System = "fringe"
+    angle: Interval = field(default=Interval((15.0, 45.0)), converter=Interval)
+    feature: str | None = None
+
+    def __attrs_post_init__(self) -> None:
+        low, high = self.angle
+        if not 0.0 < low < high < 180.0:
+            raise InputError(
+                f"The angles {low:g}:{high:g} are not a range of triangulation; give the smaller "
+                "one first, such as 15:45.",
+                code="angle.range",
+                argument="angle",
+            )
+
+
+USUAL_PAIRING = Pairing()

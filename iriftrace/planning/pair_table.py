@@ -15,10 +15,10 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.mesh.triangles import unit_vectors
 from iriftrace.image.sightings import FaceSightings, sightings_of
 from iriftrace.measuring.features.choice import FeatureChoice, on_region, surface_kind
-from iriftrace.measuring.two_devices.devices import Sensor, System
+from iriftrace.measuring.two_devices.devices import Sensor
 from iriftrace.measuring.two_devices.first_order import first_order_error, first_order_size
 from iriftrace.part.part import Part
-from iriftrace.planning.criteria import Criteria
+from iriftrace.planning.criteria import Criteria, Pairing
 from iriftrace.planning.objective import Objective
 from iriftrace.sweep.measures import Limits
 from iriftrace.sweep.reload import swept_camera
@@ -49,18 +49,16 @@ class PairRequest:
 
     part: Part
     criteria: Criteria
-    system: System
-    feature: str  # whose diameter counts; empty if there is none
-    angles_deg: tuple[float, float]  # range of angles that count as seen
+    pairing: Pairing
     region: str = field(init=False)  # of the feature, else that of the criteria
     inside: BoolArray = field(init=False)  # (m,), mask of the part's faces in the region
     areas: FloatArray = field(init=False)  # (m,), mm2, of the part's faces; 0 outside the region
 
     @region.default
     def _region(self) -> str:
-        if not self.feature:
+        if self.pairing.feature is None:
             return self.criteria.region
-        return _feature_region(self.feature, self.criteria, self.part)
+        return _feature_region(self.pairing.feature, self.criteria, self.part)
 
     @inside.default
     def _inside(self) -> BoolArray:
@@ -79,7 +77,7 @@ class PairRequest:
         size, bias, coverage, angle_deg = values
         return {
             # A diameter that is right because large errors cancel is wrong in other air.
-            "error": np.maximum(np.abs(bias), size) if self.feature else size,
+            "error": np.maximum(np.abs(bias), size) if self.pairing.feature else size,
             "unseen": 1.0 - coverage,
             "noise": 1.0 / np.sin(np.radians(angle_deg)),
         }
@@ -130,7 +128,7 @@ def _feature_region(feature: str, criteria: Criteria, part: Part) -> str:
 
 def pair_table(views: Sequence[PoseView], request: PairRequest) -> FloatArray:
     """Rows (n, 6) of the pairs with enough in common: both poses, and four values of each."""
-    both = combinations if request.system == "stereo" else permutations
+    both = combinations if request.pairing.system == "stereo" else permutations
     rows = []
     for i, j in both(range(len(views)), 2):
         if views[i].scene == views[j].scene:
@@ -158,7 +156,7 @@ def _pair(
 ) -> tuple[float, float, float, float] | None:
     """`error_mm`, `bias_mm`, `coverage` and `angle_deg`; None if a pair cannot be ranked."""
     part, areas, criteria = request.part, request.areas, request.criteria
-    largest, smallest = np.cos(np.radians(request.angles_deg))
+    largest, smallest = np.cos(np.radians(request.pairing.angle))
     face = one.seen.face[(other.row[one.seen.face] >= 0) & (areas[one.seen.face] > 0)]
     if len(face) == 0:
         return None
@@ -177,7 +175,7 @@ def _pair(
     hits = min(one.seen.rays[first].sum(), other.seen.rays[second].sum())
     if hits < criteria.min_hits or coverage < criteria.min_coverage:
         return None
-    sensor = Sensor.of(one.camera, other.camera, request.system)
+    sensor = Sensor.of(one.camera, other.camera, request.pairing.system)
     error = first_order_error(sensor, points, one.seen.offset[first], other.seen.offset[second])
     along = np.einsum("ij,ij->i", error, part.face_normals[face])
     # A face has as many measured points as the camera has pixels there.
@@ -185,7 +183,7 @@ def _pair(
     angle = float(np.degrees(np.arccos(_quantile(cosine, 0.5, rays))))
     bias = (
         first_order_size(points, part.face_normals[face], error, rays)
-        if request.feature
+        if request.pairing.feature
         else _quantile(along, 0.5, rays)
     )
     return statistic_of(along, criteria, rays), bias, coverage, angle

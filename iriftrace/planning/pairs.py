@@ -10,12 +10,11 @@ from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
-from iriftrace.measuring.two_devices.devices import System
 from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.measuring.two_devices.scan import Scan
 from iriftrace.planning.candidates import ranked_region
 from iriftrace.planning.cover import warn_of_large_faces
-from iriftrace.planning.criteria import STANDARD, Criteria
+from iriftrace.planning.criteria import STANDARD, USUAL_PAIRING, Criteria, Pairing
 from iriftrace.planning.objective import limits_of
 from iriftrace.planning.pair_table import PairRequest, PoseView, pair_table, statistic_of, views_of
 from iriftrace.sweep.measures import Limits
@@ -25,9 +24,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from iriftrace.tracing.scene import Scene
-
-ANGLES_DEG = (15.0, 45.0)
-"""Usual angles of triangulation of sensors: smaller ones increase noise, larger ones occlusion."""
 
 CONFIRMED = 3
 """Number of best pairs that are measured by the exact solver, from which a user chooses."""
@@ -62,12 +58,9 @@ class PairPlan:
     exact_engine : str
         Engine that bent the rays for it, ``"cells and shells"`` if not the same for all k; empty if
         nothing was measured.
-    system : str
-    feature : str
-        Feature whose diameter counts; empty if there is none.
     criteria : Criteria
-    angles_deg : (2,) tuple, degree
-        Range of angles that count as seen.
+    pairing : Pairing
+        What was asked for.
     limits : dict of (2,) tuples
         Limits of the three quantities of the score: minimum, and percentile over the pairs.
     """
@@ -80,21 +73,15 @@ class PairPlan:
     angle_deg: FloatArray
     exact_mm: FloatArray
     exact_engine: str
-    system: System
-    feature: str
     criteria: Criteria
-    angles_deg: tuple[float, float]
+    pairing: Pairing
     limits: dict[str, Limits]
 
 
 def plan_pairs(
     dataset: xr.Dataset,
     criteria: Criteria = STANDARD,
-    *,
-    system: System = "fringe",
-    angles_deg: tuple[float, float] = ANGLES_DEG,
-    feature: str | None = None,
-    confirm: bool = True,
+    pairing: Pairing = USUAL_PAIRING,
 ) -> PairPlan:
     """Rank the pairs of a sweep's poses as places of two devices.
 
@@ -108,18 +95,11 @@ def plan_pairs(
     criteria : Criteria
         Weights (those of both resolutions count for the noise in depth), statistic, region,
         percentile, ``min_coverage``, and ``min_hits`` on the faces in common.
-    system : str
-        ``"fringe"``, ``"stereo"`` or ``"laser"``.
-    angles_deg : (2,) tuple, degree
-        Smallest and largest angle between two lines of sight at which a face counts as seen.
-    feature : str, optional
-        A region that is a cylinder or sphere, ``"cylinder:lateral"``. Its diameter's error is
-        stated, and pairs are ranked by that or by the points' error, whichever is larger. On a
-        short arc, micrometres that vary along it change the diameter by many times as much;
-        elsewhere large errors cancel in one state of the air and not in the next.
-    confirm : bool
-        Measure the best three pairs by the exact solver and order them by the measured error; needs
-        the scene's files.
+    pairing : Pairing
+        Kind of the second device, angles, feature. On a short arc, micrometres that vary along it
+        change a diameter by many times as much; elsewhere large errors cancel in one state of the
+        air and not in the next. The best pairs are measured by the exact solver and ordered by the
+        measured error, unless `Pairing.confirm` is false; that needs the scene's files.
 
     Raises
     ------
@@ -130,14 +110,6 @@ def plan_pairs(
     SetupError
         Pairs are to be measured and there is no usable LLVM or CUDA.
     """
-    low, high = angles_deg
-    if not 0.0 < low < high < 180.0:
-        raise InputError(
-            f"The angles {low:g}:{high:g} are not a range of triangulation; give the smaller one "
-            "first, such as 15:45.",
-            code="angle.range",
-            argument="angle",
-        )
     if criteria.robust:
         raise InputError(
             "A sweep has no scatter of pairs over an ensemble's members, so none can be added; "
@@ -155,7 +127,8 @@ def plan_pairs(
             code=error.code,
             argument=error.argument,
         ) from error
-    request = PairRequest(part, criteria, system, feature or "", angles_deg)
+    low, high = pairing.angle
+    request = PairRequest(part, criteria, pairing)
     views = views_of(dataset, len(part.faces))
     table = pair_table(views, request)
     if not len(table):
@@ -177,13 +150,13 @@ def plan_pairs(
     engine = ""
     best_pair = views[int(table[order[0], 0])], views[int(table[order[0], 1])]
     warn_of_large_faces(np.stack([view.fractions for view in best_pair]), request.areas)
-    if confirm:
+    if pairing.confirm:
         best = order[:CONFIRMED].copy()
         pairs = table[best, :2].astype(np.int64)
         exact, engine = _measured(dataset, views, pairs, request)
         # The measured pairs are ordered by their measured errors.
         measured = values[:, best]
-        measured[1 if feature else 0] = exact
+        measured[1 if pairing.feature else 0] = exact
         known = objective.score(request.quantities(measured))
         again = np.argsort(known, kind="stable")
         order[: len(exact)], exact = best[again], [exact[k] for k in again]
@@ -198,10 +171,8 @@ def plan_pairs(
         angle_deg=angle,
         exact_mm=np.array(exact),
         exact_engine=engine,
-        system=system,
-        feature=feature or "",
         criteria=criteria,
-        angles_deg=angles_deg,
+        pairing=pairing,
         limits=limits,
     )
 
@@ -216,11 +187,11 @@ def _measured(
         scene = scenes.get(views[i].scene) or scene_of_pairs(dataset, i)
         scenes[views[i].scene] = scene
         try:
-            scan = measure(scene, views[i].camera, views[j].camera, system=request.system)
+            scan = measure(scene, views[i].camera, views[j].camera, system=request.pairing.system)
             engines.add(scan.provenance["engine"])
             exact.append(
                 _size_error(scan, request)
-                if request.feature
+                if request.pairing.feature
                 else statistic_along(scan, request.inside[scan.face], request.criteria)
             )
         except InputError as reason:
@@ -251,7 +222,7 @@ def measured_values(scan: Scan, request: PairRequest) -> FloatArray | None:
     Of all points at an angle in the range; None if they are too few.
     """
     angle = np.degrees(scan.angle)
-    low, high = request.angles_deg
+    low, high = request.pairing.angle
     chosen = request.inside[scan.face] & (angle >= low) & (angle <= high)
     seen = scan.seen_fractions(request.part, chosen)
     coverage = float(request.areas @ seen / request.areas.sum())
@@ -259,14 +230,14 @@ def measured_values(scan: Scan, request: PairRequest) -> FloatArray | None:
     if chosen.sum() < criteria.min_hits or coverage < criteria.min_coverage:
         return None
     along = np.median(scan.error_normal[chosen])
-    bias = _size_error(scan, request) if request.feature else along
+    bias = _size_error(scan, request) if request.pairing.feature else along
     error = statistic_along(scan, chosen, criteria)
     return np.array((error, bias, coverage, np.median(angle[chosen])))
 
 
 def _size_error(scan: Scan, request: PairRequest) -> float:
     """Error of the feature's diameter, mm."""
-    (fitted,) = scan.features(request.part, [request.feature])
+    (fitted,) = scan.features(request.part, [request.pairing.feature or ""])
     error = fitted.size.difference("measured", "cold")
     if error is None:
         raise AssertionError("a cylinder or sphere has a diameter")

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from attrs import frozen
 
 from iriftrace.core.errors import InputError
-from iriftrace.planning.cover import NO_LIMITS, ViewLimits, ViewSet, plan_views
-from iriftrace.planning.criteria import STANDARD, Criteria
+from iriftrace.planning.cover import ViewSet, plan_views
+from iriftrace.planning.criteria import STANDARD, Criteria, Views
 from iriftrace.planning.refine import Refinement, check_evaluations, refine_pose
 from iriftrace.planning.summary import SweepSummary, summarise
 from iriftrace.sweep.reload import load_swept_scene
-from iriftrace.sweep.store import read_sweep
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -40,11 +38,10 @@ class PosePlan:
 
 
 def plan(
-    sweep: str | Path | xr.Dataset,
+    sweep: xr.Dataset,
     criteria: Criteria = STANDARD,
     *,
-    views: int | None = None,
-    limits: ViewLimits = NO_LIMITS,
+    views: Views | None = None,
     evaluations: int | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> PosePlan:
@@ -52,14 +49,13 @@ def plan(
 
     Parameters
     ----------
-    sweep : path or Dataset
-        A sweep that `iriftrace.run_sweep` wrote or returned.
+    sweep : Dataset
+        A sweep that `iriftrace.run_sweep` returned or `iriftrace.read_sweep` has read.
     criteria : Criteria
         Weights, normalisation and requirements for a pose.
-    views : int, optional
-        Number of poses that together see as much area as possible.
-    limits : ViewLimits
-        Limits within which these poses must see a face.
+    views : Views, optional
+        Number of poses that together see as much area as possible, and limits within which they
+        must see a face.
     evaluations : int, optional
         Maximum number of poses to render in a search around the best pose, at least 10; needs the
         scene's files.
@@ -69,20 +65,19 @@ def plan(
     Raises
     ------
     InputError
-        The sweep cannot be read, no pose can be ranked, nothing is seen within the limits, or the
+        No pose can be ranked, nothing is seen within the limits, or the
         scene has changed since the sweep.
     SetupError
         Poses are to be rendered and there is no usable LLVM or CUDA.
     """
-    dataset = read_sweep(sweep) if isinstance(sweep, str | Path) else sweep
-    summary = summarise(dataset, criteria)
+    summary = summarise(sweep, criteria)
     together = refined = None
     if views is not None:
-        together = plan_views(dataset, views, limits, criteria)
+        together = plan_views(sweep, views, criteria)
     if evaluations is not None:
         check_evaluations(evaluations)
         try:
-            swept = load_swept_scene(dataset, summary.plan.best)
+            swept = load_swept_scene(sweep, summary.plan.best)
         except InputError as error:
             why = str(error).rstrip(".")
             raise InputError(
@@ -92,6 +87,6 @@ def plan(
                 argument=error.argument,
             ) from error
         refined = refine_pose(
-            dataset, summary.plan, swept, evaluations=evaluations, progress=progress
+            sweep, summary.plan, swept, evaluations=evaluations, progress=progress
         )
     return PosePlan(summary, together, refined)

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 SCHEMA = "iriftrace.refined/1"
 PAIR_SCHEMA = "iriftrace.refined_pair/1"
 
-FEWEST_EVALUATIONS = 10
+EVALUATIONS, FEWEST_EVALUATIONS = 80, 10
 
 # Steps of the search, as fractions of the ranges of `Around`.
 _FIRST_STEP, _LAST_STEP = 0.4, 1e-3
@@ -164,7 +164,7 @@ def refine_pose(
     plan: Plan,
     swept: SweptScene,
     *,
-    evaluations: int = 80,
+    evaluations: int = EVALUATIONS,
     progress: Callable[[int, float], None] | None = None,
 ) -> Refinement:
     """Search for a better pose around the best one of a sweep, with at most so many renderings.
@@ -182,7 +182,8 @@ def refine_pose(
     """
     check_evaluations(evaluations)
     around = around_pose(dataset, plan.best)
-    without_score = 1.0 + sum(plan.criteria.weights.values())  # larger than any other score
+    # Larger than any other score.
+    without_score = 1.0 + sum(plan.criteria.weights.values())
 
     def trial(place: FloatArray) -> _Trial:
         metrics = _metrics(swept, around.matrix(place), plan) or {}
@@ -224,7 +225,7 @@ def refine_pair(
     dataset: xr.Dataset,
     plan: PairPlan,
     *,
-    evaluations: int = 80,
+    evaluations: int = EVALUATIONS,
     progress: Callable[[int, float], None] | None = None,
 ) -> PairRefinement:
     """Search for a better pair around the best one of a sweep, with at most so many measurements.
@@ -241,7 +242,7 @@ def refine_pair(
     around = [around_pose(dataset, pose) for pose in (first, second)]
     cameras = [swept_camera(dataset, pose) for pose in (first, second)]
     scene = scene_of_pairs(dataset, first)
-    request = PairRequest(scene.part, plan.criteria, plan.system, plan.feature, plan.angles_deg)
+    request = PairRequest(scene.part, plan.criteria, plan.pairing)
 
     def trial(place: FloatArray) -> PairValue:
         moves = list(zip(cameras, around, place.reshape(2, 4), strict=True))
@@ -333,7 +334,7 @@ def _value(
     try:
         with without_warnings():
             # Limits of a scene were warned of when it was swept.
-            scan = measure(scene, *devices, system=request.system)
+            scan = measure(scene, *devices, system=request.pairing.system)
     except InputError:
         return nothing
     values = measured_values(scan, request)
@@ -372,14 +373,14 @@ def write_refined_pair(
 ) -> None:
     """Write a refined pair and its score (.json)."""
     content = {
-        "system": plan.system,
-        "feature": plan.feature or None,
+        "system": plan.pairing.system,
+        "feature": plan.pairing.feature,
         **refined.best.as_dict(),
         "start": {"poses": plan.pairs[0].tolist(), **refined.start.as_dict()},
         "evaluations": refined.evaluations,
         "converged": refined.converged,
     }
-    ranking = {"angles_deg": plan.angles_deg, "limits": plan.limits}
+    ranking = {"angles_deg": plan.pairing.angle, "limits": plan.limits}
     _write(path, PAIR_SCHEMA, content, {**plan.criteria.as_dict(), **ranking}, dataset)
 
 

@@ -29,7 +29,7 @@ from iriftrace.planning.quantities import (
 from iriftrace.planning.rank import Plan, pareto_front, rank_poses, ranked_quietly
 from iriftrace.sweep.diagnostics import Varied, series_of, setting_of, varied_of
 from iriftrace.sweep.faces import faces_seen
-from iriftrace.sweep.store import WHOLE_PART, attribute, line_of_sight_angles, scene_of
+from iriftrace.sweep.store import WHOLE_PART, attribute, line_of_sight_angles, origin_of, scene_of
 from iriftrace.sweep.warned import warned_of
 
 if TYPE_CHECKING:
@@ -283,24 +283,24 @@ def extreme_poses(summary: SweepSummary) -> dict[str, int]:
     return {"best": summary.plan.best, "smallest": smallest, "largest": largest}
 
 
-def extreme_images(
-    dataset: xr.Dataset, summary: SweepSummary, folder: Path
-) -> Iterator[tuple[str, AovImage]]:
+def extreme_images(dataset: xr.Dataset, summary: SweepSummary) -> Iterator[tuple[str, AovImage]]:
     """Images of `extreme_poses`, with their names.
 
-    They are read if the sweep stored them in the folder `folder`, else rendered again. Raises
+    They are read if the sweep stored them next to its file, else rendered again. Raises
     `InputError` or `SetupError` if neither can be done.
     """
     from iriftrace.sweep.reload import load_swept_scene
 
+    origin = origin_of(dataset)
     images: dict[int, AovImage] = {}
-    for name, pose in extreme_poses(summary).items():
-        file = str(dataset["exr"].values[pose])
-        if pose not in images and file and (folder / file).is_file():
-            images[pose] = read_exr(folder / file)
+    for which, pose in extreme_poses(summary).items():
+        name = str(dataset["exr"].values[pose])
+        file = Path(origin.path).parent / name if origin and name else None
+        if pose not in images and file and file.is_file():
+            images[pose] = read_exr(file)
         if pose not in images:
             images[pose] = load_swept_scene(dataset, pose).render(summary.matrices[pose]).image
-        yield name, images[pose]
+        yield which, images[pose]
 
 
 def devices_text(dataset: xr.Dataset, criteria: Criteria) -> str | None:

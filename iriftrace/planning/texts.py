@@ -12,7 +12,8 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.units import counted
 from iriftrace.image.resolution import FRONTAL
 from iriftrace.planning.candidates import ranked_error
-from iriftrace.planning.cover import ViewLimits, ViewSet
+from iriftrace.planning.cover import ViewSet
+from iriftrace.planning.criteria import Views
 from iriftrace.planning.quantities import PoseQuantity
 from iriftrace.planning.stability import close_alternative, far_apart, stability
 from iriftrace.planning.summary import STATISTICS, SweepSummary
@@ -216,9 +217,9 @@ def views_text(summary: SweepSummary, views: ViewSet) -> str:
     )
 
 
-def views_title(summary: SweepSummary, limits: ViewLimits) -> str:
+def views_title(summary: SweepSummary, views: Views) -> str:
     """Title of `views_table`, half a sentence."""
-    return f"Poses that together see the most of {_region(summary)}{limits.text}"
+    return f"Poses that together see the most of {_region(summary)}{views.text}"
 
 
 def front_text(summary: SweepSummary) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 from attrs import frozen
 
 from iriftrace.camera.camera import Camera
-from iriftrace.core.engines import AUTO, may_use_field
+from iriftrace.core.engines import Engine
 from iriftrace.core.errors import InputError, without_warnings
 from iriftrace.core.files import sha256_of
 from iriftrace.core.runtime import variant as runtime
@@ -40,7 +40,7 @@ class SceneSource:
     fingerprint: str
     version: str
     files: dict[str, str]
-    engine: str = AUTO
+    engine: Engine = Engine.AUTO
 
 
 @frozen(eq=False)
@@ -63,12 +63,12 @@ class PoseTask:
 
 
 def source_of(
-    path: Path, variables: dict[str, str], variant: str, engine: str = AUTO
+    path: Path, variables: dict[str, str], variant: str, engine: Engine = Engine.AUTO
 ) -> SceneSource:
     """The scene in its present state on the disk; raises InputError if it cannot be read."""
     with runtime.using(variant), without_warnings():
         # Warned of when the scene is loaded.
-        files = scene_files(path, variables, field=may_use_field(engine))
+        files = scene_files(path, variables, field=engine.may_use_field)
     contents = {str(file.resolve()): sha256_of(file) for file in files}
     content = [sha256_of(path), *(contents[str(file.resolve())] for file in files)]
     return SceneSource(
@@ -101,7 +101,7 @@ def render_pose(task: PoseTask, scene: Scene) -> Piece:
         except InputError as error:
             return Piece(task.number, {"metrics": None, "failure": str(error)})
     if task.exr:
-        rendering.save(task.exr)
+        rendering = rendering.saved(task.exr)
     metrics = rendering.metrics.as_dict()
     measured = {key: value for key, value in metrics.items() if key not in _OF_ALL_POSES}
     if task.second is not None:

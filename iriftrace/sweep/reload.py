@@ -12,10 +12,11 @@ from numpy.typing import ArrayLike
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray, IntArray
-from iriftrace.core.engines import AUTO
+from iriftrace.core.engines import Engine
 from iriftrace.core.errors import InputError, SetupError, warn, without_warnings
 from iriftrace.core.plain import JsonObject
 from iriftrace.io.part_files import read_part
+from iriftrace.io.reading import ReadPart
 from iriftrace.part.part import Part
 from iriftrace.sweep.rig import add_measured, rig_of
 from iriftrace.sweep.store import attribute, check_unchanged, scene_of, scene_of_pose
@@ -85,7 +86,7 @@ def load_swept_scene(dataset: xr.Dataset, pose: int) -> SweptScene:
             named["path"],
             named.get("variables"),
             variant=variant,
-            engine=named.get("wanted_engine", AUTO),
+            engine=named.get("requested_engine", Engine.AUTO),
         )
     include = json.loads(dataset.attrs.get("include", "[0]"))
     return SweptScene(scene, swept_camera(dataset, pose), tuple(include))
@@ -151,7 +152,7 @@ def swept_part(dataset: xr.Dataset) -> Part:
     if not {"path", "sha256", "length_unit", "to_world"} <= set(named):
         raise InputError("the sweep does not name its file", code="sweep.no_part")
     check_unchanged(named["path"], named["sha256"])
-    part = read_part(named["path"], length_unit=named["length_unit"])
+    part = read_part(named["path"], ReadPart(length_unit=named["length_unit"]))
     return part.transformed(named["to_world"])
 
 

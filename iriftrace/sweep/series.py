@@ -12,7 +12,6 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose_set import PoseSet, offset_outward
 from iriftrace.core.arrays import Variables
 from iriftrace.core.errors import InputError, warn
-from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import JsonObject, plain
 from iriftrace.sweep.journal import Piece
 from iriftrace.sweep.pose import PoseTask, SceneSource, source_of
@@ -215,15 +214,14 @@ def scenes_attribute(
         scene, name = one.scene, one.scene.name
         files = {}
         if scene.path is not None and source is not None:
-            sha256 = sha256_of(scene.path)
-            files = {"path": source.path, "sha256": sha256, "files": source.files}
+            files = {"path": source.path, "sha256": scene.sha256, "files": source.files}
         scenes[name] = {
             "scene": name,
             **files,
             "variables": scene.variables,
             "variant": scene.compiled.variant,
-            "engine": scene.compiled.engine,
-            "wanted_engine": scene.engine,
+            "engine": scene.compiled.engine.value,
+            "requested_engine": scene.engine.value,
             "field": plain(scene.compiled.source),
         }
         if scene.members:

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import BoolArray, FloatArray, Variables
+from iriftrace.core.engines import engine_named
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.core.files import FileOrigin, sha256_of, whole_file
 from iriftrace.core.plain import JsonObject
 from iriftrace.image.sightings import COLUMNS, COUNTS, ROW, FaceSightings
 from iriftrace.io.netcdf import json_attributes, read_netcdf
@@ -216,7 +217,15 @@ def read_sweep(path: str | Path) -> xr.Dataset:
     except InputError:
         dataset.close()
         raise
+    origin = FileOrigin.of(file)
+    dataset.encoding |= {"source": origin.path, "sha256": origin.sha256}
     return dataset
+
+
+def origin_of(dataset: xr.Dataset) -> FileOrigin | None:
+    """The file that a sweep was read from; None for a sweep in memory."""
+    stated = dataset.encoding
+    return FileOrigin(stated["source"], stated["sha256"]) if "sha256" in stated else None
 
 
 def check_sweep(dataset: xr.Dataset) -> None:
@@ -255,8 +264,9 @@ def traced_through_cells(dataset: xr.Dataset) -> BoolArray:
     """Mask (n,) of the poses whose rays the field's cells bend."""
     names = dataset["scene"].values.astype(str)
     _, first, scene = np.unique(names, return_index=True, return_inverse=True)
-    asked = [scene_of_pose(dataset, int(pose)).get("engine") == "cells" for pose in first]
-    chosen: BoolArray = np.array(asked)[scene] | (dataset["through_cells"].values == 1)
+    engines = [scene_of_pose(dataset, int(pose)).get("engine") for pose in first]
+    cells = np.array([name is not None and engine_named(name).through_cells for name in engines])
+    chosen: BoolArray = cells[scene] | (dataset["through_cells"].values == 1)
     return chosen
 
 

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 from iriftrace.core.errors import InputError, IriftraceError, SetupError, without_warnings
 from iriftrace.core.runtime import variant as runtime
 from iriftrace.sweep.journal import Piece
+from iriftrace.sweep.options import LOCAL
 from iriftrace.sweep.pose import PoseTask, SceneSource, render_pose, source_of
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.scene import Scene
@@ -50,8 +51,6 @@ class Client(Protocol):
     def nthreads(self) -> Mapping[str, int]: ...
 
 
-LOCAL = "local"
-
 _SECONDS_TO_ANSWER = 5
 _SECONDS_FOR_A_WORKER = 10
 _ADDRESS = re.compile(r"(tcp|tls|ws|wss)://\S+:\d+")
@@ -71,12 +70,14 @@ _one_at_a_time = threading.Lock()
 _loaded: dict[str, Scene] = {}
 
 
-def check_scheduler(scheduler: str, count: int | None = None) -> None:
+def check_scheduler(scheduler: str | None, count: int | None = None) -> None:
     """Refuse a scheduler that is neither ``"local"`` nor an address before starting the work.
 
     Also raises InputError if `count` workers are requested that it cannot start; SetupError if Dask
     distributed is not installed.
     """
+    if scheduler is None:
+        return
     if scheduler != LOCAL and not _ADDRESS.fullmatch(scheduler):
         raise InputError(
             f"The scheduler {scheduler!r} is not an address; give local, or what `dask scheduler` "

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypedDict
 import numpy as np
 from attrs import evolve
 
-from iriftrace.core.engines import Bending
+from iriftrace.core.engines import Bending, Engine
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import structured
@@ -122,7 +122,7 @@ def stated_index_rule(
 class TracedAir(TypedDict):
     """Attributes of `Compiled` that describe its air."""
 
-    engine: str
+    engine: Engine
     normals: str
     bending: Bending
     index_rule: str
@@ -137,16 +137,17 @@ def traced_air(
     others: tuple[str, ...] = (),
 ) -> TracedAir:
     """The air of a scene; `others` are shells that are not those stated."""
-    if integrator.engine == "cells":
+    engine = Engine(integrator.engine)
+    if engine.through_cells:
         return {
-            "engine": "cells",
+            "engine": engine,
             "normals": f"{integrator.gradient} gradient",
             "bending": Bending.CELLS,
             "index_rule": "none, linear in each tetrahedron",
             "stated": statement_of_field(integrator.air.cells, stated, name),
         }
     return {
-        "engine": integrator.engine,
+        "engine": engine,
         "normals": stated_normals(integrator.normals, tables),
         "bending": _bending(integrator, tables),
         "index_rule": stated_index_rule(name, stated, tables, others),

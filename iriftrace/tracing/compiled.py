@@ -13,7 +13,7 @@ from attrs import evolve, field, frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.engines import AUTO, ENGINES, Bending
+from iriftrace.core.engines import Bending, Engine
 from iriftrace.core.errors import InputError
 from iriftrace.core.runtime import variant as runtime
 from iriftrace.core.units import parse_quantity
@@ -44,8 +44,8 @@ class Compiled:
         What Mitsuba's (first) sensor shows.
     full_resolution : (2,) tuple of int, px
         Resolution of that sensor's film before ``scale`` changed it.
-    engine : str
-        ``"shells"`` or ``"cells"``.
+    engine : Engine
+        Shells or cells.
     normals : str
         ``"gradient"`` or ``"facet"``, and for how many shells if not for all; for cells the origin
         of their gradient.
@@ -64,7 +64,7 @@ class Compiled:
 
     camera: Camera
     full_resolution: tuple[int, ...]
-    engine: str
+    engine: Engine
     normals: str
     bending: Bending
     index_rule: str
@@ -110,20 +110,12 @@ class Compiled:
         own, its = (one.source.sha256 if one.source else None for one in (self, other))
         return own == its
 
-    def through_cells(
-        self,
-        name: str,
-        field_file: Path,
-        variables: Mapping[str, str],
-        cells: FieldCells | None = None,
-    ) -> Compiled:
-        """The same scene traced through cells: those of a file, or given ones."""
+    def through_cells(self, name: str, cells: FieldCells) -> Compiled:
+        """The same scene traced through cells."""
         started = time.perf_counter()
         with runtime.using(self.variant):
-            integrator = integrator_for(self.integrator, "cells", name, field_file)
-            set_wavelength(integrator, variables)
-            if cells is not None:
-                integrator.use(cells)
+            integrator = integrator_for(self.integrator, Engine.CELLS, name, Path(FIELD_FILE))
+            integrator.use(cells)
             integrator.prepare_as(self.integrator)
             tables = integrator.prepare(self.mitsuba_scene).tables
         return evolve(
@@ -139,10 +131,11 @@ class Origin:
     """The file that a scene was read from; a scene with other part, air or blockers has none."""
 
     path: Path  # absolute
+    sha256: str
     given: str  # as the user wrote it
     variables: dict[str, str]  # values given for the file's parameters
     part_to_world: FloatArray  # (4, 4), of the part's file
-    compile: Callable[[dict[str, str], str], Compiled]  # for its parameters and an engine
+    compile: Callable[[dict[str, str], Engine], Compiled]  # for its parameters and an engine
     bodies: tuple[object, ...]  # part, air and blockers as they were read
 
 
@@ -210,7 +203,7 @@ def of_mitsuba(scene: mi.Scene) -> tuple[Compiled, Part, tuple[Camera, Camera | 
             code="scene.wrong_type",
         )
     name = "Your mi.Scene"
-    integrator = integrator_for(scene.integrator(), AUTO, name, Path(FIELD_FILE))
+    integrator = integrator_for(scene.integrator(), Engine.AUTO, name, Path(FIELD_FILE))
     sensors = sensors_of(scene, name)
     devices = devices_of(sensors)
     started = time.perf_counter()
@@ -308,38 +301,26 @@ def camera_of_sensor(sensor: mi.Sensor) -> Camera:
     return camera.cropped(int(left), int(top), int(width), int(height))
 
 
-def integrator_for(own: Integrator, engine: str, name: str, field_file: Path) -> Integrator:
+def integrator_for(own: Integrator, engine: Engine, name: str, field_file: Path) -> Integrator:
     """The scene's own integrator, or one for the requested engine."""
     import mitsuba as mi
 
-    check_engine(engine)
     if not hasattr(own, "image"):
         raise InputError(
             f"{name} has the integrator {own.class_name()}, which computes light and not hits; use "
             '<integrator type="first_hit"/>.',
             code="scene.integrator",
         )
-    if engine in (AUTO, own.engine):
+    if engine.free or engine.through_cells == Engine(own.engine).through_cells:
         return own
     # The two kinds of normals have counterparts: each kind converges to its gradient.
-    smooth = own.normals == "gradient" if engine == "cells" else own.gradient == "recovered"
-    if engine == "shells":
-        chosen = {"type": "first_hit", "normals": "gradient" if smooth else "facet"}
-    else:
+    if engine.through_cells:
         chosen = {
             "type": "gradient_path",
             "field": str(field_file.resolve()),
-            "gradient": "recovered" if smooth else "constant",
+            "gradient": "recovered" if own.normals == "gradient" else "constant",
         }
+    else:
+        normals = "gradient" if own.gradient == "recovered" else "facet"
+        chosen = {"type": "first_hit", "normals": normals}
     return mi.load_dict({**chosen, "trace_all": own.trace_all})
-
-
-def check_engine(engine: str) -> None:
-    """Refuse an engine that does not exist."""
-    known = (AUTO, *ENGINES)
-    if engine not in known:
-        raise InputError(
-            f"There is no engine {engine!r}; use one of {', '.join(known)}.",
-            code="engine.unknown_name",
-            argument="engine",
-        )

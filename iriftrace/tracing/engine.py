@@ -112,7 +112,7 @@ def choose(scene: Scene, *views: View) -> Choice:
     IriftraceWarning
         The shells are too few, whether or not cells are used instead.
     """
-    if scene.compiled.engine != "shells":
+    if scene.compiled.engine.through_cells:
         return Choice(scene)
     with runtime.using(scene.compiled.variant):
         samples = [_sample(scene, view) for view in views]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping
 from pathlib import Path
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import write_json
 from iriftrace.core.plain import structured
+from iriftrace.tracing.file import parameters_of, read_xml
 from iriftrace.tracing.hot_air import FieldMember, weights_of
 
 MEMBER = "member"
@@ -29,13 +29,8 @@ def member_folder(scene: Path, number: int | str) -> Path:
 
 
 def is_ensemble(scene: Path) -> bool:
-    """True if a scene's XML file has the parameter ``member``."""
-    try:
-        text = scene.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
-        # The reader of the scene states what is wrong with it.
-        return False
-    return re.search(rf'<default\s+name="{MEMBER}"', text) is not None
+    """True if a scene's XML file has the parameter ``member``; InputError if it is no scene."""
+    return MEMBER in parameters_of(read_xml(scene))
 
 
 def read_members(scene: Path) -> tuple[FieldMember, ...]:

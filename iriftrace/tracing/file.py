@@ -1,4 +1,4 @@
-"""Parse a scene's XML file by Mitsuba's own parser, and check its meshes before it is loaded."""
+"""The XML file of a scene: its elements, what Mitsuba parses from it, and checks of its meshes."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
 
 import numpy as np
 from attrs import frozen
@@ -21,9 +22,6 @@ from iriftrace.medium.shells.hessian import PLY_COLUMNS
 if TYPE_CHECKING:
     import mitsuba as mi
     from mitsuba.parser import SceneNode
-
-_HEAD = 100_000
-"""Number of bytes of a file in which a scene begins, with any comments before it."""
 
 _DERIVATIVES = frozenset(f"{name}_1".encode() for name in PLY_COLUMNS)
 """Columns of a shell's file that have the derivatives of the index."""
@@ -88,16 +86,7 @@ def _parsed(path: Path, values: Mapping[str, str]) -> list[SceneNode]:
     """Nodes of an XML file that is a scene and has these parameters."""
     import mitsuba as mi
 
-    require_scene(path)
-    check_readable(path)
-    with path.open("rb") as opened:
-        if b"<scene" not in opened.read(_HEAD):
-            raise InputError(
-                f"{path} is not a Mitsuba scene; give the XML file that `iriftrace scene` makes "
-                "from a field and a part.",
-                code="scene.not_mitsuba",
-            )
-    _check_variables(path, values)
+    _check_variables(path, read_xml(path), values)
     values = of_the_file(values)
     try:
         config = mi.parser.ParserConfig(str(mi.variant()))
@@ -184,15 +173,38 @@ def require_scene(path: Path) -> None:
         )
 
 
-def _check_variables(path: Path, values: Mapping[str, str]) -> None:
+def read_xml(path: Path) -> ElementTree.Element:
+    """Root of a scene's XML file with its comments; raises InputError for any other file."""
+    require_scene(path)
+    check_readable(path)
+    root = None
     try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"{path} is not text in UTF-8 ({error.reason}); give a scene's XML file.",
-            code="file.not_text",
-        ) from error
-    known = re.findall(r'<default\s+name="([^"]+)"', text)
+        with path.open("rb") as file:
+            # The file of another program may be large.
+            root = next(ElementTree.iterparse(file, ("start",)))[1]
+        if root.tag == "scene":
+            builder = ElementTree.TreeBuilder(insert_comments=True)
+            return ElementTree.parse(path, ElementTree.XMLParser(target=builder)).getroot()
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        if root is not None:
+            raise InputError(
+                f"{path} is no longer XML ({error}); correct it, or write the scene again.",
+                code="scene.damaged",
+            ) from error
+    raise InputError(
+        f"{path} is not a Mitsuba scene; give the XML file that `iriftrace scene` makes from a "
+        "field and a part.",
+        code="scene.other_file",
+    )
+
+
+def parameters_of(root: ElementTree.Element) -> list[str]:
+    """Names of the ``<default>`` parameters of a scene's XML."""
+    return [str(element.get("name")) for element in root.iter("default")]
+
+
+def _check_variables(path: Path, root: ElementTree.Element, values: Mapping[str, str]) -> None:
+    known = parameters_of(root)
     if WAVELENGTH in values and WAVELENGTH in known:
         raise InputError(
             f'{path} has a parameter "{WAVELENGTH}" of its own, so the name is ambiguous; '
@@ -208,8 +220,9 @@ def _check_variables(path: Path, values: Mapping[str, str]) -> None:
             argument="define",
         )
     # An included file may use parameters that the file itself does not.
-    unneeded = [] if "<include" in text else [name for name in known if f"${name}" not in text]
-    if unneeded:
+    used = " ".join(value for element in root.iter() for value in element.attrib.values())
+    unneeded = [name for name in known if f"${name}" not in used]
+    if unneeded and root.find(".//include") is None:
         raise InputError(
             f'{path} has <default name="{unneeded[0]}">, but nothing in it uses ${unneeded[0]}, so '
             "setting it would change nothing; remove it or use it.",

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import shutil
-import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from pathlib import Path
+from xml.etree import ElementTree
 
 from attrs import evolve
 
@@ -22,6 +22,7 @@ from iriftrace.tracing.ensemble import (
     read_members,
     write_members,
 )
+from iriftrace.tracing.file import read_xml
 from iriftrace.tracing.hot_air import OUTSIDE, FieldMember
 from iriftrace.tracing.write import remove_stale_blockers, written_together
 from iriftrace.tracing.xml import BLOCKER_FILE, PART_FILE, refuse_edited, sealed
@@ -104,8 +105,7 @@ def _numbers_in(scene: Path, members: Sequence[FieldMember]) -> list[int]:
 
 def _copy_bodies(scene: Path, building: Path, of_board: bool) -> tuple[str, int]:
     """Copy the meshes of part and blockers; returns the new XML and the number of blockers."""
-    parser = ET.XMLParser(target=ET.TreeBuilder(insert_comments=True))
-    root = ET.parse(scene, parser=parser).getroot()
+    root = read_xml(scene)
     shapes = {str(shape.get("id")): shape for shape in root.findall("shape")}
     blockers = [name for name in shapes if name.startswith("blocker_")]
     kept = blockers if of_board else ["part", *blockers]
@@ -118,7 +118,7 @@ def _copy_bodies(scene: Path, building: Path, of_board: bool) -> tuple[str, int]
         named.set("value", file)
         shapes[name].set("id", "part" if number == 0 else f"blocker_{number}")
     head = '<?xml version="1.0" encoding="utf-8"?>\n<!-- Members weighted by iriftrace fit -->\n'
-    return sealed(head, ET.tostring(root, encoding="unicode") + "\n"), len(kept) - 1
+    return sealed(head, ElementTree.tostring(root, encoding="unicode") + "\n"), len(kept) - 1
 
 
 def _copy_member(
@@ -127,10 +127,12 @@ def _copy_member(
     """Copy a member's shells and field, with their new number and the new part."""
     target = building / FOLDER / str(member.number)
     shutil.copytree(member_folder(scene, number), target)
-    included = target / INCLUDED
-    text = included.read_text(encoding="utf-8")
-    moved = text.replace(f'"{FOLDER}/{number}/', f'"{FOLDER}/{member.number}/')
-    included.write_text(moved, encoding="utf-8")
+    included = read_xml(target / INCLUDED)
+    for name in included.iterfind(".//string[@name='filename']"):
+        mesh = str(name.get("value"))
+        if mesh.startswith(own := f"{FOLDER}/{number}/"):
+            name.set("value", f"{FOLDER}/{member.number}/{mesh.removeprefix(own)}")
+    ElementTree.ElementTree(included).write(target / INCLUDED, "utf-8", xml_declaration=True)
     for file in target.rglob(SHELLS_TABLE):
         table: JsonObject = json.loads(file.read_text(encoding="utf-8"))
         table["notes"] = {

@@ -15,7 +15,9 @@ from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.plain import JsonObject, plain
 from iriftrace.io.field_npz import load_field_file
 from iriftrace.medium.path_data import FieldCells, cells_of
+from iriftrace.medium.shells.options import STANDARD
 from iriftrace.medium.source import FieldSource, Variation
+from iriftrace.tracing.options import GRADIENT
 
 if TYPE_CHECKING:
     from iriftrace.medium.index_field import IndexField
@@ -47,8 +49,8 @@ class AirState:
     time: float | None = None  # in the file's unit
     weight: float = 1.0  # relative to that of the other states
     covariance: list[float] | None = None  # row of the covariance of fitted weights
-    layers: int = 13
-    rule: str = "rim"
+    layers: int = STANDARD.layers
+    rule: str = STANDARD.rule
     ready: ShellStack | None = None  # used instead of shells from layers and rule
     report: Sequence[ShellReport] | None = None  # facts about the shells, for their table
     notes: Mapping[str, str] = Factory(dict)  # stated in every result, besides those of the air
@@ -203,12 +205,12 @@ class HotAir:
         self,
         field: IndexField | Sequence[IndexField] | None = None,
         *,
-        layers: int = 13,
-        rule: str = "rim",
+        layers: int = STANDARD.layers,
+        rule: str = STANDARD.rule,
         shells: ShellStack | None = None,
         labels: Sequence[str] = (),
         weights: Sequence[float] | MemberWeights = (),
-        normals: str = "gradient",
+        normals: str = GRADIENT,
         notes: Mapping[str, str] | None = None,
         wall_temperature_k: float | None = None,
     ) -> None:
@@ -288,7 +290,7 @@ class HotAir:
         cls,
         states: Sequence[AirState],
         *,
-        normals: str = "gradient",
+        normals: str = GRADIENT,
         notes: Mapping[str, str] | None = None,
         wall_temperature_k: float | None = None,
     ) -> HotAir:

@@ -12,12 +12,14 @@ from attrs import frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray, IntArray
-from iriftrace.core.engines import AUTO
+from iriftrace.core.engines import Engine, engine_named
 from iriftrace.core.errors import InputError, without_warnings
+from iriftrace.core.files import sha256_of
 from iriftrace.core.runtime import variant as runtime
 from iriftrace.core.units import parse_quantity
 from iriftrace.io.field_npz import FIELD_FILE
 from iriftrace.io.part_files import read_part
+from iriftrace.io.reading import ReadPart
 from iriftrace.part.part import Part
 from iriftrace.tracing.air import air_statement_of, other_shells, traced_air, warn_of_another_part
 from iriftrace.tracing.compiled import (
@@ -49,7 +51,7 @@ def load_scene(
     variables: Mapping[str, object] | None = None,
     *,
     variant: str | None = None,
-    engine: str = AUTO,
+    engine: str = Engine.AUTO,
 ) -> Scene:
     """Read a scene's XML file and the meshes that it names.
 
@@ -86,18 +88,18 @@ def load_scene(
     IriftraceWarning
         If something in the file costs accuracy.
     """
-    xml, given = Path(path), str(Path(path))
+    xml, given, requested = Path(path), str(Path(path)), engine_named(engine)
     values = {name: _text(value) for name, value in (variables or {}).items()}
     members = members_of(xml, values)
     first = {**values, MEMBER: str(members[0].number)} if members else values
     chosen = runtime.ensure(variant)
-    read = _read(xml, first, chosen, engine)
+    read = _read(xml, first, chosen, requested)
     compiled = [read.compiled]
     light = values.pop(WAVELENGTH, None)
     # As it is now, wherever the working folder will be.
     xml = xml.absolute()
 
-    def compile_again(values: dict[str, str], engine: str) -> Compiled:
+    def compile_again(values: dict[str, str], engine: Engine) -> Compiled:
         return compiled.pop() if compiled else _read(xml, values, chosen, engine).compiled
 
     stated, integrator = read.compiled.stated, read.compiled.integrator
@@ -132,11 +134,12 @@ def load_scene(
     camera, second, second_id = read.devices
     with without_warnings():
         blockers = tuple(
-            read_part(file, length_unit="mm").transformed(place)
+            read_part(file, ReadPart(length_unit="mm")).transformed(place)
             for file, place in read.file.blockers
         )
     origin = Origin(
         path=xml,
+        sha256=sha256_of(xml),
         given=given,
         variables=values,
         part_to_world=read.file.part_to_world,
@@ -150,7 +153,7 @@ def load_scene(
         second,
         second_id,
         None if light is None else parse_quantity(light, "nm"),
-        engine,
+        requested,
         chosen,
         blockers,
         origin=origin,
@@ -189,7 +192,7 @@ class _Read:
     compiled: Compiled
 
 
-def _read(path: Path, values: Mapping[str, str], variant: str, engine: str) -> _Read:
+def _read(path: Path, values: Mapping[str, str], variant: str, engine: Engine) -> _Read:
     runtime.ensure(variant)
     runtime.refuse_foreign_plugins(path.parent)
     import mitsuba as mi
@@ -211,16 +214,17 @@ def _read(path: Path, values: Mapping[str, str], variant: str, engine: str) -> _
     sensors = sensors_of(scene, str(path))
     devices = devices_of(sensors)
     stated = air_statement_of(file)
-    if integrator.engine == "cells":
+    through_cells = Engine(integrator.engine).through_cells
+    if through_cells:
         set_wavelength(integrator, values)
     elif WAVELENGTH in values:
         stated = set_shells(scene, stated, parse_quantity(values[WAVELENGTH], "nm"))
     prepared = integrator.prepare(scene)
-    part = read_part(file.part_path, length_unit="mm").transformed(file.part_to_world)
+    part = read_part(file.part_path, ReadPart(length_unit="mm")).transformed(file.part_to_world)
     warn_of_another_part(file, part, stated.part)
     _check_same_part(part, *prepared.tables.part_arrays())
     built = time.perf_counter()
-    others = () if integrator.engine == "cells" else other_shells(file, stated)
+    others = () if through_cells else other_shells(file, stated)
     compiled = Compiled(
         camera=devices[0],
         full_resolution=full_resolution_of(sensors[0]),

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import Float32Array, FloatArray
 from iriftrace.core.errors import without_warnings
-from iriftrace.io.shells import vertex_columns
+from iriftrace.medium.shells.hessian import vertex_columns
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.regions import Regions
 

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from xml.etree import ElementTree
 
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.io.ply import read_ply
 from iriftrace.tracing.ensemble import INCLUDED, is_ensemble, member_folder
-
-BLOCKER_ID = "blocker_"
+from iriftrace.tracing.file import BLOCKER_ID, read_xml
 
 
 def outermost_surface(scene: Path) -> Path:
@@ -22,7 +20,7 @@ def outermost_surface(scene: Path) -> Path:
     if not file.is_file():
         raise InputError(f"{file} is gone", code="file.missing")
     layers = {}
-    for shape in ElementTree.parse(file).getroot().iter("shape"):
+    for shape in read_xml(file).iter("shape"):
         name = shape.find("string[@name='filename']")
         layer = shape.find("bsdf[@type='iso_shell']/string[@name='layer']")
         # A shell with a transform in the scene lies elsewhere than its file states.
@@ -42,7 +40,7 @@ def blocker_surfaces(scene: Path) -> list[tuple[FloatArray, IntArray]]:
     damaged files.
     """
     found = []
-    for shape in ElementTree.parse(scene).getroot().iter("shape"):
+    for shape in read_xml(scene).iter("shape"):
         name = shape.find("string[@name='filename']")
         if name is None or not shape.get("id", "").startswith(BLOCKER_ID):
             continue

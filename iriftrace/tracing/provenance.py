@@ -7,8 +7,6 @@ from importlib.metadata import version
 from pathlib import Path
 
 from iriftrace.camera.camera import Camera
-from iriftrace.core.engines import ENGINES
-from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import JsonObject, plain
 from iriftrace.core.units import counted
 from iriftrace.medium.source import FieldSource
@@ -31,10 +29,10 @@ def provenance(scene: Scene, camera: Camera) -> JsonObject:
         "version": version("iriftrace"),
         "scene": {
             "path": None if scene.path is None else str(scene.path.resolve()),
-            "sha256": None if scene.path is None else sha256_of(scene.path),
+            "sha256": scene.sha256,
             "variables": scene.variables,
         },
-        "engine": compiled.engine,
+        "engine": compiled.engine.value,
         **rules,
         "bending": compiled.bending.value,
         "wavelength_nm": wavelength,
@@ -53,7 +51,7 @@ def provenance(scene: Scene, camera: Camera) -> JsonObject:
         "variant": compiled.variant,
         "length_unit": "mm",
         "assumptions": {
-            "engine": ENGINES[compiled.engine],
+            "engine": compiled.engine.text,
             **rules,
             "bending": compiled.bending.text,
             **_for_studies(compiled),
@@ -81,7 +79,7 @@ def provenance(scene: Scene, camera: Camera) -> JsonObject:
 
 def _for_studies(compiled: Compiled) -> dict[str, str]:
     """Choices made to study findings of another program."""
-    if compiled.engine != "shells" or compiled.integrator.inside_hit != "drop":
+    if getattr(compiled.integrator, "inside_hit", "") != "drop":
         return {}
     return {"inside_hit": "rays that meet a shell from its inside are given up"}
 

@@ -10,7 +10,6 @@ from attrs import frozen
 from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
-from iriftrace.core.engines import AUTO
 from iriftrace.core.errors import InputError
 from iriftrace.core.mesh.triangles import row_lengths
 from iriftrace.core.runtime import variant as runtime
@@ -107,17 +106,21 @@ def trace_rays(
     """
     start, heading = _bundle(origins, directions)
     loaded = ready_scene(scene)
-    if loaded.members:
-        raise InputError(
-            f"{loaded.name} is an ensemble of {len(loaded.members)} fields, and a bundle of rays "
-            'is traced through one of them; load it with {"member": 1}, for example.',
-            code="scene.several_fields",
-        )
-    free = loaded.engine == AUTO
-    chosen = choose(loaded, (start, heading)).scene if free else loaded
+    refuse_several_fields(loaded)
+    chosen = choose(loaded, (start, heading)).scene if loaded.engine.free else loaded
     return traced_as_chosen(
         chosen, start, heading, focus_mm=focus_mm, coherent=coherent, trace_all=trace_all
     )
+
+
+def refuse_several_fields(scene: Scene) -> None:
+    """Refuse an ensemble where a bundle of rays is traced through one field."""
+    if scene.members:
+        raise InputError(
+            f"{scene.name} is an ensemble of {len(scene.members)} fields, and a bundle of rays "
+            'is traced through one of them; load it with {"member": 1}, for example.',
+            code="scene.several_fields",
+        )
 
 
 def traced_as_chosen(

@@ -37,13 +37,21 @@ class Rendering:
 
         `rgb` is passed to :func:`iriftrace.write_exr`.
         """
-        exr = Path(path)
+        self.saved(path, rgb=rgb)
+        return Path(path), Path(path).with_suffix(".json")
+
+    def saved(self, path: str | Path, *, rgb: str | None = None) -> Rendering:
+        """Write as `save`; returns the rendering with the time that it took."""
         started = time.perf_counter()
-        write_exr(exr, self.image, rgb=rgb)
-        self.metrics.add_time("write", time.perf_counter() - started)
-        report = exr.with_suffix(".json")
-        write_metrics(report, self.metrics)
-        return exr, report
+        write_exr(path, self.image, rgb=rgb)
+        written = self.with_time("write", started)
+        write_metrics(Path(path).with_suffix(".json"), written.metrics)
+        return written
+
+    def with_time(self, stage: str, started: float) -> Rendering:
+        """The rendering with the time of a stage that began at this count of seconds."""
+        seconds = time.perf_counter() - started
+        return evolve(self, metrics=self.metrics.with_time(stage, seconds))
 
 
 def render_scene(
@@ -129,6 +137,7 @@ def keep_checks(metrics: PoseMetrics, earlier: JsonObject) -> PoseMetrics:
             key: known.get(key) if value is None else value for key, value in metrics.time_s.items()
         },
         engine_test=earlier.get("engine_test"),
+        aperture=earlier.get("aperture"),
     )
 
 

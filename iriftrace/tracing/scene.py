@@ -10,21 +10,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from attrs import Attribute, Factory, evolve, field, frozen
+from attrs import Factory, evolve, field, frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.engines import AUTO, Bending
+from iriftrace.core.engines import Bending, Engine, engine_named
 from iriftrace.core.errors import InputError, warn, without_warnings
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.runtime import variant as runtime
-from iriftrace.io.field_npz import FIELD_FILE
 from iriftrace.part.part import Part
 from iriftrace.tracing.compiled import (
     Compiled,
     Held,
     Origin,
-    check_engine,
     of_objects,
     same,
 )
@@ -32,8 +30,9 @@ from iriftrace.tracing.ensemble import MEMBER
 from iriftrace.tracing.file import WAVELENGTH
 from iriftrace.tracing.hot_air import FieldMember, HotAir, weights_of
 from iriftrace.tracing.objects import kept_camera, kept_part
+from iriftrace.tracing.options import SCALE
 from iriftrace.tracing.viewpoint import refuse_bad_places
-from iriftrace.tracing.xml import SCALE, SceneSettings
+from iriftrace.tracing.xml import SceneSettings
 
 if TYPE_CHECKING:
     from iriftrace.medium.part_fit import Fit
@@ -66,7 +65,7 @@ class Scene:
         Its kind: ``"projector"``, ``"camera_2"`` or ``"laser"``.
     wavelength_nm : float or None, nm
         Wavelength of the light in vacuum; by default that of the air.
-    engine : str
+    engine : Engine or str
         ``"shells"``, ``"cells"``, or ``"auto"`` for shells, and cells in views for which they are
         too few (:func:`iriftrace.tracing.engine.choose`).
     variant : str or None
@@ -82,7 +81,7 @@ class Scene:
     second: Camera | None = None
     second_id: str = "projector"
     wavelength_nm: float | None = None
-    engine: str = field(default=AUTO)
+    engine: Engine = field(default=Engine.AUTO, converter=engine_named)
     variant: str | None = None
     blockers: tuple[Part, ...] = field(default=(), converter=_parts)
     _origin: Origin | None = field(default=None, repr=False)
@@ -109,10 +108,6 @@ class Scene:
         if not same(self._held.values, values):
             object.__setattr__(self, "_held", Held(values))
 
-    @engine.validator
-    def _check_engine(self, _: Attribute[str], engine: str) -> None:
-        check_engine(engine)
-
     def __repr__(self) -> str:
         width, height = self.camera.resolution
         fields = f", {len(self.members)} fields" if self.members else ""
@@ -130,6 +125,11 @@ class Scene:
     def path(self) -> Path | None:
         """The XML file that it was read from, absolute; None for a scene of objects."""
         return None if self._origin is None else self._origin.path
+
+    @property
+    def sha256(self) -> str | None:
+        """SHA-256 of that file when it was read."""
+        return None if self._origin is None else self._origin.sha256
 
     @property
     def variables(self) -> dict[str, str]:
@@ -222,7 +222,7 @@ class Scene:
             wavelength_nm=self.wavelength_nm,
             variant=runtime.ensure(self.variant),
         )
-        return self._through_cells(shells) if self.engine == "cells" else shells
+        return self._through_cells(shells) if self.engine.through_cells else shells
 
     def alone(self) -> Iterator[Scene]:
         """Scenes of one field each, in order; those above the memory limit are freed after use."""
@@ -274,7 +274,7 @@ class Scene:
 
     def with_cells(self) -> Scene:
         """The same scene traced through its field's cells; InputError if there is no field."""
-        cells = evolve(self, engine="cells")
+        cells = evolve(self, engine=Engine.CELLS)
         if self.members:
             cells._held.shells = evolve(self, held=Held())
             return cells
@@ -283,13 +283,10 @@ class Scene:
 
     def _through_cells(self, shells: Compiled) -> Compiled:
         """The scene that is compiled with shells, through the cells of its field."""
-        files = self.air.states[0].files
-        if files is not None and files.field is not None:
-            return shells.through_cells(self.name, files.field, self.variables)
         cells = self.air.states[0].cells
         if self.wavelength_nm is not None:
             cells = cells.at_wavelength(self.wavelength_nm)
-        return shells.through_cells(self.name, Path(FIELD_FILE), {}, cells)
+        return shells.through_cells(self.name, cells)
 
     @property
     def through_cells(self) -> Scene | None:
@@ -306,7 +303,7 @@ class Scene:
         return self._like(held.cells)
 
     def _found_cells(self) -> Scene | None:
-        if self.engine != AUTO or self.compiled.bending is not Bending.LAYERS:
+        if not self.engine.free or self.compiled.bending is not Bending.LAYERS:
             return None
         with suppress(InputError), without_warnings():
             found = self.with_cells()

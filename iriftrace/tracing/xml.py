@@ -15,13 +15,11 @@ from iriftrace.core.errors import InputError
 from iriftrace.medium.shells.stack import ShellStack
 from iriftrace.part.part import Part
 from iriftrace.tracing.objects import iso_shell_indices, lookat
+from iriftrace.tracing.options import GRADIENT, SCALE
 
 PART_FILE = "part.ply"
 BLOCKER_FILE = "blocker_{}.ply"
 """Names of the files of bodies that only block the view, by their number from 1."""
-
-SCALE = 0.5
-"""Default factor on a scene's resolution."""
 
 _SEAL = "<!-- No command replaces this file once it is changed. SHA-256 of the rest: "
 """Start of the line that shows whether a file was edited."""
@@ -50,7 +48,7 @@ class SceneSettings:
     """
 
     scale: float = SCALE
-    normals: str = "gradient"
+    normals: str = GRADIENT
     notes: Mapping[str, str] = Factory(dict)
     second: Camera | None = None
     second_id: str = "projector"

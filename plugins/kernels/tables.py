@@ -33,7 +33,7 @@ from iriftrace.plugins.kernels.vertex_table import (
     BLOCKER,
     PART,
     SHELL,
-    Described,
+    DescribedShape,
     VertexTable,
     aligned,
     has_derivatives,
@@ -142,11 +142,11 @@ def _part_of(shapes: list[dt.Shape]) -> tuple[mi.Mesh, int]:
     return part, parts[0]
 
 
-def _described(shape: dt.Shape, is_part: bool) -> Described:
+def _described(shape: dt.Shape, is_part: bool) -> DescribedShape:
     """A shape's row of the tables; InputError for a shell that cannot be traced."""
     sides = shell_indices(shape.bsdf())
     if sides is None and not is_part:
-        return Described(shape, BLOCKER, (1.0, 1.0), 1.0, False, False, 0)
+        return DescribedShape(shape, BLOCKER, (1.0, 1.0), 1.0, False, False, 0)
     if sides is not None and not shape.is_mesh():
         raise InputError(
             f"Shell '{shape.id()}' is not a triangle mesh, so its index steps cannot be traced in "
@@ -174,9 +174,9 @@ def _described(shape: dt.Shape, is_part: bool) -> Described:
             code="shells.mirrored",
         )
     if sides is None:
-        return Described(shape, PART, (1.0, 1.0), 1.0, smooth, False, count)
+        return DescribedShape(shape, PART, (1.0, 1.0), 1.0, smooth, False, count)
     derived = smooth and has_derivatives(shape)
-    return Described(shape, SHELL, sides, surface_index(shape.bsdf()), smooth, derived, count)
+    return DescribedShape(shape, SHELL, sides, surface_index(shape.bsdf()), smooth, derived, count)
 
 
 class SceneTables:

@@ -53,7 +53,7 @@ class Entrance(NamedTuple):
     wall: dt.Bool  # the face belongs to the inner boundary, where the part is
 
 
-class Passage(NamedTuple):
+class CellPassage(NamedTuple):
     """The segment through one tetrahedron."""
 
     distance: dt.Float64  # mm; negative in a tetrahedron that is turned inside out
@@ -193,7 +193,7 @@ class Cell:
         _, across, distance = self._faces_along(point, direction)
         return _chosen(distance, self.entry), _chosen(across, self.entry) < 0
 
-    def passage(self, point: dt.Point3d, direction: dt.Vector3d) -> Passage:
+    def passage(self, point: dt.Point3d, direction: dt.Vector3d) -> CellPassage:
         """Straight segment to the face through which a ray leaves the tetrahedron.
 
         An inverted tetrahedron lies on the near side of the face by which it is entered. It is
@@ -219,7 +219,7 @@ class Cell:
         wall = dr.gather(
             mi.UInt32, self._air.wall, next_ & ~mi.UInt32(BOUNDARY), self._active & ends
         )
-        return Passage(
+        return CellPassage(
             distance=mi.Float64(
                 dr.select(backward, dr.minimum(exit_distance, 0), dr.maximum(exit_distance, 0))
             ),

@@ -174,7 +174,7 @@ class VertexTable:
     xy, 0, 0 of the Hessian. Without ``derivatives`` there are the first two.
     """
 
-    def __init__(self, meshes: list[Described], derivatives: bool) -> None:
+    def __init__(self, meshes: list[DescribedShape], derivatives: bool) -> None:
         per_vertex = _WITH_DERIVATIVES if derivatives else _PLAIN
         vertices = sum(mesh.shape.vertex_count() for mesh in meshes)
         self.face_count = sum(mesh.face_count for mesh in meshes)
@@ -241,7 +241,7 @@ class VertexTable:
 SHELL, PART, BLOCKER = 0, 1, 2
 
 
-class Described(NamedTuple):
+class DescribedShape(NamedTuple):
     """One shape, as the tables have it."""
 
     shape: dt.Shape

@@ -30,7 +30,7 @@ from iriftrace.plugins.kernels.queries import (
     ray_query,
     zeros,
 )
-from iriftrace.plugins.kernels.tetrahedra import Entrance, Passage
+from iriftrace.plugins.kernels.tetrahedra import CellPassage, Entrance
 
 OUTSIDE, INSIDE, SEEKING = range(3)
 
@@ -84,7 +84,7 @@ class _Piece(NamedTuple):
     entrance: Entrance  # of the data's boundary, ahead
     cell: dt.Cell  # the piece of the medium
     place: dt.UInt32
-    passage: Passage  # of a ray through the cell
+    passage: CellPassage  # of a ray through the cell
     length: dt.Float64  # mm: of the piece; infinite where it has no end
     gap: dt.Float64  # mm: up to where the ray comes in
     back: dt.Float64  # mm: remaining path back to a seeking ray

@@ -1,1 +1,1 @@
-"""What writes the bundled scenes: their parts, their cameras and the air of the hot plate."""
+"""Writers of the bundled scenes: their parts, their cameras and the air of the hot plate."""

@@ -148,7 +148,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path):
     with pytest.raises(InputError, match="no pose to write"):
         write_poses(path, POSES.take([]))
     assert path.read_text() == "old"
-    with pytest.raises(InputError, match=r"ending .* use \.csv, \.json, \.npy"):
+    with pytest.raises(InputError, match=r"ends in \.csv, \.json, \.npy"):
         write_poses(tmp_path / "poses.txt", POSES)
     with pytest.raises(InputError, match="does not exist"):
         write_poses(tmp_path / "missing" / "poses.csv", POSES)
@@ -256,7 +256,7 @@ def test_other_columns_are_refused_with_what_was_found(tmp_path, header):
     [
         ("", "no pose below"),
         (NINE, "no pose below"),
-        (f"{NINE}\n0,0,0,0,0,1", "line 2 has 6 columns, but the first line names 7"),
+        (f"{NINE}\n0,0,0,0,0,1", "line 2 has 6 columns, but the first one names 7"),
         (f"{NINE}\n0,0,0,0,0,0,one", "line 2: 'one' is not a number"),
         (f"{NINE}\n0,0,0,0,0,0,", "line 2: '' is not a number"),
         (f"{NINE}\n0,0,0,0,0,0,2", "line 2: the quaternion has length 2 instead of 1"),
@@ -350,7 +350,7 @@ def test_malformed_and_other_arrays(tmp_path):
     path = tmp_path / "poses.npy"
     for content in (b"", b"no array", b"PK\x03\x04 no archive", b"\x93NUMPY\x01\x00"):
         path.write_bytes(content)
-        with pytest.raises(InputError, match="holds no poses") as caught:
+        with pytest.raises(InputError, match="4x4 camera-to-world matrices") as caught:
             read_poses(path)
         one_sentence(caught.value, path)
     for shape in ((3, 5), (4, 4), (2, 3, 4), (2, 16), (0, 4, 4)):
@@ -359,18 +359,18 @@ def test_malformed_and_other_arrays(tmp_path):
             read_poses(path)
         assert str(shape) in str(caught.value)
     np.save(path, np.array([{"pickled": 1}]), allow_pickle=True)
-    with pytest.raises(InputError, match="holds no poses"):
+    with pytest.raises(InputError, match="4x4 camera-to-world matrices"):
         read_poses(path)
 
 
 def test_files_that_are_not_there_or_of_another_format(tmp_path):
-    with pytest.raises(InputError, match=r"cannot read poses from .*: No such file"):
+    with pytest.raises(InputError, match="There is no file"):
         read_poses(tmp_path / "missing.csv")
     (tmp_path / "folder.npy").mkdir()
-    with pytest.raises(InputError, match="cannot read poses from"):
+    with pytest.raises(InputError, match="There is no file"):
         read_poses(tmp_path / "folder.npy")
     for name in ("poses.txt", "kuka.src", "robot.ls", "folder"):
-        with pytest.raises(InputError, match=r"ending .* use \.csv, \.json, \.npy"):
+        with pytest.raises(InputError, match=r"ends in \.csv, \.json, \.npy"):
             read_poses(tmp_path / name)
     picture = tmp_path / "picture.csv"
     picture.write_bytes(b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR")

@@ -9,9 +9,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from iriftrace.camera.pose import look_at
-from iriftrace.cli.orbit_options import OrbitOptions
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.io.poses import read_poses
+from iriftrace.sweep.options import SweepPoses
 
 DATA = Path(__file__).parents[1] / "data" / "poses"
 
@@ -127,7 +127,7 @@ def test_other_columns_than_the_robots_are_refused_with_what_was_found(
     ("text", "robot", "message"),
     [
         ("x,y,z,rx,ry,rz\n0,0,0,90,0,180", "universal", "length 201.2 rad, which is more than"),
-        ("x,y,z,a [deg],b [rad],c [rad]\n0,0,0,1,2,3", "kuka", "angles in deg and rad"),
+        ("x,y,z,a [deg],b [rad],c [rad]\n0,0,0,1,2,3", "kuka", "states deg and rad"),
         ("x,y,z,a [gon],b [gon],c [gon]\n0,0,0,1,2,3", "kuka", "angles in gon"),
         ("x,y,z,q1,q2,q3,q4\n0,0,0,1,1,0,0", "abb", "line 2: the quaternion has length 1.41421"),
         ("x,y,z,a,b,c\n0,0,0,nan,0,180", "kuka", "Pose 1 of .* not finite"),
@@ -191,11 +191,11 @@ def test_matrices_of_frames_that_are_wrong(tmp_path):
         read_poses(path, hand_eye=HAND_EYE)
 
 
-def test_options_of_a_sweep(tmp_path, capsys):
+def test_options_of_a_sweep(tmp_path):
     path = written(tmp_path, "X,Y,Z,A,B,C\n0.6,0,0.5,0,0,180\n")
     motion = written(tmp_path, "# unit: m\n0 -1 0 0.08\n1 0 0 0\n0 0 1 0.025\n0 0 0 1\n", "he.txt")
     base = written(tmp_path, "1 0 0 -680\n0 1 0 0\n0 0 1 0\n0 0 0 1\n", "base.txt")
-    options = OrbitOptions(
+    options = SweepPoses(
         poses=path, length_unit="m", robot="kuka", hand_eye=motion, base_to_part=base
     )
     part = SimpleNamespace(bounds=np.array(((-9.0,) * 3, (9.0,) * 3)), centre=np.zeros(3))
@@ -208,7 +208,7 @@ def test_options_of_a_sweep(tmp_path, capsys):
     )
     (poses,) = options.pose_sets(SimpleNamespace(camera=camera, part=part)).values()
     assert_allclose(poses.origins, [(0, 0, 475)], atol=1e-12)
-    assert "Poses 475 to 475 mm from the part's middle." in capsys.readouterr().out
     for name, value in (("robot", "kuka"), ("hand_eye", motion), ("base_to_part", base)):
-        with pytest.raises(InputError, match=f"--{name.replace('_', '-')} .* list of poses"):
-            OrbitOptions(**{name: value}).pose_sets(None)
+        with pytest.raises(InputError) as error:
+            SweepPoses(**{name: value})
+        assert (error.value.code, error.value.argument) == ("poses.no_file", name)

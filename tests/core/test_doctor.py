@@ -9,7 +9,7 @@ from packaging.requirements import Requirement
 
 from iriftrace.core.errors import SetupError
 from iriftrace.core.runtime import doctor, llvm
-from iriftrace.core.runtime.doctor import Finding, diagnose
+from iriftrace.core.runtime.doctor import DiagnosisLine, diagnose
 from iriftrace.core.runtime.llvm import LlvmLibrary
 from iriftrace.core.runtime.variant import CudaState
 
@@ -33,7 +33,7 @@ def machine(monkeypatch: pytest.MonkeyPatch):
     return pretend
 
 
-def lines(name: str) -> list[Finding]:
+def lines(name: str) -> list[DiagnosisLine]:
     return [finding for finding in diagnose().findings if finding.name == name]
 
 

@@ -1,4 +1,4 @@
-"""What motion files say besides their numbers: direction, missing numbers, scales, encodings."""
+"""Facts in motion files besides their numbers: direction, missing numbers, scales, encodings."""
 
 from pathlib import Path
 
@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from iriftrace.cli.options import read_motion
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.core.mesh.transform import parse_transform, stated_to_camera
+from iriftrace.core.mesh.transform import parse_transform, read_motion, stated_to_camera
 
 MOTION = parse_transform("rotate x 31, rotate z 77, translate 10 -20 30")
 ROWS = "\n".join(" ".join(map(repr, row)) for row in MOTION.tolist()) + "\n"

@@ -1,14 +1,38 @@
 """Numbers with units: conversion, offsets, and what is refused."""
 
+import math
+import pickle
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from iriftrace.core.errors import InputError
-from iriftrace.core.units import counted, length_factor, parse_quantity, stated_length_unit
+from iriftrace.core.units import (
+    Angle,
+    Duration,
+    Expansion,
+    Fraction,
+    Interval,
+    Length,
+    Lengths,
+    LengthWithUnit,
+    Numbers,
+    Pair,
+    Pressure,
+    Size,
+    Speed,
+    Temperature,
+    Vector,
+    Wavelength,
+    counted,
+    length_factor,
+    parse_quantity,
+    stated_length_unit,
+)
 
 
 @pytest.mark.parametrize(
@@ -123,3 +147,74 @@ def test_the_remedy_of_a_refusal_is_read():
     with pytest.raises(InputError, match="write it like '20 /kelvin'"):
         parse_quantity("14e-6 per K", "1/kelvin")
     assert parse_quantity("20 /kelvin", "1/kelvin") == 20.0
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "value", "shown"),
+    [
+        (Length, "1 inch", 25.4, "25.4 mm"),
+        (Length, "35", 35.0, "35 mm"),
+        (LengthWithUnit, "20 um", 0.02, "0.02 mm"),
+        (Wavelength, "0.45 um", 450.0, "450 nm"),
+        (Temperature, "20 degC", 293.15, "20 degC"),
+        (Pressure, "1003 hPa", 100300.0, "100300 Pa"),
+        (Duration, "2 min", 120.0, "120 s"),
+        (Angle, "0.25 turn", 90.0, "90 deg"),
+        (Speed, "36 km/h", 10.0, "10 m/s"),
+        (Expansion, "14 um/m/K", 14e-6, "1.4e-05 /K"),
+        (Fraction, "5 %", 0.05, "5 %"),
+        (Fraction, "0.05", 0.05, "5 %"),
+        (Size, "6.7 mm,0.56 cm", (6.7, 5.6), "6.7 mm,5.6 mm"),
+        (Lengths, "80,10 cm", (80.0, 100.0), "80 mm,100 mm"),
+        (Pair, "2448,2048", (2448.0, 2048.0), "2448,2048"),
+        (Vector, "150,-100,40", (150.0, -100.0, 40.0), "150,-100,40"),
+        (Numbers, "1e-4,2e-4", (1e-4, 2e-4), "0.0001,0.0002"),
+        (Interval, "50:inf", (50.0, math.inf), "50:inf"),
+    ],
+)
+def test_a_kind_reads_text_and_numbers_and_shows_itself_as_users_write_it(kind, text, value, shown):
+    read = kind(text)
+    assert read == pytest.approx(value, rel=1e-14)
+    assert kind(value) == pytest.approx(value, rel=1e-14)
+    assert str(read) == shown
+    assert kind(shown) == pytest.approx(value, rel=1e-5)
+    again = pickle.loads(pickle.dumps(read))
+    assert again == read
+    assert type(again) is kind
+
+
+def test_a_quantity_counts_as_its_number():
+    # Numbers are written with repr and format; only str has the unit.
+    assert repr(Length(0.1)) == "0.1"
+    assert f"{Length(0.1):.2f}" == "0.10"
+    assert Vector(np.array([1.0, 2.0, 3.0])) == (1.0, 2.0, 3.0)
+    assert np.array(Length(3)).dtype == np.float64
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "code"),
+    [
+        (Temperature, "-300 degC", "units.below_zero"),
+        (Temperature, -1.0, "units.below_zero"),
+        (LengthWithUnit, "20", "units.no_unit"),
+        (Fraction, "5 mm", "units.no_fraction"),
+        (Size, "6.7 mm", "units.no_numbers"),
+        (Lengths, "1 cm,10 mm", "units.twice"),
+        (Pair, "1,2,3", "units.no_numbers"),
+        (Vector, (1.0, math.nan, 2.0), "units.no_numbers"),
+        (Vector, "1,inf,2", "units.not_finite"),
+        (Numbers, "", "units.no_numbers"),
+        (Interval, "50,250", "units.no_numbers"),
+        (Interval, "nan:3", "units.no_numbers"),
+    ],
+)
+def test_wrong_values_of_a_kind_are_refused(kind, value, code):
+    with pytest.raises(InputError) as error:
+        kind(value)
+    assert error.value.code == code
+
+
+def test_a_bare_text_is_not_a_temperature():
+    with pytest.raises(InputError, match="20 K or 20 degC"):
+        Temperature("20")
+    assert Temperature(20.0) == 20.0

@@ -19,7 +19,7 @@ from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError, SetupError
 from iriftrace.figures import space
 from iriftrace.figures.pose import displacement_figure
-from iriftrace.figures.result import plot
+from iriftrace.figures.result import plot, read_result
 from iriftrace.figures.scene import (
     celsius_of,
     scene_figure,
@@ -196,13 +196,13 @@ def test_a_result_and_its_file_give_the_same_figure(tmp_path: Path) -> None:
     image.header["schema"] = SCHEMA
     write_exr(tmp_path / "pose.exr", image)
     (drawn,) = plot(image).figures.values()
-    plots = plot(tmp_path / "pose.exr")
+    plots = plot(read_result(tmp_path / "pose.exr"))
     assert list(plots.figures) == ["pose"]
     again = plots.figures["pose"].axes[0].images[-1].get_array()
     np.testing.assert_array_equal(again, drawn.axes[0].images[-1].get_array())
     assert plots.save(tmp_path) == [tmp_path / "pose.png"]
     with pytest.raises(InputError, match="neither"):
-        plot(tmp_path / "pose.png")
+        read_result(tmp_path / "pose.png")
 
 
 def test_no_good_ray_is_an_error_and_leaves_no_file(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from iriftrace.figures import report as report_module
 from iriftrace.figures.report import Kind, sweep_page, write_report
 from iriftrace.image.aov_image import Status
 from iriftrace.medium.source import FieldFacts, FieldKind, FieldSource
-from iriftrace.planning.criteria import Criteria
+from iriftrace.planning.criteria import Criteria, Views
 from iriftrace.planning.summary import SweepSummary, summarise
 from iriftrace.planning.texts import front_text, ranking_table, stability_text
 from validation.inputs.sweep_tables import sweep_table, with_faces
@@ -96,10 +96,9 @@ def page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Page:
     monkeypatch.setattr(report_module, "sweep_pictures", lambda *_: ({}, missing))
     monkeypatch.setattr(report_module, "figure_bytes", lambda _: DOT)
     table = sweep()
-    file = tmp_path / "sweep.nc"
-    file.write_bytes(b"content")
-    assert missing == write_report(tmp_path / "report.html", file, table, summarise(table), top=2)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["report.html", "sweep.nc"]
+    table.encoding |= {"source": "/sweeps/sweep.nc", "sha256": "0a1b"}
+    assert missing == write_report(tmp_path / "report.html", table, summarise(table), top=2)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["report.html"]
     return read_page(tmp_path / "report.html")
 
 
@@ -163,7 +162,7 @@ def test_setting_and_limits_are_complete(page: Page) -> None:
         ["Out of focus", "1,500", "33.0 %"],
     ]
     assert ["3", "50 good rays, fewer than 100"] in page.tables[-1]
-    assert "iriftrace 9.8.7 from sweep.nc" in page.text
+    assert "iriftrace 9.8.7 from sweep.nc (SHA-256 0a1b)" in page.text
 
 
 def test_every_field_of_an_ensemble_is_named() -> None:
@@ -189,9 +188,7 @@ def test_texts_name_the_ranked_error(
     monkeypatch.setattr(report_module, "sweep_pictures", lambda *_: ({}, ()))
     monkeypatch.setattr(report_module, "figure_bytes", lambda _: DOT)
     table = with_rig(sweep()) if rig else sweep()
-    file = tmp_path / "sweep.nc"
-    file.write_bytes(b"content")
-    write_report(tmp_path / "report.html", file, table, summarise(table))
+    write_report(tmp_path / "report.html", table, summarise(table))
     page = read_page(tmp_path / "report.html")
     error = "error along the normal" if rig else "displacement"
     for said in (
@@ -274,9 +271,8 @@ def test_several_views_and_the_best_pose_are_shown(
     monkeypatch.setattr(report_module, "sweep_charts", lambda _: {})
     monkeypatch.setattr(report_module, "sweep_pictures", lambda *_: (pictures, ()))
     monkeypatch.setattr(report_module, "figure_bytes", lambda _: DOT)
-    table, file = sweep(), tmp_path / "sweep.nc"
-    file.write_bytes(b"content")
-    write_report(tmp_path / "report.html", file, table, summarise(table), views=2)
+    table = sweep()
+    write_report(tmp_path / "report.html", table, summarise(table), views=Views(2))
     page = read_page(tmp_path / "report.html")
     assert "What the best pose sees." in page.by_id["summary"]
     assert "What the best pose sees." not in page.by_id["figures"]

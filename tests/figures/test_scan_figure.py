@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
+from iriftrace.core.files import FileOrigin
 from iriftrace.core.plain import JsonObject
 from iriftrace.figures.report import scan_page, write_scan_report
 from iriftrace.figures.scan import correction_figure, scan_figure
@@ -40,7 +41,7 @@ def setting_of(values: JsonObject) -> dict[str, str]:
 def report_of(numbers: Path) -> Path:
     """The written report of a result's JSON file."""
     page = numbers.with_suffix(".html")
-    write_scan_report(page, numbers, json.loads(numbers.read_text()))
+    write_scan_report(page, json.loads(numbers.read_text()), FileOrigin.of(numbers))
     return page
 
 
@@ -111,7 +112,7 @@ def test_a_laser_line_is_drawn_on_the_part_as_measured_and_corrected(
     page = read_page(report_of(numbers))
     assert "those of one line of a laser lie in a plane" in page.text
     (regions,) = (table for table in page.tables if table[0][0] == "region")
-    assert regions[0][1:3] == ["points", "median (µm)"]
+    assert regions[0][1:3] == ["points", "median"]
     assert regions[1][:2] == ["lateral", str(len(scan.points))]
 
 
@@ -131,11 +132,11 @@ def test_a_report_has_distances_at_the_drawings_temperature(tmp_path: Path) -> N
     features = found.features(part)
     _, numbers = found.save(tmp_path / "c.xyz", features, related=found.relations(features))
     tables = read_page(report_of(numbers)).tables
-    rows = [row for table in tables for row in table if row[0] == "distance"]
+    rows = [row for table in tables for row in table if "Distance" in row[0]]
     headings = next(table[0] for table in tables if "planes" in table[0])
-    column = headings.index("at 20 °C")
+    column = headings.index("On the drawing at 20 degC")
     assert [row[column] for row in rows] == ["20.0000 mm", "30.0000 mm", "40.0000 mm"]
-    assert all("air not known, expansion not known" in row[-1] for row in rows)
+    assert all(row[-1].endswith("; not known: air, expansion)") for row in rows)
 
 
 def test_a_report_says_where_the_devices_stand_and_how_fields_count(variant: str) -> None:

@@ -16,7 +16,7 @@ from iriftrace.cli import main
 from iriftrace.cli.plot import view
 from iriftrace.core.errors import InputError, SetupError
 from iriftrace.figures import window
-from iriftrace.figures.result import plot
+from iriftrace.figures.result import plot, read_result
 from iriftrace.figures.scene import SECOND_COLOUR, SIGHT_COLOUR
 from iriftrace.figures.space import PART_COLOUR
 from iriftrace.medium.origin import state_origin
@@ -111,7 +111,7 @@ def test_a_pose_has_the_scale_of_its_picture(
     monkeypatch.setattr(pv.Plotter, "add_mesh", lambda *_, **look: drawing.append(look))
     drawn(results / "pose.exr", tmp_path)
     (look,) = [look for look in drawing if "clim" in look]
-    (figure,) = plot(results / "pose.exr").figures.values()
+    (figure,) = plot(read_result(results / "pose.exr")).figures.values()
     norm = figure.axes[0].images[-1].norm
     assert isinstance(norm, LogNorm)
     assert look["log_scale"]

@@ -1,4 +1,4 @@
-"""What the tests of the OpenFOAM case share."""
+"""Fixtures of the tests of the OpenFOAM case."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -16,13 +16,13 @@ from iriftrace.flow.simulate import result
 from iriftrace.flow.simulate.bodies import Body, write_bodies
 from iriftrace.flow.simulate.case import RECORD, Case, natural_case, symmetric_case
 from iriftrace.flow.simulate.case_files import write_case
-from iriftrace.flow.simulate.draught import draught_from
+from iriftrace.flow.simulate.draught import Draught, draught_from
+from iriftrace.flow.simulate.options import SimulationOptions
 from iriftrace.flow.simulate.simulate import prepare
 from iriftrace.io.bodies import bodies_beside
 from iriftrace.io.field import read_field
 from iriftrace.medium.source import FieldFacts
 from iriftrace.part.part import Part
-from iriftrace.part.wall_temperature import WallTemperatures
 from validation.inputs import hot_block
 from validation.inputs.parts import part_from
 
@@ -38,9 +38,9 @@ TABLE = block("table", (300.0, 200.0, 10.0), (5.0, -3.0, -16.5))
 SUPPORT = block("support", (20.0, 40.0, 30.0), (-40.0, -3.0, -20.0))
 
 
-def with_bodies(part: Part, *bodies: Body, **more: Any) -> Case:
-    wall = WallTemperatures(1373.15)
-    return natural_case(part, wall, resolution="coarse", bodies=bodies, **more)
+def with_bodies(part: Part, *bodies: Body, draught: Draught | None = None, **options: Any) -> Case:
+    asked = SimulationOptions(wall_temperature="1100 degC", resolution="coarse", **options)
+    return natural_case(part, asked, draught=draught, bodies=bodies)
 
 
 def test_bodies_and_floor_are_walls(cylinder: Part, tmp_path: Path) -> None:
@@ -123,9 +123,9 @@ def test_bodies_take_part_in_the_symmetry(cylinder: Part) -> None:
     """The support stands at one end of the cylinder."""
     assert symmetric_case(with_bodies(cylinder, Body(TABLE))) == "xy"
     assert symmetric_case(with_bodies(cylinder, Body(TABLE), Body(SUPPORT))) == "y"
-    with_bodies(cylinder, Body(SUPPORT), mirrors="y")
+    with_bodies(cylinder, Body(SUPPORT), symmetry="y")
     with pytest.raises(InputError, match=r"support.stl is not symmetric.*leave x out"):
-        with_bodies(cylinder, Body(SUPPORT), mirrors="xy")
+        with_bodies(cylinder, Body(SUPPORT), symmetry="xy")
 
 
 def test_body_that_fills_the_inlet_is_refused(cylinder: Part) -> None:

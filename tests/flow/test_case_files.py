@@ -1,8 +1,9 @@
-"""What the files of a case say, read back as facts and not as text."""
+"""Contents of the files of a case, read back as facts and not as text."""
 
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from iriftrace.flow.simulate.case_files import (
     write_start,
 )
 from iriftrace.flow.simulate.domain import mesh_size
+from iriftrace.flow.simulate.options import SimulationOptions
 from iriftrace.flow.simulate.simulate import prepare
 from iriftrace.flow.simulate.times import Times
 from iriftrace.part.part import Part
@@ -80,7 +82,9 @@ def test_everything_for_the_mesher_is_in_metres(case: Case, written: Path) -> No
 
 
 def test_air_and_wall_have_the_temperatures_asked_for(case: Case, tmp_path: Path) -> None:
-    write_case(evolve(case, ambient_k=303.15, pressure_pa=95000.0), tmp_path)
+    write_case(
+        evolve(case, options=SimulationOptions(ambient="30 degC", pressure="950 hPa")), tmp_path
+    )
     temperature = (tmp_path / "0/T").read_text()
     assert entry(tmp_path / "0/T", "internalField") == "uniform 303.15"
     assert numbers(re.search(r"part \{([^}]*)\}", temperature)[1]) == [WALL]
@@ -172,10 +176,6 @@ def test_impossible_cases_are_refused(case: Case, cylinder: Part, halves: Part) 
     for changes, message in (
         ({"part": cylinder.transformed(tilted)}, "not symmetric about x"),
         ({"part": evolve(cylinder, closed=False)}, "is not closed"),
-        ({"ambient_k": 20.0}, "ambient temperature of 20 K"),
-        ({"pressure_pa": 1013.25}, "air pressure of 1013.25 Pa"),
-        ({"margin": 0.0}, "margin of 0"),
-        ({"processes": 0}, "as 0 processes"),
         ({"mirrors": "z"}, 'no symmetry "z"'),
         (
             {"wall": WallTemperatures(WALL, {"head +x": 723.15}), "mirrors": "x"},
@@ -186,6 +186,25 @@ def test_impossible_cases_are_refused(case: Case, cylinder: Part, halves: Part) 
             evolve(case, **changes)
     # Mirrored across the line between the heads, the same temperatures are symmetric.
     evolve(case, wall=WallTemperatures(WALL, {"head +x": 723.15}), mirrors="y")
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "argument"),
+    [
+        ({"ambient": 20.0}, "case.out_of_range", "ambient"),
+        ({"pressure": 1013.25}, "case.out_of_range", "pressure"),
+        ({"margin": 0.0}, "case.out_of_range", "margin"),
+        ({"processes": 0}, "case.processes", "processes"),
+        ({"wall_temperature": 900, "wall_temperature_from": "t.csv"}, "wall.two_temperatures", ""),
+        ({"wall_above": 400}, "wall.two_temperatures", "wall_above"),
+        ({"body_temperature": ["80 degC"]}, "body.temperatures", "body_temperature"),
+    ],
+)
+def test_impossible_options_are_refused(options: dict[str, Any], code: str, argument: str) -> None:
+    with pytest.raises(InputError) as error:
+        SimulationOptions(**options)
+    assert error.value.code == code
+    assert error.value.argument == argument or not argument
 
 
 def test_sphere_is_a_part_too(tmp_path: Path) -> None:

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from iriftrace.core.errors import InputError
-from iriftrace.flow.simulate.case import RECORD, Case, natural_case
+from iriftrace.flow.simulate.case import RECORD, STANDARD, Case, natural_case
 from iriftrace.flow.simulate.case_files import write_case
 from iriftrace.flow.simulate.draught import SLOWEST_RISE, Draught, draught_from, leans
+from iriftrace.flow.simulate.options import SimulationOptions
 from iriftrace.flow.simulate.simulate import prepare
 from iriftrace.flow.simulate.times import natural_times
 from iriftrace.part.part import Part
@@ -18,6 +19,8 @@ from iriftrace.part.wall_temperature import WallTemperatures
 from validation.field_files.openfoam import entry
 
 WALL = WallTemperatures(1373.15)
+
+COARSE = SimulationOptions(resolution="coarse")
 
 
 def wind(speed: float, *source: float) -> Draught:
@@ -27,7 +30,7 @@ def wind(speed: float, *source: float) -> Draught:
 
 
 def windy(part: Part, draught: Draught | None, mirrors: str = "") -> Case:
-    return natural_case(part, WALL, resolution="coarse", draught=draught, mirrors=mirrors)
+    return natural_case(part, COARSE, wall=WALL, draught=draught, mirrors=mirrors)
 
 
 @pytest.mark.parametrize(
@@ -116,7 +119,7 @@ def test_time_until_the_plume_is_bent(cylinder: Part) -> None:
     )
     assert (still, slow) == (2.0, 4.0)
     assert fast == pytest.approx(2.0 + 0.307 / 0.5, abs=0.01)
-    assert natural_times(170.0, 1373.15, 293.15, crossing=9.0, end=1.0).end == 1.0
+    assert natural_times(SimulationOptions(end_time=1.0), 170.0, 1373.15, 9.0).end == 1.0
 
 
 def test_plume_is_watched_where_the_wind_carries_it(cylinder: Part) -> None:
@@ -134,7 +137,7 @@ def test_mesh_is_fine_where_winds_lean_the_plume(cylinder: Part) -> None:
     """The fine solution at 0.15 m/s has the plume at y = -18, -41 mm, 80 and 160 mm up."""
     family = wind(0.05, 90.0), wind(0.15, 90.0)
     still, alone, member = (
-        natural_case(cylinder, WALL, draught=own, family=others)
+        natural_case(cylinder, STANDARD, wall=WALL, draught=own, family=others)
         for own, others in ((None, ()), (family[1], ()), (None, family))
     )
     fine = still.domain.boxes[-1].level

@@ -13,8 +13,9 @@ from attrs import evolve
 from iriftrace.core.errors import InputError
 from iriftrace.flow.simulate import family_run
 from iriftrace.flow.simulate.case import RECORD, UNFINISHED, Case, natural_case, symmetric_case
-from iriftrace.flow.simulate.family import Member, plan_family
+from iriftrace.flow.simulate.family import FamilyMember, plan_family
 from iriftrace.flow.simulate.family_run import FAMILY, Cost, Task, run_family, write_image
+from iriftrace.flow.simulate.options import DraughtOptions, SimulationOptions
 from iriftrace.flow.simulate.programs import Installation
 from iriftrace.medium.origin import facts_of, origin_of, state_origin
 from iriftrace.medium.source import FieldFacts
@@ -24,16 +25,25 @@ from iriftrace.part.wall_temperature import WallTemperatures
 NONE = Installation("", "", "", {})
 CELLS = 1000
 
-Family = tuple[tuple[Member, ...], dict[str, Case]]
+Family = tuple[tuple[FamilyMember, ...], dict[str, Case]]
 """Members, and the case of each by name."""
 
 
-def names(members: Sequence[Member]) -> list[str]:
+COARSE = SimulationOptions(wall_temperature="1100 degC", resolution="coarse")
+
+
+def wind(
+    speeds: Sequence[float], directions: Sequence[float], *, between: bool = False
+) -> DraughtOptions:
+    return DraughtOptions(draughts=speeds, draught_from=directions, between=between)
+
+
+def names(members: Sequence[FamilyMember]) -> list[str]:
     return [member.name for member in members]
 
 
 def test_names_sort_and_the_still_air_is_one_member() -> None:
-    members = plan_family((0.0, 0.05, 0.1), (180.0, 22.5), "", "")
+    members = plan_family(wind((0.0, 0.05, 0.1), (180.0, 22.5)), "", "")
     assert names(members) == sorted(names(members))
     assert names(members)[:3] == ["at_0.00", "at_0.05_from_022.5", "at_0.05_from_180"]
     assert len(members) == 5
@@ -41,7 +51,7 @@ def test_names_sort_and_the_still_air_is_one_member() -> None:
 
 def test_planes_are_those_that_the_wind_leaves() -> None:
     """Still air is solved on the mesh of the first direction."""
-    members = {m.name: m for m in plan_family((0.0, 0.1), (0.0, 45.0, 90.0), "xy", "")}
+    members = {m.name: m for m in plan_family(wind((0.0, 0.1), (0.0, 45.0, 90.0)), "xy", "")}
     assert {name: m.planes for name, m in members.items()} == {
         "at_0.00": "y",
         "at_0.10_from_000": "y",
@@ -52,7 +62,7 @@ def test_planes_are_those_that_the_wind_leaves() -> None:
 
 def test_members_between_others() -> None:
     """Halfway between neighbours, not across 90 degrees; still air counts for all directions."""
-    members = plan_family((0.0, 0.1), (350.0, 10.0, 100.0), "", "", between=True)
+    members = plan_family(wind((0.0, 0.1), (350.0, 10.0, 100.0), between=True), "", "")
     shares = {member.name: dict(member.between) for member in members if member.between}
     assert shares == {
         "at_0.05_from_000": {"at_0.00": 0.5, "at_0.10_from_350": 0.25, "at_0.10_from_010": 0.25},
@@ -61,10 +71,10 @@ def test_members_between_others() -> None:
         "at_0.05_from_350": {"at_0.00": 0.5, "at_0.10_from_350": 0.5},
         "at_0.10_from_000": {"at_0.10_from_350": 0.5, "at_0.10_from_010": 0.5},
     }
-    solved = plan_family((0.0, 0.1), (350.0, 10.0, 100.0), "", "")
+    solved = plan_family(wind((0.0, 0.1), (350.0, 10.0, 100.0)), "", "")
     assert [member for member in members if not member.between] == list(solved)
     with pytest.raises(InputError) as error:
-        plan_family((0.1,), (0.0, 90.0), "", "", between=True)
+        plan_family(wind((0.1,), (0.0, 90.0), between=True), "", "")
     assert (error.value.code, error.value.argument) == ("family.none_between", "between")
 
 
@@ -82,7 +92,7 @@ def test_members_between_others() -> None:
 def test_mirror_images_are_not_solved(
     directions: tuple[int, ...], symmetric: str, images: dict[int, tuple[int, str]]
 ) -> None:
-    members = plan_family((0.1,), directions, "", symmetric)
+    members = plan_family(wind((0.1,), directions), "", symmetric)
     found = {m.name: (m.image_of, m.across) for m in members if m.image_of}
     name = "at_0.10_from_{:03d}".format
     assert found == {name(d): (name(o), axes) for d, (o, axes) in images.items()}
@@ -102,12 +112,12 @@ def test_what_is_no_family_is_refused(
     speeds: tuple[float, ...], directions: tuple[float, ...], code: str
 ) -> None:
     with pytest.raises(InputError) as error:
-        plan_family(speeds, directions, "", "")
+        plan_family(wind(speeds, directions), "", "")
     assert error.value.code == code
 
 
 def test_symmetry_needs_the_wall_temperatures_too(cylinder: Part) -> None:
-    case = natural_case(cylinder, WallTemperatures(1373.15), resolution="coarse")
+    case = natural_case(cylinder, COARSE)
     assert symmetric_case(case) == "xy"
     assert symmetric_case(evolve(case, wall=WallTemperatures(1e3, {"head +x": 723.15}))) == "y"
 
@@ -115,13 +125,9 @@ def test_symmetry_needs_the_wall_temperatures_too(cylinder: Part) -> None:
 @pytest.fixture
 def family(cylinder: Part) -> Family:
     """Still air and two speeds from two opposite sides."""
-    members = plan_family((0.0, 0.1, 0.2), (90.0, 270.0), "x", "xy")
-    wall = WallTemperatures(1373.15)
+    members = plan_family(wind((0.0, 0.1, 0.2), (90.0, 270.0)), "x", "xy")
     cases = {
-        m.name: natural_case(
-            cylinder, wall, resolution="coarse", draught=m.draught, mirrors=m.planes
-        )
-        for m in members
+        m.name: natural_case(cylinder, COARSE, draught=m.draught, mirrors=m.planes) for m in members
     }
     return members, cases
 
@@ -221,7 +227,7 @@ def test_members_between_are_made_from_the_others(
 ) -> None:
     """After all that is solved and mirrored, once; then also solved, if they are asked for."""
     members, cases = family
-    middle = Member(
+    middle = FamilyMember(
         "at_0.15_from_090",
         cases["at_0.10_from_090"].draught,
         "",
@@ -274,5 +280,5 @@ def test_folder_of_something_else_is_not_touched(family: Family, tmp_path: Path)
     (tmp_path / "at_0.00.vtu").write_text("somebody's")
     with pytest.raises(InputError) as error:
         run(family, tmp_path, Solver())
-    assert error.value.code == "family.other_files"
+    assert error.value.code == "output.replaces"
     assert (tmp_path / "at_0.00.vtu").read_text() == "somebody's"

@@ -20,6 +20,7 @@ from iriftrace.flow.check.wall import gradient_errors, wall_state
 from iriftrace.flow.simulate.bodies import Body, write_bodies
 from iriftrace.io.field import read_field
 from iriftrace.io.part_files import read_part
+from iriftrace.io.reading import ReadPart
 from iriftrace.medium.air import thermophysics as gas
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.index_field import IndexField
@@ -298,7 +299,7 @@ def test_walls_of_bodies_are_not_the_parts(
     assert balance["off"] == pytest.approx(
         balance["leaving_w"] / (wall.heat_w + wall.bodies_w) - 1.0
     )
-    moved = read_part(part, transform=np.eye(4) + 100.0 * np.eye(4, k=3))
+    moved = read_part(part, ReadPart(transform=np.eye(4) + 100.0 * np.eye(4, k=3)))
     with pytest.raises(InputError, match="does not reach the part"):
         check_field(field, moved, bodies=[support])
     (tmp_path / "bodies" / "support.stl").unlink()

@@ -9,6 +9,7 @@ from attrs import evolve
 
 from iriftrace.flow.simulate.case import Case
 from iriftrace.flow.simulate.case_files import write_control
+from iriftrace.flow.simulate.options import SimulationOptions
 from iriftrace.flow.simulate.result import mean_arrays, state_arrays
 from iriftrace.medium.air import thermophysics as gas
 from iriftrace.medium.flow import ENTHALPY_FLUX, HEAT_STORAGE
@@ -21,7 +22,7 @@ UPWARD = np.array([0.0, 0.0, 0.8])
 
 @pytest.fixture
 def air(case: Case) -> Case:
-    return evolve(case, ambient_k=ROOM, pressure_pa=PRESSURE)
+    return evolve(case, options=SimulationOptions(ambient=ROOM, pressure=PRESSURE))
 
 
 def state(kelvin: np.ndarray) -> pv.PolyData:

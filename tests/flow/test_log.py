@@ -1,4 +1,4 @@
-"""What is read from a running solver's files."""
+"""Facts read from a running solver's files."""
 
 from pathlib import Path
 

@@ -13,6 +13,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.flow.simulate.case import Case
 from iriftrace.flow.simulate.case_files import write_case
 from iriftrace.flow.simulate.domain import mesh_size
+from iriftrace.flow.simulate.options import SimulationOptions
 from iriftrace.flow.simulate.programs import Installation, OpenFoamError
 from iriftrace.flow.simulate.run import expected_seconds, judge_steadiness, last_time, solve
 from iriftrace.flow.simulate.times import Times
@@ -36,6 +37,8 @@ mkdir -p "$end/uniform/functionObjects"
 for f in {files}; do echo '// **** //' > "$end/$f"; done
 """
 
+TWO = SimulationOptions(processes=2)
+
 
 def test_the_expected_time_is_that_of_three_runs_to_a_factor_of_two(case: Case) -> None:
     """The solver's clock on one core: a cylinder's quarter, a sphere's, a whole gear."""
@@ -50,7 +53,9 @@ def test_the_expected_time_is_that_of_three_runs_to_a_factor_of_two(case: Case) 
     # What is known already takes no time, and two processes half of it.
     found = expected_seconds(hot, 93_108)
     assert expected_seconds(hot, 93_108, since=0.2) == pytest.approx(found / 3)
-    assert expected_seconds(evolve(hot, processes=2), 93_108) == pytest.approx(found / 2)
+    assert expected_seconds(
+        evolve(hot, options=SimulationOptions(processes=2)), 93_108
+    ) == pytest.approx(found / 2)
 
 
 @pytest.fixture
@@ -138,7 +143,7 @@ def test_what_a_finished_run_cannot_give_is_refused(
         with pytest.raises(InputError, match=message):
             solve(evolve(case, times=times), folder, foam, lambda state: None)
     with pytest.raises(InputError, match="started with one process"):
-        solve(evolve(case, processes=2), folder, foam, lambda state: None)
+        solve(evolve(case, options=TWO), folder, foam, lambda state: None)
 
 
 def test_solver_that_dies_is_named_with_its_reason(

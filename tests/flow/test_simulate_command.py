@@ -73,7 +73,7 @@ def test_the_expected_time_is_said_in_words(capsys: pytest.CaptureFixture[str]) 
         (("--margin=nan",), "margin of nan"),
         (("--field=field.vtk",), "must end in .vtu"),
         (("--pressure=1 mbar",), "air pressure of 100 Pa"),
-        (("--ambient=0 K",), "in air of 0 K"),
+        (("--ambient=0 K",), "ambient temperature of 0 K"),
         (("--ambient", "-300 degC"), "below absolute zero"),
         (("--background-cell=0.01 mm",), "background cells of 0.01 mm"),
         (("--background-cell=0.01 mm",), "symmetric (--background-cell)"),
@@ -91,7 +91,7 @@ def test_wrong_input_is_one_sentence(
 
 
 @pytest.mark.parametrize(
-    ("part", "message"), [("open.stl", "is not closed"), ("none.stl", "no part file")]
+    ("part", "message"), [("open.stl", "is not closed"), ("none.stl", "no file none.stl")]
 )
 def test_open_and_missing_parts_are_refused(
     folder: Path, fails: Callable[..., str], part: str, message: str

@@ -376,7 +376,7 @@ def test_every_result_says_that_it_is_synthetic(written: Path) -> None:
     [
         ("-o field.vtk", "must end in .vtu"),
         ("-o field.vtu --wall-temperature=10degC", "hotter than the room"),
-        ("-o field.vtu --boundary-layer=4K", "--boundary-layer: '4K' cannot be converted to mm"),
+        ("-o field.vtu --boundary-layer=4K", "'4K' cannot be converted to mm"),
         ("-o field.vtu --plume=2", "strength is 2"),
         ("-o none/field.vtu", "folder none does not exist"),
     ],

@@ -52,8 +52,8 @@ def test_each_case_changes_one_input(case: Case) -> None:
         assert one.times == Times(2.0, 0.5)
     wall, ambient, pressure = found
     assert wall.wall.hottest == case.wall.hottest + 10.0
-    assert ambient.ambient_k == case.ambient_k + 2.0
-    assert pressure.pressure_pa == case.pressure_pa + 200.0
+    assert ambient.options.ambient == case.options.ambient + 2.0
+    assert pressure.options.pressure == case.options.pressure + 200.0
 
 
 def test_all_temperatures_of_a_wall_rise(cylinder: Part) -> None:
@@ -69,7 +69,8 @@ def test_all_temperatures_of_a_wall_rise(cylinder: Part) -> None:
 def test_a_leaning_plume_has_the_same_mesh(case: Case) -> None:
     """Though hotter air rises faster and leans less, by which a mesh is otherwise laid out."""
     blown = evolve(case, mirrors="", draught=Draught(0.1, (0.0, 1.0, 0.0)))
-    hotter = evolve(blown, wall=blown.wall.hotter(200.0), ambient_k=250.0)
+    cold = evolve(blown.options, ambient=250.0)
+    hotter = evolve(blown, wall=blown.wall.hotter(200.0), options=cold)
     assert hotter.domain != blown.domain
     for one in varied_cases(blown, "wall 200 K, ambient 40 K"):
         assert one.domain == blown.domain
@@ -119,7 +120,7 @@ class Solver:
             raise KeyboardInterrupt
         self.solved.append((folder, like))
         grid = air(6)
-        shift = case.ambient_k - 293.15
+        shift = case.options.ambient - 293.15
         grid.point_data["T"] = np.asarray(grid.point_data["T"]) + shift
         _write(case, grid, file, "by a formula", FieldFacts(FieldKind.STEADY))
         return Simulation(file, (), 1000, 0.5, Steadiness(9.0, 0.0, 0.0, True), 0.1, 60.0)

@@ -39,7 +39,8 @@ def modules() -> list[str]:
 
 
 def test_all_other_modules_are_imported_with_this_room_blocked() -> None:
-    others = [name for name in modules() if not name.startswith(f"{FLOW}.")]
+    commands = ("iriftrace.cli.field", "iriftrace.cli.simulate")
+    others = [n for n in modules() if not n.startswith(f"{FLOW}.") and n not in commands]
     assert len(others) > 200
     done = subprocess.run(
         [sys.executable, "-c", BLOCKED, *others], capture_output=True, text=True, check=False

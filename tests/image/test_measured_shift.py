@@ -142,14 +142,14 @@ def test_zeros_of_a_rendering_are_no_doubt(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
-        ("a.csv", "x,y\n1,2\n", "has the columns x, y, but"),
+        ("a.csv", "x,y\n1,2\n", "has the columns x, y, so it is not read"),
         ("a.csv", "", "no row of numbers"),
         ("a.csv", "u,v,du,dv\n", "no row of numbers"),
         ("a.csv", "u,v,du,dv\n1,2,,\n", "has no measured shift"),
         ("a.csv", "u,v,du,dv\n1,2,3\n", "has rows of 3 columns"),
         ("a.csv", "u,v,du,dv\n1,2,3,4\n1,2,3,far\n", "line 3: 'far' is not a number"),
         ("a.exr", "no picture", "not an OpenEXR file"),
-        ("a.npy", "no array", "is not a NumPy array"),
+        ("a.npy", "no array", "give a NumPy array"),
         ("a.tif", "", "is not a file of measured shifts"),
     ],
 )
@@ -160,18 +160,18 @@ def test_wrong_files_are_refused(tmp_path: Path, name: str, text: str, message: 
 
 
 def test_wrong_maps_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="there is no file"):
+    with pytest.raises(InputError, match="There is no file"):
         read_measured_shift(tmp_path / "gone.csv")
     np.save(tmp_path / "a.npy", np.zeros((4, 3)))
-    with pytest.raises(InputError, match=r"has the shape \(4, 3\)"):
+    with pytest.raises(InputError, match=r"an array of the shape \(4, 3\)"):
         read_measured_shift(tmp_path / "a.npy")
     np.save(tmp_path / "a.npy", np.full((4, 3, 2), np.nan))
     with pytest.raises(InputError, match="has no measured shift"):
         read_measured_shift(tmp_path / "a.npy")
     three = {name: FIELD[..., 0] for name in "RGB"}
-    with pytest.raises(InputError, match="has the channels B, G, R, but a map of shifts has two"):
+    with pytest.raises(InputError, match="has the channels B, G, R, so it is not read"):
         read_measured_shift(exr(tmp_path / "a.exr", **three))
     whole = exr(tmp_path / "b.exr", X=FIELD[..., 0], Y=FIELD[..., 1]).read_bytes()
     (tmp_path / "b.exr").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(InputError, match=r"damaged or incomplete .*; write the map again"):
+    with pytest.raises(InputError, match=r"cannot be read .*; write the map again"):
         read_measured_shift(tmp_path / "b.exr")

@@ -89,7 +89,7 @@ def test_summary_says_why_an_axial_resolution_is_0(
     header = {**HEADER, "part": {"path": "by hand", "sha256": part.sha256}}
     moved = (3e-6, 0, 0)
     metrics = pose_metrics(make_image(CAMERA, part, displacement=moved, header=header), part)
-    metrics.time_s.update(dict.fromkeys(TIMES, 1.0))
+    metrics = evolve(metrics, time_s=dict.fromkeys(TIMES, 1.0))
     console = Console(width=200, file=io.StringIO())
     monkeypatch.setattr("iriftrace.cli.output.out", console)
     print_summary(metrics)
@@ -192,6 +192,16 @@ def test_header_entries_are_handed_on() -> None:
     assert tuple(metrics["time_s"]) == TIMES
     assert metrics["time_s"]["straight"] == 0.25
     assert metrics["time_s"]["write"] is None
+
+
+def test_a_later_stage_gives_other_metrics() -> None:
+    """Its time enters the total; the metrics themselves cannot change."""
+    image = make_image(CAMERA, PART, header=HEADER)
+    first = pose_metrics(image, PART)
+    later = first.with_time("write", 2.0).with_time("figures", 0.5)
+    assert (later.time_s["write"], later.time_s["total"]) == (2.0, 2.5)
+    assert first.time_s["write"] is first.time_s["total"] is None
+    assert later.rays is first.rays
 
 
 def test_other_parts_are_noticed() -> None:

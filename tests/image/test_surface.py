@@ -87,7 +87,7 @@ def test_ply_has_the_numbers_of_the_exr(image: AovImage, tmp_path: Path) -> None
 def test_other_endings_are_refused(
     image: AovImage, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(InputError, match=r"neither in \.vtp nor in \.ply"):
+    with pytest.raises(InputError, match=r"give one that ends in \.vtp, \.ply"):
         write_surface(tmp_path / "out.csv", image, read_part_of(image))
     scene = str(folder_of("cylinder") / "scene.xml")
     assert main(["render", scene, "-o", str(tmp_path / "a.exr"), "--surface", "out.csv"]) == 2

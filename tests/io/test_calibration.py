@@ -99,7 +99,7 @@ def test_more_coefficients_than_are_modelled(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"camera_matrix": None}, "is of none of .* write OpenCV's YAML: camera_matrix"),
+        ({"camera_matrix": None}, "other names than .* write OpenCV's YAML: camera_matrix"),
         ({"camera_matrix": [1, 2, 3]}, "camera_matrix has 3 numbers instead of 9"),
         ({"camera_matrix": "large"}, "camera_matrix has entries that are not finite numbers"),
         ({"camera_matrix": {"rows": 3}}, "camera_matrix has entries that are not finite numbers"),
@@ -116,8 +116,8 @@ def test_more_coefficients_than_are_modelled(tmp_path: Path) -> None:
         ({"distortion_model": "equidistant"}, "lens model 'equidistant'"),
         ({"distortion_model": "omni"}, "lens model 'omni'"),
         ({"distortion_model": "none"}, "lens model is 'none', but it has distortion coeff"),
-        ({"fisheye_model": 1}, "fisheye model, which is not modelled"),
-        ({"xi": [[1.2]]}, "has xi, that of an omnidirectional camera"),
+        ({"fisheye_model": 1}, "lens model 'fisheye'"),
+        ({"xi": [[1.2]]}, r"lens model 'omnidirectional \(xi\)'"),
         ({"rvec": [0, 0, 1], "R": [0, 0, 1], "tvec": [0, 0, 1]}, "rvec and R are names of one"),
         ({"rvec": [[1, 0, 0], [0, 1, 0], [0, 0, -1]], "tvec": [0, 0, 1]}, "stretches or mirrors"),
         ({"R": [[2, 0, 0], [0, 2, 0], [0, 0, 2]], "t": [0, 0, 1]}, "stretches or mirrors"),

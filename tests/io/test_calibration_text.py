@@ -11,32 +11,37 @@ from validation.inputs.calibration_files import COEFFICIENTS, PLAIN, plain
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "code"),
     [
-        ("{", "neither YAML, XML nor JSON"),
-        ("a: [1, 2", "neither YAML, XML nor JSON"),
-        ("a: !!python/object/apply:os.getcwd []", "neither YAML, XML nor JSON"),
-        ("just words", "holds no named values"),
-        ("<?xml version='1.0'?><opencv_storage/>", "its names are none"),
-        ("<?xml version='1.0'?><calibration><f>3650</f></calibration>", "and not OpenCV's <opencv"),
-        ("<?xml version='1.0'?><opencv_storage>", "neither YAML, XML nor JSON"),
-        ("<!DOCTYPE a [<!ENTITY b 'c'>]><opencv_storage/>", "entities, which no calibration"),
-        ("a: 1\n---\na: 2\n", "2 documents instead of one"),
-        ("", "holds no named values"),
+        ("{", "file.damaged"),
+        ("a: [1, 2", "file.damaged"),
+        ("a: !!python/object/apply:os.getcwd []", "file.damaged"),
+        ("just words", "file.damaged"),
+        ("<?xml version='1.0'?><opencv_storage/>", "file.dialect"),
+        ("<?xml version='1.0'?><calibration><f>3650</f></calibration>", "file.damaged"),
+        ("<?xml version='1.0'?><opencv_storage>", "file.damaged"),
+        ("<!DOCTYPE a [<!ENTITY b 'c'>]><opencv_storage/>", "file.damaged"),
+        ("a: 1\n---\na: 2\n", "file.damaged"),
+        ("", "file.damaged"),
         # As OpenCV's stereo example writes it.
-        ("M1: [1]\nD1: [0]\nM2: [1]\nD2: [0]", r"is of two cameras; read it with .*--stereo-cal"),
-        (" " * 5_000_000, "more than any camera needs"),
+        ("M1: [1]\nD1: [0]\nM2: [1]\nD2: [0]", "calibration.two_cameras"),
+        (" " * 5_000_000, "calibration.too_large"),
     ],
     ids=lambda value: value[:20],
 )
-def test_files_that_are_something_else(tmp_path: Path, text: str, message: str) -> None:
+def test_files_that_are_something_else(tmp_path: Path, text: str, code: str) -> None:
     (tmp_path / "camera.yaml").write_text(text)
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError) as error:
         read_calibration(tmp_path / "camera.yaml")
-    with pytest.raises(InputError, match="cannot read the calibration"):
+    assert error.value.code == code
+
+
+def test_a_file_that_is_not_there_and_a_binary_one(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as error:
         read_calibration(tmp_path / "gone.yaml")
+    assert error.value.code == "file.missing"
     (tmp_path / "camera.yaml").write_bytes(b"\x80\x00")
-    with pytest.raises(InputError, match="is a binary file; give YAML"):
+    with pytest.raises(InputError, match=r"it is a binary file.; give YAML"):
         read_calibration(tmp_path / "camera.yaml")
 
 

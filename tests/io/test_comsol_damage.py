@@ -10,6 +10,7 @@ import pytest
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.io.field import read_field
 from iriftrace.io.part_files import read_part
+from iriftrace.io.reading import ReadField
 from validation.field_files import comsol
 from validation.inputs.field_grids import AMBIENT, box
 from validation.inputs.hot_block import air, block
@@ -52,7 +53,7 @@ def row(number: int, new: str) -> Edit:
 
 
 SPREADSHEET = {
-    "no unit": (swap("T (K)", "T"), "does not say in which unit 'T' is.*--temperature-unit"),
+    "no unit": (swap("T (K)", "T"), "does not say in which unit 'T' is"),
     "unit of another kind": (swap("(K)", "(V)"), "unit 'V', which is not a unit of temperature"),
     "unknown unit": (swap("(K)", "(Kelvins)"), "'Kelvins', which is not a unit"),
     "unknown unit of length": (swap(" mm", " furlong"), "'furlong' is not a length unit"),
@@ -64,12 +65,12 @@ SPREADSHEET = {
     "two dimensions": (swap("Dimension:          3", "Dimension:          2"), "in 2 dimensions"),
     "no number of nodes": (
         swap("Nodes:              125", "Nodes: some"),
-        "counts some nodes, but the file has 125",
+        "counts some nodes, not 125",
     ),
-    "cut between rows": (lambda t: "\n".join(t.splitlines()[:60]), "counts 125 nodes.*has 51"),
+    "cut between rows": (lambda t: "\n".join(t.splitlines()[:60]), "counts 125 nodes, not 51"),
     "cut within a row": (
         lambda t: t.rstrip()[:-30],
-        "line 134: the row .* has 3 columns.*cut short",
+        "line 134: the row .* has 3 columns.*whole file",
     ),
     "no rows": (cut(200), "no row of numbers"),
     "empty": (cut(0), "no row of numbers"),
@@ -105,15 +106,15 @@ SECTIONWISE = {
         lambda t: "\n".join(
             t[: t.index("% Data")].splitlines()[:-5] + t[t.index("% Data") :].splitlines()
         ),
-        "counts 320 elements, but the file has 315",
+        "counts 320 elements, not 315",
     ),
-    "cut in the coordinates": (row(0, ""), "counts 125 nodes, but the file has 124"),
+    "cut in the coordinates": (row(0, ""), "counts 125 nodes, not 124"),
     "triangles": (
         lambda t: "\n".join(
             line.rsplit(None, 1)[0] if re.fullmatch(r"\d+(\s+\d+){3}", line) else line
             for line in t.splitlines()
         ),
-        "have 3 corners, so they are a surface",
+        "elements of 3 corners, but rays need the air volume",
     ),
     "numbered from zero": (
         lambda t: re.sub(
@@ -122,7 +123,7 @@ SECTIONWISE = {
             t,
             flags=re.M,
         ),
-        "name points from 0 to 124",
+        "name points 0 to 124 of 125",
     ),
     "points that are not there": (
         swap("Nodes:              125", "Nodes:              124"),
@@ -130,7 +131,7 @@ SECTIONWISE = {
     ),
     "a plane": (
         lambda t: re.sub(r"^([-+.\dE]+ +[-+.\dE]+) +[-+.\dE]+$", r"\1", t, flags=re.M),
-        "have 2 columns instead of x, y and z",
+        "coordinates of 2 columns, but rays need the air volume",
     ),
 }
 
@@ -166,7 +167,7 @@ def test_commas_both_as_separator_and_decimal_sign(tmp_path: Path) -> None:
     ("options", "words"),
     [
         ({"temperature_unit": "degC"}, "is in K, but the temperature unit given is degC"),
-        ({"length_unit": "m"}, "are in mm, but the length unit given is m"),
+        ({"length_unit": "m"}, "in mm, but they were to be read in m.* scale them by 1000 if"),
     ],
 )
 def test_units_that_contradict_the_header(
@@ -174,13 +175,13 @@ def test_units_that_contradict_the_header(
 ) -> None:
     path = comsol.sectionwise(tmp_path / "f.txt", POINTS, TETRAHEDRA, {"T (K)": KELVIN})
     with pytest.raises(InputError, match=words):
-        read_field(path, **options)
+        read_field(path, ReadField(**options))
 
 
 def test_units_that_the_user_adds(tmp_path: Path) -> None:
     path = tmp_path / "f.txt"
     comsol.sectionwise(path, POINTS / 10, TETRAHEDRA, {"T": KELVIN - 273.15}, length_unit=None)
-    field = read_field(path, temperature_unit="degC", length_unit="cm")
+    field = read_field(path, ReadField(temperature_unit="degC", length_unit="cm"))
     assert field.grid.volume == pytest.approx(1000.0)
     assert field.temperature_k.min() == pytest.approx(AMBIENT)
 

@@ -11,11 +11,14 @@ from iriftrace.cli import main
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.mesh.triangles import polydata
 from iriftrace.flow.simulate.case import Case, natural_case, symmetric_case
+from iriftrace.flow.simulate.options import SimulationOptions
 from iriftrace.io.measured import read_measured_wall
 from iriftrace.io.part_files import save_part
 from iriftrace.part.part import Part
 from iriftrace.part.wall_temperature import MeasuredWall, measured_wall, wall_temperature
 from validation.inputs.parts import papers_cylinder
+
+COARSE = SimulationOptions(resolution="coarse")
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +115,7 @@ def test_surface_of_a_finite_element_solution(cylinder: Part, tmp_path: Path, su
 def test_case_has_the_temperatures_of_the_file(cylinder: Part, tmp_path: Path) -> None:
     """The hottest sets the time, the ramp spoils the symmetry along x, a mirror is refused."""
     wall = measured_wall(read_measured_wall(table(cylinder, tmp_path / "t.csv", "x,y,z,T [K]")))
-    case = natural_case(cylinder, wall, resolution="coarse", mirrors="y")
+    case = natural_case(cylinder, COARSE, wall=wall, mirrors="y")
     assert isinstance(case, Case)
     assert case.wall.hottest == pytest.approx(ramp(cylinder.face_centres).max())
     assert wall_temperature(wall, cylinder, cylinder.face_centres) == pytest.approx(
@@ -121,7 +124,7 @@ def test_case_has_the_temperatures_of_the_file(cylinder: Part, tmp_path: Path) -
     assert symmetric_case(case) == "y"
     assert case.record()["wall_from"]["sha256"] == wall.measured.sha256  # type: ignore[union-attr]
     with pytest.raises(InputError, match="not symmetric about x"):
-        natural_case(cylinder, wall, resolution="coarse", mirrors="x")
+        natural_case(cylinder, COARSE, wall=wall, mirrors="x")
 
 
 def test_faces_far_from_any_point_are_named(cylinder: Part) -> None:
@@ -146,7 +149,7 @@ def test_faces_far_from_any_point_are_named(cylinder: Part) -> None:
         ("x,y,z,T\n0,0,0,nan\n", (None, None), "not a finite number"),
         ("x,y,z,T\n1,1,1,900\n0,0,zero,900\n", (None, None), "line 3: 'zero' is not a number"),
         ("x [m],y [m],z [m],T [K]\n0,0,0,900\n", ("mm", None), "coordinates in m, but"),
-        ("x [m],y [mm],z [m],T [K]\n0,0,0,900\n", (None, None), "states lengths in m and mm"),
+        ("x [m],y [mm],z [m],T [K]\n0,0,0,900\n", (None, None), "states m and mm for one"),
         ("x,y,z,T [K]\n0,0,0,900\n", (None, "degC"), "states that 'T' is in K"),
         ("x,y,z,T [bar]\n0,0,0,900\n", (None, None), "not a unit of temperature"),
         ("x,y,z,T (K) @ t=0,T (K) @ t=1\n0,0,0,900,950\n", (None, None), "several columns T, as"),
@@ -176,12 +179,12 @@ def test_command_line(
     assert "wall from t.csv: " in " ".join(capsys.readouterr().out.split())
     for options, message in (
         ([], "the part has no temperature"),
-        (["--wall-temperature-from=t.csv", "--wall-temperature=900 K"], "cannot both be given"),
+        (["--wall-temperature-from=t.csv", "--wall-temperature=900 K"], "besides a file"),
         (["--wall-temperature=900 K", "--wall-length-unit=m"], "which is not given"),
         (["--wall-temperature=900 K", "--wall-above=400 degC"], "which is not given"),
         (["--wall-temperature-from=t.csv", "--wall-above=400"], "400 K or 400 degC"),
         (["--wall-temperature-from=t.csv", "--wall-above=1500 K"], "no wall above 1500 K"),
-        (["--wall-temperature-from=part.ply"], "cannot be read from part.ply"),
+        (["--wall-temperature-from=part.ply"], "part.ply is not a file of wall temp"),
         (["--wall-temperature-from=none.csv"], "none.csv"),
         (["--wall-temperature-from=t.csv", "--ambient=1500 K"], "ambient"),
     ):

@@ -135,7 +135,7 @@ def test_chosen_columns_double_precision_and_further_numbers(tmp_path: Path) -> 
         (header(form="binary") + bytes(24 * 12 - 1), "states 24 points of 12 bytes and is shorter"),
         (header(form="zipped"), "its data are 'zipped'"),
         (COMPRESSED[:-9], "states 480 bytes and has"),
-        (COMPRESSED[:195], "damaged"),
+        (COMPRESSED[:195], "states 480 bytes and has"),
         (header(form="binary_compressed") + b"\x02\0\0\0\x03\0\0\0\x20\x05", "what is before them"),
         (header().replace(b"WIDTH 6", b"WIDTH 0").replace(b"POINTS 24", b"POINTS 0"), "no points"),
     ],
@@ -145,3 +145,4 @@ def test_damaged_files(tmp_path: Path, content: bytes, message: str) -> None:
     with pytest.raises(InputError, match=message) as caught:
         read_cloud(path)
     assert str(path) in str(caught.value)
+    assert caught.value.code == "file.damaged"

@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 
 from iriftrace.io.clouds import read_cloud
 from iriftrace.io.field import read_field
+from iriftrace.io.reading import ReadField
 
 DATA = Path(__file__).parents[1] / "data"
 
@@ -49,7 +50,7 @@ def test_each_file_has_a_line_on_source_and_licence() -> None:
 def test_fields(name: str, origin: str, options: dict[str, str]) -> None:
     """T = 300 K + (x + 2 y + 3 z) K/mm in a box of 10 mm; only COMSOL is called so."""
     with pytest.warns(UserWarning, match="coolest air"):
-        field = read_field(DATA / name, **options)
+        field = read_field(DATA / name, ReadField(**options))
     x, y, z = np.asarray(field.grid.points).T
     assert_allclose(field.temperature_k, 300.0 + x + 2.0 * y + 3.0 * z, rtol=1e-12)
     assert field.grid.volume == pytest.approx(1000.0)

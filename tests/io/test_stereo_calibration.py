@@ -83,8 +83,8 @@ def test_the_unit_that_a_file_states(tmp_path: Path) -> None:
         ({"T": np.zeros(3)}, "0 mm apart"),
         ({"rvec": np.zeros(3), "tvec": np.ones(3)}, "R and rvec are names of one value"),
         ({"T": np.eye(4)}, "T has 16 numbers instead of 3"),
-        ({"fisheye_model": 1}, "fisheye model, which is not modelled"),
-        ({"xi2": 1.2}, "camera 2: it has xi"),
+        ({"fisheye_model": 1}, "the lens model 'fisheye'"),
+        ({"xi2": 1.2}, r"camera 2: the lens model 'omnidirectional \(xi\)'"),
     ],
 )
 def test_wrong_files(tmp_path: Path, changes: dict[str, object], message: str) -> None:
@@ -92,6 +92,7 @@ def test_wrong_files(tmp_path: Path, changes: dict[str, object], message: str) -
     with pytest.raises(InputError, match=message) as caught:
         read_stereo_calibration(path)
     assert str(path) in str(caught.value)
+    assert caught.value.code.startswith("calibration.")
 
 
 def test_lens_models_that_are_not_modelled(tmp_path: Path) -> None:

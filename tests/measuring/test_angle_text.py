@@ -2,7 +2,7 @@
 
 import pytest
 
-from iriftrace.cli.triangulation_text import minutes
+from iriftrace.figures.describe_scan import minutes
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from attrs import evolve
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.io.part_files import read_part, save_part
+from iriftrace.io.reading import ReadPart
 from iriftrace.measuring.features.drawing import drawing_cloud, u_of_growth
 from iriftrace.measuring.features.fit import fit_feature
 from iriftrace.measuring.features.fitted import FittedFeature, fit_features
@@ -195,7 +196,7 @@ def test_a_part_that_was_moved_has_its_place_on_the_drawing(tmp_path: Path) -> N
     move = np.eye(4)
     move[2, 3] = 300.0
     part = read_part(
-        tmp_path / "cold.ply", transform=move, expansion=ALPHA, hot_temperature_k=1323.15
+        tmp_path / "cold.ply", ReadPart(transform=move, expansion=ALPHA, hot_temperature=1323.15)
     )
     points, face = part.surface.even_places(2000)
     (found,), _ = on_drawing(part, points, face, ["cylinder:lateral"])

@@ -1,4 +1,4 @@
-"""What several fields, or a stated uncertainty of one, say of a measurement and its correction.
+"""Uncertainty of a measurement and its correction, from several fields or a stated one.
 
 Against each member by itself, NumPy's standard deviations, and proportionality to the contrast.
 """

@@ -153,7 +153,7 @@ def test_air_can_be_written_to_json_and_back():
         ({"pressure_pa": 1013.25}, "pressure 1013.25 Pa"),
         ({"relative_humidity": 50.0}, "50 % is 0.5"),
         ({"co2_ppm": -1.0}, "CO2"),
-        ({"temperature_k": float("nan")}, "nan K"),
+        ({"temperature_k": float("nan")}, "nan is not a finite number"),
         ({"model": "sellmeier"}, "ciddor, edlen"),
     ],
 )

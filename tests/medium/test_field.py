@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.mesh.transform import parse_transform
 from iriftrace.io.field import read_field
+from iriftrace.io.reading import ReadField
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.gradient import cell_corners
 from iriftrace.medium.index_field import IndexField
@@ -25,7 +26,7 @@ CYLINDER = Path(__file__).parents[2] / "scenes" / "cylinder" / "field.vtu"
 def test_coordinates_are_converted_and_then_moved(tmp_path):
     path = saved(solid(), tmp_path / "f.vtu")
     turn = parse_transform("rotate z 90, translate 0 0 5")
-    field = read_field(path, length_unit="cm", transform=turn)
+    field = read_field(path, ReadField(length_unit="cm", transform=turn))
     assert_allclose(field.grid.bounds, (-100, 0, 0, 100, 5, 105))
     assert field.source.length_unit == "cm"
     # The same change of n over ten times the length, along y instead of x.
@@ -91,7 +92,7 @@ def _with(values: float | None, name: str = "T"):
 @pytest.mark.parametrize(
     ("write", "name", "options", "message"),
     [
-        (lambda path: path, "none.vtu", {}, "does not exist"),
+        (lambda path: path, "none.vtu", {}, "There is no file"),
         (_sphere_in, "f.stl", {}, "not a field file"),
         (_sphere_in, "f.vtk", {}, "no volume cells"),
         (_flat, "f.vtu", {}, "no volume cells"),
@@ -115,7 +116,7 @@ def _with(values: float | None, name: str = "T"):
 def test_wrong_files_are_refused_in_one_sentence(tmp_path, write, name, options, message):
     path = write(tmp_path / name)
     with pytest.raises(InputError, match=message):
-        read_field(path, **options)
+        read_field(path, ReadField(**options))
 
 
 def test_sampling_is_exact_where_the_field_is_linear(tmp_path):

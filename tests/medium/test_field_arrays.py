@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.io.field import read_field
+from iriftrace.io.reading import ReadField
 from iriftrace.medium.air.refractivity import Air
 from validation.inputs.field_grids import AMBIENT, box, saved, solid
 
@@ -21,7 +22,7 @@ def test_temperature_units(tmp_path, unit):
     convert = {"K": kelvin, "degC": kelvin - 273.15, "degF": kelvin * 1.8 - 459.67}
     convert["°C"] = convert["degC"]
     grid.point_data["T"] = convert[unit]
-    field = read_field(saved(grid, tmp_path / "f.vtu"), temperature_unit=unit)
+    field = read_field(saved(grid, tmp_path / "f.vtu"), ReadField(temperature_unit=unit))
     assert_allclose(field.temperature_k, kelvin, rtol=1e-12)
 
 
@@ -49,7 +50,7 @@ def test_a_unit_in_the_name_is_that_of_the_values(tmp_path, name, unit):
     assert_allclose(field.temperature_k, kelvin, rtol=1e-12)
     if name != "T":
         with pytest.raises(InputError, match=rf"states that '{re.escape(name)}' is in"):
-            read_field(path, temperature_unit="degF" if unit == "K" else "K")
+            read_field(path, ReadField(temperature_unit="degF" if unit == "K" else "K"))
 
 
 @pytest.mark.parametrize(
@@ -72,7 +73,7 @@ def test_a_dimensionless_temperature_is_named_and_its_kelvins_are_read(
     grid.point_data[name] = scaled
     path = saved(grid, tmp_path / "f.vtu")
     with pytest.raises(InputError, match=r"dimensionless .* T_room \+ \(T_wall - T_room\) times"):
-        read_field(path, **choice)
+        read_field(path, ReadField(**choice))
     grid.clear_data()
     grid.point_data["T"] = AMBIENT + 900.0 * np.clip(scaled, 0.0, 1.0)
     assert read_field(saved(grid, path)).temperature_k.max() == pytest.approx(AMBIENT + 900.0)
@@ -127,7 +128,7 @@ def test_an_index_may_be_stored_less_one(tmp_path):
     refractivity = Air().refractivity(np.array(grid.point_data["T"]))
     grid.point_data["x"] = refractivity
     path = saved(grid, tmp_path / "f.vti")
-    field = read_field(path, array="x", quantity="index")
+    field = read_field(path, ReadField(array="x", quantity="index"))
     assert_array_equal(field.refractivity, refractivity)
 
 
@@ -164,8 +165,8 @@ def test_other_names_must_be_declared(tmp_path, name):
     with pytest.raises(InputError, match=f"its arrays are {name}"):
         read_field(path)
     with pytest.raises(InputError, match="does not say what the array"):
-        read_field(path, array=name)
-    field = read_field(path, array=name, quantity="temperature", temperature_unit="degC")
+        read_field(path, ReadField(array=name))
+    field = read_field(path, ReadField(array=name, quantity="temperature", temperature_unit="degC"))
     assert_allclose(field.temperature_k, kelvin, rtol=1e-11)
 
 
@@ -174,7 +175,7 @@ def test_a_quantity_can_be_asked_for(tmp_path):
     grid.point_data["rho"] = Air().ambient_density * AMBIENT / np.array(grid.point_data["T"])
     path = saved(grid, tmp_path / "f.vti")
     assert read_field(path).source.array == "T"
-    assert read_field(path, quantity="density").source.array == "rho"
+    assert read_field(path, ReadField(quantity="density")).source.array == "rho"
 
 
 @pytest.mark.parametrize(("factor", "warns"), [(1.01, False), (1.05, True)])

@@ -240,3 +240,6 @@ def test_bare_surface_counts_by_area_not_by_triangle(hot_box: IndexField) -> Non
     ends, sides = 2 * 10.0 * 20.0, 60.0 * 2 * (24.0 - 20.2)
     bare = fit_part_to_field(hot_box, long_box).bare_share
     assert bare == pytest.approx((ends + sides) / long_box.area, abs=0.005)
+    fewer = fit_part_to_field(hot_box, long_box, samples=500).bare_share
+    assert fewer == pytest.approx(bare, abs=0.02)
+    assert 500 * fewer == pytest.approx(round(500 * fewer))

@@ -1,4 +1,4 @@
-"""What a field says of itself: kind, time and symmetry, as results state them."""
+"""Statements of a field about itself: kind, time and symmetry, as results state them."""
 
 from pathlib import Path
 

@@ -60,12 +60,12 @@ def test_shells_from_scattered_points_with_their_part(
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ("case --time=3", "no state '3'; give latest, first or one of t = 1; t = 2."),
-        ("points.txt --time=1", "give the part so that it can be cut out (--part)"),
+        ("case --time=3", "no state '3': it has t = 1; t = 2 (--time)."),
+        ("points.txt --time=1", "(sectionwise format) (--part)."),
         ("points.txt --part part.stl --temperature-unit K", "is in degC, but"),
-        ("case --field-length-unit mm", "are in m, but the length unit given is mm"),
+        ("case --field-length-unit mm", "in mm after all (--field-length-unit)."),
         (". --time=1", "is not an OpenFOAM case"),
-        ("part.stl", "not a field file of a supported format"),
+        ("part.stl", "not a field file of a known format"),
         ("case --time=1 --isosurfaces", "iso-surfaces is read as a whole"),
     ],
 )
@@ -85,7 +85,7 @@ def test_options_that_a_command_does_not_have_are_those_of_another(
 ) -> None:
     assert main(["view", "points.txt", "--picture", "a.png"]) == 2
     said = capsys.readouterr().err
-    assert "choose another with the time option (--time of iriftrace scene)." in said
-    assert "be cut out (--part of iriftrace scene), or export elements" in said
+    assert "choose another if that is not meant (--time of iriftrace scene)." in said
+    assert "(sectionwise format) (--part of iriftrace scene)." in said
     assert main(["view", "part.stl", "--picture", "a.png", "--length-unit", "um"]) == 0
     assert "check length_unit (--length-unit)." in capsys.readouterr().err

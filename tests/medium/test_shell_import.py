@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from iriftrace.core.errors import InputError
 from iriftrace.core.mesh.transform import parse_transform
 from iriftrace.io.iso_surfaces import import_shells
+from iriftrace.io.reading import ReadField
 from iriftrace.io.shells import save_shells
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.shells.contour import contour_shells
@@ -88,13 +89,13 @@ def test_all_file_types_and_data_of_points_or_cells(tmp_path, name, cells):
 
 
 def test_comsols_export_is_read_with_its_quantity_declared():
-    stack = import_shells(SAMPLE, array="Color", quantity="temperature")
+    stack = import_shells(SAMPLE, ReadField(array="Color", quantity="temperature"))
     check(stack, 0.8)
     assert (stack.source.array, stack.source.quantity) == ("Color", "temperature")
     # Neither the name nor the values tell what the only array holds.
     for declared in ({}, {"array": "Color"}, {"quantity": "temperature"}):
         with pytest.raises(InputError, match="Color"):
-            import_shells(SAMPLE, **declared)
+            import_shells(SAMPLE, ReadField(**declared))
 
 
 @pytest.mark.parametrize(
@@ -104,7 +105,7 @@ def test_comsols_export_is_read_with_its_quantity_declared():
 )
 def test_declared_quantities(tmp_path, quantity, values):
     merged(spheres("Color", values)).save(tmp_path / "s.vtp")
-    check(import_shells(tmp_path / "s.vtp", array="Color", quantity=quantity))
+    check(import_shells(tmp_path / "s.vtp", ReadField(array="Color", quantity=quantity)))
 
 
 def test_units_and_transform(tmp_path):
@@ -113,9 +114,11 @@ def test_units_and_transform(tmp_path):
     surface.save(tmp_path / "s.vtp")
     stack = import_shells(
         tmp_path / "s.vtp",
-        temperature_unit="degC",
-        length_unit="m",
-        transform=parse_transform("translate 0 0 -1000, rotate x 90"),
+        ReadField(
+            temperature_unit="degC",
+            length_unit="m",
+            transform=parse_transform("translate 0 0 -1000, rotate x 90"),
+        ),
     )
     # 1 m is stored in float32, which leaves 6e-5 mm, so the radii are only as good.
     check(stack)
@@ -126,7 +129,7 @@ def test_own_surfaces_come_back_with_the_same_winding(tmp_path):
     # No gradient is in the file, so the winding follows from the neighbours alone.
     stack = contour_shells(sphere_field(12), layers=4, rule="midpoint")
     save_shells(stack, tmp_path)
-    back = import_shells(tmp_path / "shells.vtm", array="refractivity")
+    back = import_shells(tmp_path / "shells.vtm", ReadField(array="refractivity"))
     for a, b in zip(stack.shells, back.shells, strict=True):
         assert_array_equal(a.vertices, b.vertices)
         assert_array_equal(a.faces, b.faces)
@@ -155,7 +158,7 @@ def test_gradient_turns_as_a_gradient_does(tmp_path):
     surface.point_data["Gradient_n"] = np.asarray(surface.points)
     surface.save(tmp_path / "s.vtp")
     stack = import_shells(
-        tmp_path / "s.vtp", gradient="Gradient_n", transform=np.diag([2.0, 1, 1, 1])
+        tmp_path / "s.vtp", ReadField(transform=np.diag([2.0, 1, 1, 1])), gradient="Gradient_n"
     )
     expected = stack.shells[0].vertices * [0.25, 1, 1]
     expected = expected / np.linalg.norm(expected, axis=1)[:, None]
@@ -228,8 +231,8 @@ def test_wrong_meshes_are_refused(tmp_path):
 @pytest.mark.parametrize(
     ("name", "save", "message"),
     [
-        ("s.vtp", lambda path: None, "does not exist"),
-        ("s.stl", lambda path: pv.Sphere().save(path), "cannot be read as surfaces"),
+        ("s.vtp", lambda path: None, "There is no file"),
+        ("s.stl", lambda path: pv.Sphere().save(path), "is not a file of surfaces"),
         ("s.vtp", lambda path: path.write_text("<VTKFile"), "no triangles|cannot be read"),
     ],
 )
@@ -246,7 +249,7 @@ def test_wrong_options_are_refused(tmp_path):
     with pytest.raises(InputError, match="no gradient 'g'"):
         import_shells(path, gradient="g")
     with pytest.raises(InputError, match="no array 'U'"):
-        import_shells(path, array="U")
+        import_shells(path, ReadField(array="U"))
     with pytest.raises(InputError, match="length unit or allow"):
         import_shells(path, min_size_mm=100.0)
 

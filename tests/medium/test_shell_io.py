@@ -170,22 +170,23 @@ def test_file_with_wide_corners_is_read_too(stack, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "code"),
     [
-        (None, "cannot read"),
-        ("{", "damaged"),
-        ("[1]", "not a table of shells"),
-        ('{"schema": "iriftrace.shells/0"}', "not a table of shells"),
-        ('{"schema": "iriftrace.shells/1", "shells": [{}]}', "required field missing"),
+        (None, "file.missing"),
+        ("{", "file.damaged"),
+        ("[1]", "file.schema"),
+        ('{"schema": "iriftrace.shells/0"}', "file.schema"),
+        ('{"schema": "iriftrace.shells/1", "shells": [{}]}', "file.damaged"),
     ],
 )
-def test_damaged_table_is_refused(stack, tmp_path, text, message):
+def test_damaged_table_is_refused(stack, tmp_path, text, code):
     save_shells(stack, tmp_path)
     (tmp_path / "shells.json").unlink()
     if text is not None:
         (tmp_path / "shells.json").write_text(text)
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError) as error:
         load_shells(tmp_path)
+    assert error.value.code == code
 
 
 def test_damaged_mesh_is_refused(stack, tmp_path):
@@ -194,10 +195,11 @@ def test_damaged_mesh_is_refused(stack, tmp_path):
     renamed = whole.replace(b"hessian_xx_1", b"straight_1", 1)
     for content in (whole[:-1], b"", whole.replace(b"binary", b"ascii!", 1), renamed):
         path.write_bytes(content)
-        with pytest.raises(InputError, match="cut short"):
+        with pytest.raises(InputError) as error:
             read_shell(path)
+        assert error.value.code == "file.damaged"
     path.unlink()
-    with pytest.raises(InputError, match="cannot read the shell"):
+    with pytest.raises(InputError, match="There is no file"):
         load_shells(tmp_path)
 
 

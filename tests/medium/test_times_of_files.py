@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.io.field import read_field
 from iriftrace.io.members import member_at, members
+from iriftrace.io.reading import ReadField
 from validation.field_files import cgns, exodus, xdmf
 from validation.inputs import hot_block
 
@@ -84,9 +85,9 @@ def test_cgns_has_values_at_cells_and_units(tmp_path: Path) -> None:
     assert found.source.length_unit == "m"
     assert_allclose(found.grid.points, expected.grid.points, atol=1e-4)
     assert hot_block.AMBIENT < found.temperature_k.mean() < hot_block.WALL
-    with pytest.raises(InputError, match="length_unit"):
-        read_field(path, length_unit="mm")
-    feet, celsius = (("Foot", "Kelvin"), "in Foot"), (("Meter", "Celsius"), "in K")
+    with pytest.raises(InputError, match="in m, but they were to be read in mm"):
+        read_field(path, ReadField(length_unit="mm"))
+    feet, celsius = (("Foot", "Kelvin"), "of Foot,"), (("Meter", "Celsius"), "of Celsius and")
     for wrong, said in (feet, celsius):
         other = cgns.write(tmp_path / "other.cgns", grid, units=wrong)
         with pytest.raises(InputError, match=said):

@@ -8,6 +8,7 @@ import pyvista as pv
 
 from iriftrace.core.mesh.transform import parse_transform
 from iriftrace.io.field import read_field
+from iriftrace.io.reading import ReadField
 from iriftrace.medium.flow import AirFlow, velocity_arrays
 from validation.field_files import comsol
 from validation.inputs import hot_block
@@ -28,7 +29,7 @@ def grid_with(*names: str) -> pv.UnstructuredGrid:
 
 
 def flow_of(path: Path, **options: object) -> AirFlow:
-    flow = read_field(path, flow=True, **options).flow
+    flow = read_field(path, flow=True, reading=ReadField(**options)).flow
     assert flow is not None
     return flow
 

@@ -1,4 +1,4 @@
-"""What tests of the paper's studies share: the files of the hot block."""
+"""Fixtures of the tests of the paper's studies: the files of the hot block."""
 
 from pathlib import Path
 

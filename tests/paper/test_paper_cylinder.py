@@ -1,4 +1,4 @@
-"""What the paper says of the cylinder, and whether it holds here: docs/paper_cylinder.md."""
+"""Statements of the paper about the cylinder, and their truth here: docs/paper_cylinder.md."""
 
 import numpy as np
 import pytest

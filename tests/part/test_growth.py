@@ -7,6 +7,7 @@ import pytest
 
 from iriftrace.core.errors import InputError
 from iriftrace.io.part_files import read_part, save_part
+from iriftrace.io.reading import ReadPart
 from iriftrace.part.growth import Growth
 from iriftrace.scenes import folder_of
 
@@ -20,13 +21,13 @@ def test_lengths_grow_by_the_expansion() -> None:
 def test_it_is_read_back_from_the_file(tmp_path: Path) -> None:
     """An expanded part is not expanded again; STL states none."""
     file = folder_of("cylinder") / "part.ply"
-    part = read_part(file, expansion=14e-6, hot_temperature_k=1323.15)
+    part = read_part(file, ReadPart(expansion=14e-6, hot_temperature=1323.15))
     save_part(part, tmp_path / "hot.ply")
     again = read_part(tmp_path / "hot.ply")
     assert again.growth == part.growth == STEEL
     np.testing.assert_allclose(again.bounds, part.bounds, rtol=1e-6)
     with pytest.raises(InputError, match="expanded to 1050 degC already"):
-        read_part(tmp_path / "hot.ply", expansion=14e-6, hot_temperature_k=1323.15)
+        read_part(tmp_path / "hot.ply", ReadPart(expansion=14e-6, hot_temperature=1323.15))
     save_part(part, tmp_path / "hot.stl")
     assert read_part(tmp_path / "hot.stl").growth is None
     text = (tmp_path / "hot.ply").read_bytes()

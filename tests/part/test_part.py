@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.io.part_files import read_part, save_part
+from iriftrace.io.reading import ReadPart
 from iriftrace.part.part import Part, part_of_mesh
 
 CYLINDER = Path(__file__).parents[2] / "scenes" / "cylinder" / "part.ply"
@@ -58,7 +59,7 @@ def test_face_order_is_that_of_the_file(tmp_path: Path) -> None:
         source.export(tmp_path / f"ball.{suffix}")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", IriftraceWarning)  # glTF declares metres
-            part = read_part(tmp_path / f"ball.{suffix}", length_unit="mm")
+            part = read_part(tmp_path / f"ball.{suffix}", ReadPart(length_unit="mm"))
         np.testing.assert_allclose(
             part.vertices[part.faces], source.vertices[source.faces], atol=1e-5
         )
@@ -160,11 +161,13 @@ def test_units_expansion_and_transform_act_in_this_order(box: Path) -> None:
     shift[0, 3] = 5.0
     part = read_part(
         box,
-        length_unit="cm",
-        transform=shift,
-        expansion=1e-6,
-        reference_temperature_k=293.15,
-        hot_temperature_k=1293.15,
+        ReadPart(
+            length_unit="cm",
+            transform=shift,
+            expansion=1e-6,
+            reference_temperature=293.15,
+            hot_temperature=1293.15,
+        ),
     )
     np.testing.assert_allclose(part.bounds[:, 0], [5 - 50.05, 5 + 50.05], rtol=1e-7)
     assert part.length_unit == "cm"
@@ -193,7 +196,7 @@ def test_rotation_names_the_heads_in_the_world(tmp_path: Path) -> None:
     assert set(upright.region_names) == {"lateral", "head -z", "head +z"}
     lie = np.eye(4)
     lie[:3, :3] = Rotation.from_euler("y", 90, degrees=True).as_matrix()
-    assert set(read_part(tmp_path / "c.stl", transform=lie).region_names) == {
+    assert set(read_part(tmp_path / "c.stl", ReadPart(transform=lie)).region_names) == {
         "lateral",
         "head -x",
         "head +x",
@@ -267,7 +270,9 @@ def test_doubtful_units_are_named(tmp_path: Path, box: Path) -> None:
     assert [one.message.argument for one in caught] == ["length_unit"]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert read_part(tmp_path / "metres.stl", length_unit="m").bounds[1, 0] == pytest.approx(5)
+        assert read_part(tmp_path / "metres.stl", ReadPart(length_unit="m")).bounds[
+            1, 0
+        ] == pytest.approx(5)
 
 
 @pytest.mark.parametrize("suffix", ["glb", "gltf"])
@@ -280,11 +285,11 @@ def test_gltf_is_in_metres_by_its_standard(tmp_path: Path, suffix: str) -> None:
         for name, data in trimesh.exchange.gltf.export_gltf(scene).items():
             (tmp_path / name.replace("model", "box")).write_bytes(data)
     for unit in (None, "m", "Meters"):
-        part = read_part(path, length_unit=unit)
+        part = read_part(path, ReadPart(length_unit=unit))
         np.testing.assert_allclose(np.ptp(part.bounds, axis=0), (10, 20, 30), rtol=1e-6)
         assert part.length_unit == "m"
     with pytest.warns(IriftraceWarning, match="declares its unit as m but is read as mm"):
-        assert read_part(path, length_unit="mm").length_unit == "mm"
+        assert read_part(path, ReadPart(length_unit="mm")).length_unit == "mm"
 
 
 @pytest.mark.parametrize("binary", [False, True])
@@ -327,7 +332,7 @@ def test_unusable_files_are_refused(tmp_path: Path) -> None:
     line = [(0.0, 0, 0), (10.0, 0, 0), (20.0, 0, 0)]
     nan = [(float("nan"), 0, 0), (10.0, 0, 0), (0, 10.0, 0)]
     cases = {
-        "no part file": tmp_path / "missing.stl",
+        "There is no file": tmp_path / "missing.stl",
         "cannot be read": _ply(tmp_path / "part.docx", triangle, [(0, 1, 2)]),
         "no triangles": _ply(tmp_path / "points.ply", triangle, []),
         "NaN": _ply(tmp_path / "nan.ply", nan, [(0, 1, 2)]),
@@ -335,18 +340,18 @@ def test_unusable_files_are_refused(tmp_path: Path) -> None:
     }
     (tmp_path / "text.stl").write_text("hello")
     (tmp_path / "cut.ply").write_bytes(CYLINDER.read_bytes()[:5000])
-    cases["text.stl has no triangles or is damaged"] = tmp_path / "text.stl"
-    cases["cut.ply is damaged"] = tmp_path / "cut.ply"
-    cases[r"is damaged or no mesh \(a triangle names vertex 7, but there are 3"] = _ply(
+    cases[r"text.stl cannot be read \(it has no triangles"] = tmp_path / "text.stl"
+    cases["cut.ply cannot be read"] = tmp_path / "cut.ply"
+    cases[r"cannot be read \(a triangle names vertex 7, but there are 3"] = _ply(
         tmp_path / "far.ply", triangle, [(0, 1, 7)]
     )
-    cases[r"is damaged or no mesh \(a triangle names vertex -1"] = _ply(
+    cases[r"cannot be read \(a triangle names vertex -1"] = _ply(
         tmp_path / "below.ply", triangle, [(0, -1, 2)]
     )
     save_part(read_part(CYLINDER), tmp_path / "region.ply")
     whole = (tmp_path / "region.ply").read_bytes()
     (tmp_path / "region.ply").write_bytes(whole[:-4] + np.float32("nan").tobytes())
-    cases["region.ply is damaged: a triangle's region"] = tmp_path / "region.ply"
+    cases[r"region.ply cannot be read \(a triangle's region"] = tmp_path / "region.ply"
     for message, path in cases.items():
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", IriftraceWarning)
@@ -356,15 +361,15 @@ def test_unusable_files_are_refused(tmp_path: Path) -> None:
 
 def test_unusable_arguments_are_refused(box: Path) -> None:
     with pytest.raises(InputError, match="hot temperature"):
-        read_part(box, expansion=14e-6)
+        read_part(box, ReadPart(expansion=14e-6))
     with pytest.raises(InputError, match="steel"):
-        read_part(box, expansion=14.0, hot_temperature_k=1373.15)
+        read_part(box, ReadPart(expansion=14.0, hot_temperature=1373.15))
     with pytest.raises(InputError, match="region angle"):
-        read_part(box, region_angle_deg=0)
+        read_part(box, ReadPart(region_angle=0))
     with pytest.raises(InputError, match="invertible"):
-        read_part(box, transform=np.diag([1.0, 1, 0, 1]))
+        read_part(box, ReadPart(transform=np.diag([1.0, 1, 0, 1])))
     with pytest.raises(InputError, match="4 x 4"):
-        read_part(box, transform=np.eye(3))
+        read_part(box, ReadPart(transform=np.eye(3)))
     with pytest.raises(InputError, match="does not exist"):
         save_part(read_part(box), box.parent / "nowhere" / "part.ply")
 

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from iriftrace.core.errors import InputError
 from iriftrace.io.part_files import read_part, save_part
+from iriftrace.io.reading import ReadPart
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.standards import cylinder
 from iriftrace.part.tessellation import subdivide_part
@@ -70,7 +71,7 @@ def test_the_drawing_travels_with_the_file(tmp_path: Path) -> None:
     hot = grown(part, lambda points: 5.0 * points[:, 0] + 600.0)
     save_part(hot, tmp_path / "hot.ply")
     matrix = np.array(((0.0, -1, 0, 5), (1, 0, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)))
-    again = read_part(tmp_path / "hot.ply", transform=matrix)
+    again = read_part(tmp_path / "hot.ply", ReadPart(transform=matrix))
     assert again.growth == hot.growth
     assert again.drawing is not None
     cold = part.vertices @ matrix[:3, :3].T + matrix[:3, 3]

@@ -1,4 +1,4 @@
-"""What is measured through a distorting lens: shifts, areas, files."""
+"""Measurements through a distorting lens: shifts, areas, files."""
 
 from pathlib import Path
 

@@ -15,7 +15,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.measuring.features.choice import FeatureChoice
 from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.measuring.two_devices.scan import Scan
-from iriftrace.planning.criteria import Criteria
+from iriftrace.planning.criteria import Criteria, Pairing
 from iriftrace.planning.pairs import plan_pairs
 from iriftrace.planning.refine import refine_pair
 from iriftrace.scenes import folder_of
@@ -56,7 +56,7 @@ def test_the_order_is_that_of_what_the_pairs_measure(dataset: xr.Dataset) -> Non
 
 def test_measured_pairs_change_places(dataset: xr.Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
     """The second of the first order measures best: everything of it goes with it."""
-    before = plan_pairs(dataset, BY_ERROR, confirm=False)
+    before = plan_pairs(dataset, BY_ERROR, Pairing(confirm=False))
     low, high = before.limits["error"]
     measured = [low + share * (high - low) for share in (0.9, 0.1, 0.5)]
     errors = iter(measured)
@@ -73,23 +73,23 @@ def test_measured_pairs_change_places(dataset: xr.Dataset, monkeypatch: pytest.M
 
 @pytest.mark.usefixtures("variant")
 def test_angles_are_those_of_the_lines(dataset: xr.Dataset) -> None:
-    found = plan_pairs(dataset, BY_ERROR, confirm=False, angles_deg=(15.0, 45.0))
+    found = plan_pairs(dataset, BY_ERROR, Pairing(confirm=False, angle=(15.0, 45.0)))
     assert ((found.angle_deg >= 15) & (found.angle_deg <= 45)).all()
-    wide = plan_pairs(dataset, BY_ERROR, confirm=False, angles_deg=(15.0, 80.0))
+    wide = plan_pairs(dataset, BY_ERROR, Pairing(confirm=False, angle=(15.0, 80.0)))
     assert len(wide.pairs) > len(found.pairs)
     assert len(found.exact_mm) == 0
 
 
 def test_two_cameras_may_change_places(dataset: xr.Dataset) -> None:
-    stereo = plan_pairs(dataset, BY_ERROR, system="stereo", confirm=False)
+    stereo = plan_pairs(dataset, BY_ERROR, Pairing(system="stereo", confirm=False))
     assert (stereo.pairs[:, 0] < stereo.pairs[:, 1]).all()
-    fringe = plan_pairs(dataset, BY_ERROR, confirm=False)
+    fringe = plan_pairs(dataset, BY_ERROR, Pairing(confirm=False))
     assert len(fringe.pairs) == 2 * len(stereo.pairs)
 
 
 def test_a_diameter_to_first_order_is_what_is_measured(dataset: xr.Dataset) -> None:
     """From the side, where the cylinder is seen over a wide arc; and ranked by it."""
-    found = plan_pairs(dataset, BY_ERROR, feature="cylinder:lateral", angles_deg=(15.0, 80.0))
+    found = plan_pairs(dataset, BY_ERROR, Pairing(feature="cylinder:lateral", angle=(15.0, 80.0)))
     assert found.exact_engine == "shells"
     assert found.exact_mm == pytest.approx(found.bias_mm[:3], abs=3e-4)
     worst = np.maximum(np.abs(found.bias_mm), found.error_mm)
@@ -98,11 +98,15 @@ def test_a_diameter_to_first_order_is_what_is_measured(dataset: xr.Dataset) -> N
 
 def test_poses_of_several_scenes_are_paired_scene_by_scene(dataset: xr.Dataset) -> None:
     """A pose alone in its scene has no partner."""
-    alone = plan_pairs(dataset, BY_ERROR, confirm=False)
+    alone = plan_pairs(dataset, BY_ERROR, Pairing(confirm=False))
     names = np.array(["one", "two", *["one"] * (dataset.sizes["pose"] - 2)], dtype=object)
-    mixed = plan_pairs(dataset.assign(scene=("pose", names)), BY_ERROR, confirm=False)
+    mixed = plan_pairs(dataset.assign(scene=("pose", names)), BY_ERROR, Pairing(confirm=False))
     assert 0 < len(mixed.pairs) < len(alone.pairs)
     assert (mixed.pairs != 1).all()
+
+
+def of_pairs(dataset: xr.Dataset, criteria: Criteria = BY_ERROR, **pairing: Any) -> None:
+    plan_pairs(dataset, criteria, Pairing(**pairing))
 
 
 @pytest.mark.parametrize(
@@ -116,15 +120,15 @@ def test_poses_of_several_scenes_are_paired_scene_by_scene(dataset: xr.Dataset) 
             {"feature": "cylinder:lateral", "criteria": Criteria(region="head -x")},
             "not on the region",
         ),
-        ({"angles_deg": (45.0, 15.0)}, "not a range of triangulation"),
-        ({"angles_deg": (0.1, 0.2)}, "No two poses of the sweep"),
+        ({"angle": (45.0, 15.0)}, "not a range of triangulation"),
+        ({"angle": (0.1, 0.2)}, "No two poses of the sweep"),
         ({"criteria": Criteria(region="nowhere")}, "no region 'nowhere'"),
         ({"criteria": Criteria(robust=2.0)}, "has no scatter of pairs"),
     ],
 )
-def test_wrong_requests(dataset: xr.Dataset, chosen: dict[str, object], said: str) -> None:
+def test_wrong_requests(dataset: xr.Dataset, chosen: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said):
-        plan_pairs(dataset, **{"criteria": BY_ERROR, **chosen})
+        of_pairs(dataset, **chosen)
 
 
 def test_a_sweep_without_offsets_is_refused(dataset: xr.Dataset) -> None:
@@ -135,9 +139,9 @@ def test_a_sweep_without_offsets_is_refused(dataset: xr.Dataset) -> None:
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--system=stereo"], "--system is given without --pairs"),
-        (["--angle=15:45"], "--angle is given without --pairs"),
-        (["--feature=cylinder:lateral"], "--feature is given without --pairs"),
+        (["--system=stereo"], "for two devices is given without --pairs"),
+        (["--angle=15:45"], "for two devices is given without --pairs"),
+        (["--feature=cylinder:lateral"], "for two devices is given without --pairs"),
         (["--pairs", "--views=3"], "--views is about single poses"),
         (["--pairs", "--save-poses=p.csv"], "--save-poses is about single poses"),
         (["--pairs", "--refine", "--evaluations=0"], "0 evaluations are too few"),
@@ -156,7 +160,7 @@ def test_a_search_never_returns_anything_worse(
 ) -> None:
     """What it says of a pair is what `measure` says of devices that stand there."""
     seen: list[float] = []
-    plan = plan_pairs(dataset, BY_ERROR, feature="cylinder:lateral", confirm=False)
+    plan = plan_pairs(dataset, BY_ERROR, Pairing(feature="cylinder:lateral", confirm=False))
     found = refine_pair(dataset, plan, evaluations=10, progress=lambda _, score: seen.append(score))
     assert found.evaluations == len(seen) == 10
     assert (np.diff(seen) <= 0).all()
@@ -191,7 +195,7 @@ def test_pairs_say_what_bent_their_rays_and_that_scatter_is_left_out(
     dataset: xr.Dataset, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Shells may be too coarse for some of the pairs alone; only measurements have scatter."""
-    found = plan_pairs(dataset, BY_ERROR, confirm=False)
+    found = plan_pairs(dataset, BY_ERROR, Pairing(confirm=False))
     for engine, said in (
         ("shells", "solver, through the shells."),
         ("cells", "solver, through the field data."),

@@ -1,4 +1,4 @@
-"""What poses see, alone, together and in common, at several scales of their pictures."""
+"""Faces that poses see, alone, together and in common, at several scales of their pictures."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ import xarray as xr
 
 from iriftrace.camera.orbit import Orbit, orbit_poses
 from iriftrace.planning.cover import plan_views
-from iriftrace.planning.criteria import Criteria
+from iriftrace.planning.criteria import Criteria, Pairing, Views
 from iriftrace.planning.pairs import plan_pairs
 from iriftrace.planning.rank import rank_poses
 from iriftrace.scenes import folder_of
@@ -50,7 +50,7 @@ def test_what_each_pose_sees(sweeps: list[xr.Dataset]) -> None:
 
 
 def test_what_poses_see_together(sweeps: list[xr.Dataset]) -> None:
-    low, high = (plan_views(table, 3) for table in sweeps)
+    low, high = (plan_views(table, Views(3)) for table in sweeps)
     assert low.covered == pytest.approx(high.covered, rel=0.02)
     assert low.coverable == pytest.approx(high.coverable, rel=0.02)
     for table, found in zip(sweeps, (low, high), strict=True):
@@ -62,7 +62,7 @@ def test_what_pairs_see_in_common(sweeps: list[xr.Dataset]) -> None:
     criteria = Criteria(min_hits=10)
     seen = []
     for table in sweeps:
-        found = plan_pairs(table, criteria, confirm=False, angles_deg=(15.0, 80.0))
+        found = plan_pairs(table, criteria, Pairing(confirm=False, angle=(15.0, 80.0)))
         seen.append(dict(zip(map(tuple, found.pairs.tolist()), found.coverage, strict=True)))
     assert seen[0].keys() == seen[1].keys()
     for pair, area in seen[0].items():

@@ -1,4 +1,4 @@
-"""How sure a ranking is: other weights, Pareto front, poses outside, and what is said of it."""
+"""Stability of a ranking: other weights, Pareto front, poses outside, and what is said of it."""
 
 import numpy as np
 import pytest

@@ -8,8 +8,8 @@ import pytest
 import xarray as xr
 
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.planning.cover import ViewLimits, plan_views
-from iriftrace.planning.criteria import Criteria
+from iriftrace.planning.cover import plan_views
+from iriftrace.planning.criteria import STANDARD, Criteria, Views
 from validation.inputs.sweep_tables import sweep_table, two_regions, with_faces
 
 # A unit cube, faces +x +y +z -x -y -z, seen from six directions (pose i from face i's side) and
@@ -35,13 +35,11 @@ def cube(rays_good: Any = 1000, areas: Any = (1, 1, 1, 1, 1, 1)) -> xr.Dataset:
     return with_faces(sweep_table(ones, ones, ones, ones, rays_good), sightings, areas)
 
 
-@pytest.mark.parametrize(
-    "limits", [ViewLimits(displacement_mm=0.02), ViewLimits(incidence_deg=45.0)]
-)
-def test_a_face_beyond_a_limit_is_not_seen(limits: ViewLimits) -> None:
+@pytest.mark.parametrize("limits", [{"max_displacement": "20 um"}, {"max_incidence": 45.0}])
+def test_a_face_beyond_a_limit_is_not_seen(limits: dict[str, Any]) -> None:
     """The corners no longer count, so k views see k faces, and six are needed for all."""
     for k in range(1, 8):
-        found = plan_views(cube(), k, limits)
+        found = plan_views(cube(), Views(k, **limits))
         assert found.covered == pytest.approx(min(k, 6) / 6)
         assert set(found.poses.tolist()) <= set(range(6))
         assert found.coverable == pytest.approx(1)
@@ -59,7 +57,7 @@ def test_the_best_pair_by_trying_all() -> None:
     ]
     ones = [1.0] * 12
     table = with_faces(sweep_table(ones, ones, ones, ones), sightings, areas)
-    found = plan_views(table, 2, ViewLimits(0.025, 70.0))
+    found = plan_views(table, Views(2, 0.025, 70.0))
     good = [
         {f for f, _, moved, angle in rows if moved <= 0.025 and angle <= 70} for rows in sightings
     ]
@@ -80,14 +78,18 @@ def test_a_region_is_covered_alone() -> None:
     """The faces -x, -y and -z are a region; the second corner sees all of it."""
     joined = two_regions(cube(), sweep_table(*([[1.0] * 8] * 4)), "below")
     joined["face_region"] = ("face", np.array([2, 2, 2, 1, 1, 1], dtype="i2"))
-    found = plan_views(joined, 1, criteria=Criteria(region="below"))
+    found = plan_views(joined, Views(1), criteria=Criteria(region="below"))
     assert found.poses.tolist() == [7]
     assert found.covered == pytest.approx(1)
 
 
 def test_poses_with_few_rays_are_no_candidates() -> None:
-    found = plan_views(cube([1000] * 6 + [99, 99]), 2)
+    found = plan_views(cube([1000] * 6 + [99, 99]), Views(2))
     assert set(found.poses.tolist()) <= set(range(6))
+
+
+def seen_within(table: xr.Dataset, k: int, criteria: Criteria = STANDARD, **limits: Any) -> None:
+    plan_views(table, Views(k, **limits), criteria)
 
 
 @pytest.mark.parametrize(
@@ -95,9 +97,9 @@ def test_poses_with_few_rays_are_no_candidates() -> None:
     [
         (cube(), 0, {}, "number of views is 0"),
         (cube(), 1, {"criteria": Criteria(region="hat")}, "no region 'hat'"),
-        (cube(), 1, {"limits": ViewLimits(displacement_mm=0.001)}, "10 to 30 um"),
-        (cube(), 1, {"limits": ViewLimits(displacement_mm=-1)}, "positive limit"),
-        (cube(), 1, {"limits": ViewLimits(incidence_deg=91)}, "0 to 90"),
+        (cube(), 1, {"max_displacement": 0.001}, "10 to 30 um"),
+        (cube(), 1, {"max_displacement": -1}, "positive limit"),
+        (cube(), 1, {"max_incidence": 91}, "0 to 90"),
         (cube(), 1, {"criteria": Criteria(min_hits=1001)}, "relax"),
     ],
 )
@@ -105,12 +107,12 @@ def test_what_cannot_be_chosen_is_refused(
     table: xr.Dataset, k: int, options: dict[str, Any], words: str
 ) -> None:
     with pytest.raises(InputError, match=words):
-        plan_views(table, k, **options)
+        seen_within(table, k, **options)
 
 
 def test_limits_are_said_in_words() -> None:
-    assert ViewLimits().text == ""
-    both = ViewLimits(0.02, 75.0).text
+    assert Views(1).text == ""
+    both = Views(1, 0.02, 75.0).text
     assert both == (
         "; a face counts that is seen with a displacement of 20 um at most and at an angle of 75 "
         "degrees at most"
@@ -127,9 +129,9 @@ def test_what_is_seen_of_a_face_counts() -> None:
     table = with_faces(sweep_table(ones, ones, ones, ones), rows, [4, 2, 2])
     table["sighting_seen"] = ("sighting", np.array([0.5, 1.0, 0.75, 1.0], dtype="f4"))
     with pytest.warns(IriftraceWarning, match=r"faces are large: up to 12\.5 % .*subdivide"):
-        found = plan_views(table, 2)
+        found = plan_views(table, Views(2))
     assert found.poses.tolist() == [1, 0]
     assert found.added == pytest.approx([5 / 8, 2 / 8])
     assert found.covered == found.coverable == pytest.approx(7 / 8)
     table["sighting_seen"] = ("sighting", np.array([1.0, 1.0, 0.75, 0.0], dtype="f4"))
-    assert plan_views(table, 2).added == pytest.approx([6 / 8])
+    assert plan_views(table, Views(2)).added == pytest.approx([6 / 8])

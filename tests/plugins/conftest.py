@@ -1,4 +1,4 @@
-"""What tests of the plugins share."""
+"""Fixtures of the tests of the plugins."""
 
 from collections.abc import Iterator
 from pathlib import Path

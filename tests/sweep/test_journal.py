@@ -144,7 +144,7 @@ def test_structured_rows_come_back_and_strangers_files_are_left_alone(tmp_path: 
 
 
 def test_reading_says_what_is_wrong(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="There is no study"):
+    with pytest.raises(InputError, match="`iriftrace study` writes"):
         read_study(tmp_path / "gone.nc")
     other = tmp_path / "other.nc"
     xr.Dataset({"a": 1}).to_netcdf(other, engine="h5netcdf")

@@ -1,4 +1,4 @@
-"""What tests of whole commands share: a user's folder, and how a command is expected to fail."""
+"""Fixtures of the tests of whole commands: a user's folder, and the ways of a command to fail."""
 
 import re
 import shutil

@@ -1,4 +1,4 @@
-"""What tests share with the fixtures of conftest.py, under a name that no other folder has."""
+"""Types and helpers of tests and the fixtures of conftest.py; no other folder has this name."""
 
 import json
 from collections.abc import Callable

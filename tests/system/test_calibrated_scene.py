@@ -107,13 +107,13 @@ GIVEN = "--calibration={file} --pixel-size=3um"
 WRONG = [
     ("--calibration={file}", "--pixel-size"),
     ("--calibration={file} --pixel-size=0", "Pixel size is 0.*--pixel-size"),
-    ("--pixel-size=3um", "belongs to --calibration"),
+    ("--pixel-size=3um", "belongs to a calibration"),
     ("--calibration=gone.yaml --pixel-size=3um", "gone.yaml"),
-    (f"{GIVEN} --focal-length=8mm", "--focal-length.*leave one"),
-    (f"{GIVEN} --distortion=0,0,0,0", "--distortion.*leave one"),
-    (f"{GIVEN} --calibration-length-unit=furlong", "--calibration-length-unit.*furlong"),
+    (f"{GIVEN} --focal-length=8mm", "leave one .*--focal-length"),
+    (f"{GIVEN} --distortion=0,0,0,0", "leave one .*--distortion"),
+    (f"{GIVEN} --calibration-length-unit=furlong", "furlong.*--calibration-length-unit"),
     ("--distortion=1,2,3", "3 coefficients"),
-    ("--distortion=a,b,c,d", "4 numbers"),
+    ("--distortion=a,b,c,d", "numbers separated by .*--distortion"),
     ("--distortion=-3,0,0,0", "turns back inside the picture"),
 ]
 
@@ -151,9 +151,13 @@ def test_a_scene_reads_its_calibration_and_no_other(
     assert camera.focal_length_mm == pytest.approx(400 * 0.05)
     assert camera.distortion is not None
     (xml.parent / "camera.yaml").rename(tmp_path / "camera.yaml")
-    assert "camera.yaml is not next to" in fails("render", xml, "-o", "out2.exr")
+    refusal = fails("render", xml, "-o", "out2.exr")
+    assert refusal.startswith("camera.yaml is not next to ")
+    assert refusal.code == "file.missing"
     (tmp_path / "camera.yaml").unlink()
-    assert "cannot read the calibration" in fails("render", xml, "-o", "out2.exr")
+    refusal = fails("render", xml, "-o", "out2.exr")
+    assert f"{tmp_path / 'camera.yaml'}" in refusal
+    assert refusal.code == "scene.unreadable"
 
 
 def test_a_scene_reads_its_field_and_no_other(
@@ -168,7 +172,9 @@ def test_a_scene_reads_its_field_and_no_other(
     xml.write_text("\n".join(line for line in text.splitlines() if line not in unused))
     assert main(["render", str(xml), "-o", "out.exr", "--no-figures"]) == 0
     (xml.parent / "field.npz").rename(tmp_path / "field.npz")
-    assert "field.npz is not next to" in fails("render", xml, "-o", "out2.exr")
+    refusal = fails("render", xml, "-o", "out2.exr")
+    assert refusal.startswith("field.npz is not next to ")
+    assert refusal.code == "file.missing"
 
 
 def test_poses_of_a_sweep_see_the_films_crop_window(hot: HotBlock, tmp_path: Path) -> None:

@@ -98,38 +98,46 @@ def test_rounded_coordinates_are_warned_of(
 
 
 @pytest.mark.parametrize(
-    ("rows", "said"),
+    ("rows", "code", "said"),
     [
-        ("no numbers at all\n", "no row of numbers"),
-        ("1,2\n3,4\n", "rows of 2 columns"),
-        ("x,y,z\n1.5,2,3\n4,x,6\n", "line 3: 'x' is not a number"),
-        ("x,y,z\n" + "0.001,0.002,0.0135\n" * 9, "mm from the part"),
+        ("no numbers at all\n", "file.damaged", "cloud.csv .*row of numbers"),
+        ("1,2\n3,4\n", "table.columns", "cloud.csv .* 2 columns"),
+        ("x,y,z\n1.5,2,3\n4,x,6\n", "file.damaged", "line 3: 'x'"),
+        ("x,y,z\n" + "0.001,0.002,0.0135\n" * 9, "cloud.off_part", r" 13\.\d mm "),
     ],
 )
 def test_wrong_clouds_end_in_one_sentence(
-    fails: Failing, scene: Path, tmp_path: Path, rows: str, said: str
+    fails: Failing, scene: Path, tmp_path: Path, rows: str, code: str, said: str
 ) -> None:
     (tmp_path / "cloud.csv").write_text(rows)
-    assert re.search(said, fails("correct", "cloud.csv", scene, "-o", "out.vtp"))
+    refusal = fails("correct", "cloud.csv", scene, "-o", "out.vtp")
+    assert re.search(said, refusal)
+    assert refusal.code == code
 
 
 def test_wrong_files_end_in_one_sentence(
     fails: Failing, scan: Path, scene: Path, tmp_path: Path
 ) -> None:
     before = scan.read_bytes()
-    assert "one of its inputs" in fails("correct", scan, scene, "-o", scan)
+    refusal = fails("correct", scan, scene, "-o", scan)
+    assert str(scan) in refusal
+    assert refusal.code == "output.replaces"
     assert scan.read_bytes() == before
     slab = folder_of("slab") / "scene.xml"
-    assert "no second device" in fails("measure", slab, "-o", "scan.vtp")
+    refusal = fails("measure", slab, "-o", "scan.vtp")
+    assert re.search(r"slab/scene.xml .*\(--second of iriftrace scene\)", refusal)
+    assert refusal.code == "devices.no_second"
     (tmp_path / "other.json").write_text('{"schema": "iriftrace.pose/1"}')
     (tmp_path / "part.json").write_text('{"schema": "iriftrace.scan/2", "points": {}}')
-    for name, said in (("other", "holds no numbers of iriftrace measure"), ("part", "is damaged")):
-        assert said in fails("report", f"{name}.json", "-o", "x.html")
+    for name, code in (("other", "report.no_numbers"), ("part", "file.damaged")):
+        refusal = fails("report", f"{name}.json", "-o", "x.html")
+        assert f"{name}.json" in refusal
+        assert refusal.code == code
 
 
 @pytest.mark.parametrize("command", ["measure", "correct", "render"])
 def test_numbers_replace_no_file_of_the_users(
-    command: str, scan: Path, scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    command: str, scan: Path, scene: Path, tmp_path: Path, fails: Failing
 ) -> None:
     """As those of camera.ply would its calibration, camera.json; an earlier result they replace."""
     calibration, part = tmp_path / "camera.json", scene.parent / "part.ply"
@@ -138,11 +146,13 @@ def test_numbers_replace_no_file_of_the_users(
     words = [command, *([str(scan)] if command == "correct" else []), str(scene)]
     small = ["-D", "scale=0.05", *([] if command == "correct" else ["--no-figures"])]
     ending = "exr" if command == "render" else "ply"
-    assert main([*words, "-o", str(tmp_path / f"camera.{ending}"), *small]) == 2
-    assert f"are written to {calibration}, another file" in capsys.readouterr().err
+    refusal = fails(*words, "-o", tmp_path / f"camera.{ending}", *small)
+    assert str(calibration) in refusal
+    assert refusal.code == "output.replaces"
     if command != "render":
-        assert main([*words, "-o", str(part), *small]) == 2
-        assert "one of its inputs" in capsys.readouterr().err
+        refusal = fails(*words, "-o", part, *small)
+        assert str(part) in refusal
+        assert refusal.code == "output.replaces"
     assert (calibration.read_bytes(), part.read_bytes()) == before
     for _ in range(2 if command == "measure" else 1):
         assert main([*words, "-o", str(tmp_path / f"new.{ending}"), *small]) == 0
@@ -156,12 +166,17 @@ def test_corners_of_an_stl_count_once(tmp_path: Path) -> None:
 
 def test_a_cloud_of_no_points_says_so(tmp_path: Path) -> None:
     write_ply_points(tmp_path / "empty.ply", np.zeros((0, 3)), {})
-    with pytest.raises(InputError, match="holds no points"):
+    with pytest.raises(InputError, match=r"empty\.ply") as error:
         read_cloud(tmp_path / "empty.ply")
+    assert error.value.code == "file.damaged"
 
 
 def test_reports_of_a_measurement_and_its_correction(
-    scan: Path, scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    scan: Path,
+    scene: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    fails: Failing,
 ) -> None:
     """One page each, with the numbers of its JSON, the picture, and all assumptions."""
     corrected = tmp_path / "c.csv"
@@ -173,22 +188,23 @@ def test_reports_of_a_measurement_and_its_correction(
         page = read_page(tmp_path / "r.html")
         (image,) = [one for one in page.references if one.startswith("data:image/png")]
         assert len(image) > 10_000
-        (row,) = [row for table in page.tables for row in table if row[0] == "cylinder"]
+        (headings, row) = next(table for table in page.tables if table[0][0] == "feature")
         size = values["features"][0]["size_mm"]
-        assert row[3:6] == [
-            f"{size['measured']:.4f}",
-            f"{size[true]:.4f}",
-            f"{1e3 * (size['measured'] - size[true]):.3g}",
-        ]
-        regions = next(table for table in page.tables if "area measured" in table[0])
+        facts = dict(zip(headings, row, strict=True))
+        assert facts["feature"] == "Cylinder (lateral)"
+        assert facts["measured"] == f"{size['measured']:.4f} mm"
+        assert facts[true] == f"{size[true]:.4f} mm"
+        assert facts["air makes it"] == f"{1e3 * (size[true] - size['measured']):.3g} um smaller"
+        regions = next(table for table in page.tables if table[0][:3:2] == ["region", "measured"])
         assert [row[0] for row in regions[1:]] == ["lateral"]
         assert all(key.replace("_", " ") in page.by_id["setting"] for key in values["assumptions"])
     total = values["features"][0]["U_mm"]
-    assert row[-1].startswith(f"{1e3 * total:.3g} µm (")
+    assert row[-1].startswith(f"{1e3 * total:.3g} um (k = 2; ")
     outdated = values | {"schema": "iriftrace.correction/1"}
     corrected.with_suffix(".json").write_text(json.dumps(outdated))
-    assert main(["report", str(corrected), "-o", str(tmp_path / "r.html")]) == 2
-    assert "measure or correct again" in " ".join(capsys.readouterr().err.split())
+    refusal = fails("report", corrected, "-o", tmp_path / "r.html")
+    assert "'iriftrace.correction/1'" in refusal
+    assert refusal.code == "file.schema"
     corrected.with_suffix(".json").write_text(json.dumps(values))
     corrected.with_suffix(".png").unlink()
     assert main(["report", str(corrected), "-o", str(tmp_path / "r.html")]) == 0
@@ -232,4 +248,4 @@ def test_the_hot_part_against_its_cold_drawing(
     assert main(["correct", str(scan), *words, doubt[0]]) == 0
     assert "give both --expansion-uncertainty" in " ".join(capsys.readouterr().out.split())
     assert main(["correct", str(scan), *words, "--temperature-uncertainty=12 degC"]) == 2
-    assert "a temperature difference such as 10 K" in " ".join(capsys.readouterr().err.split())
+    assert re.search('"12 degC".* 10 K .--temperature-uncertainty', capsys.readouterr().err)

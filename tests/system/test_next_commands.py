@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from iriftrace.cli import main
-from iriftrace.cli.field_options import PartOptions
 from iriftrace.cli.simulate import next_scene
-from iriftrace.cli.simulation_options import SimulationOptions
+from iriftrace.flow.simulate.options import SimulationOptions
+from iriftrace.io.reading import AS_DRAWN, ReadPart
 from validation.inputs import hot_block
 
 Printed = pytest.CaptureFixture[str]
@@ -51,7 +51,7 @@ def test_after_a_simulation() -> None:
         [Path("case/field.vtu")],
         Path("a part.stl"),
         SimulationOptions(wall_temperature=1373.15, ambient=298.15, pressure=9e4),
-        PartOptions(length_unit="m", expansion=14e-6, hot_temperature=["1100 degC"]),
+        ReadPart(length_unit="m", expansion=14e-6, hot_temperature=["1100 degC"]),
     )
     assert shlex.split(command)[1:] == [
         *("scene", "case/field.vtu", "a part.stl", "-o", "case/scene/scene.xml"),
@@ -64,7 +64,7 @@ def test_after_a_family() -> None:
     """Its members are one ensemble, in the air of the simulation."""
     simulation = SimulationOptions(ambient=298.15, pressure=9e4)
     files = [Path("family/still.vtu"), Path("family/a.vtu"), Path("family/b.vtu")]
-    command = next_scene(files, Path("part.stl"), simulation, PartOptions())
+    command = next_scene(files, Path("part.stl"), simulation, AS_DRAWN)
     assert shlex.split(command)[1:] == [
         *("scene", "family/still.vtu", "part.stl", "-o", "family/scene/scene.xml"),
         *("--ambient", "25 degC", "--member", "family/a.vtu", "--member", "family/b.vtu"),

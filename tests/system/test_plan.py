@@ -16,7 +16,6 @@ from iriftrace.camera.pose_set import PoseSet
 from iriftrace.cli import main
 from iriftrace.figures import report as report_module
 from iriftrace.io.poses import read_poses
-from iriftrace.planning.cover import ViewLimits
 from iriftrace.sweep.store import read_sweep
 from iriftrace.sweep.sweep import run_sweep
 from iriftrace.tracing.load import load_scene
@@ -57,7 +56,9 @@ def test_the_best_pose_is_printed_in_three_forms_and_ranked_ones_are_saved(
 def test_python_plans_as_the_command_does(sweep: Path, run: Run) -> None:
     """The same best pose and views; criteria and limits are the options."""
     criteria = iriftrace.Criteria(statistic="median", min_hits=50)
-    found = iriftrace.plan(sweep, criteria, views=2, limits=ViewLimits(incidence_deg=80.0))
+    found = iriftrace.plan(
+        read_sweep(sweep), criteria, views=iriftrace.Views(2, max_incidence=80.0)
+    )
     options = ["--statistic=median", "--min-hits=50", "--views=2", "--max-incidence=80"]
     text = run("plan", sweep, *options)
     assert int(re.search(r"^Best pose (\d+)", text, re.MULTILINE)[1]) == found.summary.plan.best

@@ -3,11 +3,15 @@
 import ast
 import inspect
 import re
+from collections import Counter
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 import iriftrace
+from iriftrace.core.engines import Engine
 
 CHECKOUT = Path(__file__).parents[2]
 EXPORTS = set(iriftrace.__all__) - {"__version__"}
@@ -63,6 +67,151 @@ def test_what_traces_takes_a_scene_and_no_path() -> None:
         if inspect.isfunction(function) and function.__annotations__.get("return") == "Scene"
     }
     assert returned == {"load_scene", "from_mitsuba"}
+
+
+PATH = re.compile(r"\b(Path|PathLike)\b")
+OF_FILES = re.compile(r"(read|load|import)_|save|write")
+ASKING = re.compile(r'"""(What|How|Which|Where|When|Why)\b')
+DESTINATIONS = {"view.picture", "run_sweep.path"}
+COMPUTE = ("camera", "figures", "image", "measuring", "medium", "part", "planning")
+
+
+def paths_of(function: ast.FunctionDef) -> list[str]:
+    """Parameters that are paths, besides the file of what reads and that of what writes."""
+    arguments = function.args
+    paths = [
+        each.arg
+        for each in (*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs)
+        if each.annotation and PATH.search(ast.unparse(each.annotation))
+    ]
+    if OF_FILES.match(function.name):
+        return paths[1:]
+    return [name for name in paths if f"{function.name}.{name}" not in DESTINATIONS]
+
+
+def functions_in(path: Path, names: set[str]) -> list[ast.FunctionDef]:
+    """Public functions of a module and methods of its classes; only of these names if any."""
+    found = []
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and (not names or node.name in names):
+            found += [n for n in ast.walk(node) if isinstance(n, ast.FunctionDef)]
+    return [function for function in found if not function.name.startswith("_")]
+
+
+@pytest.mark.parametrize(
+    "line", ["def compare(image: str | Path)", "def write_it(to: Path, of: Path)"]
+)
+def test_paths_are_found(line: str) -> None:
+    (function,) = ast.parse(f"{line}: ...").body
+    assert isinstance(function, ast.FunctionDef)
+    assert paths_of(function)
+
+
+def test_what_computes_takes_no_path() -> None:
+    """Values are read before, and state their file: `FileOrigin`, or path and SHA-256.
+
+    Of all rooms the exported functions; of those without folders of their own all functions.
+    """
+    library = CHECKOUT / "iriftrace"
+    modules: dict[Path, set[str]] = {
+        path: set() for room in COMPUTE for path in (library / room).rglob("*.py")
+    }
+    for node in ast.parse((library / "__init__.pyi").read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.ImportFrom):
+            path = library.joinpath(*str(node.module).split(".")).with_suffix(".py")
+            if modules.get(path) != set():
+                modules.setdefault(path, set()).update(alias.name for alias in node.names)
+    assert len(modules) > 100
+    taken = {
+        f"{path.relative_to(library)}: {function.name}({name})"
+        for path, names in modules.items()
+        for function in functions_in(path, names)
+        for name in paths_of(function)
+    }
+    assert taken == set()
+
+
+def _names_an_engine(node: ast.expr) -> bool:
+    """True for a word of an engine, and for what holds one by its name."""
+    match node:
+        case ast.Constant(value=value):
+            return value in list(Engine)
+        case ast.Attribute(value=ast.Name(id="Engine")) | ast.Attribute(attr="engine"):
+            return True
+        case ast.Name(id=name):
+            return name in ("engine", "Engine")
+        case ast.Subscript(slice=ast.Constant(value="engine")):
+            return True
+        case ast.Call(func=ast.Attribute(attr="get"), args=[ast.Constant(value="engine"), *_]):
+            return True
+        case ast.Tuple(elts=items) | ast.List(elts=items) | ast.Set(elts=items):
+            return any(map(_names_an_engine, items))
+    return False
+
+
+def engine_comparisons(source: str) -> list[int]:
+    """Lines that compare with an engine's name, also as a case."""
+    return [
+        node.lineno
+        for node in ast.walk(ast.parse(source))
+        if (
+            isinstance(node, ast.Compare)
+            and any(map(_names_an_engine, (node.left, *node.comparators)))
+        )
+        or (isinstance(node, ast.MatchValue) and _names_an_engine(node.value))
+    ]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        'scene.engine == "cells"',
+        'kind != "shells"',
+        'header["engine"] in known',
+        'named.get("engine") == word',
+        "one is Engine.AUTO",
+        'kind in ("shells", "cells")',
+        'match kind:\n    case "cells":\n        pass',
+    ],
+)
+def test_comparisons_with_an_engine_are_found(line: str) -> None:
+    assert engine_comparisons(line)
+    assert not engine_comparisons("engine.through_cells and scene.engine.free")
+
+
+def test_only_the_choice_of_the_engine_compares_engines() -> None:
+    """Others ask an `Engine` what differs, such as `through_cells`."""
+    found = {
+        f"{path.relative_to(CHECKOUT)}:{line}"
+        for folder in ("iriftrace", "plugins")
+        for path in (CHECKOUT / folder).rglob("*.py")
+        if path != CHECKOUT / "iriftrace" / "tracing" / "engine.py"
+        for line in engine_comparisons(path.read_text(encoding="utf-8"))
+    }
+    assert found == set()
+
+
+def test_no_two_classes_have_one_name() -> None:
+    found = Counter(
+        node.name
+        for folder in ("iriftrace", "plugins")
+        for path in (CHECKOUT / folder).rglob("*.py")
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
+    )
+    assert [name for name, count in found.items() if count > 1] == []
+
+
+def test_modules_are_described_by_nouns() -> None:
+    asking = [
+        str(path.relative_to(CHECKOUT))
+        for folder in ("iriftrace", "plugins", "scenes", "validation", "bench", "tests", "tools")
+        for path in (CHECKOUT / folder).rglob("*.py")
+        if re.match(
+            r"\s*(\"{3})(What|How|Which|Where|When|Why)\b", path.read_text(encoding="utf-8")
+        )
+    ]
+    assert asking == []
 
 
 def test_exported_functions_take_exported_classes() -> None:

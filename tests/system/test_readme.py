@@ -28,7 +28,7 @@ COMMANDS = {
     "tutorial_scanner.md": ["part", "field", "scene", "measure", "correct"],
 }
 """What each page runs; all other pages run nothing."""
-PYTHON_EXAMPLES = {"README.md": 1, "mitsuba.md": 3, "python.md": 5, "triangulation.md": 1}
+PYTHON_EXAMPLES = {"README.md": 1, "mitsuba.md": 3, "python.md": 6, "triangulation.md": 1}
 
 
 def blocks(page: str, language: str) -> list[str]:

@@ -30,14 +30,16 @@ def test_scheduler_that_does_not_answer(
         free.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
     line = f"sweep {hot.scene} -o a.nc {ORBIT} --scheduler {address}"
-    assert f"No scheduler answers at {address}" in fails(*line.split())
+    refusal = fails(*line.split())
+    assert re.search(rf"{address};.*\(--scheduler\)", refusal)
+    assert refusal.code == "scheduler.no_answer"
 
 
 @pytest.mark.parametrize(
-    ("option", "package", "module"),
+    ("option", "package", "module", "code"),
     [
-        ("--scheduler local", "distributed", "sweep.workers"),
-        ("--export a.parquet", "pyarrow", "sweep.export"),
+        ("--scheduler local", "distributed", "sweep.workers", "workers.no_dask"),
+        ("--export a.parquet", "pyarrow", "sweep.export", "table.no_pyarrow"),
     ],
 )
 def test_what_is_not_installed(
@@ -47,13 +49,15 @@ def test_what_is_not_installed(
     option: str,
     package: str,
     module: str,
+    code: str,
 ) -> None:
     found = importlib.util.find_spec
     monkeypatch.setattr(
         f"iriftrace.{module}.find_spec", lambda name: None if name == package else found(name)
     )
     message = fails(*f"sweep {hot.scene} -o a.nc {ORBIT} {option}".split())
-    assert "not installed; in the clone: pip install -e '.[" in message
+    assert re.search(rf"{package}.* pip install -e '\.\[.*\({option.split()[0]}\)", message)
+    assert message.code == code
 
 
 def test_what_the_default_orbit_misses_is_said(
@@ -99,7 +103,8 @@ def test_scenes_of_different_parts(fails: Failing, hot: HotBlock, tmp_path: Path
     mesh.apply_scale(0.9)
     mesh.export(tmp_path / "other" / "part.ply")
     message = fails(*f"sweep {hot.scene} other/scene.xml -o a.nc {ORBIT}".split())
-    assert "have different parts" in message
+    assert "other/part.ply" in message
+    assert message.code == "sweep.different_parts"
 
 
 def test_poses_in_the_part_are_recorded_as_failed(

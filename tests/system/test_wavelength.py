@@ -131,16 +131,20 @@ def test_sweep_says_and_uses_the_wavelength(swept: Callable[[float], Path]) -> N
 
 
 def test_wavelengths_that_cannot_be_had(hot: HotBlock, scene: Path, fails: Failing) -> None:
-    assert "-5" in fails("render", hot.scene, "-o", "out.exr", "--wavelength=-5 nm")
-    assert "10000 nm" in fails("render", hot.scene, "-o", "out.exr", "--wavelength=10 um")
+    for given, nm in (("-5 nm", "-5 nm"), ("10 um", "10000 nm")):
+        message = fails("render", hot.scene, "-o", "out.exr", f"--wavelength={given}")
+        assert re.search(rf" {nm} .*\(--wavelength\)", message)
+        assert message.code == "air.out_of_range"
     assert "--wavelength" in fails("render", hot.scene, "-o", "out.exr", "--wavelength=blue")
     (scene.parent / "shells" / "shells.json").unlink()
     message = fails("render", scene, "-o", "out.exr", "--wavelength=450nm")
-    assert re.search("does not state its air", message)
+    assert "450 nm" in message
+    assert message.code == "air.not_stated"
     own = scene.read_text().replace('name="scale" value="1.0"', 'name="wavelength" value="1.0"')
     scene.write_text(own.replace("$scale", "$wavelength"))
     message = fails("render", scene, "-o", "out.exr", "-D", "wavelength=450")
-    assert 'parameter "wavelength" of its own' in message
+    assert f'{scene} has a parameter "wavelength"' in message
+    assert message.code == "scene.own_wavelength"
 
 
 def test_shells_of_mitsubas_dielectric_keep_their_wavelength(scene: Path, fails: Failing) -> None:
@@ -153,6 +157,7 @@ def test_shells_of_mitsubas_dielectric_keep_their_wavelength(scene: Path, fails:
     scene.write_text(text)
     message = fails("render", scene, "-o", "out.exr", "--wavelength=450nm")
     assert "use iso_shell" in message
+    assert message.code == "scene.dielectric"
 
 
 def test_table_of_a_turned_scene_is_consistent(hot: HotBlock) -> None:
@@ -168,7 +173,8 @@ def test_scenes_for_different_light_are_not_ranked_together(
 ) -> None:
     orbit = ("--azimuth=0:0:1", "--elevation=30:30:1")
     message = fails("sweep", hot.scene, blue, "-o", "both.nc", *orbit)
-    assert "light of 633 and 450 nm" in message
+    assert "633 and 450 nm" in message
+    assert message.code == "sweep.different_wavelengths"
     path = tmp_path / "both.nc"
     both = [str(hot.scene), str(blue), "-o", str(path), *orbit]
     assert main(["sweep", *both, "--wavelength=450 nm"]) == 0

@@ -18,215 +18,242 @@ from validation.inputs.hot_block import HotBlock
 
 WRONG = {
     "shells {field} -o shells": [
-        ("--layers=0", "0 layers"),
-        ("--layers=1000000000", "at most 10000"),
-        ("--layers=many", "many"),
-        ("--ambient", "ambient"),
-        ("--ambient='20 degX'", "20 degX"),
-        ("--ambient=20", "20 K or 20 degC"),
-        ("--ambient='900 degC'", "900|1173"),
-        ("--ambient='300 degC'", r"far from the part, which is not heated \(--ambient\)\.$"),
-        ("--array=U", "'U'.*T"),
-        ("--quantity=density", "density"),
-        ("--temperature-unit=F", "degC"),
-        ("--field-length-unit=parsec", "parsec"),
-        ("--field-transform='turn x 90'", "turn x 90"),
-        ("--index-range=2.7e-4", "OUTSIDE:INSIDE"),
-        ("--index-range='1000 degC:20 degC'", "ambient"),
-        ("--index-range=1.00027:1.00006", '"1.00027".*not n - 1'),
-        ("--index-range='-30 degC:10 degC'", "no surface"),
-        ("--levels=3e-4,1e-4", "0.0003"),
-        ("--rule=inner", "midpoint"),
-        ("--min-size=-1", "-1"),
-        ("--colour=red", "colour"),
-        ("surplus", "surplus"),
-        ("--field-time=now", "snapshot"),
-        ("--isosurfaces", "triangles"),
-        ("--part .", "folder"),
+        ("--layers=0", "shells.layer_count", r"^0 .*\(--layers\)"),
+        ("--layers=1000000000", "shells.layer_count", r"^1000000000 .* 10000 \(--layers\)"),
+        ("--layers=many", "", "--layers.*many"),
+        ("--ambient", "", "--ambient"),
+        ("--ambient='20 degX'", "", r"20 degX.*\(--ambient\)"),
+        ("--ambient=20", "", r"20 K or 20 degC.*\(--ambient\)"),
+        ("--ambient='900 degC'", "air.out_of_range", r"1173.15 K .*\(--ambient\)\.$"),
+        ("--ambient='300 degC'", "air.out_of_range", r"573.15 K .*\(--ambient\)\.$"),
+        ("--array=U", "field.no_array", r"'U'.* T \(--array\)"),
+        ("--quantity=density", "field.no_array", r"density.* T;.*\(--array\)"),
+        ("--temperature-unit=F", "", "--temperature-unit.*degC"),
+        ("--field-length-unit=parsec", "units.unknown_length", "parsec"),
+        ("--field-transform='turn x 90'", "transform.unknown_step", "turn x 90"),
+        ("--index-range=2.7e-4", "", r"2.7e-4.*OUTSIDE:INSIDE.*\(--index-range\)"),
+        (
+            "--index-range='1000 degC:20 degC'",
+            "shells.no_hot_air",
+            r"6.25835e-05.*0.0002718.*\(--ambient\)",
+        ),
+        ("--index-range=1.00027:1.00006", "", r'"1.00027".*not n - 1.*\(--index-range\)'),
+        ("--index-range='-30 degC:10 degC'", "shells.none", "0.000327.* 0.000283"),
+        ("--levels=3e-4,1e-4", "shells.levels_outside_air", r"0.0003,.*\(--levels\)"),
+        ("--rule=inner", "", "--rule.*midpoint"),
+        ("--min-size=-1", "shells.size_below_zero", r"-1.*\(--min-size\)"),
+        ("--colour=red", "", "--colour"),
+        ("surplus", "", "surplus"),
+        ("--field-time=now", "", "--field-time.*snapshot"),
+        ("--isosurfaces", "shells.no_triangles", "air.vtu"),
+        ("--part .", "file.is_folder", r"input \. "),
     ],
     # A field that does not reach the part is refused, and the mistaken unit is named.
     "shells {field} -o out --part {part} --layers=2": [
-        ("--length-unit=feet", "feet"),
-        ("--part-transform='rotate w 90'", "rotate w 90"),
-        ("--expansion=14e-6/K", "hot temperature"),
-        ("--expansion=14 --hot-temperature='1000 K'", "14"),
-        ("--part-transform='translate 500 0 0'", "translate -500"),
-        ("--length-unit=m", r"length unit mm.*\(--length-unit\)"),
-        ("--field-length-unit=m", r"length unit mm.*\(--field-length-unit\)"),
-        ("--field-transform='translate 0 0 90'", "does not reach"),
+        ("--length-unit=feet", "units.unknown_length", "feet"),
+        ("--part-transform='rotate w 90'", "transform.unknown_step", "rotate w 90"),
+        ("--expansion=14e-6/K", "part.no_hot_temperature", r"\(--hot-temperature\)"),
+        (
+            "--expansion=14 --hot-temperature='1000 K'",
+            "part.unlikely_expansion",
+            r"14.* 1000.*\(--expansion\)",
+        ),
+        ("--part-transform='translate 500 0 0'", "field.not_at_part", "translate -500"),
+        ("--length-unit=m", "field.not_at_part", r" mm \(--length-unit\)"),
+        ("--field-length-unit=m", "field.not_at_part", r" mm \(--field-length-unit\)"),
+        ("--field-transform='translate 0 0 90'", "field.not_at_part", "translate 0 0 90"),
     ],
     "shells {shells} -o shells": [
-        ("", "volume"),
-        ("--isosurfaces --min-size=99", "smaller than 99 mm"),
+        ("", "field.no_volume", "shells.vtm"),
+        ("--isosurfaces --min-size=99", "shells.too_small", r" 99 mm.*\(--min-size\)"),
     ],
     "scene {field} {part} -o out/scene.xml --layers=2": [
-        ("--part-transform='translate 500 0 0'", "translate -500"),
-        ("--focal-length=0", "Focal length is 0"),
-        ("--sensor='-6 mm,5 mm'", "-6"),
-        ("--sensor='6 mm'", "width and height"),
-        ("--resolution=100", "2 numbers"),
-        ("--resolution=0,100", "0 x 100"),
-        ("--focus=250:50", "250"),
-        ("--origin=1,2", "3 numbers"),
-        ("--origin=0,0,3", "part"),
-        ("--origin=8,0,0", "hot air"),
-        ("--up=0,0,0", "up"),
-        ("--principal-point=1,2,3", "2 numbers"),
-        ("--scale=0", "cale is 0"),
-        ("--normals=smooth", "gradient"),
+        ("--part-transform='translate 500 0 0'", "field.not_at_part", "translate -500"),
+        ("--focal-length=0", "camera.focal_length_not_positive", r" 0\..*\(--focal-length\)"),
+        ("--sensor='-6 mm,5 mm'", "camera.sensor_not_positive", r"-6.* 5.*\(--sensor\)"),
+        ("--sensor='6 mm'", "", r'"6 mm".*\(--sensor\)'),
+        ("--resolution=100", "", r" 2 numbers.*\(--resolution\)"),
+        ("--resolution=0,100", "camera.no_pixels", r"0 x 100 .*\(--resolution\)"),
+        ("--focus=250:50", "camera.focus_empty", r"250.* 50.*\(--focus\)"),
+        ("--origin=1,2", "", r" 3 numbers.*\(--origin\)"),
+        ("--origin=0,0,3", "camera.inside", r"\[0.0, 0.0, 3.0\] mm .* in the part"),
+        ("--origin=8,0,0", "camera.inside", r"\[8.0, 0.0, 0.0\] mm .* in the hot air"),
+        ("--up=0,0,0", "", r"0,0,0.*\(--up\)"),
+        ("--principal-point=1,2,3", "", r" 2 numbers.*\(--principal-point\)"),
+        ("--scale=0", "camera.no_pixels", r" 0\..*\(--scale\)"),
+        ("--normals=smooth", "", "--normals.*gradient"),
         # Negative values need no equals sign.
-        ("--origin -.5,0,3", "stands in the part"),
-        ("--ambient '-300 degC'", "-300 degC"),
+        ("--origin -.5,0,3", "camera.inside", r"\[-0.5, 0.0, 3.0\] mm .* in the part"),
+        ("--ambient '-300 degC'", "", r"-300 degC.*\(--ambient\)"),
     ],
     "scene {field} {part} -o out/scene.xml --layers=2 --origin=60,-45,70": [
-        ("--system=stereo", "--system is of a second device, and there is none"),
-        ("--second-pixel-size='5 um'", "--second-pixel-size is of a second device"),
-        ("--second=60,-45,70", "Both devices stand at one place"),
-        ("--second=7,0,0", r"The second device at \[7.0, 0.0, 0.0\] mm stands in the hot air"),
-        ("--second=1,0,0", r"The second device at \[1.0, 0.0, 0.0\] mm stands in the part"),
-        ("--second=75,-20,70 --second-pixel-size='5 um'", "belongs to --second-calibration"),
-        ("--second-calibration=none.yaml", "--second-pixel-size"),
+        ("--system=stereo", "", r"second device, and there is none.*\(--system\)"),
+        (
+            "--second-pixel-size='5 um'",
+            "",
+            r"second device, and there is none.*\(--second-pixel-size\)",
+        ),
+        ("--second=60,-45,70", "devices.one_place", r"\(--second\)"),
+        ("--second=7,0,0", "camera.inside", r"second .* \[7.0, 0.0, 0.0\] mm .* in the hot air"),
+        ("--second=1,0,0", "camera.inside", r"second .* \[1.0, 0.0, 0.0\] mm .* in the part"),
+        ("--second=75,-20,70 --second-pixel-size='5 um'", "", "size .*--second-calibration"),
+        ("--second-calibration=none.yaml", "", "none.yaml.*--second-pixel-size"),
     ],
     "scene": [
-        ("{field} {part} -o out", r"\.xml"),
-        ("{field} {part} -o here", "here is a folder"),
-        ("{field} {part} -o file/scene.xml", "file is a file"),
-        ("{field} . -o out/scene.xml", "folder"),
-        ("{part} {field} -o out/scene.xml", "stl is not a field .*; field and part may be exch"),
+        ("{field} {part} -o out", "file.ending", r"out\.xml"),
+        ("{field} {part} -o here", "file.is_folder", "here/scene.xml"),
+        ("{field} {part} -o file/scene.xml", "file.no_folder", "file"),
+        ("{field} . -o out/scene.xml", "file.is_folder", r"input \. "),
+        ("{part} {field} -o out/scene.xml", "file.exchanged", "block.stl"),
         # Of two fields it is the part that is wrong, and not their order.
-        ("{field} {field} -o out/scene.xml", "^(?!.*exchanged)"),
+        ("{field} {field} -o out/scene.xml", "file.ending", "air.vtu"),
     ],
     "shells": [
-        ("-o out", "needs FIELD"),
-        ("air.vtu", "needs -o"),
-        ("gone.vtu -o out", "gone.vtu does not exist"),
-        (". -o out", "folder"),
-        ("{field} -o file", "file is a file"),
+        ("-o out", "", "needs FIELD"),
+        ("air.vtu", "", "needs -o"),
+        ("gone.vtu -o out", "file.missing", "gone.vtu"),
+        (". -o out", "case.no_case", r"folder \. "),
+        ("{field} -o file", "file.no_folder", "file"),
     ],
     "render": [
-        ("", "needs SCENE"),
-        ("gone.xml", "gone.xml"),
+        ("", "", "needs SCENE"),
+        ("gone.xml", "file.missing", "gone.xml"),
         # And not its output, which would lie beside it.
-        ("no/scene.xml", r"^There is no scene file no/scene\.xml; `iriftrace scene` writes one\.$"),
-        ("''", "folder"),
-        (".", "folder"),
-        ("bytes.xml", "bytes.xml is not a Mitsuba scene"),
-        ("{field}", "is not a Mitsuba scene"),
-        ("{scene} -o here", "here is a folder"),
-        ("{scene} -o gone/out.exr", "gone does not exist"),
-        ("{scene} -o scene.xml", r"\.exr"),
-        (f"{{scene}} -o {'x' * 250}.exr", "too long"),
-        ("{scene} -o out.exr --include=99", "99.*5 index_mismatch"),
-        ("{scene} -o out.exr --include=good", '"good"'),
-        ("{scene} -o out.exr -D sclae=0.5", "sclae.*scale"),
-        ("{scene} -o out.exr -D scale=big", "big"),
-        ("{scene} -o out.exr -D scale=-1", "scale"),
-        ("{scene} -o out.exr -D normals=smooth", "smooth"),
-        ("{scene} -o out.exr -D bending=facet", "bending.*facet.*layers, shells"),
-        ("{scene} -o out.exr -D scale", "name=value"),
-        ("{scene} -o out.exr -D =0.5", "name=value"),
+        ("no/scene.xml", "file.missing", r"no/scene\.xml; `iriftrace scene` writes one\.$"),
+        ("''", "file.is_folder", r"input \. "),
+        (".", "file.is_folder", r"input \. "),
+        ("bytes.xml", "scene.other_file", "^bytes.xml"),
+        ("{field}", "scene.other_file", "air.vtu"),
+        ("{scene} -o here", "file.is_folder", "here/out.exr"),
+        ("{scene} -o gone/out.exr", "file.no_folder", "gone"),
+        ("{scene} -o scene.xml", "file.ending", r"scene\.exr"),
+        (f"{{scene}} -o {'x' * 250}.exr", "file.unwritable", "x{250}.*too long"),
+        ("{scene} -o out.exr --include=99", "", r"99 is .*5 index_mismatch.*\(--include\)"),
+        ("{scene} -o out.exr --include=good", "", '--include.*"good"'),
+        ("{scene} -o out.exr -D sclae=0.5", "scene.unknown_parameter", "sclae.*scale"),
+        ("{scene} -o out.exr -D scale=big", "scene.unreadable", '"big"'),
+        ("{scene} -o out.exr -D scale=-1", "scene.unreadable", "scale is -1"),
+        ("{scene} -o out.exr -D normals=smooth", "scene.unreadable", "normals.*smooth.*gradient"),
+        ("{scene} -o out.exr -D bending=facet", "scene.unreadable", "bending.*facet.*layers, sh"),
+        ("{scene} -o out.exr -D scale", "", r'"scale".*name=value.*\(--define\)'),
+        ("{scene} -o out.exr -D =0.5", "", r'"=0.5".*name=value.*\(--define\)'),
     ],
     "metrics": [
-        ("gone.exr", "gone.exr"),
+        ("gone.exr", "file.missing", "gone.exr"),
         # Not that its numbers would replace another file.
-        ("words.nc", "words.nc .*give the AOV EXR"),
-        ("{image} -o gone/out.json", "gone does not exist"),
-        ("{image} -o out.exr", r"\.json"),
-        ("{image} -o o.json --part ball.stl", "SHA-256 differs"),
-        ("{image} -o o.json --part gone.stl", "--part"),
+        ("words.nc", "file.damaged", "^words.nc .* AOV EXR"),
+        ("{image} -o gone/out.json", "file.no_folder", "gone"),
+        ("{image} -o out.exr", "file.ending", r"out\.json"),
+        ("{image} -o o.json --part ball.stl", "file.changed", r"ball.stl.*\(--part\)"),
+        ("{image} -o o.json --part gone.stl", "file.missing", r"gone.stl.*\(--part\)"),
     ],
     "demo": [
-        ("-o file", "file is a file"),
-        ("-D sclae=0.5", "sclae.*scale"),
-        ("--variant=fast", "fast"),
-        ("--variant=scalar_rgb", "scalar"),
+        ("-o file", "file.no_folder", "file"),
+        ("-D sclae=0.5", "scene.unknown_parameter", "sclae.*scale"),
+        ("--variant=fast", "variant.unusable", r"'fast'.*\(--variant\)"),
+        ("--variant=scalar_rgb", "variant.unusable", r"'scalar_rgb'.*\(--variant\)"),
     ],
-    "sing": [("", "sing")],
+    "sing": [("", "", "sing")],
     "compare": [
-        ("{image}", "needs MEASURED"),
-        ("gone.exr m.csv", "gone.exr"),
-        ("far.csv far.csv -o a.json", "not an OpenEXR file"),
+        ("{image}", "", "needs MEASURED"),
+        ("gone.exr m.csv", "file.missing", "gone.exr"),
+        ("far.csv far.csv -o a.json", "file.damaged", "far.csv.* AOV EXR"),
     ],
     "compare {image} -o a.json": [
-        ("gone.csv", "gone.csv"),
-        ("here", "here is a folder"),
-        ("{scene}", "not a file of measured shifts"),
-        ("words.csv", "no row of numbers"),
-        ("far.csv", "5 of 5 places.*outside the rendering of 120 x 100"),
-        ("near.csv", "Only 0 of 5 measured"),
-        ("near.csv --include=3", "status 3"),
-        ("small.npy", "2 x 3 pixels"),
-        ("far.csv --positions=warm", "cold"),
+        ("gone.csv", "file.missing", "gone.csv"),
+        ("here", "file.is_folder", "input here "),
+        ("{scene}", "file.ending", r"scene\.xml .*\.csv"),
+        ("words.csv", "file.damaged", "words.csv .*row of numbers"),
+        ("far.csv", "shifts.outside_picture", "5 of 5 .* 120 x 100"),
+        ("near.csv", "shifts.too_few", " 0 of 5 "),
+        ("near.csv --include=3", "picture.no_displacement", r"status 3 .*\(--include\)"),
+        ("small.npy", "shifts.other_size", "2 x 3 .* 120 x 100"),
+        ("far.csv --positions=warm", "", "--positions.*cold"),
     ],
     "fit": [
-        ("{scene} far.csv --view {scene} -o f/scene.xml", "--view takes 2 values, not 1"),
+        ("{scene} far.csv --view {scene} -o f/scene.xml", "", "--view takes 2 values, not 1"),
     ],
     "sweep": [
-        ("-o a.nc", "needs SCENES"),
-        ("{scene}", "-o|--output"),
-        ("gone.xml -o a.nc", "gone.xml"),
-        ("{scene} {scene} -o a.nc", "given twice"),
-        ("{scene} -o a.csv", r"\.nc"),
-        ("{scene} -o words.nc --azimuth 0:90:2", "words.nc already exists and is not a sweep"),
-        ("{scene} -o other.nc --azimuth 0:90:2", "other.nc already exists and is not a sweep"),
-        ("{scene} -o j.nc --azimuth 0:90:2", "j.nc.partial"),
+        ("-o a.nc", "", "needs SCENES"),
+        ("{scene}", "", "-o|--output"),
+        ("gone.xml -o a.nc", "file.missing", "gone.xml"),
+        ("{scene} {scene} -o a.nc", "", "scene.xml is given twice"),
+        ("{scene} -o a.csv", "file.ending", r"a\.nc"),
+        ("{scene} -o words.nc --azimuth 0:90:2", "output.other_content", r"words.nc .*--output"),
+        ("{scene} -o other.nc --azimuth 0:90:2", "output.other_content", r"other.nc .*--output"),
+        ("{scene} -o j.nc --azimuth 0:90:2", "file.damaged", "j.nc.partial"),
     ],
     "sweep {scene} -o a.nc": [
-        ("--azimuth north", "north"),
-        ("--elevation 91", "91"),
-        ("--focal-length '8 mm,ten'", "--focal-length.*ten"),
-        ("--focal-length 8mm,0.8cm", "twice"),
-        ("--stand-off 200K", "200K"),
-        ("--stand-off 200 --semi-axes 90,90,90", "only one of"),
-        ("--poses p.csv --stand-off 200", "p.csv"),
-        ("--fibonacci 10 --elevation 0", "--elevation.*--fibonacci"),
-        ("--convention ros", "--convention.*--poses"),
-        ("--semi-axes 3,3,3", "inside the part"),
-        ("--poses gone.csv", "gone.csv"),
+        ("--azimuth north", "poses.range", "'north'"),
+        ("--elevation 91", "poses.beyond_pole", r" 91 .*\(--elevation\)"),
+        ("--focal-length '8 mm,ten'", "", r"ten.*\(--focal-length\)"),
+        ("--focal-length 8mm,0.8cm", "", r"8mm,0.8cm.*twice.*\(--focal-length\)"),
+        ("--stand-off 200K", "", r"200K.* mm .*\(--stand-off\)"),
+        ("--stand-off 200 --semi-axes 90,90,90", "", r"semi-axes.*\(--stand-off\)"),
+        ("--poses p.csv --stand-off 200", "", r" p\.csv.*\(--stand-off\)"),
+        ("--fibonacci 10 --elevation 0", "", r"spread evenly.*\(--elevation\)"),
+        ("--convention ros", "", r"list of poses.*\(--convention\)"),
+        ("--semi-axes 3,3,3", "poses.inside_part", r"172 of 172 .*\(--semi-axes\)"),
+        ("--poses gone.csv", "file.missing", "gone.csv"),
         # As those of a file in metres that is read in millimetres.
-        ("--poses inside.csv", "No pose stands outside"),
-        ("--poses angles.csv", "angles.csv has the columns 'x,y,z,a,b,c'"),
-        ("--include 99", "99"),
-        ("--export a.xlsx", r"a\.xlsx.*\.csv or"),
-        ("--surface a.stl", r"a\.stl.*\.vtp or"),
-        ("--workers 0", "0 workers"),
+        ("--poses inside.csv", "poses.inside_part", r"\(--length-unit\)"),
+        ("--poses angles.csv", "file.dialect", "angles.csv .*'x,y,z,a,b,c'"),
+        ("--include 99", "", r"99.*\(--include\)"),
+        ("--export a.xlsx", "file.ending", r"a\.xlsx.*\.csv or"),
+        ("--surface a.stl", "file.ending", r"a\.stl.*\.vtp or"),
+        ("--workers 0", "workers.below_one", r"^0 .*\(--workers\)"),
     ],
     "plan": [
-        ("gone.nc", "no sweep gone.nc"),
-        ("words.nc", r"no netCDF file, so it is not a sweep; give the \.nc"),
-        ("here", "folder"),
-        ("other.nc", "not a sweep"),
-        ("empty.nc", "no pose"),
+        ("gone.nc", "file.missing", "gone.nc; .* `iriftrace sweep`"),
+        ("words.nc", "file.damaged", r"words.nc .* netCDF .*\.nc .* `iriftrace sweep`"),
+        ("here", "file.is_folder", "input here "),
+        ("other.nc", "file.schema", "other.nc .*iriftrace.sweep/"),
+        ("empty.nc", "sweep.no_pose", "run it again"),
     ],
     "plan {sweep}": [
-        ("--statistic=mode", "mode"),
-        ("--top=0", "0 rows"),
-        ("--convention=ros", "--convention is given without --save-poses"),
-        ("--save-poses=gone/poses.csv", "does not exist"),
-        ("--views=2 --max-displacement='1e-9 um'", "No pose sees a face of part within"),
-        ("--views=2 --max-displacement=20", 'is "20" without a unit'),
-        ("--views=2 --max-incidence=100", "0 to 90"),
-        ("--max-incidence=60", "--max-incidence is given without --views"),
-        ("--evaluations=60", "--evaluations is given without --refine"),
-        ("-o refined.json", "--output is given without --refine"),
-        ("--refine --evaluations=3", "3 evaluations are too few"),
-        ("--refine -o refined.txt", "must end in .json"),
+        ("--statistic=mode", "", "--statistic.*mean"),
+        ("--top=0", "ranking.below_one", r" 0 rows .*\(--top\)"),
+        ("--convention=ros", "", "--convention .*--save-poses"),
+        ("--save-poses=gone/poses.csv", "file.no_folder", "gone"),
+        (
+            "--views=2 --max-displacement='1e-9 um'",
+            "views.nothing_seen",
+            r" um .*\(--max-displacement\)",
+        ),
+        ("--views=2 --max-displacement=20", "", r'"20" .*without a unit.*\(--max-displacement\)'),
+        (
+            "--views=2 --max-incidence=100",
+            "sweep.incidence_limit",
+            r" 100 .* 0 to 90.*\(--max-incidence\)",
+        ),
+        ("--max-incidence=60", "", r"number of views.*\(--views\)"),
+        ("--evaluations=60", "", "--evaluations .*--refine"),
+        ("-o refined.json", "", "--output .*--refine"),
+        ("--refine --evaluations=3", "evaluations.too_few", r"^3 .* 10 \(--evaluations\)"),
+        ("--refine -o refined.txt", "file.ending", r"refined\.json"),
     ],
     "report {sweep}": [
-        ("-o r.pdf", "must end in .html"),
-        ("-o here", "is a folder"),
-        ("-o gone/report.html", "does not exist"),
+        ("-o r.pdf", "file.ending", r"r\.html"),
+        ("-o here", "file.is_folder", "here/report.html"),
+        ("-o gone/report.html", "file.no_folder", "gone"),
     ],
-    "report": [("gone.nc", "no sweep gone.nc")],
+    "report": [("gone.nc", "file.missing", "gone.nc; .* `iriftrace sweep`")],
     "plot": [
-        ("gone.exr -o figures", "gone.exr"),
-        ("words.exr -o figures", "not an OpenEXR"),
-        ("words.csv -o figures", "neither .nc nor .exr"),
-        ("{sweep} -o gone/figures", "does not exist"),
+        ("gone.exr -o figures", "file.missing", "gone.exr"),
+        ("words.exr -o figures", "file.damaged", "words.exr .* AOV EXR"),
+        ("words.csv -o figures", "file.ending", r"words.csv .*\.nc .*\.exr"),
+        ("{sweep} -o gone/figures", "file.no_folder", "gone"),
     ],
 }
+"""By command: what is wrong, the code of the library's error, and the value and right option.
+
+The code is empty where the command line itself refuses its words.
+"""
+
 LINES = [
-    (f"{command} {options}", words) for command, cases in WRONG.items() for options, words in cases
+    (f"{command} {options}", code, words)
+    for command, cases in WRONG.items()
+    for options, code, words in cases
 ]
 
 
@@ -260,13 +287,16 @@ def names(hot: HotBlock, sweep: Path, tmp_path_factory: pytest.TempPathFactory) 
     return {**files, "sweep": sweep, "shells": shells, "user": user}
 
 
-@pytest.mark.parametrize(("line", "words"), LINES)
+@pytest.mark.parametrize(("line", "code", "words"), LINES)
 def test_lines(
-    fails: Failing, names: dict[str, Path], tmp_path: Path, line: str, words: str
+    fails: Failing, names: dict[str, Path], tmp_path: Path, line: str, code: str, words: str
 ) -> None:
     """Found before the work begins, and no output replaces an input."""
     shutil.copytree(names["user"], tmp_path, dirs_exist_ok=True)
-    assert re.search(words, fails(*shlex.split(line.format(**names))))
+    refusal = fails(*shlex.split(line.format(**names)))
+    assert re.search(words, refusal)
+    if code:
+        assert refusal.code == code
 
 
 @pytest.mark.parametrize("command", ["shells", "scene", "render", "metrics", "demo"])
@@ -290,7 +320,9 @@ def test_a_folder_that_may_not_be_written(
 def test_the_scene_does_not_replace_the_part(fails: Failing, hot: HotBlock, tmp_path: Path) -> None:
     """Written back in float32 and moved, it would be another part at the next run."""
     trimesh.load(hot.part).export(tmp_path / "part.ply")
-    assert "would replace" in fails("scene", hot.field, "part.ply", "-o", "scene.xml")
+    refusal = fails("scene", hot.field, "part.ply", "-o", "scene.xml")
+    assert "part.ply" in refusal
+    assert refusal.code == "output.replaces"
 
 
 def test_a_part_that_is_not_closed_is_legitimate(
@@ -316,9 +348,12 @@ def test_a_part_that_was_changed_since(fails: Failing, scene: Path) -> None:
     assert main(["render", str(scene), "--no-figures"]) == 0
     part = scene.parent / "part.ply"
     part.write_bytes(part.read_bytes() + b"\n")
-    assert "SHA-256 differs" in fails("metrics", scene.with_suffix(".exr"))
+    changed = fails("metrics", scene.with_suffix(".exr"))
     part.unlink()
-    assert "is missing" in fails("metrics", scene.with_suffix(".exr"))
+    missing = fails("metrics", scene.with_suffix(".exr"))
+    assert (changed.code, missing.code) == ("file.changed", "file.missing")
+    assert "part.ply" in changed
+    assert "part.ply" in missing
 
 
 @pytest.mark.parametrize(

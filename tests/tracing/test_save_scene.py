@@ -90,7 +90,7 @@ def test_what_does_not_fit_is_stated_in_every_result(folder: Path, tmp_path: Pat
     field = iriftrace.read_field(folder / "air.vtu")
     shift = np.eye(4)
     shift[0, 3] = 0.5
-    part = iriftrace.read_part(folder / "block.stl", transform=shift)
+    part = iriftrace.read_part(folder / "block.stl", iriftrace.ReadPart(transform=shift))
     with pytest.warns(IriftraceWarning, match="does not fill the cavity") as caught:
         saved = Scene(part, HotAir(field, layers=3), CAMERA).save(tmp_path / "scene.xml")
     stated = iriftrace.render_scene(iriftrace.load_scene(saved)).metrics.assumptions["field_fit"]
@@ -98,11 +98,11 @@ def test_what_does_not_fit_is_stated_in_every_result(folder: Path, tmp_path: Pat
 
 
 def test_messages_say_what_to_give_in_python(folder: Path, tmp_path: Path) -> None:
-    with pytest.warns(IriftraceWarning, match=r"temperature_k=293\.[12]\) \(--ambient"):
+    with pytest.warns(IriftraceWarning, match=r"temperature_k=293\.[12]\) if"):
         field = iriftrace.read_field(folder / "air.vtu", air=iriftrace.Air(temperature_k=350.0))
     assert field.air.temperature_k == 350.0
     with pytest.warns(IriftraceWarning, match=r"unlikely.* check length_unit"):
-        large = iriftrace.read_part(folder / "block.stl", length_unit="m")
+        large = iriftrace.read_part(folder / "block.stl", iriftrace.ReadPart(length_unit="m"))
     with pytest.raises(InputError, match="with the part's length unit mm") as refused:
         Scene(large, HotAir(field), CAMERA).save(tmp_path / "scene.xml")
     assert (refused.value.code, refused.value.argument) == ("field.not_at_part", "length_unit")

@@ -148,6 +148,21 @@ def test_parameters_of_the_file(xml: Path) -> None:
     assert camera_of(load_scene(xml, {"scale": "0.5"})).resolution == (76, 64)
 
 
+def test_parameters_are_those_of_the_xml_and_not_of_its_text(xml: Path, edit: Edit) -> None:
+    """Attributes in any order and quotes; a comment has no parameters and uses none."""
+    edit('<default name="scale" value="1.0"/>', "<default value='1.0'\n name='scale'/>")
+    edit("</scene>", '<!-- <default name="member" value="1"/> $other --></scene>')
+    assert load_scene(xml, {"scale": 0.5}).camera.resolution == (
+        CAMERA.resolution[0] // 2,
+        CAMERA.resolution[1] // 2,
+    )
+    with pytest.raises(InputError, match="has no parameter member"):
+        load_scene(xml, {"member": 1})
+    edit("</scene>", '<default name="other" value="1"/></scene>')
+    with pytest.raises(InputError, match=r"nothing in it uses \$other"):
+        load_scene(xml)
+
+
 def test_defaults_of_the_parameters_are_written(
     tmp_path: Path, contents: tuple[Part, ShellStack]
 ) -> None:
@@ -309,7 +324,7 @@ def test_folder_that_cannot_be_made_is_named(
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("</scene>", "", "Parsing of XML file .* failed"),
+        ("</scene>", "", r"scene\.xml is no longer XML \(no element found"),
         ('type="calibrated_camera"', 'type="calibrated_camra"', "calibrated_camra"),
         ("shells/shell_03.ply", "shells/shell_33.ply", "shell_33.ply is not next to"),
         ('<string name="filename" value="part.ply"/>', "", '"filename"|mesh file'),

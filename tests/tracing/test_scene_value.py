@@ -4,6 +4,7 @@ Expected values are those of the same scene written and loaded again.
 """
 
 import os
+import shutil
 import sys
 from pathlib import Path
 
@@ -67,9 +68,16 @@ def test_same_numbers_as_from_files(
     np.testing.assert_array_equal(fixed.points, alike.points)
 
 
+@pytest.mark.parametrize("of_files", [False, True])
 def test_nothing_is_written_or_read(
-    scene: iriftrace.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    scene: iriftrace.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, of_files: bool
 ) -> None:
+    """From a scene in memory or loaded to its rays and back, no file is opened."""
+    moved = attrs.evolve(scene, air=iriftrace.HotAir(scene.air.states[0].field, layers=6))
+    if of_files:
+        saved = moved.save(tmp_path / "scene" / "scene.xml", scale=1.0)
+        moved = iriftrace.load_scene(saved, engine="shells")
+        shutil.rmtree(tmp_path / "scene")
     opened: list[str] = []
     watching = True
 
@@ -80,7 +88,6 @@ def test_nothing_is_written_or_read(
     monkeypatch.chdir(tmp_path)
     tmp_path.chmod(0o500)
     sys.addaudithook(watch)
-    moved = attrs.evolve(scene, air=iriftrace.HotAir(scene.air.states[0].field, layers=6))
     rendering = iriftrace.render_scene(moved)
     watching = False
     tmp_path.chmod(0o700)

@@ -34,7 +34,7 @@ FloatArray = NDArray[np.float64]
 
 STEP_MM = 0.02
 AIR = RoundAir()
-AMBIENT_K, REFRACTIVITY = AIR.temperature_k, AIR.ambient_refractivity
+AMBIENT_K, REFRACTIVITY = float(AIR.temperature_k), AIR.ambient_refractivity
 
 
 def cylinder_air(point: Any) -> tuple[Any, Any]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from iriftrace.plugins.kernels.bundle import straight_hits
 from iriftrace.plugins.kernels.curve import curved_hits
-from iriftrace.plugins.kernels.tetrahedra import Entrance, Passage
+from iriftrace.plugins.kernels.tetrahedra import CellPassage, Entrance
 from iriftrace.plugins.kernels.vertex_table import aligned
 from validation.inputs.small_scenes import scene
 
@@ -74,7 +74,7 @@ class SmoothPiece:
 
         return mi.Float64(0), mi.Bool(True)
 
-    def passage(self, point: Any, direction: Any) -> Passage:
+    def passage(self, point: Any, direction: Any) -> CellPassage:
         import drjit as dr
         import mitsuba as mi
 
@@ -83,7 +83,7 @@ class SmoothPiece:
         if self.medium.kink is not None:
             to_kink = self.medium.kink(point, direction)
             length = dr.select(to_kink > 0, dr.maximum(to_kink - 1e-9, 3e-9), length)
-        return Passage(length, mi.UInt32(0), never, never, never)
+        return CellPassage(length, mi.UInt32(0), never, never, never)
 
 
 class Ends:

@@ -1,31 +1,22 @@
-r"""Rays through air that is known at every point, by Runge and Kutta's rule in double precision.
-
-With the unit direction u and the length s the ray equation is
-:math:`d\mathbf{u}/ds = (\nabla n - (\nabla n \cdot \mathbf{u})\,\mathbf{u}) / n`. Air outside the
-data of a field bends nothing, as for both engines.
-"""
+"""Air around an exactly round cylinder, and exact rays to a part that is hit by brute force."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
 from iriftrace.flow.synthetic.model import SyntheticAir
-from iriftrace.medium.air.refractivity import Air
+from iriftrace.measuring.uncertainty.known_air import Known
+from iriftrace.measuring.uncertainty.known_air import displacements as displacements_of
 from iriftrace.part.part import Part
 
 FloatArray = NDArray[np.float64]
-Medium = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-"""n - 1 and its gradient, 1/mm, at points (k, 3), mm."""
 
 STEP_MM = 0.25
 """A thirtieth of the thinnest boundary layer: the rule's error is a millionth of the bending."""
-
-LAST_MM = 0.2
-"""Rays are straight within this distance of the part; the air bends them by 1e-6 mm at most."""
 
 HITS_AT_A_TIME = 50
 
@@ -67,19 +58,6 @@ class RoundCylinderAir:
         return self.like.ambient_k + excess * share, excess * gradient
 
 
-def medium_of(air: SyntheticAir | RoundCylinderAir, light: Air, bounds: FloatArray) -> Medium:
-    """The index of a synthetic air within bounds, (2, 3), mm; n - 1 falls with 1 / T."""
-
-    def at(points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        temperature, slope = air.at(points)
-        refractivity = light.ambient_refractivity * air.ambient_k / temperature
-        within = ((points >= bounds[0]) & (points <= bounds[1])).all(axis=1)
-        factor = np.where(within, -refractivity / temperature, 0.0)
-        return refractivity, factor[:, None] * slope
-
-    return at
-
-
 def first_hits(part: Part, origin: FloatArray, direction: FloatArray) -> FloatArray:
     """Distance to the part along each straight line, mm; inf where it misses."""
     a, b, c = part.vertices[part.faces].transpose(1, 0, 2)
@@ -102,47 +80,11 @@ def first_hits(part: Part, origin: FloatArray, direction: FloatArray) -> FloatAr
 
 def displacements(
     part: Part,
-    medium: Medium,
+    medium: Known,
     origin: FloatArray,
     direction: FloatArray,
     way_mm: float,
     step_mm: float = STEP_MM,
 ) -> FloatArray:
-    """Refracted minus straight hit, (r, 3), mm; NaN where one of both rays misses.
-
-    Parameters
-    ----------
-    part : Part
-    medium : callable
-    origin, direction : (r, 3) arrays, mm and unit vectors
-    way_mm : float
-        Length of the paths before the part on which there is hot air.
-    step_mm : float
-        Where the gradient jumps, its error is that of one step there.
-    """
-    length = first_hits(part, origin, direction)
-    straight = origin + length[:, None] * direction
-    met = np.isfinite(length)
-    place, heading = straight[met] - way_mm * direction[met], direction[met].copy()
-
-    def rate(point: FloatArray, along: FloatArray) -> FloatArray:
-        refractivity, gradient = medium(point)
-        across = gradient - (gradient * along).sum(axis=1)[:, None] * along
-        return np.asarray(across / (1 + refractivity)[:, None])
-
-    steps = int(np.ceil((way_mm - LAST_MM) / step_mm))
-    h = (way_mm - LAST_MM) / steps
-    for _ in range(steps):
-        k1 = rate(place, heading)
-        k2 = rate(place + h / 2 * heading, heading + h / 2 * k1)
-        k3 = rate(place + h / 2 * heading + h * h / 4 * k1, heading + h / 2 * k2)
-        k4 = rate(place + h * heading + h * h / 2 * k2, heading + h * k3)
-        place = place + h * heading + h * h / 6 * (k1 + k2 + k3)
-        heading = heading + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        heading /= np.linalg.norm(heading, axis=1)[:, None]
-    reached = first_hits(part, place, heading)
-    found = np.full_like(origin, np.nan)
-    # A ray that passes the edge it met straight may hit what lies far behind.
-    near = reached < way_mm
-    found[np.flatnonzero(met)[near]] = (place + reached[:, None] * heading - straight[met])[near]
-    return found
+    """`known_air.displacements` with the hits of `first_hits`."""
+    return displacements_of(partial(first_hits, part), medium, origin, direction, way_mm, step_mm)

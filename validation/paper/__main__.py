@@ -12,12 +12,24 @@ from attrs import evolve, frozen
 from cyclopts import App, CycloptsError, Group, Parameter
 
 from iriftrace.cli import checks
-from iriftrace.cli.camera_options import CameraOptions, Scale
 from iriftrace.cli.console import drawn, pose_progress, say, working
-from iriftrace.cli.field_options import FieldOptions, PartOptions, Rule
-from iriftrace.cli.options import Flag, Numbers, Output, Whole
+from iriftrace.cli.options import Flag, Output, Whole
+from iriftrace.cli.reading import (
+    AirOptions,
+    CameraDescription,
+    FieldReading,
+    PartReading,
+    Scale,
+    read_part,
+)
 from iriftrace.core.errors import InputError, IriftraceError
 from iriftrace.core.runtime import variant
+from iriftrace.core.units import Numbers
+from iriftrace.io.field import read_field
+from iriftrace.io.reading import AS_DRAWN, AS_STATED
+from iriftrace.medium.air.refractivity import Air
+from iriftrace.medium.shells.options import Rule
+from iriftrace.tracing.camera_options import USUAL
 from iriftrace.tracing.hot_air import HotAir
 from iriftrace.tracing.scene import Scene
 from iriftrace.tracing.viewpoint import refuse_camera_inside
@@ -96,9 +108,10 @@ class StudyOptions:
 
     variant: str | None = None
     mode: ModeOptions = ModeOptions()
-    field: FieldOptions = FieldOptions()
-    part: PartOptions = PartOptions()
-    camera: CameraOptions = CameraOptions()
+    air: AirOptions = Air()
+    field: FieldReading = AS_STATED
+    part: PartReading = AS_DRAWN
+    camera: CameraDescription = USUAL
 
 
 def whole_numbers(text: str, option: str) -> list[int]:
@@ -145,10 +158,10 @@ def _run(
     checks.inputs(part)
     checks.output(output, "study.nc")
     traced_by = variant.ensure(options.variant)
-    mesh = options.part.read(part)
+    mesh = read_part(part, options.part)
     with working("Reading the field" if len(fields) == 1 else "Reading the fields"):
-        volumes = [options.field.read(path, mesh) for path in fields]
-    air = HotAir(volumes[-1], layers=1, notes=options.field.notes())
+        volumes = [read_field(path, options.field, air=options.air, part=mesh) for path in fields]
+    air = HotAir(volumes[-1], layers=1, notes=options.field.notes)
     stack = air.states[0].shells
     camera = options.camera.camera(mesh, volumes[-1], stack)
     refuse_camera_inside(camera.origin, (mesh,), air.states[0])

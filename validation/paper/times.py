@@ -49,8 +49,7 @@ def times(scene: Scene) -> dict[str, float | int]:
     pictures = []
     with tempfile.TemporaryDirectory() as folder:
         for _ in range(REPEATS + 1):
-            picture = rendered(scene)
-            picture.save(Path(folder) / "picture.exr")
+            picture = rendered(scene).saved(Path(folder) / "picture.exr")
             pictures.append(picture.metrics)
     fastest = {
         f"time_{stage}": min(metrics.time_s[stage] or 0.0 for metrics in pictures[1:])

@@ -1,4 +1,4 @@
-"""Where shells lie: equal steps of the index, the default, against graded ones."""
+"""Places of the shells: equal steps of the index, the default, against graded ones."""
 
 from __future__ import annotations
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from iriftrace.flow.synthetic.field import synthetic_field
 from iriftrace.flow.synthetic.model import SyntheticAir, synthetic_air
 from iriftrace.image.aov_image import Status
+from iriftrace.measuring.uncertainty.known_air import index_of
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.index_field import IndexField
 from iriftrace.medium.shells.contour import contour_shells
@@ -23,7 +24,7 @@ from iriftrace.tracing.rays import trace_rays
 from iriftrace.tracing.write import write_scene
 from validation.inputs.solved_fields import SOLVED, VIEWS, Position, camera_at
 from validation.line import Line, Section
-from validation.oracles.curved_rays import RoundCylinderAir, displacements, medium_of
+from validation.oracles.curved_rays import RoundCylinderAir, displacements
 from validation.sections.two_engines import in_short, ratios_of_quantiles, ray_by_ray
 
 FloatArray = NDArray[np.float64]
@@ -79,7 +80,7 @@ def errors(
 
     The rays go through random places of the picture and are good by either engine.
     """
-    medium = medium_of(air, field.air, np.reshape(field.grid.bounds, (3, 2)).T)
+    medium = index_of(air.at, field.air, np.reshape(field.grid.bounds, (3, 2)).T)
     first = camera_at(next(iter(views.values())))
     shells = contour_shells(field, LAYERS)
     xml = write_scene(folder / "scene", part, AirState(field, ready=shells), first, paraview=False)
@@ -155,10 +156,11 @@ SECTION = Section(
     "Temperatures that a formula gives at every point (a boundary layer and a plume, as "
     "`iriftrace field synthetic` makes them), on the points of a mesh: both engines see the mesh, "
     "and are compared with rays led through the formula by Runge and Kutta's rule in double "
-    "precision (`validation/oracles/curved_rays.py`). So this is accuracy, mesh and all. The "
-    "cylinder stands in the mesh of flow solution C, an exactly round layer around it; the bevel "
-    "gear in the default synthetic mesh, five cells across the layer. Ratios of medians (of p95s) "
-    "are the errors' over the displacements'; ray by ray each error is divided by the ray's own "
+    "precision (`iriftrace/measuring/uncertainty/known_air.py`). So this is accuracy, mesh and "
+    "all. The cylinder stands in the mesh of flow solution C, an exactly round layer around it; "
+    "the bevel gear in the default synthetic mesh, five cells across the layer. Ratios of medians "
+    "(of p95s) are the errors' over the displacements'; ray by ray each error is divided by the "
+    "ray's own "
     "displacement. From the side the mesh is the whole error, and neither engine beats the other. "
     "Straight down along a plume the cells engine is right and 13 shells are not: there a "
     "ray runs far along the layers, and the program switches to the field data or warns.",

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
-from iriftrace.core.files import text_in
+from iriftrace.core.files import check_readable, text_in
 from iriftrace.core.units import length_factor, length_unit_of
 
 _AXES = {"x": 0, "y": 1, "z": 2}
@@ -110,6 +110,22 @@ def _refuse_distorting(matrix: FloatArray, name: str) -> None:
             f"The matrix {name!r} scales lengths by {lengths.mean():.6g}, which is not a change of "
             "mm to cm or m; if it is that of an alignment, align without scale."
         )
+
+
+def read_motion(path: str | Path) -> FloatArray:
+    """The rigid motion in a text file, (4, 4) array, mm, that takes points from a camera's frame.
+
+    Raises InputError as `parse_transform`, and if the file says that it leads to the camera.
+    """
+    file = Path(path)
+    check_readable(file)
+    if file.is_file() and (said := stated_to_camera(text_in(file))):
+        raise InputError(
+            f"{file} says {said!r}, but it has to take points the other way, from the camera's "
+            "frame; write the inverse matrix, or leave out these words if it is meant.",
+            code="transform.to_camera",
+        )
+    return rigid_motion(parse_transform(str(file)), str(file))
 
 
 ROUNDING = 2e-4

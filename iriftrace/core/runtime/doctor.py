@@ -52,7 +52,7 @@ assert abs(scene.ray_intersect_preliminary(ray, coherent=True).t[1] - 3) < 1e-5
 
 
 @frozen
-class Finding:
+class DiagnosisLine:
     """One line of the diagnosis; `remedy` is a command or an advice, empty when there is none."""
 
     name: str
@@ -65,7 +65,7 @@ class Finding:
 class Diagnosis:
     """All findings, the most important first."""
 
-    findings: tuple[Finding, ...]
+    findings: tuple[DiagnosisLine, ...]
 
     @property
     def ok(self) -> bool:
@@ -82,21 +82,21 @@ def diagnose() -> Diagnosis:
     return Diagnosis((_python(), *_packages(), *libraries, cuda, _variant(), _drawing()))
 
 
-def _python() -> Finding:
+def _python() -> DiagnosisLine:
     text = f"{platform.python_version()} on {platform.platform()}, {platform.machine()}"
     if sys.maxsize < 2**32:
-        return Finding("Python", "error", f"{text}: 32 bit", "install a 64-bit Python")
-    return Finding("Python", "ok", text)
+        return DiagnosisLine("Python", "error", f"{text}: 32 bit", "install a 64-bit Python")
+    return DiagnosisLine("Python", "ok", text)
 
 
-def _packages() -> list[Finding]:
+def _packages() -> list[DiagnosisLine]:
     """Compare the installed packages with those that the installed iriftrace requires."""
     try:
         own = importlib.metadata.distribution("iriftrace")
     except importlib.metadata.PackageNotFoundError:
         text = "runs from a folder without being installed: the plugins cannot be found"
-        return [Finding("iriftrace", "error", text, f"{sys.executable} -m pip install -e .")]
-    findings = [Finding("iriftrace", "ok", own.version)]
+        return [DiagnosisLine("iriftrace", "error", text, f"{sys.executable} -m pip install -e .")]
+    findings = [DiagnosisLine("iriftrace", "ok", own.version)]
     for requirement in map(Requirement, own.requires or ()):
         if requirement.marker is None:
             findings.append(_package(requirement))
@@ -105,58 +105,62 @@ def _packages() -> list[Finding]:
     return findings
 
 
-def _package(requirement: Requirement) -> Finding:
+def _package(requirement: Requirement) -> DiagnosisLine:
     try:
         version = importlib.metadata.version(requirement.name)
     except importlib.metadata.PackageNotFoundError:
         text = "not installed"
     else:
         if requirement.specifier.contains(version, prereleases=True):
-            return Finding(requirement.name, "ok", version)
+            return DiagnosisLine(requirement.name, "ok", version)
         text = f"{version}, but {requirement.specifier} is needed"
     remedy = f'{sys.executable} -m pip install "{requirement}"'
-    return Finding(requirement.name, "error", text, remedy)
+    return DiagnosisLine(requirement.name, "error", text, remedy)
 
 
-def _llvm(libraries: tuple[LlvmLibrary, ...]) -> list[Finding]:
+def _llvm(libraries: tuple[LlvmLibrary, ...]) -> list[DiagnosisLine]:
     """Check the LLVM libraries; the first one is used, or the one that the variable names."""
     if not libraries:
-        return [Finding("LLVM", "error", "none was found", llvm_install_command())]
+        return [DiagnosisLine("LLVM", "error", "none was found", llvm_install_command())]
     first, *others = libraries
     findings = []
     if first.ok:
-        findings.append(Finding("LLVM", "ok", f"{first.version_text}, {first.path} (will be used)"))
+        findings.append(
+            DiagnosisLine("LLVM", "ok", f"{first.version_text}, {first.path} (will be used)")
+        )
     else:
         text, remedy = f"{first.path} {first.why}", llvm_install_command()
         if os.environ.get(PATH_VARIABLE):
             text = f"{PATH_VARIABLE} names {text}"
         if any(library.ok for library in others):
             remedy = f"unset {PATH_VARIABLE}: a usable library is there (below)"
-        findings.append(Finding("LLVM", "error", text, remedy))
+        findings.append(DiagnosisLine("LLVM", "error", text, remedy))
     for other in others:
         usable = "also usable" if other.ok else f"not used: it {other.why}"
         text = f"{other.version_text}, {other.path} ({usable})"
-        findings.append(Finding("LLVM", "ok", text))
+        findings.append(DiagnosisLine("LLVM", "ok", text))
     return findings
 
 
-def _cuda(cuda: CudaState) -> Finding:
+def _cuda(cuda: CudaState) -> DiagnosisLine:
     if cuda.devices:
-        return Finding("CUDA", "ok", f"{', '.join(cuda.devices)}: cuda_ad_mono can be used")
-    return Finding("CUDA", "ok", f"no device, so cuda_ad_mono cannot be used ({cuda.why})")
+        return DiagnosisLine("CUDA", "ok", f"{', '.join(cuda.devices)}: cuda_ad_mono can be used")
+    return DiagnosisLine("CUDA", "ok", f"no device, so cuda_ad_mono cannot be used ({cuda.why})")
 
 
-def _variant() -> Finding:
+def _variant() -> DiagnosisLine:
     """Run one double-precision kernel and one ray query with the variant that would be set."""
     try:
         variant = wanted_variant()
     except InputError as error:
-        return Finding("variant", "error", str(error), "unset IRIFTRACE_VARIANT")
+        return DiagnosisLine("variant", "error", str(error), "unset IRIFTRACE_VARIANT")
     try:
         run_trial(variant)
     except SetupError as error:
-        return Finding("variant", "error", str(error))
-    return Finding("variant", "ok", f"{variant}: a double-precision kernel and a ray query ran")
+        return DiagnosisLine("variant", "error", str(error))
+    return DiagnosisLine(
+        "variant", "ok", f"{variant}: a double-precision kernel and a ray query ran"
+    )
 
 
 def run_trial(variant: str) -> None:
@@ -166,13 +170,13 @@ def run_trial(variant: str) -> None:
         raise SetupError(f"{variant} does not work here: {trouble}", code="variant.fails")
 
 
-def _drawing() -> Finding:
+def _drawing() -> DiagnosisLine:
     trouble = drawing_trouble()
     if not trouble:
-        return Finding("pictures", "ok", "VTK draws without a display")
+        return DiagnosisLine("pictures", "ok", "VTK draws without a display")
     text = f"VTK cannot draw, so 3-D pictures are left out ({trouble})"
     remedy = _DRIVERS.get(llvm.current_platform(), "install a driver with OpenGL 3.2 or newer")
-    return Finding("pictures", "warn", text, remedy)
+    return DiagnosisLine("pictures", "warn", text, remedy)
 
 
 @cache

@@ -44,15 +44,21 @@ class FieldCheck:
     part: JsonObject
     findings: tuple[Finding, ...]
 
+    def number(self, name: str, key: str) -> float:
+        """One of the numbers of the finding with this name."""
+        return float(next(one.numbers[key] for one in self.findings if one.name == name))
+
     @property
     def verdict(self) -> Verdict:
         """The worst verdict of all findings."""
         found = {finding.verdict for finding in self.findings}
         return next((v for v in ("bad", "doubtful", "good") if v in found), "-")
 
-    def save(self, path: str | Path) -> Path:
-        """Write everything as JSON."""
+    def save(self, path: str | Path, known_air: JsonObject | None = None) -> Path:
+        """Write everything as JSON, with the errors of the engines on the mesh if known."""
         content = {"schema": SCHEMA, "verdict": self.verdict, **asdict(self)}
+        if known_air is not None:
+            content["known_air"] = known_air
         write_json(path, _plain(content))
         return Path(path)
 

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TypedDict, Unpack
 
 import numpy as np
-from attrs import asdict, field, frozen
+from attrs import asdict, evolve, field, frozen
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
 from iriftrace.flow.simulate.bodies import Body, check_bodies, check_inlets, check_mirrored_bodies
 from iriftrace.flow.simulate.domain import Domain, MeshSize, air_lengths, domain_around, mesh_size
 from iriftrace.flow.simulate.draught import Draught, Lean, leans, rise_speed
+from iriftrace.flow.simulate.options import SimulationOptions
 from iriftrace.flow.simulate.part_surface import (
     check_mirrors,
     is_symmetric,
@@ -23,6 +24,7 @@ from iriftrace.flow.simulate.part_surface import (
 from iriftrace.flow.simulate.times import Times, natural_times
 from iriftrace.medium.source import Variation
 from iriftrace.part.part import Part, refuse_unlikely_size
+from iriftrace.part.region_choice import values_by_region
 from iriftrace.part.wall_temperature import WallTemperatures, wall_temperature
 
 RECORD = "case.json"
@@ -32,9 +34,8 @@ UNFINISHED = "unfinished"
 # Sideways distances, as fractions of the height, at which a leaning plume is searched.
 _LEANS = (0.0, 0.25, 0.5)
 _SAME_MM = 1e-3
-AMBIENT_RANGE = (200.0, 400.0)  # K
-PRESSURE_RANGE = (60e3, 120e3)  # Pa
-_MOST_PROCESSES = 1024
+
+STANDARD = SimulationOptions()
 
 
 @frozen(eq=False)
@@ -45,14 +46,10 @@ class Case:
     wall: WallTemperatures
     size: MeshSize
     times: Times
-    ambient_k: float = 293.15
-    pressure_pa: float = 101325.0
+    options: SimulationOptions = STANDARD  # air, floor and processes
     mirrors: str = ""  # axes at whose centre plane the field is mirrored: "", "x", "y" or "xy"
-    margin: float = 1.0  # factor on the air around the part
-    processes: int = 1  # parallel processes of the solver
     draught: Draught | None = None  # None in still air
     bodies: tuple[Body, ...] = ()
-    floor: float | None = None  # height z, mm, of a floor at ambient temperature
     family: tuple[Draught, ...] = ()  # draughts of all cases that use the same mesh
     variation: Variation | None = None  # of a case that varies another one, and uses its mesh
     domain: Domain = field(init=False)
@@ -65,26 +62,7 @@ class Case:
                 "holes of its surface first.",
                 code="part.open",
             )
-        for argument, value, (low, high), what, unit in (
-            ("ambient", self.ambient_k, AMBIENT_RANGE, "an ambient temperature", "K"),
-            ("pressure", self.pressure_pa, PRESSURE_RANGE, "an air pressure", "Pa"),
-            ("margin", self.margin, (0.25, 4.0), "a margin", "times the usual air around the part"),
-        ):
-            if not low <= value <= high:
-                raise InputError(
-                    f"{what} of {value:g} {unit} cannot be simulated here; give one from {low:g} "
-                    f"to {high:g}.",
-                    code="case.out_of_range",
-                    argument=argument,
-                )
-        if not 1 <= self.processes <= _MOST_PROCESSES:
-            raise InputError(
-                f"the solver cannot run as {self.processes} processes; give a number from 1 to "
-                f"{_MOST_PROCESSES}.",
-                code="case.processes",
-                argument="processes",
-            )
-        self.wall.check(self.part, self.ambient_k)
+        self.wall.check(self.part, self.options.ambient)
         check_mirrors(self.part, self.mirrors)
         if self.draught is not None and (crossed := self.draught.crossed(self.mirrors)):
             raise InputError(
@@ -103,10 +81,15 @@ class Case:
                     argument="symmetry",
                 )
         domain = domain_around(
-            self.part, self.size, self.mirrors, self.margin, self.floor, self._leaning
+            self.part,
+            self.size,
+            self.mirrors,
+            self.options.margin,
+            self.options.floor,
+            self._leaning,
         )
         check_mirrored_bodies(self.bodies, self.part.centre, self.mirrors)
-        check_bodies(self.bodies, self.part, domain, self.floor is not None)
+        check_bodies(self.bodies, self.part, domain, self.options.floor is not None)
         if self.draught is not None:
             check_inlets(self.bodies, self.draught.inlets, domain)
         object.__setattr__(self, "domain", domain)
@@ -126,7 +109,7 @@ class Case:
         """Leans of the plumes for which the mesh is refined."""
         height = float(np.ptp(self.part.bounds[:, 2]))
         own = () if self.draught is None else (self.draught,)
-        temperatures = {"wall": self.wall.hottest, "ambient": self.ambient_k}
+        temperatures = {"wall": self.wall.hottest, "ambient": float(self.options.ambient)}
         if self.variation is not None and self.variation.quantity in temperatures:
             temperatures[self.variation.quantity] -= self.variation.step
         return leans(self.family or own, rise_speed(height, *temperatures.values()))
@@ -140,65 +123,46 @@ class Case:
             "regions_k": self.wall.regions,
             "transition_mm": self.wall.transition,
             "wall_from": None if self.wall.measured is None else self.wall.measured.record(),
-            "ambient_k": self.ambient_k,
-            "pressure_pa": self.pressure_pa,
+            "ambient_k": self.options.ambient,
+            "pressure_pa": self.options.pressure,
             "background_mm": self.size.background,
             "mirrors": self.mirrors,
-            "margin": self.margin,
+            "margin": self.options.margin,
             "draught_m_s": None if self.draught is None else list(self.draught.velocity),
             "bodies": [body.record() for body in self.bodies],
-            "floor_mm": self.floor,
+            "floor_mm": self.options.floor,
             "leaning": [asdict(lean) for lean in self._leaning],
         }
 
 
-class _Further(TypedDict, total=False):
-    """Attributes of a `Case`."""
-
-    pressure_pa: float
-    mirrors: str
-    margin: float
-    processes: int
-    bodies: tuple[Body, ...]
-    floor: float | None
-    family: tuple[Draught, ...]
-
-
 def natural_case(
     part: Part,
-    wall: WallTemperatures,
+    options: SimulationOptions,
     *,
-    resolution: str = "normal",
-    background_mm: float | None = None,
-    end: float | None = None,
-    averaging: float | None = None,
-    snapshots: int = 0,
-    ambient_k: float = 293.15,
+    mirrors: str | None = None,
     draught: Draught | None = None,
-    **more: Unpack[_Further],
+    family: Sequence[Draught] = (),
+    wall: WallTemperatures | None = None,
+    bodies: Sequence[Body] | None = None,
 ) -> Case:
     """Case of a part in air, with mesh and times that suit its size and temperature.
 
-    Resolution and background cells are those of `mesh_size`, times those of `natural_times`, the
-    rest those of `Case`; raises InputError if it cannot be simulated.
+    Planes of symmetry, wall and bodies are those of the options unless given. The mesh is also fine
+    enough for the draughts of a `family`. Raises InputError if it cannot be simulated.
     """
     refuse_unlikely_size(part)
-    wall.check(part, ambient_k)
+    wall = options.wall() if wall is None else wall
+    wall = evolve(wall, regions=values_by_region(part, wall.regions))
+    wall.check(part, options.ambient)
     extents = np.ptp(part.bounds, axis=0)
     crossing = 0.0
     if draught is not None:
-        crossing = draught.crossing(air_lengths(part, more.get("margin", 1.0)))
-    times = natural_times(
-        float(extents.max()),
-        wall.hottest,
-        ambient_k,
-        crossing=crossing,
-        end=end,
-        averaging=averaging,
-        snapshots=snapshots,
-    )
-    size = mesh_size(resolution, extents, background_mm)
-    return Case(part, wall, size, times, ambient_k=ambient_k, draught=draught, **more)
+        crossing = draught.crossing(air_lengths(part, options.margin))
+    times = natural_times(options, float(extents.max()), wall.hottest, crossing)
+    size = mesh_size(options.resolution, extents, options.background_cell)
+    planes = options.mirrors if mirrors is None else mirrors
+    others = options.bodies(part.length_unit) if bodies is None else bodies
+    return Case(part, wall, size, times, options, planes, draught, tuple(others), tuple(family))
 
 
 def is_stored(case: Case, folder: Path) -> bool:
@@ -214,14 +178,15 @@ def is_stored(case: Case, folder: Path) -> bool:
             raise InputError(
                 f"the folder {folder} holds a case that differs in {', '.join(different)}; name "
                 "another folder, or give the same options to continue it.",
-                code="case.differs",
+                code="output.other_work",
             )
         return True
     if folder.is_dir() and any(folder.iterdir()) and not (folder / UNFINISHED).is_file():
         raise InputError(
             f"the folder {folder} holds files that are not a case of iriftrace and would be "
             "overwritten; name an empty or a new one.",
-            code="case.other_files",
+            code="output.replaces",
+            argument="output",
         )
     return False
 

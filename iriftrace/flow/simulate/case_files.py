@@ -40,8 +40,16 @@ DENSITY_RATE = "ddtRho"
 """Rate of change of a state's density, kg/(m3 s)."""
 COURANT = 2
 """Largest Courant number of a step."""
+
+
+def _plain(value: object) -> object:
+    """A value for a template: a quantity without its unit."""
+    return float(value) if isinstance(value, float) else value
+
+
 _TEMPLATES = Environment(
     loader=PackageLoader("iriftrace.flow"),
+    finalize=_plain,
     undefined=StrictUndefined,
     trim_blocks=True,
     lstrip_blocks=True,
@@ -140,7 +148,7 @@ def mesh_entries(case: Case) -> dict[str, object]:
     """Entries of the mesher's files; lengths in m except in ``blockMeshDict``."""
     domain = case.domain
     types = dict.fromkeys(_planes(case), "symmetryPlane")
-    if case.floor is not None:
+    if case.options.floor is not None:
         types["bottom"] = "wall"
     (x0, y0, z0), (x1, y1, z1) = domain.lower, domain.upper
     plan = ((x0, y0), (x1, y0), (x1, y1), (x0, y1))
@@ -172,13 +180,13 @@ def air_entries(case: Case) -> dict[str, object]:
         {"name": name, "kelvin": body.temperature_k}
         for name, body in zip(_body_patches(case), case.bodies, strict=True)
     ]
-    if case.floor is not None:
-        walls.append({"name": "bottom", "kelvin": case.ambient_k})
+    if case.options.floor is not None:
+        walls.append({"name": "bottom", "kelvin": float(case.options.ambient)})
     closed = {*inlets, *planes, *(str(wall["name"]) for wall in walls)}
     return {
         **gas_entries(),
-        "ambient_k": case.ambient_k,
-        "pressure_pa": case.pressure_pa,
+        "ambient_k": float(case.options.ambient),
+        "pressure_pa": float(case.options.pressure),
         "symmetry_planes": " ".join(f"{name} {{ type symmetryPlane; }}" for name in planes),
         "inlets": inlets,
         "free": [name for name in _FACES if name not in closed],

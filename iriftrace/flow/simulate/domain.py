@@ -123,7 +123,7 @@ def mesh_size(resolution: str, extents: FloatArray, background_mm: float | None 
 
 
 @frozen
-class Box:
+class RefinementBox:
     """Cells in it are halved at least `level` times; `lower` and `upper` in mm, world."""
 
     lower: tuple[float, float, float]
@@ -139,7 +139,7 @@ class Domain:
     upper: tuple[float, float, float]
     cells: tuple[int, ...]  # of the background
     planes: dict[str, float]  # where the field is mirrored, {"x": 0.0}; the box ends there
-    boxes: tuple[Box, ...]  # where the mesh is finer
+    boxes: tuple[RefinementBox, ...]  # where the mesh is finer
     distances: tuple[tuple[float, int], ...]  # from the wall, nearest first, and level up to there
     probes: tuple[tuple[float, float, float], ...]  # in the plume
     point_in_air: tuple[float, float, float]  # on no face of the background
@@ -243,17 +243,19 @@ def _background(
     return lower, upper, cells
 
 
-def _boxes(part: Part, size: MeshSize, scale: float, top: float) -> tuple[Box, ...]:
+def _boxes(part: Part, size: MeshSize, scale: float, top: float) -> tuple[RefinementBox, ...]:
     """Near the part, far around it and in its plume, each finer than the last."""
     low, high = part.bounds
     bottom, plume_top = _plume_ends(part, scale)
     near = 24.0 * scale
     far = np.array([75.0, 75.0, 65.0]) * scale
     return (
-        Box(_triple(low - far), (*(high + far)[:2].tolist(), top), WALL_LEVEL - 3),
-        Box(_triple(low - near), (*(high + near)[:2].tolist(), plume_top), WALL_LEVEL - 2),
+        RefinementBox(_triple(low - far), (*(high + far)[:2].tolist(), top), WALL_LEVEL - 3),
+        RefinementBox(
+            _triple(low - near), (*(high + near)[:2].tolist(), plume_top), WALL_LEVEL - 2
+        ),
         *(
-            Box((left, front, bottom), (right, back, plume_top), WALL_LEVEL - 1)
+            RefinementBox((left, front, bottom), (right, back, plume_top), WALL_LEVEL - 1)
             for left, front, right, back in plan_rectangles(part, size.background / 2)
         ),
     )
@@ -270,7 +272,7 @@ def _kept_sides(leaning: Sequence[Lean]) -> FloatArray:
 
 def _leaning_boxes(
     part: Part, size: MeshSize, scale: float, sides: FloatArray, leaning: Sequence[Lean]
-) -> Iterator[Box]:
+) -> Iterator[RefinementBox]:
     """Layers of boxes from a plume that rises to each that leans, in the air that is kept."""
     low, high = (bound[:2] for bound in part.bounds)
     bottom, top = _plume_ends(part, scale)
@@ -279,7 +281,7 @@ def _leaning_boxes(
         reach = np.array(lean.downwind) * lean.most * (above - bottom)
         lower = low + np.maximum(np.minimum(reach, 0.0), -sides[0])
         upper = high + np.minimum(np.maximum(reach, 0.0), sides[1])
-        yield Box(_triple((*lower, below)), _triple((*upper, above)), WALL_LEVEL - 1)
+        yield RefinementBox(_triple((*lower, below)), _triple((*upper, above)), WALL_LEVEL - 1)
 
 
 def _plume_ends(part: Part, scale: float) -> tuple[float, float]:

@@ -11,6 +11,7 @@ from attrs import frozen
 
 from iriftrace.core.errors import InputError
 from iriftrace.flow.simulate.draught import Draught, check_speed, draught_from
+from iriftrace.flow.simulate.options import DraughtOptions
 
 _MOST_MEMBERS = 1000
 
@@ -22,7 +23,7 @@ Tried for 10 degrees (docs/board.md).
 
 
 @frozen
-class Member:
+class FamilyMember:
     """One draught of a family; its field is ``NAME.vtu`` in the family's folder."""
 
     name: str
@@ -44,7 +45,7 @@ class Member:
         return not (self.image_of or self.between)
 
 
-def check_family(speeds: Sequence[float], directions: Sequence[float]) -> None:
+def _check_family(speeds: Sequence[float], directions: Sequence[float]) -> None:
     """Refuse speeds, m/s, and directions, degrees, that do not form a family."""
     for speed in speeds:
         check_speed(speed)
@@ -79,32 +80,25 @@ def check_family(speeds: Sequence[float], directions: Sequence[float]) -> None:
         )
 
 
-def plan_family(
-    speeds: Sequence[float],
-    directions: Sequence[float],
-    planes: str,
-    symmetric: str,
-    *,
-    between: bool = False,
-) -> tuple[Member, ...]:
+def plan_family(wind: DraughtOptions, planes: str, symmetric: str) -> tuple[FamilyMember, ...]:
     """Members of a family, in the order of their names.
 
-    Speeds are in m/s; 0 is one member for all directions. Directions are where the air comes from,
-    degrees from +x to +y. `planes` are axes of "xy" at whose centre plane the field may be
-    mirrored; a draught that blows through a plane is solved without it. `symmetric` are axes across
-    which part and wall temperatures are symmetric: mirror images of other draughts are not solved.
-    With `between` there are also members halfway between neighbouring speeds and directions.
+    A speed of 0 is one member for all directions. `planes` are axes of "xy" at whose centre plane
+    the field may be mirrored; a draught that blows through a plane is solved without it.
+    `symmetric` are axes across which part and wall temperatures are symmetric: mirror images of
+    other draughts are not solved.
     """
-    check_family(speeds, directions)
+    speeds, directions = wind.draughts or (), wind.draught_from or ()
+    _check_family(speeds, directions)
     turns = sorted(float(np.mod(direction, 360.0)) for direction in directions)
     originals = _originals(turns, symmetric)
-    members: list[Member] = []
+    members: list[FamilyMember] = []
     digits = _digits(speeds)
     for speed in sorted(speeds):
         if speed == 0.0:
             # On the same mesh as others, and free to sway like them.
             first = _left(planes, turns[0]) if turns else planes
-            members.append(Member(_name(speed, 0.0, digits), None, first))
+            members.append(FamilyMember(_name(speed, 0.0, digits), None, first))
             continue
         for turn in turns:
             name = _name(speed, turn, digits)
@@ -112,8 +106,8 @@ def plan_family(
             left = _left(planes, turn)
             original, across = originals.get(turn, (turn, ""))
             image_of = _name(speed, original, digits) if across else ""
-            members.append(Member(name, draught, left, image_of, across))
-    if between:
+            members.append(FamilyMember(name, draught, left, image_of, across))
+    if wind.between:
         places = product(sorted(speeds), turns)
         halfway = _halfway({place: _name(*place, digits) for place in places})
         if not halfway:
@@ -128,7 +122,7 @@ def plan_family(
     return tuple(members)
 
 
-def _halfway(names: Mapping[tuple[float, float], str]) -> list[Member]:
+def _halfway(names: Mapping[tuple[float, float], str]) -> list[FamilyMember]:
     """Members halfway between those with these names by speed, m/s, and direction, degrees."""
     speeds = sorted({speed for speed, _ in names})
     turns = sorted({turn for _, turn in names})
@@ -149,7 +143,7 @@ def _halfway(names: Mapping[tuple[float, float], str]) -> list[Member]:
         shares = Counter(names[place] for place in around)
         between = tuple((name, count / shares.total()) for name, count in shares.items())
         draught = draught_from(speed, (turn,))
-        found.append(Member(_name(speed, turn, digits), draught, "", between=between))
+        found.append(FamilyMember(_name(speed, turn, digits), draught, "", between=between))
     return found
 
 

@@ -19,7 +19,7 @@ from iriftrace.core.files import write_whole
 from iriftrace.core.plain import JsonObject
 from iriftrace.flow.between import write_field_between
 from iriftrace.flow.simulate.case import Case, read_record
-from iriftrace.flow.simulate.family import Member
+from iriftrace.flow.simulate.family import FamilyMember
 from iriftrace.flow.simulate.mesh import make_mesh
 from iriftrace.flow.simulate.part_surface import reflected_grid
 from iriftrace.flow.simulate.programs import Installation, find_openfoam
@@ -44,7 +44,7 @@ _KEPT = 8
 class Task:
     """A member to solve, possibly in another process with access to the same folder."""
 
-    member: Member
+    member: FamilyMember
     case: Case
     folder: Path  # of the family
     like: Path | None  # case whose mesh is reused; None to make a mesh
@@ -98,7 +98,7 @@ def solve_elsewhere(task: Task) -> JsonObject:
 
 
 def run_family(
-    members: Sequence[Member],
+    members: Sequence[FamilyMember],
     cases: Mapping[str, Case],
     folder: Path,
     installation: Installation,
@@ -153,7 +153,7 @@ def run_family(
         yield _keep(_entry(member, cases[member.name]), entries, folder)
 
 
-def write_image(member: Member, case: Case, folder: Path) -> None:
+def write_image(member: FamilyMember, case: Case, folder: Path) -> None:
     """Write the field of a member that is the mirror image of a solved one."""
     original = folder / f"{member.image_of}.vtu"
     grid = pv.UnstructuredGrid(original)
@@ -174,7 +174,7 @@ def _reader(folder: Path) -> Callable[[str, Case], IndexField]:
 
     @lru_cache(maxsize=_KEPT)
     def read(name: str, case: Case) -> IndexField:
-        air = Air(temperature_k=case.ambient_k, pressure_pa=case.pressure_pa)
+        air = Air(temperature_k=case.options.ambient, pressure_pa=case.options.pressure)
         # What a field is warned of is said again where a scene is made of it.
         with without_warnings():
             return read_field(folder / f"{name}.vtu", air=air)
@@ -182,7 +182,7 @@ def _reader(folder: Path) -> Callable[[str, Case], IndexField]:
     return read
 
 
-def _tasks(members: Sequence[Member], cases: Mapping[str, Case], folder: Path) -> list[Task]:
+def _tasks(members: Sequence[FamilyMember], cases: Mapping[str, Case], folder: Path) -> list[Task]:
     """Tasks of all members that are solved; the first of each mesh makes it."""
     tasks: list[Task] = []
     meshed: dict[str, Path] = {}
@@ -195,7 +195,7 @@ def _tasks(members: Sequence[Member], cases: Mapping[str, Case], folder: Path) -
     return tasks
 
 
-def _entry(member: Member, case: Case) -> JsonObject:
+def _entry(member: FamilyMember, case: Case) -> JsonObject:
     wind = case.draught
     return {
         "name": member.name,
@@ -208,7 +208,7 @@ def _entry(member: Member, case: Case) -> JsonObject:
         "end_s": case.times.end,
         "averaging_s": case.times.averaging,
         "bodies": [body.record() for body in case.bodies],
-        "floor_mm": case.floor,
+        "floor_mm": case.options.floor,
     }
 
 
@@ -222,7 +222,8 @@ def _read(folder: Path) -> dict[str, JsonObject]:
         raise InputError(
             f"the folder {folder} holds files that are not a family of draughts, among which its "
             "members would be lost; name an empty or a new one.",
-            code="family.other_files",
+            code="output.replaces",
+            argument="output",
         )
     return {}
 

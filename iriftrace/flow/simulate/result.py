@@ -59,10 +59,10 @@ def mean_arrays(
     if MOMENTUM_MEAN in data:
         density, momentum = (as_float64(data[name]) for name in ("rhoMean", MOMENTUM_MEAN))
         arrays[ENTHALPY_FLUX] = carried_heat(
-            density, velocity, momentum, case.ambient_k, case.pressure_pa
+            density, velocity, momentum, case.options.ambient, case.options.pressure
         )
     now, then = (
-        heat_content(state.point_data["T"], case.ambient_k, case.pressure_pa)
+        heat_content(state.point_data["T"], case.options.ambient, case.options.pressure)
         for state in (grid, before)
     )
     arrays[HEAT_STORAGE] = (now - then) / seconds
@@ -74,10 +74,10 @@ def state_arrays(case: Case, grid: pv.UnstructuredGrid) -> dict[str, FloatArray]
     data = grid.point_data
     arrays = {
         VELOCITY: as_float64(data[VELOCITY]),
-        ENTHALPY_FLUX: state_heat(grid, case.ambient_k, case.pressure_pa),
+        ENTHALPY_FLUX: state_heat(grid, case.options.ambient, case.options.pressure),
     }
     if DENSITY_RATE in data:
-        slope = heat_content_slope(data["T"], case.ambient_k)
+        slope = heat_content_slope(data["T"], case.options.ambient)
         arrays[HEAT_STORAGE] = slope * as_float64(data[DENSITY_RATE])
     return arrays
 
@@ -98,7 +98,7 @@ def write_mean(
             code="case.no_mean_density",
         )
     density = as_float64(grid.point_data["rhoMean"])
-    kelvin = temperature_of_density(density, case.pressure_pa)
+    kelvin = temperature_of_density(density, case.options.pressure)
     state, facts = "", FieldFacts(time="mean")
     if steadiness is not None:
         state = f", {steadiness.text}"
@@ -200,8 +200,8 @@ def _write(case: Case, grid: pv.UnstructuredGrid, file: Path, how: str, facts: F
         parts.append(case.draught.text)
     if case.bodies:
         parts.append(f"around {', '.join(body.name for body in case.bodies)}")
-    if case.floor is not None:
-        parts.append(f"floor at z = {case.floor:g} mm")
+    if case.options.floor is not None:
+        parts.append(f"floor at z = {case.options.floor:g} mm")
     if case.variation is not None:
         parts.append(case.variation.text)
     planes = case.domain.planes.items()
@@ -220,8 +220,8 @@ def _write(case: Case, grid: pv.UnstructuredGrid, file: Path, how: str, facts: F
     for name in grid.field_data:
         output.field_data[name] = grid.field_data[name]
     bodies = case.bodies
-    if case.floor is not None:
-        bodies = (*bodies, floor_below(output, case.floor))
+    if case.options.floor is not None:
+        bodies = (*bodies, floor_below(output, case.options.floor))
     write_bodies(bodies, file.parent)
     names = tuple(body.name for body in bodies)
     draught = None if case.draught is None else case.draught.velocity

@@ -76,7 +76,7 @@ def judge_steadiness(case: Case, folder: Path, window: tuple[float, float]) -> S
     mean = float(watts.mean())
     variation = float(np.ptp(watts)) / abs(mean) if mean else np.inf
     swing = float(np.ptp(plume[:, 1:], axis=0).max())
-    heating = case.wall.hottest - case.ambient_k
+    heating = case.wall.hottest - case.options.ambient
     return Steadiness(
         heat_w=mean,
         heat_variation=variation,
@@ -105,10 +105,10 @@ def expected_seconds(case: Case, cells: int, since: float = 0.0) -> float:
     one of 93,000; with these speeds the estimate is accurate to a factor of 1.7.
     """
     height = 1e-3 * (case.domain.kept_upper[2] - float(case.part.bounds[1][2]))
-    lighter = 1.0 - case.ambient_k / case.wall.hottest
+    lighter = 1.0 - case.options.ambient / case.wall.hottest
     speed = math.sqrt(g * height * lighter)
     steps = (case.times.end - since) * speed / (COURANT * 1e-3 * case.size.wall)
-    return SECONDS_A_STEP * cells * steps / case.processes
+    return SECONDS_A_STEP * cells * steps / case.options.processes
 
 
 def solve(
@@ -148,17 +148,17 @@ def pieces_of(folder: Path) -> list[Path]:
 def _prepared(case: Case, folder: Path, installation: Installation) -> list[Path]:
     pieces = pieces_of(folder)
     apart = pieces != [folder]
-    if case.processes > 1 and not apart:
+    if case.options.processes > 1 and not apart:
         if last_time(pieces) > 0.0:
             raise InputError(
                 f"the run in {folder} was started with one process; continue with one.",
                 code="case.other_processes",
                 argument="processes",
             )
-        write_decomposition(folder, case.processes)
+        write_decomposition(folder, case.options.processes)
         run_program(installation, folder, "decomposePar", "-force")
         return pieces_of(folder)
-    if apart and len(pieces) != case.processes:
+    if apart and len(pieces) != case.options.processes:
         raise InputError(
             f"the run in {folder} was started with {len(pieces)} processes; continue with as many.",
             code="case.other_processes",
@@ -185,7 +185,7 @@ def _run_solver(
         lately = judge_steadiness(case, folder, (now - case.times.averaging, now))
         watch(State(now, case.times.end, left, lately, last_time(pieces_of(folder))))
 
-    run_program(installation, folder, SOLVER, processes=case.processes, watch=look)
+    run_program(installation, folder, SOLVER, processes=case.options.processes, watch=look)
     if last_time(pieces_of(folder)) < end * (1.0 - 1e-6):
         raise OpenFoamError(
             f"the solver in {folder} ended before {end:g} s without an error; run the same "

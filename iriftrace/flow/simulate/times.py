@@ -6,6 +6,7 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.core.errors import InputError
+from iriftrace.flow.simulate.options import SimulationOptions
 
 _END, _AVERAGING_SHARE = 2.0, 0.25
 # The paper's cylinder, for which 2 s are enough for the boundary layer: (T_wall - T) / T, and mm.
@@ -62,22 +63,16 @@ class Times:
 
 
 def natural_times(
-    longest_mm: float,
-    hottest_k: float,
-    ambient_k: float,
-    *,
-    crossing: float = 0.0,
-    end: float | None = None,
-    averaging: float | None = None,
-    snapshots: int = 0,
+    options: SimulationOptions, longest_mm: float, hottest_k: float, crossing: float = 0.0
 ) -> Times:
-    """Times for a part, used unless the user gives them.
+    """Times for a part, used unless the options give them.
 
     Buoyant air crosses a length L in about sqrt(L / (g dT/T)), so larger and cooler parts need
     longer; the paper's cylinder at 1100 degC needs 2 s. A draught also needs time to bend the
     plume: its `crossing` of the air, s, or the same time again if that is shorter, because
     convection has then renewed the air. Raises InputError if the air is not cooler than the wall.
     """
+    ambient_k = options.ambient
     if not 0.0 < ambient_k < hottest_k:
         raise InputError(
             f"no air rises at a wall of {hottest_k:g} K in air of {ambient_k:g} K; check number "
@@ -88,5 +83,8 @@ def natural_times(
     length = max(1.0, longest_mm / _REFERENCE_LENGTH)
     rising = round(_END * max(1.0, float(np.sqrt(length * _REFERENCE_HEAT / heat))), 2)
     bending = round(min(crossing, rising), 2)
+    end, averaging = options.end_time, options.average_time
     whole = rising + bending if end is None else end
-    return Times(whole, whole * _AVERAGING_SHARE if averaging is None else averaging, snapshots)
+    return Times(
+        whole, whole * _AVERAGING_SHARE if averaging is None else averaging, options.snapshots
+    )

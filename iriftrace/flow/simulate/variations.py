@@ -71,12 +71,15 @@ def solve_varied(
 
 
 def _changed(case: Case, variation: Variation) -> Case:
-    step, name = variation.step, variation.quantity
+    step, name, options = variation.step, variation.quantity, case.options
     return evolve(
         case,
         wall=case.wall.hotter(step if name == "wall" else 0.0),
-        ambient_k=case.ambient_k + (step if name == "ambient" else 0.0),
-        pressure_pa=case.pressure_pa + (step if name == "pressure" else 0.0),
+        options=evolve(
+            options,
+            ambient=options.ambient + (step if name == "ambient" else 0.0),
+            pressure=options.pressure + (step if name == "pressure" else 0.0),
+        ),
         times=evolve(case.times, snapshots=0),
         variation=variation,
     )

@@ -16,6 +16,7 @@ from scipy.special import erf
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.mesh.query import Surface
+from iriftrace.flow.synthetic.options import STANDARD, WALL
 from iriftrace.medium.air.thermophysics import reference_temperature
 from iriftrace.part.part import Part, refuse_unlikely_size
 from iriftrace.part.region_choice import values_by_region
@@ -239,8 +240,8 @@ class SyntheticAir:
     """
 
     part: Part
-    wall_k: float = field(default=1373.15, converter=float)
-    ambient_k: float = field(default=293.15, converter=float)
+    wall_k: float = field(default=WALL, converter=float)
+    ambient_k: float = field(default=STANDARD.ambient, converter=float)
     boundary_layer_mm: float = field(default=_KNOWN_LAYER_MM, converter=float)
     plume: Plume | None = None
     regions: dict[str, float] = field(factory=dict)
@@ -318,10 +319,10 @@ class SyntheticAir:
 def synthetic_air(
     part: Part,
     *,
-    wall_k: float = 1373.15,
-    ambient_k: float = 293.15,
+    wall_k: float = WALL,
+    ambient_k: float = STANDARD.ambient,
     boundary_layer_mm: float | None = None,
-    plume: float = 0.8,
+    plume: float = STANDARD.plume,
     regions: Mapping[str, float] | None = None,
     transition_mm: float | None = None,
 ) -> SyntheticAir:

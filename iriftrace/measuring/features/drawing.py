@@ -1,4 +1,4 @@
-"""Points of a hot part carried back onto its drawing, and the uncertainty of that step.
+"""Points of a hot part carried back onto its drawing.
 
 A size at the temperature of the drawing is fitted to the points where they lie on the drawing. Each
 point keeps its place in its triangle and its distance from the surface, which is divided by the

@@ -24,8 +24,9 @@ from iriftrace.measuring.features.choice import (
     other_surface,
 )
 from iriftrace.measuring.features.fit import FEWEST, Feature, fit_feature
-from iriftrace.measuring.features.outliers import GATE, check_gate, inliers
+from iriftrace.measuring.features.outliers import inliers
 from iriftrace.measuring.features.quantity import DRAWING, Quantity
+from iriftrace.measuring.options import GATE, check_gate
 from iriftrace.part.part import Part
 
 NO_FEATURE = 0.1

@@ -5,15 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from iriftrace.core.arrays import BoolArray, FloatArray
-from iriftrace.core.errors import InputError
 from iriftrace.core.mesh.query import Surface
 from iriftrace.measuring.features.fit import FEWEST, FLAT, SAMPLE, Feature, fit_feature
-
-GATE = 3.5
-"""Number of robust standard deviations beyond which a point is an outlier. With normal noise one of
-2,150 points is removed, which changes the standard deviation by 0.3 %."""
-
-LEAST_GATE = 1.0
 
 NORMAL_MAD = 1.4826
 """Standard deviation of normal noise over the median of its sizes."""
@@ -23,17 +16,6 @@ ROUNDS = 20
 
 SETTLED = 0.05
 """Fraction of the noise: a robust fit that moves by less is accurate enough to judge outliers."""
-
-
-def check_gate(gate: float | None) -> None:
-    """Refuse a gate that removes half of the points or is not a number."""
-    if gate is not None and not gate >= LEAST_GATE:
-        raise InputError(
-            f"The gate is {gate:g} robust standard deviations, which leaves out good points; give "
-            f"at least {LEAST_GATE:g}, or none for all points.",
-            code="gate.too_small",
-            argument="gate",
-        )
 
 
 def inliers(

@@ -12,15 +12,15 @@ from attrs import frozen
 
 from iriftrace.measuring.features.choice import FeatureChoice
 from iriftrace.measuring.features.fitted import FittedFeature
-from iriftrace.measuring.features.outliers import GATE
 from iriftrace.measuring.features.relations import Relation
+from iriftrace.measuring.options import GATE, Phase
 from iriftrace.measuring.two_devices.correction import Correction, CorrectionStatus
-from iriftrace.measuring.two_devices.devices import Phase, System
 from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.measuring.uncertainty.air_groups import AirGroups
 from iriftrace.measuring.uncertainty.decision import Tolerance
 from iriftrace.measuring.uncertainty.inputs import NOTHING_STATED, Inputs
 from iriftrace.tracing.scene import Scene, ready_scene
+from iriftrace.tracing.second_options import System
 
 
 @frozen(eq=False)

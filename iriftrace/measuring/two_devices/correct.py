@@ -20,19 +20,14 @@ from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.mesh.triangles import unit_vectors
+from iriftrace.measuring.options import Phase
 from iriftrace.measuring.two_devices.correction import (
     Correction,
     CorrectionStatus,
     is_corrected,
 )
 from iriftrace.measuring.two_devices.device_check import MANY, check_devices, checked_pixels
-from iriftrace.measuring.two_devices.devices import (
-    Phase,
-    Sensor,
-    System,
-    provenance_of_two,
-    sensor_of,
-)
+from iriftrace.measuring.two_devices.devices import Sensor, provenance_of_two, sensor_of
 from iriftrace.measuring.two_devices.larger import Larger, in_box, larger_than, sample_of
 from iriftrace.measuring.two_devices.two_points import lines_of_sight
 from iriftrace.measuring.uncertainty.air_groups import AirGroups
@@ -41,6 +36,7 @@ from iriftrace.part.part import Part
 from iriftrace.tracing.engine import choose
 from iriftrace.tracing.lost import warn_of_lost_points
 from iriftrace.tracing.scene import Scene
+from iriftrace.tracing.second_options import System
 
 REACH_MM = 1.0
 """Largest distance of a point from the part at which it still belongs to the part.

@@ -22,9 +22,9 @@ from iriftrace.measuring.features.choice import FeatureChoice, on_region
 from iriftrace.measuring.features.drawing import drawing_cloud, u_of_growth
 from iriftrace.measuring.features.fit import FEWEST
 from iriftrace.measuring.features.fitted import FittedFeature, check_names, fit_features
-from iriftrace.measuring.features.outliers import GATE
 from iriftrace.measuring.features.quantity import DRAWING, Quantity
 from iriftrace.measuring.features.relations import Relation, relations
+from iriftrace.measuring.options import GATE
 from iriftrace.measuring.two_devices.larger import Larger
 from iriftrace.measuring.two_devices.statistics import (
     PointStatus,

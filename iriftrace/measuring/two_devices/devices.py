@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 from attrs import frozen
@@ -12,21 +12,11 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.mesh.triangles import cross_rows, row_lengths, unit_vectors
 from iriftrace.core.plain import JsonObject
+from iriftrace.measuring.options import Phase
 from iriftrace.tracing.provenance import provenance
 from iriftrace.tracing.scene import Scene, ready_scene
+from iriftrace.tracing.second_options import SYSTEM_OF_DEVICE, System
 from iriftrace.tracing.viewpoint import refuse_one_place
-
-System = Literal["stereo", "fringe", "laser"]
-Phase = Literal["columns", "rows", "both"]
-
-SYSTEM_OF_DEVICE: dict[str, System] = {
-    "camera_2": "stereo",
-    "projector": "fringe",
-    "laser": "laser",
-}
-"""Kind of sensor by the id of the scene's second device."""
-
-DEVICE_OF_SYSTEM = {system: device for device, system in SYSTEM_OF_DEVICE.items()}
 
 
 @frozen(eq=False)

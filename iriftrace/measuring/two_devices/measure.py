@@ -23,13 +23,8 @@ from iriftrace.core.errors import InputError, warn
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.mesh.triangles import row_lengths
 from iriftrace.image.aov_image import Status
-from iriftrace.measuring.two_devices.devices import (
-    Phase,
-    Sensor,
-    System,
-    provenance_of_two,
-    sensor_of,
-)
+from iriftrace.measuring.options import Phase
+from iriftrace.measuring.two_devices.devices import Sensor, provenance_of_two, sensor_of
 from iriftrace.measuring.two_devices.scan import Scan, ScanStatus
 from iriftrace.measuring.two_devices.two_points import lines_of_sight
 from iriftrace.part.part import Part
@@ -37,6 +32,7 @@ from iriftrace.tracing.engine import choose
 from iriftrace.tracing.lost import warn_of_lost_points
 from iriftrace.tracing.rays import traced_as_chosen
 from iriftrace.tracing.scene import Scene
+from iriftrace.tracing.second_options import System
 
 LEAST_ANGLE = math.radians(1.0)
 """Angle below which a warning is issued: the intersection moves 57 times as far as the lines."""

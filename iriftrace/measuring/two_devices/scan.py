@@ -24,9 +24,9 @@ from iriftrace.io.cloud_write import by_axis, save_cloud
 from iriftrace.measuring.features.choice import FeatureChoice
 from iriftrace.measuring.features.drawing import drawing_cloud
 from iriftrace.measuring.features.fitted import FittedFeature, fit_features
-from iriftrace.measuring.features.outliers import GATE
 from iriftrace.measuring.features.quantity import Quantity
 from iriftrace.measuring.features.relations import Relation, relations
+from iriftrace.measuring.options import GATE
 from iriftrace.measuring.two_devices.acceptance import AcceptanceError
 from iriftrace.measuring.two_devices.statistics import (
     PointStatus,

@@ -69,6 +69,8 @@ class AirGroups:
         Where the group of the members comes from; "" if the air is not known.
     outside : bool
         The air that was measured lies outside the members.
+    synthetic : bool
+        The air is of a formula.
     """
 
     weights: MemberWeights | None = None
@@ -76,6 +78,7 @@ class AirGroups:
     varied: Mapping[str, Varied] = Factory(dict)
     source: str = ""
     outside: bool = False
+    synthetic: bool = False
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -143,7 +146,7 @@ class AirGroups:
         elif weights is not None and weights.sampled > 1:
             source = f"any mixture of {weights.sampled} members"
         outside = OUTSIDE in scene.compiled.stated.notes
-        return cls(weights, scaled, varied, "" if synthetic else source, outside)
+        return cls(weights, scaled, varied, "" if synthetic else source, outside, synthetic)
 
 
 def _kinds(scene: Scene) -> list[FieldKind]:
@@ -161,6 +164,8 @@ def _scaled(scene: Scene, inputs: Inputs) -> dict[str, Scaled]:
         found[AIR] = Scaled(inputs.air, "stated")
     if inputs.mesh is not None:
         found["mesh and model of the flow"] = Scaled(inputs.mesh, "stated")
+    if inputs.numerics is not None:
+        found["numerics"] = Scaled(inputs.numerics, "stated")
     if (change := unsteadiness(scene)) is not None and not scene.members:
         found[UNSTEADY] = Scaled(change, "range over time that the field states")
     if stated.air is not None and stated.heating_k is not None:

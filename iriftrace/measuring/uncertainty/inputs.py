@@ -40,6 +40,8 @@ class Inputs:
         stands for all that is not known of the air, where there are no members.
     mesh : float or None
         Of the effect of the air by the mesh and model of the flow solution, as a fraction.
+    numerics : float or None
+        Of the effect of the air by the tracing in the field's mesh, as a fraction (`known_air`).
     wall_k, ambient_k : float or None, K
         Of the temperatures of the part's wall and of the ambient air.
     pressure_pa : float or None, Pa
@@ -60,6 +62,7 @@ class Inputs:
 
     air: float | None = field(default=None, validator=_fraction)
     mesh: float | None = field(default=None, validator=_fraction)
+    numerics: float | None = field(default=None, validator=_fraction)
     wall_k: float | None = field(default=None, validator=_uncertainty)
     ambient_k: float | None = field(default=None, validator=_uncertainty)
     pressure_pa: float | None = field(default=None, validator=_uncertainty)
@@ -95,6 +98,7 @@ class Inputs:
 NAMES = {
     "air": ("air", "dimensionless"),
     "mesh": ("mesh", "dimensionless"),
+    "numerics": ("numerics", "dimensionless"),
     "wall": ("wall_k", "K"),
     "ambient": ("ambient_k", "K"),
     "pressure": ("pressure_pa", "pascal"),

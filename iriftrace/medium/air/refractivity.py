@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from attrs import astuple, evolve, field, frozen
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
-from iriftrace.core.units import ZERO_CELSIUS_K
+from iriftrace.core.units import ZERO_CELSIUS_K, Pressure, Temperature, Wavelength
 
 AirModel = Callable[[float, ArrayLike, ArrayLike, ArrayLike, float], FloatArray]
 
@@ -132,23 +133,28 @@ class Air:
     composition n - 1 is proportional to the density (Gladstone and Dale) and the density to 1/T
     (ideal gas), so hot air is the ambient air scaled by T_ambient/T.
 
-    Attributes
+    Parameters
     ----------
-    wavelength_nm : float
-        Vacuum wavelength.
-    temperature_k, pressure_pa, relative_humidity : float
-        Ambient air; the humidity is 0 to 1.
-    co2_ppm : float
-    model : str
-        Equation for the ambient air, ``"ciddor"`` or ``"edlen"``.
+    wavelength_nm
+        Wavelength of the light.
+    temperature_k
+        Temperature of the ambient air.
+    pressure_pa
+        Air pressure.
+    relative_humidity
+        Relative humidity, 0 to 1.
+    co2_ppm
+        Carbon dioxide in ppm.
+    model
+        Formula for the ambient air; hot air is scaled by its density.
     """
 
-    wavelength_nm: float = field(default=633.0, converter=float)
-    temperature_k: float = field(default=293.15, converter=float)
-    pressure_pa: float = field(default=101325.0, converter=float)
+    wavelength_nm: Wavelength = field(default=Wavelength(633.0), converter=Wavelength)
+    temperature_k: Temperature = field(default=Temperature("20 degC"), converter=Temperature)
+    pressure_pa: Pressure = field(default=Pressure(101325.0), converter=Pressure)
     relative_humidity: float = field(default=0.0, converter=float)
     co2_ppm: float = field(default=450.0, converter=float)
-    model: str = field(default="ciddor")
+    model: Literal["ciddor", "edlen"] = "ciddor"
 
     def __attrs_post_init__(self) -> None:
         """Refuse states outside the range of the equations at once."""

@@ -13,6 +13,7 @@ from iriftrace.core.mesh.topology import drop_degenerate, face_along, weld
 from iriftrace.core.mesh.triangles import normals_along, used_vertices
 from iriftrace.medium.shells.hessian import derivative_rows
 from iriftrace.medium.shells.levels import check_range, index_levels, layers_between
+from iriftrace.medium.shells.options import STANDARD, ShellOptions
 from iriftrace.medium.shells.stack import Shell, ShellStack
 from iriftrace.medium.shells.table import SmallComponents
 
@@ -24,12 +25,12 @@ if TYPE_CHECKING:
 
 def contour_shells(
     field: IndexField,
-    layers: int = 13,
+    layers: int = STANDARD.layers,
     *,
     index_range: tuple[float, float] | None = None,
     levels: Sequence[float] | None = None,
-    rule: str = "rim",
-    min_size_mm: float = 1.0,
+    rule: str = STANDARD.rule,
+    min_size_mm: float = STANDARD.min_size,
 ) -> ShellStack:
     """Cut a field into layers along its own surfaces of equal index.
 
@@ -47,18 +48,14 @@ def contour_shells(
     Parameters
     ----------
     field : IndexField
-    layers : int
-        Number of shells; ignored when ``levels`` is given.
     index_range : (2,) tuple, optional
         n - 1 of the ambient and of the hottest air, so that studies over several fields use the
         same levels; by default the field's own.
     levels : sequence, optional
         n - 1 of the surfaces, in any order, instead of those of a rule. The layers follow from
         :func:`layers_between`.
-    rule : str
-        See :func:`index_levels`.
-    min_size_mm : float, mm
-        Pieces whose bounding box has a smaller diagonal are dropped; 0 keeps all.
+    layers, rule, min_size_mm
+        As in `ShellOptions`; see also :func:`index_levels`.
 
     Raises
     ------
@@ -92,6 +89,26 @@ def contour_shells(
         mesh = vertices, faces, normals, derivatives
         shells.append(Shell(layer, level, float(ext), inside, *mesh))
     return ShellStack(shells, field.air, rule, field.source, small)
+
+
+def cut_shells(field: IndexField, options: ShellOptions = STANDARD) -> ShellStack:
+    """Shells of a field (`contour_shells`), reduced to fewer triangles if that is an option."""
+    stack = contour_shells(
+        field,
+        options.layers,
+        index_range=options.ends(field.air),
+        levels=options.levels,
+        rule=options.rule,
+        min_size_mm=options.min_size,
+    )
+    return reduced(stack, options)
+
+
+def reduced(stack: ShellStack, options: ShellOptions) -> ShellStack:
+    """Shells with fewer triangles, if that is an option."""
+    from iriftrace.medium.shells.decimate import decimate
+
+    return stack if options.triangles is None else decimate(stack, options.triangles)
 
 
 _Mesh = tuple[Float32Array, IntArray, Float32Array, FloatArray]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import Float32Array, FloatArray
 
 HESSIAN_AXES = {
     "hessian_xx": (0, 0),
@@ -52,3 +52,19 @@ def radial_derivatives(
     along = unit[:, :, None] * unit[:, None, :]
     around = np.diag((0.0, 1.0, 1.0)) - along
     return derivative_rows(np.full(len(unit), slope), bend * along + slope / radius * around, step)
+
+
+def vertex_columns(
+    normals: Float32Array | None, derivatives: Float32Array | None
+) -> dict[str, Float32Array]:
+    """Mitsuba's vertex attributes of a shell, (n, 1) or (n, 3) each, by name."""
+    if normals is None:
+        return {}
+    found = {"normal": normals}
+    if derivatives is not None:
+        found["gradient"] = normals * derivatives[:, :1]
+        found |= {
+            name: derivatives[:, column : column + 1]
+            for column, name in enumerate(HESSIAN_AXES, start=1)
+        }
+    return found

@@ -7,15 +7,18 @@ layer k (inside).
 
 from __future__ import annotations
 
+from typing import get_args
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
+from iriftrace.medium.shells.options import STANDARD, Rule
 
 MOST_LAYERS = 10_000
 
-RULES = ("rim", "midpoint", "graded", "outer")
+RULES: tuple[str, ...] = get_args(Rule)
 
 RIM_SHARE = 0.1
 """Position of the rim's shell in the outermost of the equal steps. The air outside it, which is
@@ -23,7 +26,7 @@ known least, then contributes a tenth of its former error, and two shells divide
 
 
 def index_levels(
-    ambient: float, hottest: float, layers: int = 13, rule: str = "rim"
+    ambient: float, hottest: float, layers: int = STANDARD.layers, rule: str = STANDARD.rule
 ) -> tuple[FloatArray, FloatArray]:
     """Refractivities of N shells, (N,), and layers ``e_0 .. e_N`` from ambient to the hottest air.
 

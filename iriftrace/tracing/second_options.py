@@ -1,4 +1,4 @@
-"""Options about the second device of a scene, and the two devices that they define."""
+"""Options of a scene's second device, for Python and for commands, and the placing of both."""
 
 from __future__ import annotations
 
@@ -6,19 +6,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from attrs import evolve, frozen
-from cyclopts import Group, Parameter
+from attrs import evolve, field, frozen
+from attrs.converters import optional
 
-from iriftrace.cli.camera_options import (
+from iriftrace.core.errors import InputError
+from iriftrace.core.units import Length, Vector
+from iriftrace.tracing.camera_options import (
     FOCUS_MM,
     CameraOptions,
     needed_pixel_size,
     refuse_unseen_part,
     with_all_in_focus,
 )
-from iriftrace.cli.console import say
-from iriftrace.cli.options import Length, Vector, read_motion, refuse_given
-from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
@@ -27,12 +26,20 @@ if TYPE_CHECKING:
     from iriftrace.part.part import Part
     from iriftrace.tracing.xml import SceneSettings
 
-SECOND = Group("Second device", sort_key=6)
+System = Literal["stereo", "fringe", "laser"]
+
+SYSTEM_OF_DEVICE: dict[str, System] = {
+    "camera_2": "stereo",
+    "projector": "fringe",
+    "laser": "laser",
+}
+"""Kind of sensor by the id of the scene's second device."""
+
+DEVICE_OF_SYSTEM = {system: device for device, system in SYSTEM_OF_DEVICE.items()}
 
 PlacingBoth = Callable[["Part", "IndexField | None", "ShellStack"], tuple["Camera", "Camera"]]
 
 
-@Parameter(name="*", group=SECOND)
 @frozen
 class SecondOptions:
     """A second device, with which points are triangulated; see ``iriftrace measure``.
@@ -51,19 +58,21 @@ class SecondOptions:
         sheet is the middle column of its picture.
     """
 
-    second: Vector | None = None
+    second: Vector | None = field(default=None, converter=optional(Vector))
     second_calibration: Path | None = None
-    second_pixel_size: Length | None = None
-    system: Literal["fringe", "stereo", "laser"] | None = None
+    second_pixel_size: Length | None = field(default=None, converter=optional(Length))
+    system: System | None = None
 
     def given(self) -> bool:
         """True if there is a second device."""
         if self.second is not None or self.second_calibration is not None:
             return True
-        refuse_given(
-            {"--second-pixel-size": self.second_pixel_size, "--system": self.system},
+        _refuse_given(
+            self,
+            ("second_pixel_size", "system"),
             "is of a second device, and there is none; give its position too, such as "
-            '--second "150,-100,40".',
+            '"150,-100,40".',
+            "second.no_device",
         )
         return False
 
@@ -81,7 +90,11 @@ class SecondOptions:
         if self.second_calibration is not None:
             device = self._calibrated(first).camera(part, field, stack)
         elif self.second is None or self.second_pixel_size is not None:
-            raise InputError("--second-pixel-size belongs to --second-calibration; give that too.")
+            raise InputError(
+                "the size of a pixel belongs to a calibration of the second device; give that too.",
+                code="second.no_calibration",
+                argument="second_calibration",
+            )
         else:
             target = part.centre if first.target is None else first.target
             device = camera.at(look_at(self.second, target, first.up))
@@ -90,13 +103,15 @@ class SecondOptions:
     def _calibrated(self, first: CameraOptions) -> CameraOptions:
         """Options of the second device, if its calibration is given."""
         size = needed_pixel_size(
-            self.second_pixel_size, self.second_calibration, "--second-pixel-size"
+            self.second_pixel_size, self.second_calibration, "second_pixel_size"
         )
         stands = first.origin is not None or first.target is not None or first.has_pose()
         if first.calibration is not None and not stands:
             raise InputError(
                 f"{first.calibration} has no pose, so the camera's place relative to the second "
-                "device is unknown; give --origin and --target too, or a calibration with the pose."
+                "device is unknown; give origin and target too, or a calibration with the pose.",
+                code="calibration.no_pose",
+                argument="origin",
             )
         options = CameraOptions(
             calibration=self.second_calibration,
@@ -110,12 +125,13 @@ class SecondOptions:
         if self.second is None and not options.has_pose():
             raise InputError(
                 f"{self.second_calibration} has no pose, so the place of the second device "
-                "is unknown; give --second too."
+                "is unknown; give its position too.",
+                code="calibration.no_pose",
+                argument="second",
             )
         return options
 
 
-@Parameter(name="*", group=SECOND)
 @frozen
 class StereoOptions:
     """Two cameras of one calibration, instead of the options of each.
@@ -134,40 +150,40 @@ class StereoOptions:
     stereo_calibration: list[Path] | None = None
     cloud_to_part: Path | None = None
 
-    def placing(self, first: CameraOptions, second: SecondOptions) -> PlacingBoth | None:
+    def placing(
+        self, first: CameraOptions, second: SecondOptions, say: Callable[[str], None]
+    ) -> PlacingBoth | None:
         """Check the options, and return the function that places both cameras at full resolution.
 
-        None if no stereo calibration is given.
+        None if no stereo calibration is given; `say` is called with a line about it.
         """
         import numpy as np
 
+        from iriftrace.core.mesh.transform import read_motion
         from iriftrace.io.calibration import read_stereo_calibration
 
         if self.stereo_calibration is None:
-            refuse_given(
-                {"--cloud-to-part": self.cloud_to_part},
-                "places the cameras of a --stereo-calibration, and none is given; give that too.",
+            _refuse_given(
+                self,
+                ("cloud_to_part",),
+                "places the cameras of a stereo calibration, and none is given; give that too.",
+                "calibration.no_stereo",
             )
             return None
-        refuse_given(
-            {
-                "--calibration": first.calibration,
-                "--second": second.second,
-                "--second-calibration": second.second_calibration,
-            },
-            "is given, but --stereo-calibration describes both cameras; leave one of them out.",
-        )
+        twice = "is given, but a stereo calibration describes both cameras; leave one of them out."
+        _refuse_given(first, ("calibration",), twice, "camera.stated_twice")
+        _refuse_given(second, ("second", "second_calibration"), twice, "camera.stated_twice")
         if self.cloud_to_part is not None:
-            refuse_given(
-                {"--origin": first.origin, "--target": first.target},
-                "is given, but --cloud-to-part places the cameras; leave one of them out.",
+            twice = (
+                "is given, but the motion of the cloud places the cameras; leave one of them out."
             )
-        first.refuse_intrinsics("--stereo-calibration")
+            _refuse_given(first, ("origin", "target"), twice, "camera.placed_twice")
+        first.refuse_intrinsics()
         files = " and ".join(map(str, self.stereo_calibration))
         size = needed_pixel_size(first.pixel_size, files)
         sizes = (size, second.second_pixel_size or size)
         focus = first.focus or FOCUS_MM
-        motion = read_motion(self.cloud_to_part)
+        motion = None if self.cloud_to_part is None else read_motion(self.cloud_to_part)
         stereo = read_stereo_calibration(
             *self.stereo_calibration, length_unit=first.calibration_length_unit
         )
@@ -184,9 +200,8 @@ class StereoOptions:
                     camera,
                     part,
                     f"The calibration {files}, with T in {stereo.length_unit},",
-                    "give the unit of T (--calibration-length-unit), or another motion "
-                    "(--cloud-to-part, in mm, from camera 1 to the part; R and T lead from "
-                    "camera 1 to 2).",
+                    "give the unit of T, or another motion from the cloud to the part (in mm, from "
+                    "camera 1 to the part; R and T lead from camera 1 to 2).",
                 )
                 if first.focus is None:
                     camera = with_all_in_focus(camera, camera, part)
@@ -207,13 +222,18 @@ Placing = Callable[
 
 
 def devices_of(
-    first: CameraOptions, second: SecondOptions, rig: StereoOptions, part: Part
+    first: CameraOptions,
+    second: SecondOptions,
+    rig: StereoOptions,
+    part: Part,
+    say: Callable[[str], None] = lambda text: None,
 ) -> Placing:
     """Check the options, and return the function that places the camera and the second device.
 
-    It adds the second device, if there is one, to a scene's settings.
+    It adds the second device, if there is one, to a scene's settings. `say` is called with a line
+    about a stereo calibration.
     """
-    place_both = rig.placing(first, second)
+    place_both = rig.placing(first, second, say)
     two_devices = place_both is not None or second.given()
 
     def place(
@@ -221,8 +241,6 @@ def devices_of(
     ) -> tuple[Camera, SceneSettings]:
         if not two_devices:
             return first.camera(part, field, stack), settings
-        from iriftrace.measuring.two_devices.devices import DEVICE_OF_SYSTEM
-
         if place_both is not None:
             camera, device = place_both(part, field, stack)
         else:
@@ -232,3 +250,13 @@ def devices_of(
         return camera, evolve(settings, second=device, second_id=DEVICE_OF_SYSTEM[system])
 
     return place
+
+
+def _refuse_given(options: object, names: tuple[str, ...], reason: str, code: str) -> None:
+    """Refuse fields that are given; the reason follows their name."""
+    for name in names:
+        if getattr(options, name) is not None:
+            raise InputError(f"`{name}` {reason}", code=code, argument=name)
+
+
+NO_SECOND, NO_RIG = SecondOptions(), StereoOptions()

@@ -1,23 +1,16 @@
-"""Options about the camera, and the camera that they define."""
+"""Options of a scene's camera, for Python and for commands, and the camera that they describe."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from attrs import frozen
-from cyclopts import Group, Parameter
+from attrs import field, frozen
+from attrs.converters import optional
 
-from iriftrace.cli.options import (
-    Interval,
-    Length,
-    Numbers,
-    Pair,
-    Size,
-    Vector,
-)
 from iriftrace.core.errors import InputError, warn
+from iriftrace.core.units import Interval, Length, Numbers, Pair, Size, Vector
 
 if TYPE_CHECKING:
     from iriftrace.camera.calibration import Calibration
@@ -27,19 +20,13 @@ if TYPE_CHECKING:
     from iriftrace.part.part import Part
 
 
-CAMERA = Group("Camera", sort_key=5)
-
-FOCUS_MM = (50.0, 250.0)
+FOCUS_MM = Interval((50.0, 250.0))
 """Nearest and farthest sharp distance of the camera of Kern et al. (2025)."""
 
 FEWEST_PIXELS = 10
 """Minimum number of pixels across the whole part for a measurement."""
 
-Scale = Annotated[float, Parameter(group=CAMERA, help="Factor on the resolution.")]
-"""Not one of the camera's options, because every command has its own default."""
 
-
-@Parameter(name="*", group=CAMERA)
 @frozen
 class CameraOptions:
     """The camera; by default the one of Kern et al. (2025), looking from diagonally above.
@@ -78,18 +65,18 @@ class CameraOptions:
         Direction that is up in the picture.
     """
 
-    focal_length: Length = 10.0
-    sensor: Size = (6.7, 5.6)
-    resolution: Pair = (2448.0, 2048.0)
-    principal_point: Pair | None = None
-    distortion: Numbers | None = None
+    focal_length: Length = field(default=Length(10.0), converter=Length)
+    sensor: Size = field(default=Size((6.7, 5.6)), converter=Size)
+    resolution: Pair = field(default=Pair((2448.0, 2048.0)), converter=Pair)
+    principal_point: Pair | None = field(default=None, converter=optional(Pair))
+    distortion: Numbers | None = field(default=None, converter=optional(Numbers))
     calibration: Path | None = None
-    pixel_size: Length | None = None
+    pixel_size: Length | None = field(default=None, converter=optional(Length))
     calibration_length_unit: str | None = None
-    focus: Interval | None = None
-    origin: Vector | None = None
-    target: Vector | None = None
-    up: Vector = (0.0, 0.0, 1.0)
+    focus: Interval | None = field(default=None, converter=optional(Interval))
+    origin: Vector | None = field(default=None, converter=optional(Vector))
+    target: Vector | None = field(default=None, converter=optional(Vector))
+    up: Vector = field(default=Vector((0.0, 0.0, 1.0)), converter=Vector)
 
     def camera(self, part: Part, field: IndexField | None, stack: ShellStack) -> Camera:
         """The camera that these options describe, at its full resolution."""
@@ -103,8 +90,8 @@ class CameraOptions:
             part,
             f"The pose in {self.calibration}, read in "
             f"{self.calibration_length_unit or 'the unit that it states, else mm'},",
-            "give the unit of its translation (--calibration-length-unit), or --origin and "
-            "--target. OpenCV's pose leads from the part's frame to the camera's, and not back.",
+            "give the unit of its translation, or origin and target. OpenCV's pose leads from the "
+            "part's frame to the camera's, and not back.",
         )
         return camera if self.focus is not None else with_all_in_focus(camera, camera, part)
 
@@ -120,12 +107,18 @@ class CameraOptions:
 
         if self.pixel_size is not None:
             raise InputError(
-                f"--pixel-size is {self.pixel_size:g} mm, which belongs to --calibration; without "
-                "it give --sensor and --resolution."
+                f"the size of a pixel is {self.pixel_size}, which belongs to a calibration; "
+                "without one give sensor and resolution.",
+                code="camera.no_calibration",
+                argument="pixel_size",
             )
         width, height = self.resolution
         if width % 1 or height % 1:
-            raise InputError(f'--resolution is "{width:g},{height:g}"; pixels are whole numbers.')
+            raise InputError(
+                f"a resolution of {self.resolution} is none; pixels are whole numbers.",
+                code="camera.resolution",
+                argument="resolution",
+            )
         lens = None if self.distortion is None else Distortion.of_sequence(self.distortion)
         return Camera(
             focal_length_mm=self.focal_length,
@@ -143,28 +136,32 @@ class CameraOptions:
 
         if self.calibration is None:
             return None
-        self.refuse_intrinsics("--calibration")
+        self.refuse_intrinsics()
+        given = self.calibration_length_unit
         try:
-            given = self.calibration_length_unit
             unit = None if given is None else length_factor(given)
         except InputError as error:
-            raise InputError(f"--calibration-length-unit: {error}") from error
+            name = "calibration_length_unit"
+            raise InputError(str(error), code=error.code, argument=name) from error
         found = read_calibration(self.calibration, length_mm=unit)
         if found.matrix is None and found.views and self.origin is None and self.target is None:
             warn(
                 f"{self.calibration} has {found.views} views of a calibration board, which are not "
-                "the camera's pose, so it looks from its usual place; give --origin and --target."
+                "the camera's pose, so it looks from its usual place; give origin and target.",
+                argument="origin",
             )
         return found
 
-    def refuse_intrinsics(self, option: str) -> None:
-        """Refuse options that a calibration, given by `option`, also states."""
-        standard = CameraOptions()
+    def refuse_intrinsics(self) -> None:
+        """Refuse what a calibration also states."""
         for name in ("focal_length", "sensor", "resolution", "principal_point", "distortion"):
-            if getattr(self, name) != getattr(standard, name):
+            value = getattr(self, name)
+            if value != getattr(USUAL, name):
                 raise InputError(
-                    f'--{name.replace("_", "-")} is "{getattr(self, name)}", but {option} states '
-                    "it as well; leave one of them out."
+                    f"the {name.replace('_', ' ')} is {value!s}, but the calibration states it as "
+                    "well; leave one of them out.",
+                    code="camera.stated_twice",
+                    argument=name,
                 )
 
     def _calibrated(self, calibration: Calibration) -> Camera:
@@ -185,7 +182,11 @@ class CameraOptions:
         from iriftrace.tracing.viewpoint import default_viewpoint
 
         if not any(self.up):
-            raise InputError('--up is "0,0,0", which is not a direction; give one, "0,0,1".')
+            raise InputError(
+                f'up is "{self.up}", which is not a direction; give one, "0,0,1".',
+                code="camera.no_direction",
+                argument="up",
+            )
         if self.origin is not None:
             target = part.centre if self.target is None else self.target
             return camera.at(look_at(self.origin, target, self.up))
@@ -193,13 +194,18 @@ class CameraOptions:
         return camera if self.focus is not None else with_all_in_focus(camera, camera, part)
 
 
-def needed_pixel_size(size: float | None, source: object, option: str = "--pixel-size") -> float:
+USUAL = CameraOptions()
+
+
+def needed_pixel_size(size: Length | None, source: object, argument: str = "pixel_size") -> Length:
     """Width of a pixel, mm, which a calibration does not state; InputError if it is not given."""
     if size is None:
         raise InputError(
-            f"{source} has lengths in pixels only; give the width of a pixel too, such as "
-            f'{option} "3.45 um" (no ray depends on it, only the focal length and the sensor\'s '
-            "size that results state)."
+            f'{source} has lengths in pixels only; give the width of a pixel too, such as "3.45 '
+            "um\" (no ray depends on it, only the focal length and the sensor's size that results "
+            "state).",
+            code="calibration.no_pixel_size",
+            argument=argument,
         )
     return size
 
@@ -215,7 +221,11 @@ def refuse_unseen_part(camera: Camera, part: Part, source: str, remedy: str) -> 
         sees = f"the part is less than {FEWEST_PIXELS} pixels large"
     if sees:
         place = ", ".join(f"{value:.6g}" for value in camera.origin)
-        raise InputError(f"{source} has its camera at ({place}) mm, from where {sees}; {remedy}")
+        raise InputError(
+            f"{source} has its camera at ({place}) mm, from where {sees}; {remedy}",
+            code="camera.part_unseen",
+            argument="calibration_length_unit",
+        )
 
 
 def with_all_in_focus(device: Camera, camera: Camera, part: Part) -> Camera:

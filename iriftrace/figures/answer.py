@@ -1,0 +1,95 @@
+"""The answer of a measurement in words: value, U and verdict of a feature, and U by group."""
+
+from __future__ import annotations
+
+import math
+
+from iriftrace.measuring.features.quantity import DRAWING, Quantity
+from iriftrace.measuring.uncertainty.budget import Uncertainty
+from iriftrace.measuring.uncertainty.decision import Decision
+
+INFLUENCES = {
+    "air": "air around the part",
+    "wall": "wall",
+    "ambient": "ambient",
+    "pressure": "pressure",
+    "mesh": "mesh and model of the flow",
+    "numerics": "numerics",
+    "humidity": "humidity",
+    "sensor": "sensor",
+    "expansion and part": "growth of the part",
+    "other": "other",
+}
+"""Groups of a budget by the names of the inputs with which they are stated (ISO/TS 15530-4)."""
+
+
+def digits_of(expanded: float) -> int:
+    """Decimal places with which a value is stated whose U has two digits."""
+    if not 0.0 < expanded < math.inf:
+        return 4
+    return max(0, 1 - math.floor(math.log10(expanded)))
+
+
+def answer(name: str, value: Quantity, at: str = "") -> list[str]:
+    """Sentences, without full stop, that state a corrected value, its U and the verdict on it.
+
+    `at` says at which temperature the drawing holds.
+    """
+    u, unit = value.uncertainty, value.unit
+    if u is None:
+        return []
+    places = digits_of(u.expanded)
+    low, high = u.interval
+    least = "at least " if u.missing else ""
+    where = at or "on the drawing" if DRAWING in value.by_cloud else "corrected"
+    text = (
+        f"{name}, {where}: {u.value:.{places}f} {unit}, U = {least}{u.expanded:.{places}f} {unit} "
+        f"(k = {u.coverage_factor:.2g}, 95 %: {low:.{places}f} .. {high:.{places}f}"
+    )
+    text += f"; not covered: {', '.join(u.missing)})" if u.missing else ")"
+    measured = value.by_cloud.get("measured")
+    if value.decision is not None:
+        return [text, _verdict(value.decision, measured, places, unit)]
+    if measured is not None:
+        text += f"; as measured {measured:.{places}f} {unit}"
+    return [text]
+
+
+def _verdict(decision: Decision, measured: float | None, places: int, unit: str) -> str:
+    low, high = decision.tolerance.limits
+    text = f"Tolerance {low:.{places}f} .. {high:.{places}f} {unit}: {decision.verdict}"
+    if decision.risk is not None:
+        text += f", risk of a wrong verdict {100 * decision.risk:.2g} %"
+    elif not decision.reason:
+        text += f", the probability of a value outside is {100 * decision.outside:.2g} %"
+    if measured is not None:
+        within = "within" if decision.measured else "outside"
+        text += f" (as measured: {measured:.{places}f} {unit}, {within})"
+    return text
+
+
+GROUP_HEADINGS = ("quantity", "u", "share", "type", "from")
+"""Headings of `groups`."""
+
+
+def groups(stated: Uncertainty, unit: str) -> list[tuple[str, ...]]:
+    """Rows of U by group, the largest first."""
+    scale, shown = (1e3, "um") if unit == "mm" else (1.0, unit)
+    return [
+        (
+            one.group,
+            f"{scale * one.u:.3g} {shown}",
+            f"{100 * stated.share(one):.2g} %",
+            one.kind,
+            one.source,
+        )
+        for one in stated.contributions
+    ]
+
+
+def influences(stated: Uncertainty) -> str:
+    """What the budget does not contain: the list of ISO/TS 15530-4."""
+    present = set(stated.parts) | set(stated.missing)
+    absent = [name for name, group in INFLUENCES.items() if group not in present]
+    known = f"Taken as exactly known: {', '.join(absent)}. " if absent else ""
+    return f"{known}Not in U: turbulence within an exposure, diffraction."

@@ -1,0 +1,131 @@
+"""The facts of a measurement or correction in words, from values written by hand."""
+
+from typing import Any
+
+from iriftrace.core.plain import plain
+from iriftrace.figures.describe_scan import by_thing, describe, sentences, table
+from iriftrace.measuring.two_devices.correction import SCHEMA
+from iriftrace.medium.source import FieldFacts, FieldKind, FieldSource
+
+FACTS = FieldFacts(FieldKind.SYNTHETIC)
+FIELD = FieldSource("air.vtu", "12", "T", "temperature", "mm", "synthetic: formulas", facts=FACTS)
+
+
+def clouds(measured: Any, corrected: Any, drawing: Any) -> dict[str, Any]:
+    return {"measured": measured, "corrected": corrected, "drawing": drawing}
+
+
+def cone() -> dict[str, Any]:
+    """12.3 mm, 4 um smaller by the air, with u of 3 and 4 um: U = 2 x 5 um."""
+    return {
+        "kind": "cone",
+        "region": "cone 1",
+        "points": 990,
+        "left_out": 10,
+        "not_corrected": 7,
+        "size_mm": clouds(12.296, 12.3, 12.2),
+        "u_size_mm": clouds(0.0, 0.0, 0.0),
+        "form_mm": clouds(0.02, 0.01, 0.01),
+        "position_mm": clouds([0, 0, 1], [0, 0, 1], [0, 0, 0.99]),
+        "U_mm": 0.01,
+        "k": 2.0,
+        "contributions": [{"group": "fit", "u_mm": 0.004}, {"group": "expansion", "u_mm": 0.003}],
+        "not_covered": ["air"],
+    }
+
+
+def plane() -> dict[str, Any]:
+    nothing = clouds(None, None, None)
+    rest = {"size_mm": nothing, "u_size_mm": nothing, "left_out": 0, "not_corrected": 0}
+    return {"kind": "plane", "region": None, "points": 1000} | {
+        **rest,
+        "form_mm": clouds(0.005, 0.002, 0.002),
+        "position_mm": clouds([0, 0, 0], [0, 0, 0], [0, 0, 0]),
+    }
+
+
+def values(**more: Any) -> dict[str, Any]:
+    median = {"median": 1e-3, "rms": 2e-3, "p95": 3e-3}
+    region = {"region": "cone 1", "points": 9, "measured": 0.5, "along_normal_mm": median}
+    return {
+        "schema": SCHEMA,
+        "points": {"measured": 2007, "corrected": 2000, "hidden": 7},
+        "error_mm": median,
+        "growth": {"expansion_per_k": 1e-5, "reference_k": 293.15, "hot_k": 1293.15},
+        "field": plain(FIELD),
+        "assumptions": {"field_origin": FIELD.origin},
+        "features": [cone(), plane()],
+        "regions": [
+            {**region, "size_p95_mm": 4e-3},
+            {**region, "region": "rest", "points": 0, "along_normal_mm": None, "size_p95_mm": None},
+        ],
+        **more,
+    }
+
+
+def test_a_feature_has_its_sizes_with_units_and_the_parts_of_its_uncertainty() -> None:
+    rows = describe(values(), {"cone 1": "cone 1 (top)"})
+    features = by_thing(rows, "feature")
+    assert features["Cone (cone 1 (top))"] == {
+        "points": "990",
+        "left out": "10 of 1,000",
+        "not corrected": "7",
+        "form measured": "20 um",
+        "form corrected": "10 um",
+        "at": "(0.00, 0.00, 1.00) mm",
+        "measured": "12.2960 mm",
+        "corrected": "12.3000 mm",
+        "air makes it": "4 um smaller",
+        "On the drawing at 20 degC": "12.2000 mm ((0.00, 0.00, 0.99) mm of its axis)",
+        "U": "at least 10 um (k = 2; fit 8 um, expansion 6 um; not known: air), more than the "
+        "air's effect",
+    }
+    assert features["Plane"] == {
+        "points": "1,000",
+        "form measured": "5 um",
+        "form corrected": "2 um",
+    }
+
+
+def test_a_table_has_a_line_for_each_thing_and_gaps_where_it_has_no_value() -> None:
+    headings, (first, second) = table(describe(values()), "feature")
+    assert headings[:3] == ["feature", "points", "left out"]
+    assert first[:3] == ["Cone (cone 1)", "990", "10 of 1,000"]
+    assert second[:3] == ["Plane", "1,000", ""]
+    assert len(first) == len(second) == len(headings)
+    assert table(describe(values(features=[])), "feature") == ([], [])
+
+
+def test_sentences_end_with_a_full_stop_and_regions_without_a_point_are_counted() -> None:
+    rows = describe(values())
+    assert sentences(rows, "answer") == [
+        "2,000 of 2,007 points are corrected, by 1 um (median; 95th percentile 3 um)."
+    ]
+    assert sentences(rows, "note")[-1] == "Without a measured point: 1 region."
+    assert by_thing(rows, "region") == {
+        "cone 1": {
+            "points": "9",
+            "measured": "50%",
+            "median": "1 um",
+            "rms": "2 um",
+            "95 % below": "4 um",
+        }
+    }
+
+
+def test_air_from_formulas_is_named_and_leaves_its_part_of_u_unknown() -> None:
+    """Also where the uncertainty is stated, and where only a member of an ensemble is synthetic."""
+    stated = {"u_normal_mm": {"median": 1e-3, "p95": 2e-3}}
+    ensemble = {"field": None, "ensemble": {"members": [{"source": plain(FIELD)}]}}
+    for more in (stated, ensemble):
+        rows = describe(values(**more))
+        assert sentences(rows, "field") == ["SYNTHETIC FIELD: formulas."]
+        (unknown,) = sentences(rows, "uncertainty")
+        assert unknown.endswith("because the air is synthetic.")
+    rows = describe(values(field=None, **stated))
+    assert sentences(rows, "uncertainty") == []
+    assert sentences(rows, "answer")[1:] == [
+        "Standard uncertainty of the correction along the normal: 1 um (median; 95th percentile "
+        "2 um).",
+        "Systematic errors of the sensor, the shells and the mesh are not included in U.",
+    ]
