@@ -142,7 +142,7 @@ def _print_fit(found: MemberFit) -> None:
         [
             (one.number, one.label, f"{one.weight:.3f}", f"{u:.3f}", f"{alone:.3g} {found.unit}")
             for one, u, alone in members
-            if one.number in serving
+            if one.number in serving and one.variation is None
         ],
         texts=["field"],
     )

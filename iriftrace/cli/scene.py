@@ -299,7 +299,9 @@ def _ensemble(
         [
             (
                 member.number,
-                member.label,
+                member.label
+                if member.variation is None
+                else f"{member.label}, {member.variation.text}",
                 len(report),
                 f"{sum(shell.triangles for shell in report):,}",
                 f"{hottest - ZERO_CELSIUS_K:.0f}",

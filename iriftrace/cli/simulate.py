@@ -54,6 +54,7 @@ def simulate(
     workers: WorkersOfFamily = NO_WORKERS,
     part_reading: PartReading = AS_DRAWN,
     field: Path | None = None,
+    vary: str | None = None,
     write_only: Flag = False,
 ) -> None:
     """Simulate the hot air around a part with OpenFOAM and write the field.
@@ -79,6 +80,10 @@ def simulate(
         Folder for the OpenFOAM case, or for a family's fields and cases.
     field
         File for the field, .vtu; by default field.vtu in the case's folder.
+    vary
+        Solve the flow again with an input changed, once for each, "wall 10 K, ambient 2 K, pressure
+        2 hPa", for its share of an uncertainty. The fields are written beside the first one, as
+        field_wall.vtu and so on; in a scene they are members without weight.
     write_only
         Write the case and stop; the same command without this option runs it.
     """
@@ -86,6 +91,7 @@ def simulate(
     from iriftrace.flow.simulate.programs import find_openfoam
     from iriftrace.flow.simulate.simulate import check_solver, prepare
     from iriftrace.flow.simulate.simulate import simulate as run
+    from iriftrace.flow.simulate.variations import case_folder, varied_cases
 
     checks.inputs(part)
     checks.folder(output)
@@ -94,7 +100,7 @@ def simulate(
     family = wind.draughts is not None
     if family:
         refuse_given(
-            {"--field": field, "--write-only": write_only or None},
+            {"--field": field, "--write-only": write_only or None, "--vary": vary},
             "is for one field, but --draughts makes a family; leave one of them out.",
         )
         from iriftrace.sweep.workers import check_scheduler
@@ -128,8 +134,11 @@ def simulate(
         say(f"Family written; now run:  {next_scene(files, part, simulation, hot)}")
         return
     case = natural_case(measured, simulation, draught=wind.single())
+    varied = () if vary is None else varied_cases(case, vary)
     _print_case(case)
     there = prepare(case, output)
+    for one in varied:
+        prepare(one, case_folder(one, output))
     if installation is None:
         state = "already exists" if there else "written"
         say(f"Case {state}: {output}; the same command without --write-only runs it")
@@ -137,9 +146,39 @@ def simulate(
     target.parent.mkdir(parents=True, exist_ok=True)
     if there:
         say(f"Continuing the case in {output}")
+    if varied:
+        say(f"It is solved {len(varied) + 1} times on one mesh, of which this is the first.")
     with simulation_progress() as display:
         result = run(case, output, target, installation, display)
-    _print_simulation(result, part, hot, simulation)
+    _print_simulation(result)
+    files = [result.field, *_vary(varied, output, result, installation)]
+    written = "Fields" if varied else "Field"
+    say(f"{written} written; now run:  {next_scene(files, part, simulation, hot)}")
+
+
+def _vary(
+    varied: Sequence[Case], folder: Path, first: Simulation, installation: Installation
+) -> list[Path]:
+    """Solve each of the cases that vary the first one; returns their fields."""
+    from iriftrace.flow.simulate.variations import solve_varied
+
+    results = [first]
+    for one in varied:
+        with simulation_progress() as display:
+            # Mesh and cost are those of the first one.
+            quiet = evolve(display, expect=lambda cells, seconds: None)
+            result = solve_varied(one, folder, first.field, installation, quiet)
+        results.append(result)
+        text = "" if one.variation is None else one.variation.text
+        flow = result.steadiness
+        state = "" if flow is None else f"; heat flow {flow.heat_w:.4g} W, {flow.text}"
+        say(f"{result.field.name} {text}: {result.seconds:.0f} s{state}")
+    if varied and not all(one.steadiness and one.steadiness.steady for one in results):
+        warn(
+            "The flow is not steady, so what an input changes contains what time changes, too; "
+            "average longer (--average-time, --end-time)."
+        )
+    return [one.field for one in results[1:]]
 
 
 def _words(wall: WallTemperatures) -> list[str]:
@@ -214,9 +253,7 @@ def _print_wall(case: Case) -> None:
         say(f"  wall {region}: {kelvin:.2f} K ({kelvin - ZERO_CELSIUS_K:.0f} degC)")
 
 
-def _print_simulation(
-    result: Simulation, part: Path, reading: ReadPart, simulation: SimulationOptions
-) -> None:
+def _print_simulation(result: Simulation) -> None:
     runs = f" ({result.all_seconds:.0f} s in all its runs)"
     say(
         f"{result.cells:,} cells, {result.seconds:.0f} s"
@@ -234,7 +271,6 @@ def _print_simulation(
     if result.snapshots:
         listed = result.field.with_name(f"{result.field.stem}_snapshots.pvd")
         say(f"{len(result.snapshots)} snapshots: {listed}")
-    say(f"Field written; now run:  {next_scene([result.field], part, simulation, reading)}")
 
 
 def next_scene(

@@ -74,8 +74,8 @@ class MemberWeights:
 
     @property
     def equal(self) -> bool:
-        """True if all members have the same weight."""
-        return abs(self.effective - len(self.weights)) < 1e-6
+        """True if all members in the mean have the same weight."""
+        return abs(self.effective - self.sampled) < 1e-6
 
     @property
     def sampled(self) -> int:

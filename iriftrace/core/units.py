@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import TYPE_CHECKING, ClassVar, Self
 
@@ -65,6 +65,45 @@ def parse_quantity(text: str | float, unit: str) -> float:
             code="units.no_unit",
         )
     return value
+
+
+def named_quantities(text: str, units: Mapping[str, str]) -> dict[str, float]:
+    """Read ``"wall 10 K, pressure 2 hPa, air 5 %"`` as numbers in the `units` of their names.
+
+    A number in ``"K"`` is a difference of temperatures. Raises ValueError, with the fault and its
+    remedy, for an unknown name, a number without its unit, or a name that is given twice.
+    """
+    found: dict[str, float] = {}
+    for piece in filter(None, map(str.strip, text.split(","))):
+        name, _, value = piece.partition(" ")
+        if name not in units:
+            raise ValueError(f"{name!r} is not an input; use {', '.join(units)}")
+        if name in found:
+            raise ValueError(f"{name!r} is given twice; give it once")
+        found[name] = _named(name, value.strip(), units[name])
+    return found
+
+
+_EXAMPLES = {"dimensionless": "5 %", "K": "10 K", "pascal": "2 hPa", "mm": "8 um"}
+"""How values are written, by unit."""
+
+
+def _named(name: str, text: str, unit: str) -> float:
+    """A number with its unit; ValueError with the fault and its remedy."""
+    try:
+        float(text)
+        bare = True
+    except ValueError:
+        bare = False
+    example = f'"{name} {_EXAMPLES[unit]}"'
+    if bare and unit != "dimensionless":
+        raise ValueError(f"{name} has no unit; write it with one, like {example}")
+    if unit == "K" and not text.endswith("K"):
+        raise ValueError(f"{name} is {text!r}; give a difference in K, like {example}")
+    try:
+        return float(text.removesuffix("K")) if unit == "K" else parse_quantity(text, unit)
+    except (InputError, ValueError):
+        raise ValueError(f"{name} is {text!r}; write it like {example}") from None
 
 
 def stated_length_unit(remark: str) -> str:

@@ -233,7 +233,9 @@ def scan_setting(values: JsonObject) -> Rows:
     """Part, field, scene and devices of a scan or correction, from its JSON values."""
     if "ensemble" in values:
         members = sorted(values["ensemble"]["members"], key=lambda member: -member["weight"])
-        listed = "; ".join(f"{member['weight']:.3f} {member['label']}" for member in members)
+        listed = "; ".join(
+            f"{member['weight']:.3f} {member['label']}" for member in members if member["weight"]
+        )
         field = ("Fields by weight", listed)
     else:
         field = ("Field", file_text(values["field"] or {}))

@@ -49,7 +49,7 @@ def field_between(
     ------
     InputError
         There are fewer than two fields or not as many weights, a weight is negative, or a field has
-        no hot air.
+        no hot air or varies another one.
     """
     shares = MemberWeights(np.ones(len(fields)) if weights is None else weights).weights
     if len(fields) < 2 or len(shares) != len(fields):
@@ -58,6 +58,13 @@ def field_between(
             "fields or more, and a weight for each or none.",
             code="ensemble.weights",
         )
+    for one in fields:
+        if (variation := one.source.facts.variation) is not None:
+            raise InputError(
+                f"{one.source.path} {variation.text} of another field and is no state of the air, "
+                "so nothing lies between; leave it out.",
+                code="field.varies_another",
+            )
     first = fields[0]
     points = np.asarray(first.grid.points, dtype=np.float64)
     heights = np.linspace(points[:, 2].min(), points[:, 2].max(), _SLICES + 1)

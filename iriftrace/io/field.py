@@ -71,7 +71,8 @@ def read_field(
     reading : ReadField
         Array, state, units and place, where the file does not state them, or states several.
     air : Air, optional
-        Ambient air; `Air()` if omitted.
+        Ambient air; `Air()` if omitted. A file that states that it varies a field by another
+        temperature or pressure of the air is read in that air.
     member : int, optional
         Number of the state in a file with several (`iriftrace.io.members`) instead of the time
         of `reading`; the last one if both are omitted.
@@ -100,7 +101,6 @@ def read_field(
         because the file marks them or the array is NaN there; the array is one of a moment although
         the file has an average over time, or such an average of the temperature.
     """
-    air = Air() if air is None else air
     if reading.isosurfaces:
         raise InputError(
             "Iso-surfaces have no air between them; give the volume.",
@@ -111,6 +111,7 @@ def read_field(
         member = member_at(Path(path), reading.time).index
     transform = reading.matrix
     contents = read_volume(path, member=member, flow=flow)
+    air = _varied(Air() if air is None else air, contents.facts)
     length_unit = chosen_unit(
         Path(path), contents.length_unit, reading.length_unit, argument="field_length_unit"
     )
@@ -243,6 +244,16 @@ def _refuse_overlap(joined: pv.UnstructuredGrid, ends: IntArray, path: Path) -> 
             "blocks of the air alone, each part of it once.",
             code="field.blocks_overlap",
         )
+
+
+def _varied(air: Air, facts: FieldFacts | None) -> Air:
+    """The air in which a field was solved that varies one of this air."""
+    variation = None if facts is None else facts.variation
+    if variation is not None and variation.quantity == "ambient":
+        return evolve(air, temperature_k=air.temperature_k + variation.step)
+    if variation is not None and variation.quantity == "pressure":
+        return evolve(air, pressure_pa=air.pressure_pa + variation.step)
+    return air
 
 
 def _facts(contents: Contents, array: str) -> FieldFacts:

@@ -21,6 +21,10 @@ class FieldKind(Enum):
     NOT_STATED = "not stated"
 
 
+Quantity = Literal["wall", "ambient", "pressure"]
+"""Input of a flow solution that may be changed in it."""
+
+
 @frozen
 class Variation:
     """What was changed in a flow solution that only says what this input changes.
@@ -35,9 +39,15 @@ class Variation:
         SHA-256 of the file of the field that was solved with the input as it is.
     """
 
-    quantity: Literal["wall", "ambient", "pressure"]
+    quantity: Quantity
     step: float
     of: str
+
+    @property
+    def text(self) -> str:
+        """Description for tables and for the field's origin."""
+        step = f"{self.step / 100.0:g} hPa" if self.quantity == "pressure" else f"{self.step:g} K"
+        return f"varies {self.quantity} by {step}"
 
 
 @frozen

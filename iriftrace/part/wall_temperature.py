@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from functools import cached_property
 
 import numpy as np
-from attrs import field, frozen
+from attrs import evolve, field, frozen
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
@@ -160,6 +160,14 @@ class WallTemperatures:
     def varies(self, part: Part) -> bool:
         """True if the part's wall has more than one temperature."""
         return self.measured is not None or len(self.of_regions(part)) > 1
+
+    def hotter(self, by_k: float) -> WallTemperatures:
+        """The wall with all of its temperatures higher, K."""
+        regions = {name: kelvin + by_k for name, kelvin in self.regions.items()}
+        measured = self.measured
+        if measured is not None:
+            measured = evolve(measured, kelvins=measured.kelvins + by_k)
+        return evolve(self, default=self.default + by_k, regions=regions, measured=measured)
 
     @property
     def hottest(self) -> float:

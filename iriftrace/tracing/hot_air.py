@@ -16,7 +16,7 @@ from iriftrace.core.plain import JsonObject, plain
 from iriftrace.io.field_npz import load_field_file
 from iriftrace.medium.path_data import FieldCells, cells_of
 from iriftrace.medium.shells.options import STANDARD
-from iriftrace.medium.source import FieldSource
+from iriftrace.medium.source import FieldSource, Variation
 from iriftrace.tracing.options import GRADIENT
 
 if TYPE_CHECKING:
@@ -112,6 +112,9 @@ class AirState:
 
         if self.field is None:
             return None
+        variation = self.field.source.facts.variation
+        if wall_temperature_k is not None and variation is not None:
+            wall_temperature_k += variation.step if variation.quantity == "wall" else 0.0
         return fit_part_to_field(
             self.field, part, wall_temperature_k=wall_temperature_k, blockers=blockers
         )
@@ -142,12 +145,31 @@ class FieldMember:
         weight = state.weight if source.facts.variation is None else 0.0
         return cls(number, state.label, state.time, source, weight, state.covariance)
 
+    @property
+    def variation(self) -> Variation | None:
+        """What it varies in another member; None for a state of the air."""
+        return self.source.facts.variation
+
     def as_dict(self) -> JsonObject:
         """Plain JSON values."""
         values: JsonObject = plain(self)
         if self.covariance is None:
             del values["covariance"]
         return values
+
+
+def check_variations(members: Sequence[FieldMember]) -> None:
+    """Refuse a member that varies a field which is not among them, with an InputError."""
+    known = {one.source.sha256 for one in members if one.variation is None}
+    for one in members:
+        if one.variation is not None and one.variation.of not in known:
+            raise InputError(
+                f'Member {one.number} ("{one.label}") {one.variation.text} of a field that is not '
+                "in the scene; make the scene with both, or solve the variation again if that "
+                "field was.",
+                code="air.varies_nothing",
+                argument="member",
+            )
 
 
 def weights_of(members: Sequence[FieldMember]) -> MemberWeights:
@@ -291,7 +313,9 @@ class HotAir:
         """The states of an ensemble; empty for one state."""
         if len(self.states) == 1:
             return ()
-        return tuple(FieldMember.of(n, state) for n, state in enumerate(self.states, start=1))
+        members = tuple(FieldMember.of(n, state) for n, state in enumerate(self.states, start=1))
+        check_variations(members)
+        return members
 
     def alone(self, number: int) -> HotAir:
         """The air of one member of an ensemble, by its number from 1."""

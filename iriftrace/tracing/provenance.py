@@ -8,6 +8,7 @@ from pathlib import Path
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.plain import JsonObject, plain
+from iriftrace.core.units import counted
 from iriftrace.medium.source import FieldSource
 from iriftrace.tracing.compiled import Compiled
 from iriftrace.tracing.hot_air import OUTSIDE
@@ -36,7 +37,7 @@ def provenance(scene: Scene, camera: Camera) -> JsonObject:
         "bending": compiled.bending.value,
         "wavelength_nm": wavelength,
         "field": plain(source),
-        **({"ensemble": {"count": len(members), "members": members}} if members else {}),
+        **({"ensemble": {"count": scene.weights.sampled, "members": members}} if members else {}),
         "part": {
             "path": str(Path(part.path).resolve()),
             "sha256": part.sha256,
@@ -84,12 +85,13 @@ def _for_studies(compiled: Compiled) -> dict[str, str]:
 
 
 def _weighted(scene: Scene) -> list[tuple[str, FieldSource]]:
-    """Fields of an ensemble with their weights as text, the largest first; "" if all are equal."""
-    rows = zip(scene.weights.weights.tolist(), scene.members, strict=True)
-    if scene.weights.equal:
-        return [("", member.source) for member in scene.members]
-    by_weight = sorted(rows, key=lambda row: -row[0])
-    return [(f"{weight:.1%} ", member.source) for weight, member in by_weight if weight > 0.0]
+    """Fields in an ensemble's mean with their weights as text, the largest first; "" if equal."""
+    weights = scene.weights
+    rows = zip(weights.weights.tolist(), scene.members, strict=True)
+    in_mean = [(weight, member.source) for weight, member in rows if weight > 0.0]
+    if weights.equal:
+        return [("", source) for _, source in in_mean]
+    return [(f"{weight:.1%} ", source) for weight, source in sorted(in_mean, key=lambda r: -r[0])]
 
 
 def _meaning(scene: Scene) -> str:
@@ -97,9 +99,11 @@ def _meaning(scene: Scene) -> str:
     weighted = "" if weights.equal else f" weighted like {weights.effective:.2g} equal ones"
     if weights.covariance is not None:
         weighted += " by a fit to a measurement"
+    varied = sum(member.variation is not None for member in scene.members)
+    more = f"; {counted(varied, 'further field')} for what inputs change" if varied else ""
     return (
-        f"displacements are means over {len(scene.members)} fields{weighted} (bias), scatter is "
-        "the standard deviation of a sample"
+        f"displacements are means over {counted(weights.sampled, 'field')}{weighted} (bias), "
+        f"scatter is the standard deviation of a sample{more}"
     )
 
 

@@ -29,7 +29,7 @@ from iriftrace.tracing.ensemble import (
     TABLE,
     write_members,
 )
-from iriftrace.tracing.hot_air import AirState, FieldMember, weights_of
+from iriftrace.tracing.hot_air import AirState, FieldMember, check_variations, weights_of
 from iriftrace.tracing.xml import (
     BLOCKER_FILE,
     PART_FILE,
@@ -144,6 +144,7 @@ def write_ensemble_scene(
                 code="scene.one_field",
                 argument="member",
             )
+        check_variations(listed)
         normalised = weights_of(listed).weights.tolist()
         listed = tuple(evolve(m, weight=w) for m, w in zip(listed, normalised, strict=True))
         write_members(building / FOLDER, listed)

@@ -13,7 +13,7 @@ from iriftrace.flow.between import field_between, write_field_between
 from iriftrace.io.field import read_field
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.index_field import IndexField
-from iriftrace.medium.source import FieldFacts, FieldSource
+from iriftrace.medium.source import FieldFacts, FieldSource, Variation
 from validation.inputs.hot_block import AMBIENT
 from validation.inputs.leaning_air import leaning
 
@@ -89,3 +89,13 @@ def test_air_without_heat_has_no_place() -> None:
     still = IndexField(cold.grid, np.full(125, cold.ambient_refractivity), cold.air, cold.source)
     with pytest.raises(InputError, match="no air that is hotter"):
         field_between([cold, still])
+
+
+def test_nothing_lies_between_what_varies_a_field() -> None:
+    one, other = column(0.0, 0.0), column(4.0, 0.0)
+    facts = FieldFacts(variation=Variation("wall", 10.0, "0"))
+    varied = evolve(other, source=evolve(other.source, facts=facts))
+    with pytest.raises(InputError) as error:
+        field_between([one, varied])
+    assert error.value.code == "field.varies_another"
+    assert "varies wall by 10 K" in str(error.value)

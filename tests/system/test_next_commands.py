@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 from iriftrace.cli import main
-from iriftrace.cli.simulate import _print_simulation, next_scene
+from iriftrace.cli.simulate import next_scene
 from iriftrace.flow.simulate.options import SimulationOptions
-from iriftrace.flow.simulate.simulate import Simulation
 from iriftrace.io.reading import AS_DRAWN, ReadPart
 from validation.inputs import hot_block
 
@@ -46,15 +45,15 @@ def test_from_the_part_to_the_picture(
     assert Path("my parts/scene/scene.exr").is_file()
 
 
-def test_after_a_simulation(capsys: Printed) -> None:
+def test_after_a_simulation() -> None:
     """The air is that of the simulation, and a part that has expanded is read as it was there."""
-    _print_simulation(
-        Simulation(Path("case/field.vtu"), (), 1000, 1.0, None, 0.1, 60.0),
+    command = next_scene(
+        [Path("case/field.vtu")],
         Path("a part.stl"),
-        ReadPart(length_unit="m", expansion=14e-6, hot_temperature=["1100 degC"]),
         SimulationOptions(wall_temperature=1373.15, ambient=298.15, pressure=9e4),
+        ReadPart(length_unit="m", expansion=14e-6, hot_temperature=["1100 degC"]),
     )
-    assert next_words(capsys) == [
+    assert shlex.split(command)[1:] == [
         *("scene", "case/field.vtu", "a part.stl", "-o", "case/scene/scene.xml"),
         *("--ambient", "25 degC", "--pressure", "90000 Pa", "--length-unit", "m"),
         *("--expansion", "1.4e-05/K", "--hot-temperature", "1100 degC"),

@@ -18,6 +18,7 @@ from iriftrace.measuring.camera_motion import interaction_matrix
 from iriftrace.measuring.fit.shift_mixture import ShiftMixture, simplex_weights
 from iriftrace.measuring.fit.shift_noise import shift_noise
 from iriftrace.measuring.two_devices.correct import CorrectionStatus
+from iriftrace.medium.source import FieldFacts, Variation
 from iriftrace.tracing.load import load_scene
 from validation.inputs.leaning_air import (
     ACROSS,
@@ -328,3 +329,56 @@ def test_command(
     assert [row["weight"] for row in rows] == pytest.approx(weights, abs=1e-9)
     assert main([*words, str(tmp_path / "board" / "other.xml")]) == 2
     assert "folder of its own" in " ".join(capsys.readouterr().err.split())
+
+
+def test_members_that_vary_another_one_are_not_fitted(
+    board: iriftrace.Scene,
+    fields: list[iriftrace.IndexField],
+    shifts: MeasuredShift,
+    fit: iriftrace.MemberFit,
+    tmp_path: Path,
+    capsys: Printed,
+) -> None:
+    """They keep the weight 0, without a covariance; the fitted scene has them and their base."""
+
+    def varied(number: int) -> iriftrace.IndexField:
+        facts = FieldFacts(variation=Variation("wall", 10.0, fields[number].source.sha256))
+        one = fields[number]
+        return attrs.evolve(one, source=attrs.evolve(one.source, sha256="wall", facts=facts))
+
+    several = [*fields[:1], varied(0), *fields[1:]]
+    labels = ["0.0", "wall", "0.2", "0.4", "0.6"]
+    air = iriftrace.HotAir(several, layers=9, labels=labels)
+    scene = attrs.evolve(board, air=air)
+    found = iriftrace.fit_members(scene, shifts)
+    places = [0, 2, 3, 4]
+    assert found.weights.weights[places] == pytest.approx(fit.weights.weights, abs=1e-9)
+    assert found.covariance[np.ix_(places, places)] == pytest.approx(fit.covariance, rel=1e-6)
+    assert not found.covariance[1].any()
+    assert not found.covariance[:, 1].any()
+    assert found.as_dict()["members"][1]["alone"] is None
+    assert {1, 2} <= {member.number for member in found.serving}
+    saved = scene.save(tmp_path / "board" / "scene.xml")
+    table = np.column_stack((shifts.places, shifts.shifts))
+    file, fitted = tmp_path / "s.csv", tmp_path / "fitted" / "scene.xml"
+    np.savetxt(file, table, delimiter=",", header="u,v,du,dv", comments="", fmt="%.9g")
+    assert main(["fit", str(saved.path), str(file), "--engine", "shells", "-o", str(fitted)]) == 0
+    assert "wall" not in capsys.readouterr().out
+    again = load_scene(fitted)
+    (one,) = (member for member in again.members if member.variation is not None)
+    assert one.variation.of in {m.source.sha256 for m in again.members if m is not one}
+    leans = [0.0 if member is one else float(member.label) for member in again.members]
+    assert again.weights.weights @ leans == pytest.approx(0.3, abs=0.02)
+    assert one.weight == 0.0
+    assert not again.weights.covariance[one.number - 1].any()
+
+
+def test_one_state_and_its_variations_cannot_be_fitted(
+    board: iriftrace.Scene, fields: list[iriftrace.IndexField], shifts: MeasuredShift
+) -> None:
+    facts = FieldFacts(variation=Variation("wall", 10.0, fields[0].source.sha256))
+    varied = attrs.evolve(fields[1], source=attrs.evolve(fields[1].source, facts=facts))
+    scene = attrs.evolve(board, air=iriftrace.HotAir([fields[0], varied], layers=9))
+    with pytest.raises(InputError) as error:
+        iriftrace.fit_members(scene, shifts)
+    assert error.value.code == "scene.one_field"

@@ -22,6 +22,7 @@ from iriftrace.flow.simulate.part_surface import (
     symmetric_axes,
 )
 from iriftrace.flow.simulate.times import Times, natural_times
+from iriftrace.medium.source import Variation
 from iriftrace.part.part import Part, refuse_unlikely_size
 from iriftrace.part.region_choice import values_by_region
 from iriftrace.part.wall_temperature import WallTemperatures, wall_temperature
@@ -50,6 +51,7 @@ class Case:
     draught: Draught | None = None  # None in still air
     bodies: tuple[Body, ...] = ()
     family: tuple[Draught, ...] = ()  # draughts of all cases that use the same mesh
+    variation: Variation | None = None  # of a case that varies another one, and uses its mesh
     domain: Domain = field(init=False)
 
     def __attrs_post_init__(self) -> None:
@@ -107,9 +109,10 @@ class Case:
         """Leans of the plumes for which the mesh is refined."""
         height = float(np.ptp(self.part.bounds[:, 2]))
         own = () if self.draught is None else (self.draught,)
-        return leans(
-            self.family or own, rise_speed(height, self.wall.hottest, self.options.ambient)
-        )
+        temperatures = {"wall": self.wall.hottest, "ambient": float(self.options.ambient)}
+        if self.variation is not None and self.variation.quantity in temperatures:
+            temperatures[self.variation.quantity] -= self.variation.step
+        return leans(self.family or own, rise_speed(height, *temperatures.values()))
 
     def record(self) -> JsonObject:
         """Values on which flow and mesh depend."""

@@ -202,6 +202,8 @@ def _write(case: Case, grid: pv.UnstructuredGrid, file: Path, how: str, facts: F
         parts.append(f"around {', '.join(body.name for body in case.bodies)}")
     if case.options.floor is not None:
         parts.append(f"floor at z = {case.options.floor:g} mm")
+    if case.variation is not None:
+        parts.append(case.variation.text)
     planes = case.domain.planes.items()
     mirrored = [f"{name} = {round(value, 4) + 0.0:g} mm" for name, value in planes]  # no "-0"
     symmetry = (
@@ -223,6 +225,12 @@ def _write(case: Case, grid: pv.UnstructuredGrid, file: Path, how: str, facts: F
     write_bodies(bodies, file.parent)
     names = tuple(body.name for body in bodies)
     draught = None if case.draught is None else case.draught.velocity
-    facts = evolve(facts, bodies=names, symmetry=symmetry, draught_m_s=draught)
+    facts = evolve(
+        facts,
+        bodies=names,
+        symmetry=symmetry,
+        draught_m_s=draught,
+        variation=case.variation,
+    )
     state_origin(output, ", ".join(parts), facts)
     write_vtk(file, output)

@@ -78,11 +78,12 @@ class MemberFit:
     Attributes
     ----------
     members : tuple of FieldMember
-        All members of the scene, with their fitted weights and rows of the covariance.
+        All members of the scene, with their fitted weights and rows of the covariance. Those that
+        vary another one are not fitted; they keep the weight 0.
     covariance : (k, k) array
-        Covariance of the weights. It has the residual as noise of the measured values (`birge`),
-        and as a systematic difference of the air by as much as the residual exceeds the noise:
-        towards the nearest members, or of the whole contrast.
+        Covariance of the weights, 0 for members that were not fitted. It has the residual as noise
+        of the measured values (`birge`), and as a systematic difference of the air by as much as
+        the residual exceeds the noise: towards the nearest members, or of the whole contrast.
     unit : str
         Unit of the next four values: ``"px"`` (of the first camera) for shifts, ``"K"`` for
         temperatures.
@@ -91,7 +92,7 @@ class MemberFit:
     noise_source : str
         Origin of the noise that the residual is compared with.
     single : (k,) array
-        Residual of each member by itself.
+        Residual of each member by itself; NaN for those that were not fitted.
     foreign : float
         Fraction of the values whose residual exceeds the noise and any member's prediction, as in
         air of another kind (`ShiftMixture.foreign`).
@@ -170,16 +171,21 @@ class MemberFit:
         if self.contained:
             return ""
         return members_to_solve(
-            self.members,
+            [self.members[place] for place in fitted_places(self.members)],
             self.scale if self.scaled < EXPLAINED * self.residual else 1.0,
             other_body=self.foreign > MOST_OUTLIERS,
         )
 
     @property
     def serving(self) -> tuple[FieldMember, ...]:
-        """Members with weight, and those without weight that the covariance needs."""
+        """Members with weight, those that the covariance needs, and both sides of a variation."""
+        varied = {m.variation.of for m in self.members if m.variation is not None}
         rows = zip(self.members, self.covariance, strict=True)
-        return tuple(m for m, row in rows if m.weight > 0.0 or row.any())
+        return tuple(
+            m
+            for m, row in rows
+            if m.weight > 0.0 or row.any() or m.variation is not None or m.source.sha256 in varied
+        )
 
     def as_dict(self) -> JsonObject:
         """Plain JSON values, schema ``iriftrace.fit/3``."""
@@ -203,7 +209,12 @@ class MemberFit:
             "dots": self.dots,
             "views": [view.as_dict() for view in self.views],
             "members": [
-                {"number": m.number, "label": m.label, "weight": m.weight, "alone": alone}
+                {
+                    "number": m.number,
+                    "label": m.label,
+                    "weight": m.weight,
+                    "alone": None if np.isnan(alone) else alone,
+                }
                 for m, alone in labels
             ],
             "covariance": self.covariance.tolist(),
@@ -222,15 +233,20 @@ def member_fit(
     views: tuple[FittedView, ...],
     provenance: JsonObject,
 ) -> MemberFit:
-    """Assemble the results of a fit; attributes as of `MemberFit`."""
-    if len(members) < FEWEST:
+    """Assemble the results of a fit of the `fitted_places`; attributes as of `MemberFit`."""
+    places = fitted_places(members)
+    if len(places) < FEWEST:
         warn(
-            f"The uncertainty of weights knows only the air between the {len(members)} members; "
+            f"The uncertainty of weights knows only the air between the {len(places)} members; "
             f"give at least {FEWEST}, such as two speeds of two directions of the draught.",
             argument="member",
         )
-    covariance = found.covariance(noise)
-    fitted = MemberWeights(found.weights, covariance).rows
+    count = len(members)
+    weights, single, covariance = np.zeros(count), np.full(count, np.nan), np.zeros((count, count))
+    weights[places] = found.weights
+    single[places] = [rms(found.left(alone).ravel()) for alone in np.eye(len(places))]
+    covariance[np.ix_(places, places)] = found.covariance(noise)
+    fitted = MemberWeights(weights, covariance).rows
     scale, scaled = found.scaled()
     return MemberFit(
         members=tuple(
@@ -242,7 +258,7 @@ def member_fit(
         residual=found.residual,
         noise=noise,
         noise_source=noise_source,
-        single=np.array([rms(found.left(alone).ravel()) for alone in np.eye(len(fitted))]),
+        single=single,
         foreign=found.foreign(noise),
         scale=scale,
         scaled=scaled,
@@ -254,15 +270,20 @@ def member_fit(
 
 
 def members_in(scene: Scene) -> tuple[FieldMember, ...]:
-    """The members of a scene; raises InputError if it has only one field."""
-    if not scene.members:
+    """The members of a scene; raises InputError if it has only one state of the air."""
+    if len(fitted_places(scene.members)) < 2:
         raise InputError(
-            f"{scene.name} has one field, so there are no weights to fit; make it of several "
-            "states of the air.",
+            f"{scene.name} has one field that can have a weight, so there are none to fit; make it "
+            "of several states of the air.",
             code="scene.one_field",
             argument="member",
         )
     return scene.members
+
+
+def fitted_places(members: Sequence[FieldMember]) -> list[int]:
+    """Places of the members that are states of the air, and do not vary another one."""
+    return [place for place, member in enumerate(members) if member.variation is None]
 
 
 def check_count(values: int, members: int, what: str, others: str = "") -> None:

@@ -25,6 +25,7 @@ from iriftrace.measuring.fit.member_fit import (
     FittedView,
     MemberFit,
     check_count,
+    fitted_places,
     member_fit,
     members_in,
 )
@@ -133,18 +134,20 @@ def _view(
     scene: Scene, shifts: MeasuredShift, noise_px: float | None, camera_motion: bool
 ) -> _View:
     """The members' predictions at the dots of one view, by their traced rays."""
-    members = members_in(scene)
+    fitted = fitted_places(members_in(scene))
     # At the resolution of its film before ``scale`` changed it.
     full, seen = scene.compiled.full_resolution, scene.camera.resolution
     camera = scene.camera.scaled(full[0] / seen[0])
-    check_count(len(shifts.places), len(members), "dots on the board")
+    check_count(len(shifts.places), len(fitted), "dots on the board")
     _check_in_picture(shifts, camera)
     hot = shifts.places + shifts.shifts
     traced = choose(scene, camera).scene
-    points, status = seen_by_members(traced.alone(), camera, hot)
+    points, status = seen_by_members(
+        (one for place, one in enumerate(traced.alone()) if place in fitted), camera, hot
+    )
     good = (status == Status.GOOD).all(axis=0)
     dots = {"failed": shifts.failed, "zeros": shifts.zeros, **_counts(status)}
-    _check_dots(dots, len(members))
+    _check_dots(dots, len(fitted))
     predicted = hot[good] - np.array([camera.project(seen[good]) for seen in points])
     measured, places = shifts.shifts[good], shifts.places[good]
     free = interaction_matrix(camera, points[0][good]) if camera_motion else None

@@ -12,6 +12,7 @@ from iriftrace.measuring.fit.member_fit import (
     FittedView,
     MemberFit,
     check_count,
+    fitted_places,
     member_fit,
     members_in,
 )
@@ -41,7 +42,8 @@ def fit_temperatures(scene: Scene, temperatures: AirTemperatures) -> MemberFit:
     """
     loaded = ready_scene(scene)
     members = members_in(loaded)
-    check_count(len(temperatures.places), len(members), "thermocouples")
+    fitted = fitted_places(members)
+    check_count(len(temperatures.places), len(fitted), "thermocouples")
     inside = loaded.part.surface.inside(temperatures.places)
     if inside.any():
         raise InputError(
@@ -50,7 +52,7 @@ def fit_temperatures(scene: Scene, temperatures: AirTemperatures) -> MemberFit:
             "them out.",
             code="thermocouples.inside_part",
         )
-    states = [state.cells for state in loaded.air.states]
+    states = [loaded.air.states[place].cells for place in fitted]
     ambient = states[0].air.temperature_k
     # Excess over the ambient air: the covariance scales it as a whole.
     predicted = np.array([cells.temperature_at(temperatures.places) for cells in states]) - ambient

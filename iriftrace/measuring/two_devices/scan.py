@@ -145,12 +145,13 @@ class Scan:
 
     @property
     def worst_member(self) -> IntArray | None:
-        """(n,) array: number of the member with the largest error along the normal."""
-        if self.errors is None:
+        """(n,) array: number of the member in the mean with the largest error along the normal."""
+        if self.errors is None or self.weights is None:
             return None
         numbers = [member["number"] for member in self.provenance["ensemble"]["members"]]
-        along = each_along(self.errors, self.normal)
-        return np.asarray(np.array(numbers)[np.abs(along).argmax(axis=0)])
+        in_mean = np.flatnonzero(self.weights.weights)
+        along = each_along(self.errors[in_mean], self.normal)
+        return np.asarray(np.array(numbers)[in_mean[np.abs(along).argmax(axis=0)]])
 
     @property
     def lost_rays(self) -> LostRays | None:
@@ -177,7 +178,8 @@ class Scan:
                 strict=True,
             )
         ]
-        worst = max(rows, key=lambda row: row["error_normal_mm"]["rms"])
+        in_mean = [row for row in rows if row["weight"]]
+        worst = max(in_mean, key=lambda row: row["error_normal_mm"]["rms"])
         return {
             "scatter_normal_mm": spread(scatter),
             "members": rows,

@@ -15,7 +15,6 @@ from attrs import Factory, frozen
 from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.errors import InputError
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.measuring.uncertainty.budget import Mixture
 from iriftrace.measuring.uncertainty.inputs import Inputs
@@ -132,10 +131,7 @@ class AirGroups:
 
     @classmethod
     def of(cls, scene: Scene, inputs: Inputs) -> AirGroups:
-        """The groups of a scene's air with the stated uncertainties.
-
-        Raises InputError for a member that varies a field which is not in the scene.
-        """
+        """The groups of a scene's air with the stated uncertainties."""
         weights = scene.weights if scene.members else None
         scaled = _scaled(scene, inputs)
         varied = _varied(scene, inputs)
@@ -190,17 +186,10 @@ def _varied(scene: Scene, inputs: Inputs) -> dict[str, SolvedAgain]:
     found: dict[str, SolvedAgain] = {}
     place = {one.source.sha256: number for number, one in enumerate(scene.members)}
     for number, one in enumerate(scene.members):
-        variation = one.source.facts.variation
+        variation = one.variation
         if variation is None:
             continue
-        base, stated = place.get(variation.of), given[variation.quantity]
-        if base is None:
-            raise InputError(
-                f'Member {one.number} ("{one.label}") varies the {variation.quantity} of a field '
-                "that is not in the scene; make the scene with both.",
-                code="air.varies_nothing",
-                argument="member",
-            )
+        base, stated = place[variation.of], given[variation.quantity]
         if stated is not None:
             factor = stated / variation.step
             found[variation.quantity] = SolvedAgain(number, base, factor, "solved again")

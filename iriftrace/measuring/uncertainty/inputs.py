@@ -7,7 +7,7 @@ import math
 from attrs import Attribute, field, frozen
 
 from iriftrace.core.errors import InputError
-from iriftrace.core.units import parse_quantity
+from iriftrace.core.units import named_quantities
 
 
 def _uncertainty(_: object, attribute: Attribute[float | None], value: float | None) -> None:
@@ -78,16 +78,16 @@ class Inputs:
 
         Raises InputError for an unknown name, a number without its unit, or one given twice.
         """
-        found: dict[str, float] = {}
-        for piece in filter(None, map(str.strip, text.split(","))):
-            name, _, value = piece.partition(" ")
-            if name not in NAMES:
-                raise _wrong(f"{name!r} is not an input", f"use {', '.join(NAMES)}")
-            attribute, unit = NAMES[name]
-            if attribute in found:
-                raise _wrong(f"{name!r} is given twice", "give it once")
-            found[attribute] = _value(name, value.strip(), unit)
-        return cls(**found)
+        units = {name: unit for name, (_, unit) in NAMES.items()}
+        try:
+            found = named_quantities(text, units)
+        except ValueError as error:
+            raise InputError(
+                f"Among the uncertainties {error}.",
+                code="uncertainty.not_read",
+                argument="uncertainty",
+            ) from None
+        return cls(**{NAMES[name][0]: value for name, value in found.items()})
 
     def stated(self) -> dict[str, float]:
         """The values that are stated, by the names of `of`."""
@@ -109,35 +109,6 @@ NAMES = {
     "other": ("other_mm", "mm"),
 }
 """Attribute and unit of each input by its name in `Inputs.of`."""
-
-
-def _wrong(fault: str, remedy: str) -> InputError:
-    return InputError(
-        f"Among the uncertainties {fault}; {remedy}.",
-        code="uncertainty.not_read",
-        argument="uncertainty",
-    )
-
-
-def _value(name: str, text: str, unit: str) -> float:
-    """A number with its unit; differences of temperatures are in K."""
-    try:
-        float(text)
-        bare = True
-    except ValueError:
-        bare = False
-    if bare and unit != "dimensionless":
-        raise _wrong(f"{name} has no unit", f'write it with one, like "{name} {EXAMPLES[unit]}"')
-    if unit == "K" and not text.endswith("K"):
-        raise _wrong(f"{name} is {text!r}", f'give a difference in K, like "{name} 10 K"')
-    try:
-        return float(text.removesuffix("K")) if unit == "K" else parse_quantity(text, unit)
-    except (InputError, ValueError):
-        raise _wrong(f"{name} is {text!r}", f'write it like "{name} {EXAMPLES[unit]}"') from None
-
-
-EXAMPLES = {"dimensionless": "5 %", "K": "10 K", "pascal": "2 hPa", "mm": "8 um"}
-"""How values are written, by unit."""
 
 NOTHING_STATED = Inputs()
 """No uncertainty is stated."""
