@@ -12,6 +12,7 @@ from iriftrace.measuring.uncertainty.options import AnswerOptions
 if TYPE_CHECKING:
     from iriftrace.measuring.features.quantity import Quantity
     from iriftrace.measuring.uncertainty.budget import Uncertainty
+    from iriftrace.measuring.uncertainty.displacement import PoseUncertainty
 
 Answers = Annotated[AnswerOptions, group(AnswerOptions)]
 
@@ -41,3 +42,14 @@ def print_groups(title: str, stated: Uncertainty, unit: str) -> None:
 
     print_table(title, GROUP_HEADINGS, groups(stated, unit), texts=["quantity", "from"])
     say(influences(stated))
+
+
+def say_pose(found: PoseUncertainty) -> None:
+    """Print displacement and shift of a pose with their U."""
+    for name, one in found.displacement_mm.items():
+        least, shift = "at least " if one.missing else "", found.shift_px[name]
+        say(
+            f"Displacement, {name}: {1e3 * one.value:.4g} um, U = {least}"
+            f"{1e3 * one.expanded:.2g} um; shift {shift.value:.3g} px, U = {least}"
+            f"{shift.expanded:.2g} px."
+        )

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from iriftrace.cli import checks
-from iriftrace.cli.answer import Answers, print_groups, say_answers
+from iriftrace.cli.answer import Answers, print_groups, say_answers, say_pose
 from iriftrace.cli.console import say, working
 from iriftrace.cli.measure import Devices
 from iriftrace.cli.options import Output
@@ -99,12 +99,7 @@ def _of_camera(scene: Scene, inputs: Inputs) -> JsonObject:
 
     with working("Tracing"):
         found = render_with_uncertainty(scene, inputs)
-    for name, one in found.displacement_mm.items():
-        say(
-            f"Displacement, {name}: {1e3 * one.value:.4g} um, U = "
-            f"{'at least ' if one.missing else ''}{1e3 * one.expanded:.2g} um; shift "
-            f"{found.shift_px[name].value:.3g} px, U = {found.shift_px[name].expanded:.2g} px."
-        )
+    say_pose(found)
     median = found.displacement_mm["median"]
     print_groups("Median displacement: U by group", median, "mm")
     return {

@@ -37,6 +37,7 @@ def render(
     surface: Path | None = None,
     rgb: Literal["displacement", "shift", "refracted"] | None = None,
     include: Statuses = None,
+    uncertainty: str | None = None,
     lens: Aperture = PINHOLE,
 ) -> None:
     """Trace a scene: AOV EXR, metrics JSON and displacement picture.
@@ -60,6 +61,9 @@ def render(
         CloudCompare (.ply).
     rgb
         Repeat these channels of the EXR as R, G and B, for programs that show no others.
+    uncertainty
+        Also write the standard uncertainty of each pixel's displacement (displacement.u.norm), by
+        the members and by these of the inputs, "air 5 %, wall 10 K", as for ``iriftrace budget``.
     """
     from iriftrace.io.lost_rays import rays_file_of
     from iriftrace.io.surface import write_surface
@@ -75,7 +79,9 @@ def render(
     loaded = load(scene, trace)
     checks.kept(surface, loaded.part.path)
     effects = effects_of(lens, loaded, {"camera": loaded.camera})
-    rendering, files = _render(loaded, exr, used, figures, rgb, effects.get("camera"))
+    rendering, files = _render(
+        loaded, exr, used, figures, rgb, aperture=effects.get("camera"), uncertainty=uncertainty
+    )
     if surface is not None:
         write_surface(surface, rendering.image, loaded.part)
         files.append(surface)
@@ -171,14 +177,19 @@ def _render(
     include: tuple[int, ...],
     figures: bool = True,
     rgb: str | None = None,
+    *,
     aperture: JsonObject | None = None,
+    uncertainty: str | None = None,
 ) -> tuple[Rendering, list[Path]]:
     """Render a scene and write all its files except that of the surface."""
     from iriftrace.image.lost_rays import lost_rays_of
     from iriftrace.tracing.render import render_scene
 
-    with working("Tracing"):
-        rendering = render_scene(loaded, include=include)
+    if uncertainty is None:
+        with working("Tracing"):
+            rendering = render_scene(loaded, include=include)
+    else:
+        rendering = _with_uncertainty(loaded, include, uncertainty)
     rendering = evolve(rendering, metrics=evolve(rendering.metrics, aperture=aperture))
     # Before the picture, which cannot be drawn if all rays are lost.
     rays = write_rays(exr, lost_rays_of(rendering.image))
@@ -195,6 +206,18 @@ def _render(
             rendering = rendering.with_time("figures", started)
     with working("Writing"):
         return rendering.saved(exr, rgb=rgb), [exr, exr.with_suffix(".json"), *pictures, *rays]
+
+
+def _with_uncertainty(loaded: Scene, include: tuple[int, ...], uncertainty: str) -> Rendering:
+    from iriftrace.cli.answer import say_pose
+    from iriftrace.measuring.uncertainty.displacement import render_with_uncertainty
+    from iriftrace.measuring.uncertainty.inputs import Inputs
+
+    inputs = Inputs.of(uncertainty)
+    with working("Tracing"):
+        found = render_with_uncertainty(loaded, inputs, include=include)
+    say_pose(found)
+    return found.rendering
 
 
 def _print_rendering(rendering: Rendering, loaded: Scene, files: list[Path]) -> None:
