@@ -17,11 +17,9 @@ from iriftrace.medium.shells.hessian import radial_derivatives
 from iriftrace.medium.shells.levels import index_levels
 from iriftrace.medium.shells.stack import Shell, ShellStack
 from iriftrace.part.part import Part, part_of_mesh
-
-WALL_K = 1373.15
-SLAB_MM = 20.0
-CYLINDER_RADIUS_MM = 13.5
-HOT_AIR_RADIUS_MM = 60.0
+from iriftrace.scenes.closed_forms import OUTER_MM as HOT_AIR_RADIUS_MM
+from iriftrace.scenes.closed_forms import RADIUS_MM as CYLINDER_RADIUS_MM
+from iriftrace.scenes.closed_forms import SLAB_MM, WALL_K
 
 
 def slab_heights(refractivity: FloatArray, air: Air) -> FloatArray:

@@ -1,4 +1,4 @@
-"""How often U holds: worlds drawn from the stated inputs, each traced, measured and corrected.
+"""Worlds in which U holds: drawn from the stated inputs, each traced, measured and corrected.
 
 A cylinder of 12 mm in air of a formula, whose plume leans in a draught. In each world the draught
 is any mixture of the members', and wall, ambient air and pressure are off by normal errors; its air

@@ -12,7 +12,7 @@ from iriftrace.cli.console import exit_status, ignore, noticed, raise_if_noticed
 def main(arguments: list[str] | None = None) -> int:
     """Run the program; returns the exit status.
 
-    0 success, 2 wrong input, 130 interrupted, 143 terminated.
+    0 success, 1 a check is not passed, 2 wrong input, 130 interrupted, 143 terminated.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):

@@ -18,6 +18,7 @@ from iriftrace.core.units import Length, Temperature, Vector
 from iriftrace.flow.synthetic.options import STANDARD, WALL, SyntheticOptions
 from iriftrace.io.reading import AS_DRAWN, AS_STATED, ReadPart
 from iriftrace.medium.air.refractivity import Air
+from iriftrace.medium.shells.options import STANDARD as SHELLS
 
 if TYPE_CHECKING:
     from iriftrace.flow.check.finding import FieldCheck
@@ -52,7 +53,7 @@ def check(
     diameter: Length | None = None,
     origin: Vector | None = None,
     known: Path | None = None,
-    layers: Whole = 13,
+    layers: Whole = SHELLS.layers,
     air: AirOptions = Air(),
     reading: FieldReading = AS_STATED,
     part_reading: PartReading = AS_DRAWN,

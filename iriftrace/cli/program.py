@@ -26,7 +26,10 @@ app = App(
 
 
 def run(arguments: list[str]) -> int:
-    """Run the command that the arguments name; returns the exit status (0, or 2: wrong input)."""
+    """Run the command that the arguments name; returns the exit status.
+
+    0 success, 1 a check that the command made is not passed, 2 wrong input.
+    """
     with warnings.catch_warnings():
         # Our warnings are messages to the user, even if Python was set to make warnings errors.
         warnings.simplefilter("default", IriftraceWarning)
@@ -35,7 +38,7 @@ def run(arguments: list[str]) -> int:
         )
         try:
             _import_listed(arguments)
-            app(
+            passed = app(
                 with_negative_values(arguments),
                 exit_on_error=False,
                 print_error=False,
@@ -50,7 +53,7 @@ def run(arguments: list[str]) -> int:
             if "failed to map segment" not in error.msg:
                 raise
             return _refused(_out_of_memory(arguments))
-    return 0
+    return 1 if passed is False else 0
 
 
 def _refused(text: str) -> int:
@@ -206,6 +209,7 @@ for _module, _names in {
     "correct": ("correct",),
     "budget": ("budget",),
     "twin": ("twin",),
+    "qualify": ("qualify",),
     "compare": ("compare",),
     "fit": ("fit",),
     "field": ("field",),

@@ -133,7 +133,13 @@ def _measured(values: JsonObject) -> Iterator[Row]:
 def _result(name: str, row: JsonObject, at: str) -> Iterator[Row]:
     """Value, U and verdict of a feature or relation."""
     place = f"{at[0].lower()}{at[1:]}" if at else ""
-    return (Row("result", line) for line in answer(name, Quantity.of(row), place))
+    lines = answer(name, Quantity.of(row), place)
+    if lines and row.get("points"):
+        used = f"{row['points']:,} points"
+        used += f", {row['left_out']:,} left out as outliers" if row["left_out"] else ""
+        used += f", {row['not_corrected']:,} without correction" if row["not_corrected"] else ""
+        lines[0] += f"; {used}"
+    return (Row("result", line) for line in lines)
 
 
 def _corrected(values: JsonObject) -> Iterator[Row]:
@@ -147,6 +153,9 @@ def _corrected(values: JsonObject) -> Iterator[Row]:
     ]
     left = f"; as measured stay {', '.join(others)}" if others else ""
     yield Row("points moved", f"{moved} {_spread(values['error_mm'])}{left}")
+    if not values["growth"]:
+        held = "Sizes hold at the temperature that the part had when it was measured"
+        yield Row("warning", f"{held}; state its expansion for those on its drawing")
     if OUTSIDE in values["assumptions"]:
         yield Row("warning", str(values["assumptions"][OUTSIDE]).removesuffix("."))
     if to_part is not None:

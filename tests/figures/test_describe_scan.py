@@ -27,10 +27,24 @@ def cone() -> dict[str, Any]:
         "u_size_mm": clouds(0.0, 0.0, 0.0),
         "form_mm": clouds(0.02, 0.01, 0.01),
         "position_mm": clouds([0, 0, 1], [0, 0, 1], [0, 0, 0.99]),
+        "value_mm": 12.2,
         "U_mm": 0.01,
         "k": 2.0,
-        "contributions": [{"group": "fit", "u_mm": 0.004}, {"group": "expansion", "u_mm": 0.003}],
+        "interval_mm": [12.19, 12.21],
+        "contributions": [
+            {"group": "sensor", "u_mm": 0.004, "share": 0.64, "type": "A", "source": "scatter"},
+            {"group": "growth", "u_mm": 0.003, "share": 0.36, "type": "B", "source": "stated"},
+        ],
         "not_covered": ["air"],
+        "decision": {
+            "nominal": 12.2,
+            "deviations": [-0.05, 0.05],
+            "verdict": "not decided",
+            "probability_outside": 1e-9,
+            "risk": None,
+            "reason": "not known: air",
+            "as_measured_within": False,
+        },
     }
 
 
@@ -77,7 +91,7 @@ def test_a_feature_has_its_sizes_with_units_and_the_parts_of_its_uncertainty() -
         "corrected": "12.3000 mm",
         "air makes it": "4 um smaller",
         "On the drawing at 20 degC": "12.2000 mm ((0.00, 0.00, 0.99) mm of its axis)",
-        "U": "at least 10 um (k = 2; fit 8 um, expansion 6 um; not known: air), more than the "
+        "U": "at least 10 um (k = 2; sensor 8 um, growth 6 um; not known: air), more than the "
         "air's effect",
     }
     assert features["Plane"] == {
@@ -113,19 +127,28 @@ def test_sentences_end_with_a_full_stop_and_regions_without_a_point_are_counted(
     }
 
 
-def test_air_from_formulas_is_named_and_leaves_its_part_of_u_unknown() -> None:
-    """Also where the uncertainty is stated, and where only a member of an ensemble is synthetic."""
+def test_the_answer_is_value_u_and_verdict() -> None:
+    assert sentences(describe(values()), "result") == [
+        "Diameter of cone cone 1, on the drawing at 20 degC: 12.200 mm, U = at least 0.010 mm (k = "
+        "2, 95 %: 12.190 .. 12.210; not covered: air); 990 points, 10 left out as outliers, 7 "
+        "without correction.",
+        "Tolerance 12.150 .. 12.250 mm: not decided (as measured: 12.296 mm, outside).",
+    ]
+    moved = "2,000 of 2,007 points are corrected, by 1 um (median; 95th percentile 3 um); as "
+    assert sentences(describe(values()), "points moved") == [
+        f"{moved}measured stay 7 hidden from a device."
+    ]
+
+
+def test_air_from_formulas_is_named() -> None:
+    """Also where only a member of an ensemble is synthetic."""
     stated = {"u_normal_mm": {"median": 1e-3, "p95": 2e-3}}
     ensemble = {"field": None, "ensemble": {"members": [{"source": plain(FIELD)}]}}
     for more in (stated, ensemble):
         rows = describe(values(**more))
         assert sentences(rows, "field") == ["SYNTHETIC FIELD: formulas."]
-        (unknown,) = sentences(rows, "uncertainty")
-        assert unknown.endswith("because the air is synthetic.")
     rows = describe(values(field=None, **stated))
-    assert sentences(rows, "uncertainty") == []
     assert sentences(rows, "answer")[1:] == [
         "Standard uncertainty of the correction along the normal: 1 um (median; 95th percentile "
         "2 um).",
-        "Systematic errors of the sensor, the shells and the mesh are not included in U.",
     ]

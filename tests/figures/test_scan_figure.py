@@ -136,7 +136,9 @@ def test_a_report_has_distances_at_the_drawings_temperature(tmp_path: Path) -> N
     headings = next(table[0] for table in tables if "planes" in table[0])
     column = headings.index("On the drawing at 20 degC")
     assert [row[column] for row in rows] == ["20.0000 mm", "30.0000 mm", "40.0000 mm"]
-    assert all(row[-1].endswith("; not known: air, expansion)") for row in rows)
+    assert all(
+        row[-1].endswith("; not known: air around the part, growth of the part)") for row in rows
+    )
 
 
 def test_a_report_says_where_the_devices_stand_and_how_fields_count(variant: str) -> None:

@@ -11,7 +11,7 @@ from scipy.stats import norm, sobol_indices
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.member_weights import MemberWeights
-from iriftrace.measuring.uncertainty.air_groups import AIR, AirGroups, Scaled, Varied
+from iriftrace.measuring.uncertainty.air_groups import AIR, AirGroups, Scaled, SolvedAgain
 from iriftrace.measuring.uncertainty.budget import (
     COVERED,
     Contribution,
@@ -109,7 +109,7 @@ def test_groups_scale_or_vary_the_effect() -> None:
     groups = AirGroups(
         weights,
         {"mesh": Scaled(0.02, "stated")},
-        {"wall": Varied(2, 0, 10.0 / 20.0, "solved again")},
+        {"wall": SolvedAgain(2, 0, 10.0 / 20.0, "solved again")},
         "any mixture of 2 members",
     )
     values = np.array([[1.0, -2.0], [3.0, -2.0], [1.4, -2.2]])

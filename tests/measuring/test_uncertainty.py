@@ -15,6 +15,7 @@ from attrs import evolve
 
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.figures.answer import digits_of
 from iriftrace.measuring.features.fit import fit_feature
 from iriftrace.measuring.features.quantity import Quantity, WorstMember
 from iriftrace.measuring.two_devices.correct import correct
@@ -234,9 +235,8 @@ def test_a_diameter_has_the_uncertainty_of_its_correction(
     for file in (scan, corrected):
         numbers = json.loads(file.with_suffix(".json").read_text())
         assert numbers["field"]["sha256"]
-        assert f"Field: {numbers['assumptions']['field_origin']}; " in said
     assert "u_normal" not in pv.read(corrected).point_data
-    assert main([*words, "--field-uncertainty=5 %"]) == 0
+    assert main([*words, "--uncertainty=air 5 %"]) == 0
     said = " ".join(capsys.readouterr().out.split())
     row = next(
         row
@@ -246,28 +246,29 @@ def test_a_diameter_has_the_uncertainty_of_its_correction(
     air = row["size_mm"]["corrected"] - row["size_mm"]["measured"]
     u = {part["group"]: part["u_mm"] for part in row["contributions"]}
     assert u == {
-        "air": pytest.approx(0.05 * abs(air), rel=1e-9),
-        "fit": row["u_size_mm"]["corrected"],
+        AIR: pytest.approx(0.05 * abs(air), rel=1e-9),
+        "sensor": row["u_size_mm"]["corrected"],
     }
     assert list(u) == sorted(u, key=lambda group: -u[group])
     total = 2 * np.hypot(*u.values())
     assert row["U_mm"] == pytest.approx(total, rel=1e-9)
     assert row["value_mm"] == row["size_mm"]["corrected"]
-    assert (row["k"], row["not_covered"]) == (2, [])
-    parts = ", ".join(f"{group} {2e3 * value:.3g} um" for group, value in u.items())
-    assert (
-        f"Corrected it is {row['value_mm']:.4f} mm, U = {1e3 * total:.3g} um (k = 2; {parts})."
-        in said
-        in said
-    )
-    assert "more than the air's effect" not in said
+    assert (row["k"], row["not_covered"]) == (pytest.approx(2.0), [])
+    assert row["interval_mm"] == pytest.approx([row["value_mm"] - total, row["value_mm"] + total])
+    places = digits_of(total)
+    stated = f"corrected: {row['value_mm']:.{places}f} mm, U = {total:.{places}f} mm (k = 2, "
+    assert stated in said
+    assert "nothing is decided" not in said
+    assert len(said.splitlines()) <= 15
+    points = pv.read(corrected).point_data
+    assert (points["u"] >= points["u_normal"] - 1e-12).all()
     assert pv.read(corrected).point_data["u_normal"].max() > 0
-    assert main([*words, "--field-uncertainty=150 %"]) == 2
-    assert main([*words, "--field-uncertainty=much"]) == 2
-    assert 'write "5 %" or 0.05' in " ".join(capsys.readouterr().err.split())
+    assert main([*words, "--uncertainty=air 150 %"]) == 2
+    assert main([*words, "--uncertainty=air much"]) == 2
+    assert 'write it like "air 5 %"' in " ".join(capsys.readouterr().err.split())
 
 
-def test_a_correction_smaller_than_the_fits_uncertainty_is_said_to_be_so(
+def test_noise_may_leave_more_of_a_diameter_than_the_air_does(
     fringe: tuple[Scan, Path], tmp_path: Path, capsys: Printed
 ) -> None:
     """Noise of 0.2 mm, of which 150 points leave more of the diameter than air does."""
@@ -279,18 +280,20 @@ def test_a_correction_smaller_than_the_fits_uncertainty_is_said_to_be_so(
     cloud = tmp_path / "cloud.xyz"
     np.savetxt(cloud, points, "%.9g")
     words = ["correct", str(cloud), str(FRINGE), "-o", str(tmp_path / "c.vtp"), "--no-figures"]
-    words += ["--feature=cylinder:lateral", "--field-uncertainty=5 %"]
+    words += ["--feature=cylinder:lateral", "--uncertainty=air 5 %"]
     assert main(words) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "), more than the air's effect." in said
+    (row,) = json.loads((tmp_path / "c.json").read_text())["features"]
+    sizes = row["size_mm"]
+    assert row["U_mm"] > abs(sizes["corrected"] - sizes["measured"])
     assert main([*words, "--gate=2"]) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "points left out, farther from it than 2 robust standard deviations" in said
+    assert " left out as outliers" in said
     assert main([*words, "--gate=none"]) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert "left out" not in said
     (row,) = json.loads((tmp_path / "c.json").read_text())["features"]
-    assert f"; {row['points']} points; " in said or f"; {row['points']} points." in said
+    assert f"; {row['points']} points" in said
     assert main([*words, "--gate=0.1"]) == 2
     assert "at least 1, or none for all points" in " ".join(capsys.readouterr().err.split())
 
@@ -321,20 +324,20 @@ def test_air_from_formulas_has_no_uncertainty(
         ["field", "synthetic", str(part), "-o", str(field), "--cell-size=7 mm"],
         ["scene", str(field), str(part), "-o", str(xml), "--layers=5", *view],
         ["measure", str(xml), "-o", str(scan), "-D", "scale=0.05", "--no-figures"],
-        ["correct", str(scan), str(xml), "-o", str(tmp_path / "c.vtp"), "--field-uncertainty=5 %"],
+        ["correct", str(scan), str(xml), "-o", str(tmp_path / "c.vtp"), "--uncertainty=air 5 %"],
     ):
         assert main(words) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert "U = at least " in said
-    assert "; not known: air)" in said
+    assert "; not covered: air around the part)" in said
     assert "use a flow solution" in said
     (row, *_) = [
         row
         for row in json.loads((tmp_path / "c.json").read_text())["features"]
         if row["kind"] == "cylinder"
     ]
-    assert row["not_covered"] == ["air"]
-    assert [part["group"] for part in row["contributions"]] == ["fit"]
+    assert row["not_covered"] == [AIR]
+    assert [part["group"] for part in row["contributions"]] == ["sensor"]
     assert row["U_mm"] > 0
 
 

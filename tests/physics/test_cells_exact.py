@@ -14,11 +14,11 @@ import trimesh
 from scipy.integrate import solve_ivp
 
 from iriftrace.scenes.analytic import WALL_K
+from iriftrace.scenes.closed_forms import SLAB_SHIFT_UM
 from validation.inputs.hot_air import REFRACTIVITY, cylinder_ends, slab_ends
 from validation.inputs.small_scenes import part
 from validation.inputs.smooth_medium import SmoothMedium, follow
 from validation.line import beyond
-from validation.oracles.closed_forms import SLAB_SHIFT_UM
 from validation.oracles.media import (
     LUNEBURG_HEIGHT,
     Launch,

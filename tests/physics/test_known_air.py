@@ -8,9 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from validation.inputs.parts import cylinder_fine_at
-from validation.line import beyond
-from validation.oracles.closed_forms import (
+from iriftrace.scenes.closed_forms import (
     AMBIENT_K,
     CYLINDER_UM,
     OUTER_MM,
@@ -19,6 +17,8 @@ from validation.oracles.closed_forms import (
     WALL_K,
     around,
 )
+from validation.inputs.parts import cylinder_fine_at
+from validation.line import beyond
 from validation.oracles.curved_rays import displacements
 from validation.sections.known_air import on_the_cylinder
 

@@ -66,7 +66,7 @@ def test_its_correction_gives_the_diameter_back(
     assert corrected["size_mm"]["corrected"] == pytest.approx(
         simulated["size_mm"]["cold"], abs=1e-4
     )
-    assert "the air makes it" in capsys.readouterr().out
+    assert re.search(r"Diameter of cylinder lateral, corrected: .*U = ", capsys.readouterr().out)
 
 
 def test_a_cloud_moved_along_the_part_is_told_by_its_pixels(
@@ -181,7 +181,7 @@ def test_reports_of_a_measurement_and_its_correction(
     """One page each, with the numbers of its JSON, the picture, and all assumptions."""
     corrected = tmp_path / "c.csv"
     words = ["correct", str(scan), str(scene), "-o", str(corrected), "-D", "scale=0.05"]
-    assert main([*words, "--field-uncertainty=5 %"]) == 0
+    assert main([*words, "--uncertainty=air 5 %"]) == 0
     for cloud, true in ((scan, "cold"), (corrected, "corrected")):
         values = json.loads(cloud.with_suffix(".json").read_text())
         assert main(["report", str(cloud), "-o", str(tmp_path / "r.html")]) == 0
@@ -229,23 +229,28 @@ def test_the_hot_part_against_its_cold_drawing(
     state = b"comment thermal expansion 1e-05 /K from 293.15 K to 1293.15 K\nelement vertex"
     file.write_bytes(file.read_bytes().replace(b"element vertex", state, 1))
     words[0] = str(file.with_name("scene.xml"))
-    doubt = ["--expansion-uncertainty=2 %", "--temperature-uncertainty=10 K"]
-    assert main(["correct", str(scan), *words, *doubt]) == 0
+    tolerance = "--tolerance=cylinder:lateral=26.7 -0.1 0.1 mm"
+    assert (
+        main(["correct", str(scan), *words, "--uncertainty=expansion 2 %, part 10 K", tolerance])
+        == 0
+    )
     said = " ".join(capsys.readouterr().out.split())
     (row,) = json.loads((tmp_path / "c.json").read_text())["features"]
     cold, hot = row["value_mm"], row["size_mm"]["corrected"]
     assert cold == row["size_mm"]["drawing"] == pytest.approx(hot / 1.01, rel=1e-9)
     # 27 mm x (1000 K x 2e-7/K and 10 K x 1e-5/K in quadrature) / 1.01^2
     u = {part["group"]: part["u_mm"] for part in row["contributions"]}
-    assert u["expansion"] == pytest.approx(hot * np.hypot(2e-4, 1e-4) / 1.01**2, rel=1e-6)
-    assert row["U_mm"] == pytest.approx(2 * np.hypot(u["expansion"], u["fit"]))
-    assert row["not_covered"] == ["air"]
-    expected = (
-        f"On the drawing at 20 degC it is {cold:.4f} mm, U = at least {1e3 * row['U_mm']:.3g} um "
-        "(k = 2; expansion "
+    growth = "growth of the part"
+    assert u[growth] == pytest.approx(hot * np.hypot(2e-4, 1e-4) / 1.01**2, rel=1e-6)
+    assert row["U_mm"] == pytest.approx(2 * np.hypot(u[growth], u["sensor"]))
+    assert row["not_covered"] == ["air around the part"]
+    assert f", on the drawing at 20 degC: {cold:.3f} mm, U = at least {row['U_mm']:.3f} mm" in said
+    assert row["decision"]["verdict"] == "not decided"
+    assert "26.600 .. 26.800 mm: not decided (as measured: " in said
+    assert "nothing is decided: solve the flow" in said
+    assert main(["correct", str(scan), *words, "--uncertainty=part 10 K"]) == 0
+    assert "not covered: air around the part, growth of the part" in " ".join(
+        capsys.readouterr().out.split()
     )
-    assert expected in said
-    assert main(["correct", str(scan), *words, doubt[0]]) == 0
-    assert "give both --expansion-uncertainty" in " ".join(capsys.readouterr().out.split())
-    assert main(["correct", str(scan), *words, "--temperature-uncertainty=12 degC"]) == 2
-    assert re.search('"12 degC".* 10 K .--temperature-uncertainty', capsys.readouterr().err)
+    assert main(["correct", str(scan), *words, "--uncertainty=part 12 degC"]) == 2
+    assert re.search("part is '12 degC'.* 10 K.*--uncertainty", capsys.readouterr().err)

@@ -20,6 +20,8 @@ from iriftrace.medium.shells.stack import ShellStack
 from iriftrace.part.part import Part
 from iriftrace.plugins.kernels.tetrahedra import TetrahedralAir
 from iriftrace.scenes.analytic import CYLINDER_RADIUS_MM, HOT_AIR_RADIUS_MM, SLAB_MM, WALL_K
+from iriftrace.scenes.closed_forms import RoundAir, above, around
+from iriftrace.scenes.qualification import cylinder_cells, cylinder_rays, slab_cells, slab_rays
 from iriftrace.tracing.hot_air import AirState
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.scene import Scene
@@ -28,7 +30,6 @@ from validation.inputs.scene_rays import ANY_CAMERA
 from validation.inputs.shell_fields import field_of
 from validation.inputs.small_scenes import part
 from validation.inputs.smooth_medium import Ends, SmoothMedium, follow
-from validation.oracles.closed_forms import CYLINDER_UM, SLAB_SHIFT_UM, RoundAir
 
 FloatArray = NDArray[np.float64]
 
@@ -62,22 +63,14 @@ def to_the_cylinders_edge(point: Any, direction: Any) -> Any:
     return (-along - dr.sqrt(dr.maximum(along**2 - squared * outside, 0))) / squared
 
 
+def cylinder_grid(layers: int = 100, around: int = 400) -> pv.UnstructuredGrid:
+    """Tetrahedra of the side that the rays come from: 100 degrees."""
+    return cylinder_cells(layers, np.linspace(85, 185, around + 1), (-0.5, 0.5)).triangulate()
+
+
 def cylinder_values(points: FloatArray) -> FloatArray:
     """The same n - 1 at the corners of cells."""
-    radius = np.hypot(points[:, 1], points[:, 2])
-    slope = (AMBIENT_K - WALL_K) / np.log(HOT_AIR_RADIUS_MM / CYLINDER_RADIUS_MM)
-    warm = WALL_K + slope * np.log(radius / CYLINDER_RADIUS_MM)
-    return np.asarray(REFRACTIVITY * AMBIENT_K / np.clip(warm, AMBIENT_K, WALL_K))
-
-
-def cylinder_cells(layers: int = 100, around: int = 400) -> pv.UnstructuredGrid:
-    """Tetrahedra of the side that the rays come from: 100 degrees, denser towards the wall."""
-    share = np.linspace(0, 1, layers + 1)
-    radius = CYLINDER_RADIUS_MM * (HOT_AIR_RADIUS_MM / CYLINDER_RADIUS_MM) ** share
-    angle = np.radians(np.linspace(85, 185, around + 1))
-    r, a, x = np.meshgrid(radius, angle, (-0.5, 0.5), indexing="ij")
-    grid = pv.StructuredGrid(x, r * np.cos(a), r * np.sin(a))
-    return grid.cast_to_unstructured_grid().triangulate()
+    return around(np.hypot(points[:, 1], points[:, 2]))
 
 
 def slab_air(point: Any) -> tuple[Any, Any]:
@@ -98,17 +91,15 @@ def to_the_slabs_top(point: Any, direction: Any) -> Any:
     return (SLAB_MM - point.z) / direction.z
 
 
-def slab_values(points: FloatArray) -> FloatArray:
-    """The same n - 1 at the corners of cells."""
-    temperature = WALL_K + (AMBIENT_K - WALL_K) * points[:, 2].astype(np.float64) / SLAB_MM
-    return np.asarray(REFRACTIVITY * AMBIENT_K / temperature)
-
-
-def slab_cells() -> pv.UnstructuredGrid:
+def slab_grid() -> pv.UnstructuredGrid:
     """Tetrahedra in 80 layers, thinner towards the wall."""
     rows = SLAB_MM * np.linspace(0, 1, 81) ** 1.5
-    grid = pv.RectilinearGrid(np.linspace(-260, 20, 57), (-2.0, 0.0, 2.0), rows)
-    return grid.cast_to_unstructured_grid().triangulate()
+    return slab_cells(np.linspace(-260, 20, 57), (-2.0, 0.0, 2.0), rows)
+
+
+def slab_values(points: FloatArray) -> FloatArray:
+    """The same n - 1 at the corners of cells."""
+    return above(points[:, 2].astype(np.float64))
 
 
 def on_cells(grid: pv.UnstructuredGrid, values: Any, recovered: bool) -> TetrahedralAir:
@@ -140,21 +131,17 @@ def cylinder_ends(folder: Path, medium: Any = None) -> tuple[Ends, FloatArray]:
     """Ends and straight hits of the rays of ``CYLINDER_UM``; by default through the formula."""
     solid = trimesh.creation.cylinder(CYLINDER_RADIUS_MM, 60.0, sections=40_000)
     solid.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, (0, 1, 0)))
-    heights = np.array(list(CYLINDER_UM)) * CYLINDER_RADIUS_MM
-    count = len(heights)
-    origins = np.column_stack((np.full(count, 0.123), np.full(count, -70.0), heights))
+    rays = cylinder_rays()
     if medium is None:
         medium = cylinder_medium()
-    return follow(part(folder, solid), medium, origins, np.tile((0.0, 1.0, 0.0), (count, 1)))
+    return follow(part(folder, solid), medium, rays.origin, rays.direction)
 
 
 def slab_ends(folder: Path, medium: Any = None) -> tuple[Ends, FloatArray]:
     """Ends and straight hits of the rays of ``SLAB_SHIFT_UM``; by default through the formula."""
     plate = trimesh.creation.box((1000.0, 1000.0, 5.0))
     plate.apply_translation((0, 0, -2.5))
-    angles = np.radians(list(SLAB_SHIFT_UM))
-    directions = np.column_stack((np.sin(angles), 0 * angles, -np.cos(angles)))
-    origins = np.array((1.0, 0.3, 0.0)) - directions * (21 / np.cos(angles))[:, None]
+    rays = slab_rays()
     if medium is None:
         medium = slab_medium()
-    return follow(part(folder, plate), medium, origins, directions)
+    return follow(part(folder, plate), medium, rays.origin, rays.direction)

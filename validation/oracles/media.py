@@ -14,7 +14,7 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from iriftrace.plugins.kernels.nystrom import nystrom_step
-from validation.oracles.closed_forms import parabola_um
+from iriftrace.scenes.closed_forms import parabola_um
 
 FloatArray = NDArray[np.float64]
 Medium = Callable[[Any, Any, Any], tuple[Any, tuple[Any, Any, Any]]]

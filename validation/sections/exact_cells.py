@@ -6,18 +6,18 @@ from pathlib import Path
 
 import numpy as np
 
+from iriftrace.scenes.closed_forms import CYLINDER_UM, SLAB_SHIFT_UM
 from validation.curves import draw_convergence
 from validation.inputs.hot_air import (
-    cylinder_cells,
     cylinder_ends,
+    cylinder_grid,
     cylinder_values,
     on_cells,
-    slab_cells,
     slab_ends,
+    slab_grid,
     slab_values,
 )
 from validation.line import Line, Section, relative
-from validation.oracles.closed_forms import CYLINDER_UM, SLAB_SHIFT_UM
 from validation.oracles.media import (
     AIR_PARABOLA_UM,
     Launch,
@@ -113,13 +113,13 @@ def hot_air(folder: Path) -> list[Line]:
     ways = {
         "formula": (None, None, FORMULA_BOUND),
         "cells, recovered gradient": (
-            on_cells(slab_cells(), slab_values, recovered=True),
-            on_cells(cylinder_cells(), cylinder_values, recovered=True),
+            on_cells(slab_grid(), slab_values, recovered=True),
+            on_cells(cylinder_grid(), cylinder_values, recovered=True),
             CELLS_BOUND,
         ),
         "cells, constant gradient": (
-            on_cells(slab_cells(), slab_values, recovered=False),
-            on_cells(cylinder_cells(), cylinder_values, recovered=False),
+            on_cells(slab_grid(), slab_values, recovered=False),
+            on_cells(cylinder_grid(), cylinder_values, recovered=False),
             CELLS_BOUND,
         ),
     }

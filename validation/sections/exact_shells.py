@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from iriftrace.plugins.first_hit import BENDING
 from iriftrace.scenes.analytic import concentric_cylinders, slab
+from iriftrace.scenes.closed_forms import CYLINDER_UM, RADIUS_MM, SLAB_SHIFT_UM, RoundAir
+from iriftrace.scenes.qualification import cylinder_rays, slab_rays
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.rays import RayHits, trace_rays
 from iriftrace.tracing.write import write_scene
@@ -17,7 +19,6 @@ from validation.curves import draw_convergence
 from validation.inputs.cameras import camera_at
 from validation.inputs.parts import cylinder_fine_at
 from validation.line import Line, Section, relative
-from validation.oracles.closed_forms import CYLINDER_UM, RADIUS_MM, SLAB_SHIFT_UM, RoundAir
 
 FloatArray = NDArray[np.float64]
 
@@ -42,11 +43,11 @@ def slab_hits(folder: Path) -> dict[str, RayHits]:
     """Hits of the rays of ``SLAB_SHIFT_UM``, in the x-z plane, by where 200 plane layers bend."""
     part, shells = slab(200, air=RoundAir(), size_mm=1000.0)
     xml = write_scene(folder, part, shells, ANY_CAMERA, paraview=False)
-    angle = np.radians(list(SLAB_SHIFT_UM))
-    directions = np.column_stack((np.sin(angle), 0 * angle, -np.cos(angle)))
-    starts = np.array((1.0, 2.0, 0.0)) - directions * (25 / np.cos(angle))[:, None]
+    rays = slab_rays()
     return {
-        way: trace_rays(load_scene(xml, {"bending": way}, engine="shells"), starts, directions)
+        way: trace_rays(
+            load_scene(xml, {"bending": way}, engine="shells"), rays.origin, rays.direction
+        )
         for way in BENDING
     }
 
@@ -71,10 +72,9 @@ def cylinder_hits(folder: Path, layers: int, rule: str, bending: str) -> RayHits
     heights = np.array(list(CYLINDER_UM))
     part = cylinder_fine_at(180.0 - np.degrees(np.arcsin(heights)), RADIUS_MM, LENGTH_MM)
     xml = write_scene(folder, part, shells, ANY_CAMERA, paraview=False)
-    count = len(heights)
-    origins = np.column_stack((np.full(count, 0.123), np.full(count, -100), heights * RADIUS_MM))
-    directions = np.tile((0.0, 1.0, 0.0), (count, 1))
-    return trace_rays(load_scene(xml, {"bending": bending}, engine="shells"), origins, directions)
+    rays = cylinder_rays()
+    scene = load_scene(xml, {"bending": bending}, engine="shells")
+    return trace_rays(scene, rays.origin, rays.direction)
 
 
 def displacements_um(hits: RayHits) -> FloatArray:
@@ -149,7 +149,7 @@ SECTION = Section(
     "A slab of 20 mm whose temperature falls linearly from 1100 °C to 20 °C (n sin θ is constant "
     "in plane layers), and a hot cylinder of 13.5 mm radius in air whose temperature falls with "
     "the logarithm of the radius (n r sin θ is constant, Bouguer). n - 1 = 2.718e-4 at 20 °C. What "
-    "is expected comes from quadrature (`validation/oracles/closed_forms.py`). Rays "
+    "is expected comes from quadrature (`scenes/closed_forms.py`). Rays "
     "are bent all along the layers, with a thin one outside (the default), or at the shells alone "
     "(`-D bending=shells`), with equal steps. Second order is "
     "reached later near the silhouette, where the path through the layers has a root of the "

@@ -13,11 +13,11 @@ from iriftrace.io.part_files import read_part
 from iriftrace.medium.shells.contour import contour_shells
 from iriftrace.medium.shells.levels import RULES
 from iriftrace.scenes import folder_of
+from iriftrace.scenes.closed_forms import CYLINDER_UM
 from iriftrace.tracing.hot_air import HotAir
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.scene import Scene
 from validation.line import Line, Section
-from validation.oracles.closed_forms import CYLINDER_UM
 from validation.paper.differences import Hits
 from validation.paper.mode import OURS, through_shells
 from validation.paper.study import picture

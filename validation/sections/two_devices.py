@@ -5,19 +5,31 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.measuring.two_devices.correct import correct
 from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.scenes.analytic import concentric_cylinders, slab
+from iriftrace.scenes.closed_forms import RADIUS_MM, RoundAir
+from iriftrace.scenes.qualification import (
+    CYLINDER_ANGLES,
+    CYLINDER_TARGET,
+    PLATE_ANGLES,
+    PLATE_TARGET,
+    above_plate,
+    beside_cylinder,
+    cylinder_pairs,
+    plate_pairs,
+)
 from iriftrace.tracing.scene import Scene
 from validation.inputs.cameras import camera_at
 from validation.inputs.hot_air import (
-    cylinder_cells,
+    cylinder_grid,
     cylinder_medium,
     cylinder_values,
     formula_scene,
-    slab_cells,
+    slab_grid,
     slab_medium,
     slab_values,
 )
@@ -25,12 +37,8 @@ from validation.inputs.parts import cylinder_fine_at
 from validation.inputs.scene_rays import loaded
 from validation.inputs.shell_fields import field_of
 from validation.line import Line, Section, relative
-from validation.oracles.closed_forms import (
-    RADIUS_MM,
-    RoundAir,
-    cylinder_pair_error_um,
-    slab_pair_error_um,
-)
+
+FloatArray = NDArray[np.float64]
 
 AIRS: dict[str, int | None] = {"13 shells": 13, "100 shells": 100, "cells engine": None}
 """Number of shells; None for the formula."""
@@ -41,14 +49,8 @@ BOUNDS = {"13 shells": 1.0, "100 shells": 0.1, "cells engine": 0.1}
 LEFT_NM = 10.0
 """What a correction may leave, nm."""
 
-PLATE_ANGLES = ((-15, 15), (-30, 30), (0, 30), (20, 50), (30, 60))
-CYLINDER_ANGLES = ((-30, 30), (-60, 60), (30, 60))
-FAR_MM = 20_000.0
 
-
-def device(
-    origin: tuple[float, float, float], target: tuple[float, float, float], width: int = 5
-) -> Camera:
+def device(origin: FloatArray, target: FloatArray, width: int = 5) -> Camera:
     """A camera or projector that sees 1 mm around its target."""
     distance = float(np.linalg.norm(np.subtract(origin, target)))
     return camera_at(
@@ -61,17 +63,14 @@ def device(
     )
 
 
-def above(angle_deg: float, distance: float = 300.0) -> Camera:
+def above(angle_deg: float) -> Camera:
     """A device over the plate, at an angle to its normal in the x-z plane."""
-    angle = np.radians(angle_deg)
-    return device((distance * np.sin(angle), 0.4, distance * np.cos(angle)), (0.0, 0.4, 0.0))
+    return device(above_plate(angle_deg), PLATE_TARGET)
 
 
 def aside(angle_deg: float) -> Camera:
-    """A device far from the cylinder, at an angle to the normal at (0, -R, 0)."""
-    angle = np.radians(angle_deg)
-    y, z = -FAR_MM * np.cos(angle) - RADIUS_MM, FAR_MM * np.sin(angle)
-    return device((0.1, y, z), (0.1, -RADIUS_MM, 0.0), width=1)
+    """A device far from the cylinder, at an angle to the normal at (0.1, -R, 0)."""
+    return device(beside_cylinder(angle_deg), CYLINDER_TARGET, width=1)
 
 
 def plate_scene(folder: Path, air: str) -> Scene:
@@ -79,7 +78,7 @@ def plate_scene(folder: Path, air: str) -> Scene:
     part, shells = slab(AIRS[air] or 13, air=RoundAir(), size_mm=400.0)
     if AIRS[air] is not None:
         return loaded(folder, part, shells)
-    field = field_of(slab_cells(), slab_values)
+    field = field_of(slab_grid(), slab_values)
     return formula_scene(folder, part, shells, field, slab_medium())
 
 
@@ -91,7 +90,7 @@ def cylinder_scene(folder: Path, air: str) -> Scene:
     part = cylinder_fine_at(180.0 + 0.005, RADIUS_MM, 60.0)
     if AIRS[air] is not None:
         return loaded(folder, part, shells)
-    field = field_of(cylinder_cells(20, 40), cylinder_values)
+    field = field_of(cylinder_grid(20, 40), cylinder_values)
     return formula_scene(folder, part, shells, field, cylinder_medium())
 
 
@@ -100,14 +99,11 @@ def _lines(folder: Path) -> list[Line]:
     for air, bound in BOUNDS.items():
         plate = plate_scene(folder / f"plate {air}", air)
         left = []
-        for angles in PLATE_ANGLES:
+        for angles, truth in zip(PLATE_ANGLES, 1e3 * plate_pairs().truth, strict=True):
             devices = [above(angle) for angle in angles]
             scan = measure(plate, *devices, system="stereo")
             middle = len(scan.points) // 2
-            slopes = [
-                (off[0] / off[2]) for off in (scan.points[middle] - d.origin for d in devices)
-            ]
-            depth, lateral = slab_pair_error_um(*slopes)
+            lateral, depth = float(truth[0]), -float(truth[2])
             case = f"plate, {air}, {angles[0]}° and {angles[1]}°"
             lines.append(
                 relative(f"{case}: depth", depth, -1e3 * scan.error_normal[middle], "µm", bound)
@@ -121,9 +117,9 @@ def _lines(folder: Path) -> list[Line]:
         case = f"plate, {air}: left of the error by the correction, largest"
         lines.append(Line(case, "0", f"{worst:.2g} nm", worst, LEFT_NM, "nm"))
         cylinder = cylinder_scene(folder / f"cylinder {air}", air)
-        for angles in CYLINDER_ANGLES:
+        for angles, truth in zip(CYLINDER_ANGLES, 1e3 * cylinder_pairs().truth, strict=True):
             scan = measure(cylinder, *(aside(angle) for angle in angles), system="stereo")
-            normal, tangential = cylinder_pair_error_um(*np.radians(angles))
+            normal, tangential = -float(truth[1]), float(truth[2])
             case = f"hot cylinder, {air}, {angles[0]}° and {angles[1]}°"
             lines.append(
                 relative(f"{case}: normal", normal, 1e3 * scan.error_normal[0], "µm", bound)

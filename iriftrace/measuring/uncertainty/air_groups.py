@@ -43,7 +43,7 @@ class Scaled:
 
 
 @frozen
-class Varied:
+class SolvedAgain:
     """A group by a member that was solved again: its number and that of what it varies, from 0.
 
     `factor` is the stated standard uncertainty over the step between both.
@@ -75,7 +75,7 @@ class AirGroups:
 
     weights: MemberWeights | None = None
     scaled: Mapping[str, Scaled] = Factory(dict)
-    varied: Mapping[str, Varied] = Factory(dict)
+    varied: Mapping[str, SolvedAgain] = Factory(dict)
     source: str = ""
     outside: bool = False
     synthetic: bool = False
@@ -126,7 +126,7 @@ class AirGroups:
 
     def sources(self) -> dict[str, str]:
         """Where each group comes from."""
-        both: dict[str, Scaled | Varied] = {**self.scaled, **self.varied}
+        both: dict[str, Scaled | SolvedAgain] = {**self.scaled, **self.varied}
         return {AIR: self.source, **{name: one.source for name, one in both.items()}}
 
     @classmethod
@@ -139,6 +139,8 @@ class AirGroups:
             scaled.pop(name, None)
         synthetic = FieldKind.SYNTHETIC in _kinds(scene)
         source = ""
+        if synthetic:
+            scaled.pop(AIR, None)
         if inputs.air is not None:
             source = "stated"
         elif weights is not None and weights.covariance is not None:
@@ -178,10 +180,10 @@ def _scaled(scene: Scene, inputs: Inputs) -> dict[str, Scaled]:
     return found
 
 
-def _varied(scene: Scene, inputs: Inputs) -> dict[str, Varied]:
+def _varied(scene: Scene, inputs: Inputs) -> dict[str, SolvedAgain]:
     """Groups of the members that were solved again with one input changed."""
     given = {"wall": inputs.wall_k, "ambient": inputs.ambient_k, "pressure": inputs.pressure_pa}
-    found: dict[str, Varied] = {}
+    found: dict[str, SolvedAgain] = {}
     place = {one.source.sha256: number for number, one in enumerate(scene.members)}
     for number, one in enumerate(scene.members):
         variation = one.variation
@@ -190,7 +192,7 @@ def _varied(scene: Scene, inputs: Inputs) -> dict[str, Varied]:
         base, stated = place[variation.of], given[variation.quantity]
         if stated is not None:
             factor = stated / variation.step
-            found[variation.quantity] = Varied(number, base, factor, "solved again")
+            found[variation.quantity] = SolvedAgain(number, base, factor, "solved again")
     return found
 
 

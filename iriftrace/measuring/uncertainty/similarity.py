@@ -1,4 +1,4 @@
-"""How much more the air bends with another wall, ambient air or pressure, by similarity.
+"""Effect of another wall, ambient air or pressure on what the air bends, by similarity.
 
 For lines of sight through the laminar layer of a hot vertical wall. In Howarth's and Dorodnitsyn's
 coordinate Y = int (rho / rho_a) dy the integral of n_a - n over the layer is proportional to

@@ -1,9 +1,9 @@
 r"""Displacements of rays in air of one coordinate, by conserved quantities and quadrature.
 
-In plane layers :math:`n \sin\theta` is the same everywhere, around an axis
-:math:`n r \sin\theta` (Bouguer). Temperature falls linearly through the slab and with the logarithm
-of the radius around the cylinder; n - 1 falls with 1 / T. Gauss-Legendre's rule leaves less than
-1e-9 of every value here.
+In plane layers :math:`n \sin\theta` is the same everywhere, around an axis or a centre
+:math:`n r \sin\theta` (Bouguer). Temperature falls linearly through the slab, with the logarithm of
+the radius around the cylinder and with its reciprocal around the sphere; n - 1 falls with 1 / T.
+Gauss-Legendre's rule leaves less than 1e-9 of every value here.
 """
 
 from __future__ import annotations
@@ -17,12 +17,15 @@ from scipy.optimize import brentq
 from iriftrace.medium.air.refractivity import Air
 
 FloatArray = NDArray[np.float64]
+Profile = Callable[[FloatArray], FloatArray]
+"""n - 1 at distances in mm."""
 
 AMBIENT_K, WALL_K = 293.15, 1373.15
 REFRACTIVITY = 2.718e-4
 """n - 1 of the ambient air."""
 
 SLAB_MM = 20.0
+LAYER_MM = 8.0
 RADIUS_MM, OUTER_MM = 13.5, 60.0
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(600)
@@ -42,8 +45,33 @@ def refractivity(temperature: FloatArray) -> FloatArray:
     return REFRACTIVITY * AMBIENT_K / temperature
 
 
-def slab_shift_um(angle_deg: float) -> float:
-    r"""Shift on the wall of a ray through the slab against the straight one.
+def above(height: FloatArray) -> FloatArray:
+    """n - 1 in the slab at heights above the wall in mm."""
+    return _at(height / SLAB_MM)
+
+
+def in_layer(height: FloatArray) -> FloatArray:
+    """n - 1 in a boundary layer of parabolic excess temperature at heights above the wall in mm."""
+    return _at(1 - (1 - np.clip(height / LAYER_MM, 0, 1)) ** 2)
+
+
+def around(radius: FloatArray) -> FloatArray:
+    """n - 1 around the cylinder at radii in mm."""
+    return _at(np.log(radius / RADIUS_MM) / np.log(OUTER_MM / RADIUS_MM))
+
+
+def around_sphere(radius: FloatArray) -> FloatArray:
+    """n - 1 around the sphere at radii in mm."""
+    return _at((1 / RADIUS_MM - 1 / radius) / (1 / RADIUS_MM - 1 / OUTER_MM))
+
+
+def _at(share: FloatArray) -> FloatArray:
+    """n - 1 at fractions of the fall of the temperature from the wall to the ambient air."""
+    return refractivity(WALL_K + (AMBIENT_K - WALL_K) * np.clip(share, 0, 1))
+
+
+def slab_shift_um(angle_deg: float, air: Profile = above, thickness_mm: float = SLAB_MM) -> float:
+    r"""Shift on the wall of a ray through plane layers against the straight one.
 
     :math:`\int (\tan\theta - \tan\theta_0)\,dz` with :math:`n \sin\theta = n_0 \sin\theta_0`.
 
@@ -51,18 +79,15 @@ def slab_shift_um(angle_deg: float) -> float:
     ----------
     angle_deg : float
         Angle of incidence in the ambient air.
+    air : callable
+        n - 1 at heights in mm.
+    thickness_mm : float
+        Height at which the hot air ends.
     """
     sine = np.sin(np.radians(angle_deg))
-    n = 1 + refractivity(WALL_K + (AMBIENT_K - WALL_K) * NODES)
-    inside = (1 + REFRACTIVITY) * sine / n
+    inside = (1 + REFRACTIVITY) * sine / (1 + air(thickness_mm * NODES))
     tangent = inside / np.sqrt((1 - inside) * (1 + inside))
-    return float(1e3 * SLAB_MM * WEIGHTS @ (tangent - np.tan(np.radians(angle_deg))))
-
-
-def around(radius: FloatArray) -> FloatArray:
-    """n - 1 around the cylinder at radii in mm."""
-    share = np.log(radius / RADIUS_MM) / np.log(OUTER_MM / RADIUS_MM)
-    return refractivity(WALL_K + (AMBIENT_K - WALL_K) * np.clip(share, 0, 1))
+    return float(1e3 * thickness_mm * WEIGHTS @ (tangent - np.tan(np.radians(angle_deg))))
 
 
 def _apart_um(angle: float) -> float:
@@ -85,10 +110,30 @@ def cylinder_displacement_um(height: float) -> float:
     return _apart_um(_sweep(height * RADIUS_MM))
 
 
-def _sweep(b: float) -> float:
+def round_displacement_um(height: float, air: Profile = around) -> tuple[float, float]:
+    """The same displacement, along the ray and away from the axis or the sphere's centre.
+
+    Parameters
+    ----------
+    height : float
+        Distance of the ray from the axis or centre, over the radius.
+    air : callable
+        n - 1 at radii in mm.
+    """
+    straight = np.arcsin(height)
+    bent = straight + _sweep(height * RADIUS_MM, air)
+    # As products, since the angles differ by little.
+    half, middle = np.sin((bent - straight) / 2), (bent + straight) / 2
+    return (
+        float(2e3 * RADIUS_MM * half * np.sin(middle)),
+        float(2e3 * RADIUS_MM * half * np.cos(middle)),
+    )
+
+
+def _sweep(b: float, air: Profile = around) -> float:
     """Angle about the axis by which a ray at distance b, mm, goes beyond a straight one."""
     r = RADIUS_MM + (OUTER_MM - RADIUS_MM) * NODES**2
-    nr, c = (1 + around(r)) * r, (1 + REFRACTIVITY) * b
+    nr, c = (1 + air(r)) * r, (1 + REFRACTIVITY) * b
     sweep = c / (r * np.sqrt((nr - c) * (nr + c))) - b / (r * np.sqrt((r - b) * (r + b)))
     return float(WEIGHTS @ (sweep * 2 * (OUTER_MM - RADIUS_MM) * NODES))
 
