@@ -33,6 +33,9 @@ from .image.displacement import DisplacementMap as DisplacementMap
 from .image.displacement import ShiftMap as ShiftMap
 from .image.displacement import displacement_map as displacement_map
 from .image.displacement import shift_map as shift_map
+from .image.lost_rays import LostRay as LostRay
+from .image.lost_rays import LostRays as LostRays
+from .image.lost_rays import lost_rays_of as lost_rays_of
 from .image.metrics import PoseMetrics as PoseMetrics
 from .image.metrics import pose_metrics as pose_metrics
 from .image.metrics import write_metrics as write_metrics
@@ -46,6 +49,7 @@ from .io.exr import read_exr as read_exr
 from .io.exr import write_exr as write_exr
 from .io.field import read_field as read_field
 from .io.iso_surfaces import import_shells as import_shells
+from .io.lost_rays import read_lost_rays as read_lost_rays
 from .io.measured_shift import MeasuredShift as MeasuredShift
 from .io.measured_shift import read_measured_shift as read_measured_shift
 from .io.part_files import read_part as read_part
@@ -65,6 +69,8 @@ from .measuring.features.fit import fit_feature as fit_feature
 from .measuring.features.fitted import FittedFeature as FittedFeature
 from .measuring.features.quantity import Quantity as Quantity
 from .measuring.features.relations import Relation as Relation
+from .measuring.fit.board_placement import BoardPlace as BoardPlace
+from .measuring.fit.board_placement import board_placement as board_placement
 from .measuring.fit.member_fit import FittedView as FittedView
 from .measuring.fit.member_fit import MemberFit as MemberFit
 from .measuring.fit.shift_fit import fit_members as fit_members
@@ -135,6 +141,9 @@ from .tracing.rays import RayHits as RayHits
 from .tracing.rays import trace_rays as trace_rays
 from .tracing.render import Rendering as Rendering
 from .tracing.render import render_scene as render_scene
+from .tracing.replay import RayPath as RayPath
+from .tracing.replay import Replay as Replay
+from .tracing.replay import replay_ray as replay_ray
 from .tracing.save import SavedScene as SavedScene
 from .tracing.scene import Scene as Scene
 

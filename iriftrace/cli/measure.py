@@ -15,6 +15,7 @@ from iriftrace.cli.aperture_options import Aperture, effects_of, say_effects
 from iriftrace.cli.console import drawn, say, working
 from iriftrace.cli.groups import group
 from iriftrace.cli.options import Flag, Output
+from iriftrace.cli.ray import write_rays
 from iriftrace.cli.trace_options import Tracing, load
 from iriftrace.core.engines import engine_named
 from iriftrace.core.units import counted
@@ -66,9 +67,12 @@ def measure(
     figures
         Draw the errors along the part's normal.
     """
+    from iriftrace.io.lost_rays import rays_file_of
+
     checks.scenes(scene)
     checks.cloud_output(output, "scan.vtp")
     checks.numbers(output, "iriftrace.scan")
+    checks.numbers(rays_file_of(output), "iriftrace.rays")
     loaded = load(scene, trace)
     checks.kept(output, loaded.part.path)
     sensors = {"camera": loaded.camera}
@@ -117,6 +121,7 @@ def write_scan(
         from iriftrace.figures.scan import scan_figure
 
         files.append(drawn(lambda: scan_figure(scan, loaded.part), output.with_suffix(".png")))
+    files += write_rays(output, scan.lost_rays)
     names = placed_names(loaded.part)
     rows = describe(json.loads(numbers.read_text(encoding="utf-8")), names)
     say_points(rows)

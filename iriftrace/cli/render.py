@@ -14,6 +14,7 @@ from iriftrace.cli import checks
 from iriftrace.cli.aperture_options import Aperture, effects_of, say_effects
 from iriftrace.cli.console import command_line, say, working
 from iriftrace.cli.options import LightOf, Output
+from iriftrace.cli.ray import write_rays
 from iriftrace.cli.trace_options import Statuses, Tracing, check_light, load, statuses
 from iriftrace.core.errors import warn
 from iriftrace.tracing.options import AS_STATED, PINHOLE
@@ -60,6 +61,7 @@ def render(
     rgb
         Repeat these channels of the EXR as R, G and B, for programs that show no others.
     """
+    from iriftrace.io.lost_rays import rays_file_of
     from iriftrace.io.surface import write_surface
 
     # Before the output, whose folder is the scene's unless another one is given.
@@ -67,6 +69,7 @@ def render(
     exr = scene.with_suffix(".exr") if output is None else output
     checks.output(exr, "out.exr")
     checks.numbers(exr, "iriftrace.pose")
+    checks.numbers(rays_file_of(exr), "iriftrace.rays")
     checks.output(surface, "out.vtp", ".ply")
     used = statuses(include)
     loaded = load(scene, trace)
@@ -171,11 +174,14 @@ def _render(
     aperture: JsonObject | None = None,
 ) -> tuple[Rendering, list[Path]]:
     """Render a scene and write all its files except that of the surface."""
+    from iriftrace.image.lost_rays import lost_rays_of
     from iriftrace.tracing.render import render_scene
 
     with working("Tracing"):
         rendering = render_scene(loaded, include=include)
     rendering = evolve(rendering, metrics=evolve(rendering.metrics, aperture=aperture))
+    # Before the picture, which cannot be drawn if all rays are lost.
+    rays = write_rays(exr, lost_rays_of(rendering.image))
     pictures = []
     if figures:
         from iriftrace.figures.pose import pose_figures
@@ -188,7 +194,7 @@ def _render(
                 write_figure(figure, pictures[-1])
             rendering = rendering.with_time("figures", started)
     with working("Writing"):
-        return rendering.saved(exr, rgb=rgb), [exr, exr.with_suffix(".json"), *pictures]
+        return rendering.saved(exr, rgb=rgb), [exr, exr.with_suffix(".json"), *pictures, *rays]
 
 
 def _print_rendering(rendering: Rendering, loaded: Scene, files: list[Path]) -> None:

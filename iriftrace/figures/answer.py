@@ -59,13 +59,17 @@ def _verdict(decision: Decision, measured: float | None, places: int, unit: str)
     low, high = decision.tolerance.limits
     text = f"Tolerance {low:.{places}f} .. {high:.{places}f} {unit}: {decision.verdict}"
     if decision.risk is not None:
-        text += f", risk of a wrong verdict {100 * decision.risk:.2g} %"
+        text += f", risk of a wrong verdict {_percent(decision.risk)}"
     elif not decision.reason:
-        text += f", the probability of a value outside is {100 * decision.outside:.2g} %"
+        text += f", the probability of a value outside is {_percent(decision.outside)}"
     if measured is not None:
         within = "within" if decision.measured else "outside"
         text += f" (as measured: {measured:.{places}f} {unit}, {within})"
     return text
+
+
+def _percent(probability: float) -> str:
+    return f"{100 * probability:.2g} %" if probability >= 1e-4 else "below 0.01 %"
 
 
 GROUP_HEADINGS = ("quantity", "u", "share", "type", "from")

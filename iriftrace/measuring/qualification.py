@@ -185,7 +185,7 @@ def _scenario(path: Path) -> Scenario:
         )
     air = read_field(
         path.with_name(FIELD),
-        ReadField(array="T", temperature_unit="K", field_length_unit="mm"),
+        ReadField(array="T", temperature_unit="K", length_unit="mm"),
         air=stated.air.air,
     )
     return Scenario(

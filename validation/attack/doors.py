@@ -14,6 +14,7 @@ from iriftrace.io.exr import read_exr, read_part_of
 from iriftrace.io.field import read_field
 from iriftrace.io.field_npz import FIELD_FILE, load_field_file
 from iriftrace.io.iso_surfaces import import_shells
+from iriftrace.io.lost_rays import read_lost_rays
 from iriftrace.io.measured_shift import read_measured_shift
 from iriftrace.io.part_files import read_part
 from iriftrace.io.poses import read_poses
@@ -154,6 +155,7 @@ DOORS = (
         ("*/shells/*",),
     ),
     Door("AOV EXR", samples.image_of_pose, _metrics, ("out.exr",)),
+    Door("lost rays", samples.rays, lambda folder: read_lost_rays(folder / "out.rays.json")),
     Door("calibration, OpenCV YAML", samples.calibration, _calibrated("camera.yaml")),
     Door("calibration, JSON", samples.plain_calibration, _calibrated("camera.json")),
     Door(

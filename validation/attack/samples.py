@@ -16,8 +16,10 @@ import trimesh
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose_set import PoseSet
 from iriftrace.cli import main
+from iriftrace.image.lost_rays import LostRay, LostRays
 from iriftrace.io.cloud_write import save_cloud
 from iriftrace.io.field import read_field
+from iriftrace.io.lost_rays import write_lost_rays
 from iriftrace.io.part_files import read_part, save_part
 from iriftrace.io.poses import write_poses
 from iriftrace.sweep.journal import Piece, Work, open_journal
@@ -243,3 +245,11 @@ def shift_array(folder: Path) -> None:
 def markers(folder: Path) -> None:
     table = np.random.default_rng(5).random((20, 4))
     np.savetxt(folder / "shift.csv", table, delimiter=",", header="u,v,du,dv", comments="")
+
+
+def rays(folder: Path) -> None:
+    where = {"path": "scene.xml", "sha256": None, "variables": {"scale": "0.1"}}
+    facts = {"engine": "shells", "bending": "layers", "variant": "any", "wavelength_nm": 450.0}
+    ray = LostRay(0, "camera", (3.0, 4.0), (0.0, 0.0, 9.0), (0.0, 0.6, -0.8), 6)
+    found = LostRays.of([ray] * 2, 2, {"version": "1", "scene": where, **facts})
+    write_lost_rays(folder / "out.rays.json", found)

@@ -17,7 +17,7 @@ from iriftrace.tracing.pose_image import pose_image
 from iriftrace.tracing.rays import trace_rays
 from iriftrace.tracing.scene import Scene
 from validation.line import Line, Section
-from validation.oracles.numpy_tracer import NumpyTracer
+from validation.oracles.numpy_tracer import numpy_tracer
 
 ORACLE_RAYS = 600
 REVERSED_RAYS = 5000
@@ -68,7 +68,7 @@ def oracle(rays: int = ORACLE_RAYS) -> list[Line]:
     aim = random.uniform(-1, 1, size=(rays, 3)) * (80, 10, 10)
     direction = (aim - start) / np.linalg.norm(aim - start, axis=1, keepdims=True)
     found = trace_rays(scene, start, direction)
-    tracer = NumpyTracer(xml)
+    tracer = numpy_tracer(xml)
     endings = [tracer.trace(o, d) for o, d in zip(start, direction, strict=True)]
     crossings = np.array([ending.crossings for ending in endings])
     clear = np.array([e.point is not None and e.edge_distance > EDGE_MM for e in endings])

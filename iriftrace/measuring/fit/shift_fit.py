@@ -142,9 +142,8 @@ def _view(
     _check_in_picture(shifts, camera)
     hot = shifts.places + shifts.shifts
     traced = choose(scene, camera).scene
-    points, status = _seen(
-        (one for place, one in enumerate(traced.alone()) if place in fitted), camera, hot
-    )
+    states = (one for place, one in enumerate(traced.alone()) if place in fitted)
+    points, status = seen_by_members(states, camera, hot)
     good = (status == Status.GOOD).all(axis=0)
     dots = {"failed": shifts.failed, "zeros": shifts.zeros, **_counts(status)}
     _check_dots(dots, len(fitted))
@@ -211,7 +210,9 @@ def _check_in_picture(shifts: MeasuredShift, camera: Camera) -> None:
         )
 
 
-def _seen(scenes: Iterable[Scene], camera: Camera, hot: FloatArray) -> tuple[FloatArray, IntArray]:
+def seen_by_members(
+    scenes: Iterable[Scene], camera: Camera, hot: FloatArray
+) -> tuple[FloatArray, IntArray]:
     """Points (k, n, 3), mm, seen at places of the hot picture by member, and status (k, n)."""
     origins, directions = camera.rays(hot)
     points, status = [], []

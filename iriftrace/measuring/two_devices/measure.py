@@ -23,6 +23,7 @@ from iriftrace.core.errors import InputError, warn
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.mesh.triangles import row_lengths
 from iriftrace.image.aov_image import Status
+from iriftrace.image.lost_rays import MOST, LostRay, as_rays
 from iriftrace.measuring.options import Phase
 from iriftrace.measuring.two_devices.devices import Sensor, provenance_of_two, sensor_of
 from iriftrace.measuring.two_devices.scan import Scan, ScanStatus
@@ -92,7 +93,10 @@ def measure(
     if not chosen.members:
         found = _scan(chosen, sensor)
     else:
-        scans = [_scan(member, sensor) for member in chosen.alone()]
+        scans = [
+            _scan(member, sensor, listed.number)
+            for listed, member in zip(chosen.members, chosen.alone(), strict=True)
+        ]
         together = _together(scans, chosen.weights)
         found = evolve(together, provenance=provenance_of_two(chosen, sensor.camera))
     measure_s = time.perf_counter() - started
@@ -133,18 +137,22 @@ def _together(scans: Sequence[Scan], weights: MemberWeights) -> Scan:
         status=status,
         errors=errors,
         weights=weights,
+        lost=tuple(ray for scan in scans for ray in scan.lost)[:MOST],
     )
 
 
-def _scan(scene: Scene, sensor: Sensor) -> Scan:
+def _scan(scene: Scene, sensor: Sensor, member: int | None = None) -> Scan:
     camera, sheet = sensor.camera, sensor.system == "laser"
     forward, solved = reversed(sensor.devices) if sheet else sensor.devices
     lit = _lit_points(scene, forward, sheet=sheet)
-    codes, numbers, direction = _seen_by(scene, solved, forward, lit)
+    codes, numbers, direction, unseen = _seen_by(scene, solved, forward, lit)
     status = lit.status
     status[lit.pixel] = codes
     missing = int((status == ScanStatus.LOST).sum())
     warn_of_lost_points(missing, len(lit.point) + lit.lost, "are left out")
+    first, other = ("second", "camera") if sheet else ("camera", "second")
+    lost = [evolve(ray, device=first, member=member) for ray in lit.lost_rays]
+    lost += [evolve(ray, device=other, member=member) for ray in unseen]
     good = np.flatnonzero(codes[numbers] == ScanStatus.MEASURED)
     good = good[np.argsort(lit.pixel[numbers[good]])]
     kept = numbers[good]
@@ -172,6 +180,7 @@ def _scan(scene: Scene, sensor: Sensor) -> Scan:
         **asdict(sensor, recurse=False),
         provenance=provenance_of_two(scene, camera),
         growth=scene.part.growth,
+        lost=tuple(lost[:MOST]),
     )
 
 
@@ -186,6 +195,7 @@ class _Lit(NamedTuple):
     pixel: IntArray  # (n,) row-major number of its pixel
     outcome: IntArray  # `Status` of all rays that were traced
     lost: int  # number of rays that were lost
+    lost_rays: list[LostRay]  # the first of them
     status: NDArray[np.int64]  # `ScanStatus` of all pixels that have no point
     shape: tuple[int, int]  # rows and columns
 
@@ -203,8 +213,9 @@ def _lit_points(scene: Scene, forward: Camera, *, sheet: bool) -> _Lit:
         scene, origin, direction, focus_mm=forward.focus_mm, coherent=True, trace_all=False
     )
     seen = hits.status == Status.GOOD
-    lost = np.isin(hits.status, [code for code in Status if code.lost])
+    lost = np.flatnonzero(np.isin(hits.status, [code for code in Status if code.lost]))
     status[number[hits.ray[lost]]] = ScanStatus.LOST
+    few = hits.ray[lost[:MOST]]
     ray, face = hits.ray[seen], hits.refracted_face[seen]
     return _Lit(
         point=hits.refracted[seen],
@@ -214,7 +225,8 @@ def _lit_points(scene: Scene, forward: Camera, *, sheet: bool) -> _Lit:
         direction=direction[ray],
         pixel=number[ray],
         outcome=hits.status,
-        lost=int(lost.sum()),
+        lost=len(lost),
+        lost_rays=as_rays("", pixels[few], origin[few], direction[few], hits.status[lost[:MOST]]),
         status=status,
         shape=shape,
     )
@@ -222,8 +234,11 @@ def _lit_points(scene: Scene, forward: Camera, *, sheet: bool) -> _Lit:
 
 def _seen_by(
     scene: Scene, solved: Camera, forward: Camera, lit: _Lit
-) -> tuple[IntArray, IntArray, FloatArray]:
-    """`ScanStatus` of lit points for the other device; numbers (m,) and directions of its lines."""
+) -> tuple[IntArray, IntArray, FloatArray, list[LostRay]]:
+    """What the other device sees of lit points.
+
+    `ScanStatus` (n,) of the points; numbers (m,) and directions of its lines; its first lost rays.
+    """
     distance = row_lengths(lit.point - solved.origin)
     near, far = solved.focus_mm
     # An open part may be seen from the back of its triangles, then by both devices.
@@ -242,7 +257,16 @@ def _seen_by(
     codes[numbers[~lines.found]] = ScanStatus.SEVERAL_IMAGES
     codes[numbers[lines.lost]] = ScanStatus.LOST
     codes[numbers[lines.found & ~clear]] = ScanStatus.SHADOW
-    return codes, numbers, lines.direction
+    return codes, numbers, lines.direction, _lost(scene, solved, lines.direction[lines.lost][:MOST])
+
+
+def _lost(scene: Scene, device: Camera, direction: FloatArray) -> list[LostRay]:
+    """The lost rays of a device along directions (n, 3), with their status."""
+    if len(direction) == 0:
+        return []
+    origin = np.broadcast_to(device.origin, direction.shape).copy()
+    status = traced_as_chosen(scene, origin, direction).status
+    return as_rays("", device.project(origin + direction), origin, direction, status)
 
 
 def _nothing_in_common(forward: IntArray, solved: IntArray) -> InputError:

@@ -20,6 +20,7 @@ from iriftrace.image.coverage import (
     places_in_view,
     seen_fractions,
 )
+from iriftrace.image.lost_rays import LostRay, LostRays
 from iriftrace.io.cloud_write import by_axis, save_cloud
 from iriftrace.measuring.features.choice import FeatureChoice
 from iriftrace.measuring.features.drawing import drawing_cloud
@@ -90,6 +91,8 @@ class Scan:
         Weights of the members.
     growth : Growth or None
         Thermal expansion of the part, if known.
+    lost : tuple of LostRay
+        The first rays that were lost.
     time_s : dict of float, s
         ``load`` and ``build`` of the scene, and ``measure``.
     """
@@ -110,6 +113,7 @@ class Scan:
     errors: FloatArray | None = None
     weights: MemberWeights | None = None
     growth: Growth | None = None
+    lost: tuple[LostRay, ...] = ()
     time_s: dict[str, float] = Factory(dict)
 
     def __repr__(self) -> str:
@@ -148,6 +152,15 @@ class Scan:
         in_mean = np.flatnonzero(self.weights.weights)
         along = each_along(self.errors[in_mean], self.normal)
         return np.asarray(np.array(numbers)[in_mean[np.abs(along).argmax(axis=0)]])
+
+    @property
+    def lost_rays(self) -> LostRays | None:
+        """The first lost rays, as they are written next to the cloud; None if none was lost."""
+        if not self.lost:
+            return None
+        # Several members may lose the same pixel.
+        count = max(int((self.status == ScanStatus.LOST).sum()), len(self.lost))
+        return LostRays.of(self.lost, count, self.provenance)
 
     def _by_member(self) -> JsonObject:
         """JSON values of an ensemble: scatter, and the error along the normal by each member."""
