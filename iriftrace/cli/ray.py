@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -85,7 +86,9 @@ def write_rays(result: Path, rays: LostRays | None) -> list[Path]:
 
     path = rays_file_of(result)
     if rays is None:
-        path.unlink(missing_ok=True)
+        # Other than the path's own method, this takes names that are too long.
+        if os.path.exists(path):
+            path.unlink()
         return []
     write_lost_rays(path, rays)
     say(

@@ -142,8 +142,9 @@ def _view(
     _check_in_picture(shifts, camera)
     hot = shifts.places + shifts.shifts
     traced = choose(scene, camera).scene
-    states = (one for place, one in enumerate(traced.alone()) if place in fitted)
-    points, status = seen_by_members(states, camera, hot)
+    points, status = seen_by_members(
+        (one for place, one in enumerate(traced.alone()) if place in fitted), camera, hot
+    )
     good = (status == Status.GOOD).all(axis=0)
     dots = {"failed": shifts.failed, "zeros": shifts.zeros, **_counts(status)}
     _check_dots(dots, len(fitted))

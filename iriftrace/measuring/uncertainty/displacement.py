@@ -63,7 +63,7 @@ def render_with_uncertainty(
             "Nothing is known of the uncertainty of the air; state that of its contrast, or make "
             "the scene of several fields.",
             code="uncertainty.nothing_known",
-            argument="air_uncertainty",
+            argument="uncertainty",
         )
     images: list[tuple[BoolArray, Float32Array]] = []
 
