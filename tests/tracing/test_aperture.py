@@ -11,13 +11,13 @@ import pytest
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
 from iriftrace.scenes import folder_of
+from iriftrace.scenes.closed_forms import slab_shift_um
 from iriftrace.tracing.aperture import aperture_effect
 from iriftrace.tracing.hot_air import HotAir
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.scene import Scene
 from validation.inputs.cameras import camera_at
 from validation.inputs.shell_fields import scaled
-from validation.oracles.closed_forms import slab_shift_um
 
 HEIGHT_MM = 150.0
 F_NUMBER = 2.0
