@@ -11,9 +11,6 @@ import trimesh
 from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import FloatArray
-from iriftrace.flow.synthetic.field import synthetic_grid
-from iriftrace.flow.synthetic.mesh import AirMesh
-from iriftrace.flow.synthetic.model import synthetic_air
 from iriftrace.measuring.qualification import Scenario, StatedAir, Statement, vectors
 from iriftrace.medium.index_field import IndexField
 from iriftrace.medium.source import FieldSource
@@ -189,6 +186,10 @@ def _sphere() -> tuple[Part, IndexField]:
 
 
 def _layer() -> tuple[Part, IndexField]:
+    from iriftrace.flow.synthetic.field import synthetic_grid
+    from iriftrace.flow.synthetic.mesh import AirMesh
+    from iriftrace.flow.synthetic.model import synthetic_air
+
     plate = trimesh.creation.box((80.0, 30.0, 4.0))
     plate.apply_translation((0, 0, -2))
     part = _part(plate)
