@@ -89,7 +89,7 @@ def test_the_tutorial_ends_with_the_sentence_that_it_quotes(tmp_path: Path) -> N
     said = [run(["-m", "iriftrace", *words[1:]], tmp_path) for words in commands(page)]
     (quoted,) = re.findall(r"^> (.*)$", PAGES[page], re.MULTILINE)
     number = r"\d+\.?\d*"
-    (found,) = (line for line in said[-1].splitlines() if line.startswith("Cylinder"))
+    (found,) = (line for line in said[-1].splitlines() if line.startswith("Diameter"))
     assert re.sub(number, "#", found) == re.sub(number, "#", quoted)
     pairs = zip(re.findall(number, found), re.findall(number, quoted), strict=True)
     assert all(float(one) == pytest.approx(float(other), rel=0.02) for one, other in pairs)
