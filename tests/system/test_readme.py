@@ -101,7 +101,7 @@ def test_python_examples_run_as_they_stand(folder: Path) -> None:
     assert {page: count for page, count in found.items() if count} == PYTHON_EXAMPLES
     median_mm = float(run(["-c", *blocks("README.md", "python")], folder).splitlines()[0])
     assert 0.001 < median_mm < 0.01
-    of_pixels, _, in_memory, of_another_camera, of_mitsuba = (
+    of_pixels, _, _, in_memory, of_another_camera, of_mitsuba = (
         run(["-c", block], folder) for block in blocks("python.md", "python")
     )
     medians, _, share = of_pixels.splitlines()
