@@ -29,9 +29,9 @@ def placed_regions(part: Part) -> tuple[str, ...]:
 def _place(part: Part, number: int, name: str) -> str:
     match = _PLANE.fullmatch(name)
     chosen = part.region_of_face == number
-    if match is None or not chosen.any():
-        return ""
     areas = part.face_areas[chosen]
+    if match is None or not areas.sum() > 0.0:
+        return ""
     if match["axis"] is None:
         x, y, z = np.average(part.face_normals[chosen], axis=0, weights=areas)
         azimuth = round(float(np.degrees(np.arctan2(y, x)))) % 360
