@@ -103,22 +103,40 @@ def _import_listed(arguments: list[str]) -> None:
         called[name]
 
 
+_ARGUMENT = re.compile(r"`([a-z][a-z0-9_]*)`")
+"""Names of arguments in the sentences of the library."""
+
+
 def _with_option(text: str, fault: object, arguments: list[str]) -> str:
-    """A message and the option of its `argument`: the command's, or else that of `scene`."""
+    """A message with options in place of the arguments that it names.
+
+    The option of the fault's `argument`, or that of `scene` where the command has none, is added
+    if it is not among them.
+    """
     while isinstance(fault, CycloptsError) and fault.__cause__ is not None:
         fault = fault.__cause__
-    name = getattr(fault, "argument", None)
     command = _called(arguments)
-    if not isinstance(name, str) or command.default_command is None:  # a group has no options
+    if command.default_command is None:  # a group has no options
         return text
-    option = f"--{name.replace('_', '-')}"
-    if option in text:
+    known = _options(command)
+
+    def shown(match: re.Match[str]) -> str:
+        option = _option(match[1])
+        return option if option in known else match[0]
+
+    text = _ARGUMENT.sub(shown, text)
+    name = getattr(fault, "argument", None)
+    if not isinstance(name, str) or _option(name) in text:
         return text
-    if option in _options(command):
-        return f"{text.removesuffix('.')} ({option})."
-    if option in _options(app["scene"]):
-        return f"{text.removesuffix('.')} ({option} of iriftrace scene)."
+    if _option(name) in known:
+        return f"{text.removesuffix('.')} ({_option(name)})."
+    if _option(name) in _options(app["scene"]):
+        return f"{text.removesuffix('.')} ({_option(name)} of iriftrace scene)."
     return text
+
+
+def _option(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
 
 
 def _options(command: App) -> set[str]:

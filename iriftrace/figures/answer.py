@@ -9,7 +9,6 @@ from iriftrace.measuring.uncertainty.budget import Uncertainty
 from iriftrace.measuring.uncertainty.decision import Decision
 
 INFLUENCES = {
-    "air": "air around the part",
     "wall": "wall",
     "ambient": "ambient",
     "pressure": "pressure",
@@ -93,7 +92,7 @@ def groups(stated: Uncertainty, unit: str) -> list[tuple[str, ...]]:
 
 def influences(stated: Uncertainty) -> str:
     """What the budget does not contain: the list of ISO/TS 15530-4."""
-    present = set(stated.parts) | set(stated.missing)
+    present = set(stated.parts) | set(stated.missing)  # the air is always one of them
     absent = [name for name, group in INFLUENCES.items() if group not in present]
     known = f"Taken as exactly known: {', '.join(absent)}. " if absent else ""
     return f"{known}Not in U: turbulence within an exposure, diffraction."

@@ -323,7 +323,7 @@ def _unit_advice(scale: float, part: Part, field: IndexField) -> tuple[str, str]
     if field.source.unit_stated:
         if is_unlikely_size(_diagonal(part.bounds)):
             return _unit_of_part(unit if smaller_field else "mm")
-        return f'the field\'s transform "scale {1.0 / scale:.6g}"', "field_transform"
+        return f'`field_transform` "scale {1.0 / scale:.6g}"', "field_transform"
     if smaller_field:
         undone = field.source.length_unit == unit
         return _unit_of_field("mm") if undone else _unit_of_part(unit)
@@ -332,11 +332,11 @@ def _unit_advice(scale: float, part: Part, field: IndexField) -> tuple[str, str]
 
 
 def _unit_of_part(unit: str) -> tuple[str, str]:
-    return f"the part's length unit {unit}", "length_unit"
+    return f"`length_unit` {unit}", "length_unit"
 
 
 def _unit_of_field(unit: str) -> tuple[str, str]:
-    return f"the field's length unit {unit}", "field_length_unit"
+    return f"`field_length_unit` {unit}", "field_length_unit"
 
 
 def _advice(part: Part, field: IndexField, target: FloatArray) -> tuple[str, str | None]:
@@ -361,7 +361,7 @@ def _advice(part: Part, field: IndexField, target: FloatArray) -> tuple[str, str
         shift = shift / scale if argument.startswith("field") else shift
         translate = "translate " + " ".join(f"{component:.4g}" for component in shift)
         steps = ", ".join(filter(None, (turn, translate if off > limit else "")))
-        remedies = [unit, f'the part\'s transform "{steps}"' if steps else ""]
+        remedies = [unit, f'`part_transform` "{steps}"' if steps else ""]
         # The remedy with the fewest mistakes is the likeliest.
         mistakes = (scale != 1.0) + bool(turn) + (off > limit)
         candidates.append(

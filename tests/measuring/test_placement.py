@@ -39,12 +39,12 @@ def points(part: Part) -> np.ndarray:
 CASES = [
     (np.eye(4), "mm", None, ""),
     (BACK, "mm", MOTION, ""),
-    (BACK, "mm", BACK, "the inverse of cloud_to_part"),
-    (BACK, "mm", IN_METRES, "the translation of cloud_to_part in m (write it in mm)"),
-    (np.eye(4), "mm", MOTION, "no cloud_to_part"),
-    (np.diag((1e-3, 1e-3, 1e-3, 1)), "mm", None, "length_unit m"),
-    (np.diag((1e3, 1e3, 1e3, 1)), "m", None, "length_unit mm"),
-    (np.diag((1 / 25.4, 1 / 25.4, 1 / 25.4, 1)), "mm", None, "length_unit inch"),
+    (BACK, "mm", BACK, "the inverse of `cloud_to_part`"),
+    (BACK, "mm", IN_METRES, "the translation of `cloud_to_part` in m (write it in mm)"),
+    (np.eye(4), "mm", MOTION, "no `cloud_to_part`"),
+    (np.diag((1e-3, 1e-3, 1e-3, 1)), "mm", None, "`length_unit` m"),
+    (np.diag((1e3, 1e3, 1e3, 1)), "m", None, "`length_unit` mm"),
+    (np.diag((1 / 25.4, 1 / 25.4, 1 / 25.4, 1)), "mm", None, "`length_unit` inch"),
     (MOTION, "mm", None, ""),
     (np.eye(4), "mm", NUDGE, ""),  # lies on it as given
 ]

@@ -22,7 +22,7 @@ from iriftrace.measuring.two_devices.correct import correct
 from iriftrace.measuring.two_devices.correction import CorrectionStatus
 from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.measuring.two_devices.scan import Scan, ScanStatus
-from iriftrace.measuring.uncertainty.air_groups import AIR, UNSTEADY, AirGroups
+from iriftrace.measuring.uncertainty.air_groups import AIR, CONTRAST, UNSTEADY, AirGroups
 from iriftrace.measuring.uncertainty.inputs import Inputs
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.shells.stack import ShellStack
@@ -246,7 +246,7 @@ def test_a_diameter_has_the_uncertainty_of_its_correction(
     air = row["size_mm"]["corrected"] - row["size_mm"]["measured"]
     u = {part["group"]: part["u_mm"] for part in row["contributions"]}
     assert u == {
-        AIR: pytest.approx(0.05 * abs(air), rel=1e-9),
+        CONTRAST: pytest.approx(0.05 * abs(air), rel=1e-9),
         "sensor": row["u_size_mm"]["corrected"],
     }
     assert list(u) == sorted(u, key=lambda group: -u[group])
@@ -361,9 +361,24 @@ def test_air_that_changes_in_time_is_uncertain(
     scene = with_stated(scene, stated)
     groups = AirGroups.of(scene, Inputs(air=0.05))
     assert groups.parts(1.0, None) == {
-        AIR: 0.05,
+        CONTRAST: 0.05,
         **({} if change is None else {UNSTEADY: pytest.approx(change)}),
     }
+    # Unsteady air of which no range is known is not covered.
+    unknown = facts.kind is FieldKind.UNSTEADY and change is None
+    assert groups.missing == ((UNSTEADY,) if unknown else ())
+
+
+def test_a_stated_contrast_adds_to_what_members_say(three: Scene) -> None:
+    """It does not take their place, so U cannot become smaller by stating more."""
+    by_member = np.array((1.0, 2.0, 4.0))
+    alone, both = (AirGroups.of(three, one) for one in (Inputs(), Inputs(air=0.05)))
+    effect = float(alone.weights.mean(by_member))
+    assert both.parts(effect, by_member) == {
+        **alone.parts(effect, by_member),
+        CONTRAST: pytest.approx(0.05 * effect),
+    }
+    assert both.mixture(by_member) is not None
 
 
 @pytest.mark.slow

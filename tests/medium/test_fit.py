@@ -87,7 +87,7 @@ def test_uniformly_smaller_part_has_this_gap(hot_box: IndexField) -> None:
 )
 def test_wrong_unit_is_named(hot_box: IndexField, scale: float, argument: str, unit: str) -> None:
     """The part's wall is then nowhere near the field's, so nothing could be computed."""
-    with pytest.raises(InputError, match=f"length unit {unit}\\b") as refused:
+    with pytest.raises(InputError, match=rf"length_unit` {unit}\b") as refused:
         fit_part_to_field(hot_box, box_part(half=HALF * scale))
     assert (refused.value.code, refused.value.argument) == ("field.not_at_part", argument)
 
@@ -96,7 +96,7 @@ def test_a_unit_that_was_given_by_mistake_is_taken_back(hot_box: IndexField) -> 
     """The field was read in metres, so that everything but one corner is far from the part."""
     source = evolve(hot_box.source, length_unit="m")
     part = box_part(centre=tuple(HALF - 1e-3 * HALF), half=1e-3 * HALF)
-    with pytest.raises(InputError, match=r"times as large .* field's length unit mm") as refused:
+    with pytest.raises(InputError, match=r"times as large .* `field_length_unit` mm") as refused:
         fit_part_to_field(evolve(hot_box, source=source), part)
     assert refused.value.argument == "field_length_unit"
 
@@ -117,19 +117,19 @@ def test_a_field_in_another_unit_than_its_file_states_is_scaled(
         grid.points = np.asarray(grid.points, dtype=np.float64) * scale
         return evolve(hot_box, grid=grid, source=source)
 
-    with pytest.raises(InputError, match="field's transform") as caught:
+    with pytest.raises(InputError, match="`field_transform`") as caught:
         fit_part_to_field(scaled(factor), part)
     assert caught.value.argument == "field_transform"
-    assert "length unit" not in str(caught.value)
-    scale = str(caught.value).split("field's transform \"scale ")[1].split('"')[0]
-    shift = str(caught.value).partition("part's transform \"")[2].split('"')[0]
+    assert "length_unit" not in str(caught.value)
+    scale = str(caught.value).split('`field_transform` "scale ')[1].split('"')[0]
+    shift = str(caught.value).partition('`part_transform` "')[2].split('"')[0]
     mended = part.transformed(parse_transform(shift)) if shift else part
     assert fit_part_to_field(scaled(factor * float(scale)), mended).gap_p95_mm < 0.01
 
 
 def test_a_part_in_metres_beside_a_field_that_states_metres(hot_box: IndexField) -> None:
     source = evolve(hot_box.source, length_unit="m", unit_stated=True)
-    with pytest.raises(InputError, match=r"with the part's length unit m[. ]") as refused:
+    with pytest.raises(InputError, match=r"with `length_unit` m[. ]") as refused:
         fit_part_to_field(evolve(hot_box, source=source), box_part(half=HALF * 1e-3))
     assert refused.value.argument == "length_unit"
 
@@ -145,7 +145,7 @@ def test_axes_and_offsets_are_named_and_the_advice_works(
     moved = box_part(centre, HALF[axes])
     fit = fit_part_to_field(hot_box, moved)
     (message,) = fit.warnings
-    transform = message.split("part's transform \"")[1].split('"')[0]
+    transform = message.split('`part_transform` "')[1].split('"')[0]
     mended = fit_part_to_field(hot_box, moved.transformed(parse_transform(transform)))
     assert mended.warnings == ()
     assert mended.gap_p95_mm < 1e-4 < fit.gap_p95_mm

@@ -82,14 +82,14 @@ def test_without_the_motion_camera_1_is_placed(hot: HotBlock, tmp_path: Path) ->
 RIG = "--stereo-calibration={rig}"
 WRONG = [
     (RIG, "give the width of a pixel"),
-    ("--cloud-to-part={motion}", "`cloud_to_part` places the cameras of a"),
+    ("--cloud-to-part={motion}", "--cloud-to-part places the cameras of a"),
     (
         f"{RIG} --calibration={{rig}}",
-        "`calibration` is given, but a stereo calibration describes both",
+        "--calibration is given, but a stereo calibration describes both",
     ),
     (
         f"{RIG} --cloud-to-part={{motion}} --origin=1,2,3",
-        "`origin` is given, but the motion of the cloud pl",
+        "--origin is given, but the motion of the cloud pl",
     ),
     (
         f"{RIG} --focal-length='16 mm'",

@@ -50,13 +50,13 @@ def _placed(
         metres = motion.copy()
         metres[:3, 3] *= 1e3
         motions |= {
-            "the inverse of cloud_to_part": np.asarray(np.linalg.inv(motion), dtype=np.float64),
-            "the translation of cloud_to_part in m (write it in mm)": metres,
-            "no cloud_to_part": None,
+            "the inverse of `cloud_to_part`": np.asarray(np.linalg.inv(motion), dtype=np.float64),
+            "the translation of `cloud_to_part` in m (write it in mm)": metres,
+            "no `cloud_to_part`": None,
         }
     for change, matrix in motions.items():
         for other in sorted(UNITS, key=lambda name: name != unit):
             scaled = points * (length_factor(other) / length_factor(unit))
-            by_unit = "" if other == unit else f"length_unit {other}"
+            by_unit = "" if other == unit else f"`length_unit` {other}"
             moved = scaled if matrix is None else apply(matrix, scaled)
             yield " and ".join(filter(None, (by_unit, change))), moved

@@ -26,7 +26,10 @@ if TYPE_CHECKING:
     from iriftrace.tracing.scene import Scene
 
 AIR = "air around the part"
-"""The group of the members."""
+"""The group of the members, or of one field that stands for the air."""
+
+CONTRAST = "contrast of the air"
+"""The group of the stated uncertainty of the air's effect as a whole."""
 
 UNSTEADY = "unsteadiness of the air"
 
@@ -67,8 +70,8 @@ class AirGroups:
         By the name of the group.
     source : str
         Where the group of the members comes from; "" if the air is not known.
-    outside : bool
-        The air that was measured lies outside the members.
+    missing : tuple of str
+        Groups that are not known, without which U is a lower bound.
     synthetic : bool
         The air is of a formula.
     """
@@ -77,14 +80,8 @@ class AirGroups:
     scaled: Mapping[str, Scaled] = Factory(dict)
     varied: Mapping[str, SolvedAgain] = Factory(dict)
     source: str = ""
-    outside: bool = False
+    missing: tuple[str, ...] = (AIR,)
     synthetic: bool = False
-
-    @property
-    def missing(self) -> tuple[str, ...]:
-        """Groups of the air that are not known, without which U is a lower bound."""
-        air = () if self.source else (AIR,)
-        return (*air, *(["air outside the members"] if self.outside else []))
 
     @property
     def known(self) -> bool:
@@ -107,7 +104,7 @@ class AirGroups:
             for name, one in self.varied.items():
                 step = by_member[one.member] - by_member[one.base]
                 found[name] = np.abs(one.factor * step)
-            if self.source and AIR not in self.scaled:
+            if self.source:
                 found[AIR] = self.weights.uncertainty(by_member)
         return found
 
@@ -115,7 +112,7 @@ class AirGroups:
         """Distribution of the effect (k,) over all mixtures of members that were not fitted."""
         if by_member is None or self.weights is None or self.weights.covariance is not None:
             return None
-        if not self.source or AIR in self.scaled:
+        if not self.source:
             return None
         return Mixture(AIR, self.weights.weights, by_member)
 
@@ -138,17 +135,26 @@ class AirGroups:
         for name in varied:
             scaled.pop(name, None)
         synthetic = FieldKind.SYNTHETIC in _kinds(scene)
-        source = ""
         if synthetic:
-            scaled.pop(AIR, None)
-        if inputs.air is not None:
-            source = "stated"
-        elif weights is not None and weights.covariance is not None:
-            source = f"{weights.sampled} members, fitted to a measurement"
-        elif weights is not None and weights.sampled > 1:
-            source = f"any mixture of {weights.sampled} members"
-        outside = OUTSIDE in scene.compiled.stated.notes
-        return cls(weights, scaled, varied, "" if synthetic else source, outside, synthetic)
+            scaled.pop(CONTRAST, None)
+        source = "" if synthetic else _members(weights)
+        missing = []
+        if not source and CONTRAST not in scaled:
+            missing.append(AIR)
+        if FieldKind.UNSTEADY in _kinds(scene) and not scene.members and UNSTEADY not in scaled:
+            missing.append(UNSTEADY)
+        if OUTSIDE in scene.compiled.stated.notes:
+            missing.append("air outside the members")
+        return cls(weights, scaled, varied, source, tuple(missing), synthetic)
+
+
+def _members(weights: MemberWeights | None) -> str:
+    """Where the group of the members comes from; "" without several of them."""
+    if weights is not None and weights.covariance is not None:
+        return f"{weights.sampled} members, fitted to a measurement"
+    if weights is not None and weights.sampled > 1:
+        return f"any mixture of {weights.sampled} members"
+    return ""
 
 
 def _kinds(scene: Scene) -> list[FieldKind]:
@@ -163,12 +169,12 @@ def _scaled(scene: Scene, inputs: Inputs) -> dict[str, Scaled]:
     stated = scene.compiled.stated
     found = {}
     if inputs.air is not None:
-        found[AIR] = Scaled(inputs.air, "stated")
+        found[CONTRAST] = Scaled(inputs.air, "stated")
     if inputs.mesh is not None:
         found["mesh and model of the flow"] = Scaled(inputs.mesh, "stated")
     if inputs.numerics is not None:
         found["numerics"] = Scaled(inputs.numerics, "stated")
-    if (change := unsteadiness(scene)) is not None and not scene.members:
+    if (change := unsteadiness(scene)) is not None:
         found[UNSTEADY] = Scaled(change, "range over time that the field states")
     if stated.air is not None and stated.heating_k is not None:
         wall_k = stated.air.temperature_k + stated.heating_k
