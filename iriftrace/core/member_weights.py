@@ -83,6 +83,11 @@ class MemberWeights:
         return int(np.count_nonzero(self.weights))
 
     @property
+    def several(self) -> bool:
+        """True if the mean has more than one member."""
+        return self.sampled > 1
+
+    @property
     def of_mixtures(self) -> FloatArray:
         """Covariance (k, k) of the weights of the real air, which is a mixture of the members.
 

@@ -78,8 +78,7 @@ def describe(values: JsonObject, places: Mapping[str | None, str] | None = None)
     rows += _field(values)
     for feature in values["features"]:
         rows += _feature(feature, true, at, named)
-        name = f"Diameter of {feature['kind']} {named.get(feature['region'], feature['region'])}"
-        rows += _result(name, feature, at)
+        rows += _result(f"Diameter of {_named(feature, named)}", feature, at)
     for relation in values.get("relations", ()):
         pair = " and ".join(named.get(region, region) for region in relation["regions"])
         of = f"{relation['kind'].capitalize()} of {pair}"
@@ -128,6 +127,12 @@ def _measured(values: JsonObject) -> Iterator[Row]:
     if values["system"] == "stereo":
         said.append(f"The two lines miss each other by {_spread(values['gap_mm'])}")
     return (Row("answer", sentence) for sentence in said)
+
+
+def _named(feature: JsonObject, named: Mapping[str | None, str]) -> str:
+    """A feature by its kind and region, which often begins with its kind."""
+    kind, region = feature["kind"], str(named.get(feature["region"], feature["region"]))
+    return region if region.startswith(kind) else f"{kind} {region}"
 
 
 def _result(name: str, row: JsonObject, at: str) -> Iterator[Row]:

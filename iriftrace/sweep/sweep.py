@@ -254,7 +254,7 @@ class _Sweep:
             map(journal.entry, numbers),
             len(poses),
             part.region_names,
-            ensemble=any(bool(one.scene.members) for one in series),
+            ensemble=any(one.scene.averages for one in series),
             rig=rig is not None,
         )
         folder = self.out.with_suffix("").name

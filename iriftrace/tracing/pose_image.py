@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
+from attrs import evolve
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import AnyArray, Float32Array
@@ -68,14 +69,16 @@ def pose_image(
             each(place, image)
         if not listed.weight:
             continue
-        statistics.add(image, listed.weight, listed.number)
-        last = image.header
+        kept, last = image, image.header
+        if scene.averages:
+            statistics.add(image, listed.weight, listed.number)
         for key, seconds in last["time_s"].items():
             time_s[key] = time_s.get(key, 0.0) + seconds
         for key, count in last["counts"].items():
             counts[key] = max(counts.get(key, 0), count)
     whole = provenance(scene, Camera.from_dict(last["camera"]))
-    return statistics.image({**last, **whole, "time_s": time_s, "counts": counts})
+    header = {**last, **whole, "time_s": time_s, "counts": counts}
+    return statistics.image(header) if scene.averages else evolve(kept, header=header)
 
 
 def sensor_for(scene: Scene, camera: Camera | None) -> mi.Sensor:

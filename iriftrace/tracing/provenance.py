@@ -101,6 +101,8 @@ def _meaning(scene: Scene) -> str:
         weighted += " by a fit to a measurement"
     varied = sum(member.variation is not None for member in scene.members)
     more = f"; {counted(varied, 'further field')} for what inputs change" if varied else ""
+    if not weights.several:
+        return f"displacements are those of one field{more}"
     return (
         f"displacements are means over {counted(weights.sampled, 'field')}{weighted} (bias), "
         f"scatter is the standard deviation of a sample{more}"

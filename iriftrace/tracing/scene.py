@@ -153,6 +153,11 @@ class Scene:
         return weights_of(self.members)
 
     @property
+    def averages(self) -> bool:
+        """True if results are means over several fields, with their scatter."""
+        return bool(self.members) and self.weights.several
+
+    @property
     def ready(self) -> Scene:
         """The scene with the numbers of its files, in which it is traced.
 

@@ -16,16 +16,17 @@ from iriftrace.core.errors import InputError
 from iriftrace.measuring.two_devices.budget import feature_budget
 from iriftrace.measuring.two_devices.correct import correct
 from iriftrace.measuring.two_devices.measure import measure
-from iriftrace.measuring.uncertainty.air_groups import AIR, AirGroups
+from iriftrace.measuring.uncertainty.air_groups import AIR, UNSTEADY, AirGroups
 from iriftrace.measuring.uncertainty.displacement import render_with_uncertainty
 from iriftrace.measuring.uncertainty.inputs import Inputs
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.shells.stack import ShellStack
-from iriftrace.medium.source import FieldFacts, FieldSource, Variation
+from iriftrace.medium.source import FieldFacts, FieldKind, FieldSource, Variation
 from iriftrace.part.part import Part
 from iriftrace.scenes import analytic
 from iriftrace.tracing.hot_air import AirState, HotAir
 from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.render import render_scene
 from iriftrace.tracing.scene import Scene
 from validation.inputs.cameras import camera_at
 
@@ -134,6 +135,23 @@ def test_one_field_with_variations_does_not_cover_the_air(monkeypatch: pytest.Mo
     again = evolve(found, groups=AirGroups.of(scene.ready, evolve(STATED, air=0.05)))
     assert again.groups.missing == ()
     assert (again.u_normal > found.u_normal).all()
+
+
+def test_one_unsteady_field_with_variations_is_as_unsteady_as_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its range of 12 % is in U, and there is no scatter and no worst member of one field."""
+    part, airs = states(analytic.slab, monkeypatch)
+    facts = FieldFacts(FieldKind.UNSTEADY, heat_variation=0.12, plume_swing_k=1.0)
+    airs[0] = AirState(None, "base", ready=evolve(airs[0].shells, source=source("b", "0", facts)))
+    scene = Scene(part, HotAir.of_states(airs), *devices("slab"), "camera_2", engine="shells")
+    groups = AirGroups.of(scene.ready, STATED)
+    assert groups.scaled[UNSTEADY].relative == pytest.approx(0.12 / math.sqrt(12.0))
+    scan = measure(scene)
+    assert scan.scatter_normal is None
+    assert scan.worst_member is None
+    assert "scatter_normal_mm" not in scan.as_dict()
+    assert not render_scene(scene).image.is_ensemble
 
 
 def test_a_picture_has_the_same_parts(monkeypatch: pytest.MonkeyPatch) -> None:

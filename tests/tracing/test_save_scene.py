@@ -103,7 +103,7 @@ def test_messages_say_what_to_give_in_python(folder: Path, tmp_path: Path) -> No
     assert field.air.temperature_k == 350.0
     with pytest.warns(IriftraceWarning, match=r"unlikely.* check length_unit"):
         large = iriftrace.read_part(folder / "block.stl", iriftrace.ReadPart(length_unit="m"))
-    with pytest.raises(InputError, match="with the part's length unit mm") as refused:
+    with pytest.raises(InputError, match="with `length_unit` mm") as refused:
         Scene(large, HotAir(field), CAMERA).save(tmp_path / "scene.xml")
     assert (refused.value.code, refused.value.argument) == ("field.not_at_part", "length_unit")
 

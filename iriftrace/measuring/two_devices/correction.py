@@ -212,7 +212,8 @@ class Correction:
         members, worst = None, None
         if self.weights is not None:
             members = np.array(value.by_member, dtype=np.float64)
-            worst = worst_member(members, corrected, self.weights, self.provenance)
+            if self.weights.several:
+                worst = worst_member(members, corrected, self.weights, self.provenance)
         effect = None if members is None else members - measured
         parts = self.groups.parts(corrected - measured, effect)
         sources = self.groups.sources()

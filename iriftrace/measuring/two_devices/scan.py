@@ -138,15 +138,15 @@ class Scan:
 
     @property
     def scatter_normal(self) -> FloatArray | None:
-        """(n,) array, mm: standard deviation over an ensemble's members along the normal."""
-        if self.errors is None or self.weights is None:
+        """(n,) array, mm: standard deviation over the members in the mean along the normal."""
+        if self.errors is None or self.weights is None or not self.weights.several:
             return None
         return self.weights.scatter(each_along(self.errors, self.normal))
 
     @property
     def worst_member(self) -> IntArray | None:
         """(n,) array: number of the member in the mean with the largest error along the normal."""
-        if self.errors is None or self.weights is None:
+        if self.errors is None or self.weights is None or not self.weights.several:
             return None
         numbers = [member["number"] for member in self.provenance["ensemble"]["members"]]
         in_mean = np.flatnonzero(self.weights.weights)
@@ -278,7 +278,7 @@ class Scan:
 
     def _with_scatter(self, value: Quantity) -> Quantity:
         true = value.by_cloud["cold"]
-        if self.weights is None or true is None:
+        if self.weights is None or not self.weights.several or true is None:
             return value
         members = np.array(value.by_member, dtype=np.float64)
         worst = worst_member(members, true, self.weights, self.provenance)

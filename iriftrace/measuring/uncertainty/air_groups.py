@@ -19,7 +19,7 @@ from iriftrace.core.member_weights import MemberWeights
 from iriftrace.measuring.uncertainty.budget import Mixture
 from iriftrace.measuring.uncertainty.inputs import Inputs
 from iriftrace.measuring.uncertainty.similarity import SOURCE, humidity_effect, relative_effects
-from iriftrace.medium.source import FieldKind
+from iriftrace.medium.source import FieldKind, FieldSource
 from iriftrace.tracing.hot_air import OUTSIDE
 
 if TYPE_CHECKING:
@@ -134,14 +134,15 @@ class AirGroups:
         varied = _varied(scene, inputs)
         for name in varied:
             scaled.pop(name, None)
-        synthetic = FieldKind.SYNTHETIC in _kinds(scene)
+        kinds = [one.facts.kind for one in _in_mean(scene)]
+        synthetic = FieldKind.SYNTHETIC in kinds
         if synthetic:
             scaled.pop(CONTRAST, None)
         source = "" if synthetic else _members(weights)
         missing = []
         if not source and CONTRAST not in scaled:
             missing.append(AIR)
-        if FieldKind.UNSTEADY in _kinds(scene) and not scene.members and UNSTEADY not in scaled:
+        if _is_one_state(scene) and UNSTEADY not in scaled:
             missing.append(UNSTEADY)
         if OUTSIDE in scene.compiled.stated.notes:
             missing.append("air outside the members")
@@ -152,17 +153,16 @@ def _members(weights: MemberWeights | None) -> str:
     """Where the group of the members comes from; "" without several of them."""
     if weights is not None and weights.covariance is not None:
         return f"{weights.sampled} members, fitted to a measurement"
-    if weights is not None and weights.sampled > 1:
+    if weights is not None and weights.several:
         return f"any mixture of {weights.sampled} members"
     return ""
 
 
-def _kinds(scene: Scene) -> list[FieldKind]:
-    """Kinds of the fields of which the mean consists."""
+def _in_mean(scene: Scene) -> list[FieldSource]:
+    """The fields of which the mean consists."""
     if not scene.members:
-        source = scene.compiled.source
-        return [] if source is None else [source.facts.kind]
-    return [one.source.facts.kind for one in scene.members if one.weight > 0.0]
+        return [] if scene.compiled.source is None else [scene.compiled.source]
+    return [one.source for one in scene.members if one.weight > 0.0]
 
 
 def _scaled(scene: Scene, inputs: Inputs) -> dict[str, Scaled]:
@@ -202,16 +202,23 @@ def _varied(scene: Scene, inputs: Inputs) -> dict[str, SolvedAgain]:
     return found
 
 
+def _is_one_state(scene: Scene) -> bool:
+    """True if the mean is one field of unsteady air, which no measurement has chosen."""
+    kinds = [one.facts.kind for one in _in_mean(scene)]
+    fitted = bool(scene.members) and scene.weights.covariance is not None
+    return kinds == [FieldKind.UNSTEADY] and not fitted
+
+
 def unsteadiness(scene: Scene) -> float | None:
     """Relative standard uncertainty of unsteady air, which a scan sees in one state.
 
     By the larger of the relative ranges of heat flow and plume, as a rectangular distribution; None
-    for other air, or if the field does not state its range.
+    for other air (`_is_one_state`), or if the field does not state its range.
     """
-    source, heating_k = scene.compiled.source, scene.compiled.stated.heating_k
-    if source is None or scene.members or source.facts.kind is not FieldKind.UNSTEADY:
+    heating_k = scene.compiled.stated.heating_k
+    if not _is_one_state(scene):
         return None
-    facts = source.facts
+    (facts,) = (one.facts for one in _in_mean(scene))
     if facts.heat_variation is None or facts.plume_swing_k is None or heating_k is None:
         return None
     return float(max(facts.heat_variation, facts.plume_swing_k / heating_k) / _RANGE)
