@@ -7,10 +7,11 @@ import math
 from pathlib import Path
 
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import check_readable, write_json
+from iriftrace.core.files import write_json
 from iriftrace.core.plain import plain, structured
 from iriftrace.image.aov_image import Status
 from iriftrace.image.lost_rays import SCHEMA, LostRays
+from iriftrace.io.refusals import check_exists
 
 SUFFIX = ".rays.json"
 
@@ -27,7 +28,7 @@ def write_lost_rays(path: str | Path, rays: LostRays) -> None:
 
 def read_lost_rays(path: str | Path) -> LostRays:
     """Read the rays that a rendering or a measurement lost; InputError if the file holds none."""
-    check_readable(Path(path))
+    check_exists(Path(path))
     try:
         found = structured(json.loads(Path(path).read_text(encoding="utf-8")), LostRays)
         if found.schema != SCHEMA:

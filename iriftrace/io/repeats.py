@@ -9,6 +9,7 @@ import numpy as np
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import length_factor
+from iriftrace.io.refusals import check_exists
 from iriftrace.io.table import read_table
 
 
@@ -18,6 +19,7 @@ def read_repeats(path: str | Path) -> dict[str, FloatArray]:
     A unit after the name, ``bore [um]``, is obeyed. Raises InputError for a file that is not such a
     table, or has a feature twice.
     """
+    check_exists(Path(path))
     table = read_table(Path(path))
     names = [column.name for column in table.columns]
     if len(set(names)) < len(names):

@@ -203,6 +203,11 @@ WRONG = {
         ("--surface a.stl", "file.ending", r"a\.stl.*\.vtp or"),
         ("--workers 0", "workers.below_one", r"^0 .*\(--workers\)"),
     ],
+    "twin": [("gone.csv far.csv", "file.missing", "gone.csv")],
+    "ray": [
+        ("gone.rays.json", "file.missing", "gone.rays.json"),
+        ("far.csv", "rays.no_file", "far.csv"),
+    ],
     "plan": [
         ("gone.nc", "file.missing", "gone.nc; .* `iriftrace sweep`"),
         ("words.nc", "file.damaged", r"words.nc .* netCDF .*\.nc .* `iriftrace sweep`"),
