@@ -64,7 +64,7 @@ from .io.surface import write_surface as write_surface
 from .measuring.comparison import Comparison as Comparison
 from .measuring.comparison import compare as compare
 from .measuring.features.choice import FeatureChoice as FeatureChoice
-from .measuring.features.fit import Feature as Feature
+from .measuring.features.feature import Feature as Feature
 from .measuring.features.fit import fit_feature as fit_feature
 from .measuring.features.fitted import FittedFeature as FittedFeature
 from .measuring.features.quantity import Quantity as Quantity

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
 from iriftrace.cli.console import print_table, say
@@ -10,7 +10,7 @@ from iriftrace.cli.groups import group
 from iriftrace.measuring.uncertainty.options import AnswerOptions
 
 if TYPE_CHECKING:
-    from iriftrace.measuring.features.quantity import Quantity
+    from iriftrace.figures.describe_scan import Row
     from iriftrace.measuring.uncertainty.budget import Uncertainty
     from iriftrace.measuring.uncertainty.displacement import PoseUncertainty
 
@@ -20,20 +20,16 @@ MOST = 10
 """Lines of answers that are printed; the JSON file has all."""
 
 
-def say_lines(lines: Iterable[str]) -> None:
-    """Print the first answers, and how many more there are."""
-    listed = list(lines)
-    for line in listed[:MOST]:
-        say(f"{line}.")
-    if len(listed) > MOST:
-        say(f"{len(listed) - MOST} more in the JSON file.")
+def say_results(rows: Sequence[Row]) -> None:
+    """Print the verdicts, the first other answers, and how many more there are."""
+    from iriftrace.figures.describe_scan import sentences
 
-
-def say_answers(named: Iterable[tuple[str, Quantity]]) -> None:
-    """Print value, U and verdict of each."""
-    from iriftrace.figures.answer import answer
-
-    say_lines(line for name, value in named for line in answer(name, value))
+    verdicts, others = sentences(rows, "verdict"), sentences(rows, "result")
+    shown = max(0, MOST - len(verdicts))
+    for sentence in [*verdicts, *others[:shown]]:
+        say(sentence)
+    if len(others) > shown:
+        say(f"{len(others) - shown} more in the JSON file.")
 
 
 def print_groups(title: str, stated: Uncertainty, unit: str) -> None:

@@ -1,4 +1,4 @@
-"""The command ``iriftrace budget``: what U a measurement will have, and of what it consists."""
+"""The command ``iriftrace budget``: U of a measurement before it is made, by group of inputs."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from iriftrace.cli import checks
-from iriftrace.cli.answer import Answers, print_groups, say_answers, say_pose
+from iriftrace.cli.answer import Answers, print_groups, say_pose, say_results
 from iriftrace.cli.console import say, working
 from iriftrace.cli.measure import Devices
 from iriftrace.cli.options import Output
@@ -63,6 +63,8 @@ def budget(
 
 
 def _of_features(scene: Scene, answers: AnswerOptions, devices: MeasureOptions) -> JsonObject:
+    from iriftrace.cli.triangulation_text import placed_names
+    from iriftrace.figures.describe_scan import describe
     from iriftrace.measuring.features.choice import checked_choices
     from iriftrace.measuring.two_devices.budget import feature_budget
 
@@ -78,19 +80,17 @@ def _of_features(scene: Scene, answers: AnswerOptions, devices: MeasureOptions) 
             system=devices.system,
             phase=devices.phase,
         )
-    named = [(f"Diameter of {one.name}", one.size) for one in found.features]
-    named += [(" and ".join(map(str, one.regions)), one.value) for one in found.relations]
-    say_answers(named)
-    stated = [(name, value) for name, value in named if value.uncertainty is not None]
-    for name, value in stated[:1]:
-        assert value.uncertainty is not None
-        print_groups(f"{name}: U by group", value.uncertainty, value.unit)
-    return {
+    values = {
         **found.correction.as_dict(),
-        "schema": SCHEMA,
         "features": [one.as_dict() for one in found.features],
         "relations": [one.as_dict() for one in found.relations],
     }
+    say_results(describe(values, placed_names(scene.part)))
+    asked = [one for one in found.features if one.name in tolerances]
+    for one in (asked or found.features)[: max(1, len(asked))]:
+        if one.size.uncertainty is not None:
+            print_groups(f"U of {one.name} by group", one.size.uncertainty, one.size.unit)
+    return {**values, "schema": SCHEMA}
 
 
 def _of_camera(scene: Scene, inputs: Inputs) -> JsonObject:
@@ -102,14 +102,18 @@ def _of_camera(scene: Scene, inputs: Inputs) -> JsonObject:
     say_pose(found)
     median = found.displacement_mm["median"]
     print_groups("Median displacement: U by group", median, "mm")
+    header = found.rendering.image.header
     return {
+        **{key: header[key] for key in ORIGIN if key in header},
         "schema": SCHEMA,
-        "scene": found.rendering.image.header["scene"],
         "inputs": plain(inputs),
         "displacement": {k: one.as_dict("mm") for k, one in found.displacement_mm.items()},
         "shift": {k: one.as_dict("px") for k, one in found.shift_px.items()},
     }
 
+
+ORIGIN = ("version", "scene", "engine", "wavelength_nm", "field", "ensemble", "part", "assumptions")
+"""Keys of a picture's header that say what a budget rests on."""
 
 SCHEMA = "iriftrace.budget/1"
 """Value of ``schema`` in the JSON."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from iriftrace.cli import checks
-from iriftrace.cli.answer import Answers, say_lines
+from iriftrace.cli.answer import Answers, say_results
 from iriftrace.cli.console import drawn, say, working
 from iriftrace.cli.measure import Devices
 from iriftrace.cli.options import Flag, Output
@@ -70,7 +70,7 @@ def correct(
     """
     from iriftrace.cli.triangulation_text import placed_names, say_group
     from iriftrace.core.mesh.transform import apply, read_motion
-    from iriftrace.figures.describe_scan import describe, sentences
+    from iriftrace.figures.describe_scan import describe
     from iriftrace.io.clouds import read_cloud
     from iriftrace.measuring.features.choice import checked_choices
     from iriftrace.measuring.two_devices.correct import correct as take_out
@@ -120,7 +120,7 @@ def correct(
         files.append(drawn(figure, output.with_suffix(".png")))
     rows = describe(json.loads(numbers.read_text(encoding="utf-8")), placed_names(loaded.part))
     say_group(rows, "points moved")
-    say_lines(line.removesuffix(".") for line in sentences(rows, "result"))
+    say_results(rows)
     say_group(rows, "warning")
     _say_how_to_know(found)
     say("Files: " + ", ".join(map(str, files)))

@@ -46,8 +46,8 @@ class Row:
     Attributes
     ----------
     group : str
-        "points", "answer", "points moved", "result", "warning", "field", "larger", "feature",
-        "planes", "region", "note".
+        "points", "answer", "points moved", "verdict", "result", "warning", "field", "larger",
+        "feature", "planes", "region", "note".
     value : str
         The value with its unit, or a sentence without full stop.
     name : str
@@ -144,7 +144,8 @@ def _result(name: str, row: JsonObject, at: str) -> Iterator[Row]:
         used += f", {row['left_out']:,} left out as outliers" if row["left_out"] else ""
         used += f", {row['not_corrected']:,} without correction" if row["not_corrected"] else ""
         lines[0] += f"; {used}"
-    return (Row("result", line) for line in lines)
+    group = "verdict" if "decision" in row else "result"
+    return (Row(group, line) for line in lines)
 
 
 def _corrected(values: JsonObject) -> Iterator[Row]:

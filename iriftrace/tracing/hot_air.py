@@ -159,8 +159,19 @@ class FieldMember:
 
 
 def check_variations(members: Sequence[FieldMember]) -> None:
-    """Refuse a member that varies a field which is not among them, with an InputError."""
+    """Refuse members of which one varies a field that is not among them, with an InputError.
+
+    The first one must be a field by itself, since scene and air are stated as those of the first.
+    """
     known = {one.source.sha256 for one in members if one.variation is None}
+    varied = [(v.of, v.quantity) for v in (one.variation for one in members) if v is not None]
+    if (members and members[0].variation is not None) or len(set(varied)) < len(varied):
+        raise InputError(
+            "The first field varies another one, or one input is varied twice; name the field that "
+            "was solved with all inputs as they are first, and each variation once.",
+            code="air.variations",
+            argument="member",
+        )
     for one in members:
         if one.variation is not None and one.variation.of not in known:
             raise InputError(

@@ -128,7 +128,7 @@ def test_sentences_end_with_a_full_stop_and_regions_without_a_point_are_counted(
 
 
 def test_the_answer_is_value_u_and_verdict() -> None:
-    assert sentences(describe(values()), "result") == [
+    assert sentences(describe(values()), "verdict") == [
         "Diameter of cone 1, on the drawing at 20 degC: 12.200 mm, U = at least 0.010 mm (k = "
         "2, 95 %: 12.190 .. 12.210; not covered: air); 990 points, 10 left out as outliers, 7 "
         "without correction.",

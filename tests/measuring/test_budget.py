@@ -132,7 +132,10 @@ def test_similarity_is_that_of_plates_solved_again() -> None:
     assert found["wall"] == pytest.approx(0.0119, rel=0.2)
     # Ciddor: moist air of 20 degC has 3e-8 less for each 10 %.
     assert humidity_effect(0.1, Air()) == pytest.approx(-0.0003, rel=0.2)
-    assert humidity_effect(0.3, Air(relative_humidity=0.9)) > 0.0
+    # To first order, also where the range of the humidity ends.
+    assert humidity_effect(0.3, Air(relative_humidity=1.0)) == pytest.approx(-0.0009, rel=0.2)
+    # The effect of a wall that may be as cool as the room is not refused.
+    assert relative_effects(Inputs(ambient_k=30.0), 313.15, Air())["ambient"] < -1.0
 
 
 @pytest.mark.parametrize(
@@ -160,6 +163,14 @@ def test_a_guard_band_of_165_u_keeps_the_risk_below_5_percent(
     else:
         assert found.risk is not None
         assert found.risk <= 0.05
+
+
+def test_the_probability_of_a_mixture_is_that_of_its_own_distribution() -> None:
+    """Uniform between 0 and 10: a tenth lies above 9, and a normal one has 8 %."""
+    mixture = Mixture(AIR, np.array((0.5, 0.5)), np.array((0.0, 10.0)))
+    value = uncertainty_of(5.0, [Contribution(AIR, 10.0 / math.sqrt(12.0))], mixture)
+    found = decide(Tolerance(5.0, -6.0, 4.0), value, mixture=mixture)
+    assert found.outside == pytest.approx(0.1, abs=2e-3)
 
 
 def test_nothing_is_decided_with_a_lower_bound() -> None:

@@ -13,7 +13,8 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.mesh.query import Surface
 from iriftrace.io.part_files import read_part
 from iriftrace.measuring.features.choice import FeatureChoice, found_features, surface_kind
-from iriftrace.measuring.features.fit import Feature, fit_feature
+from iriftrace.measuring.features.feature import Feature
+from iriftrace.measuring.features.fit import fit_feature
 from iriftrace.measuring.features.fitted import fit_features
 from iriftrace.measuring.features.outliers import inliers
 from iriftrace.part.part import Part, part_of_mesh

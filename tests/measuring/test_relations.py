@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.measuring.features.choice import FeatureChoice
+from iriftrace.measuring.features.fit import fit_feature
 from iriftrace.measuring.features.fitted import fit_features
 from iriftrace.measuring.features.quantity import Quantity, WorstMember
 from iriftrace.measuring.features.relations import Relation, relations
@@ -124,3 +125,31 @@ def test_too_few_points_are_one_clean_sentence() -> None:
     top_plane = [FeatureChoice("plane", "plane +z")]
     with pytest.warns(IriftraceWarning, match=said):
         assert fit_features({"cold": points[kept]}, face[kept], part, top_plane, gate=None) == ()
+
+
+def test_a_known_scatter_of_the_points_takes_the_place_of_their_own() -> None:
+    """Of exact points of a box and a circle, against refits of noisy ones: JCGM 101 by hand."""
+    part = box()
+    points, face = part.surface.even_places(3000)
+    (found, *_) = [
+        one
+        for one in relations(
+            fit_features({"measured": points}, face, part, PLANES, gate=None, scatter_mm=0.01)
+        )
+        if one.kind == "distance"
+    ]
+    rng = np.random.default_rng(8)
+    noisy = []
+    for _ in range(100):
+        clouds = {"measured": points + 0.01 * rng.normal(size=points.shape)}
+        again = relations(fit_features(clouds, face, part, PLANES, gate=None))
+        (same,) = [one for one in again if one.regions == found.regions]
+        noisy.append(same.value.by_cloud["measured"])
+    assert found.value.u["measured"] == pytest.approx(np.std(noisy, ddof=1), rel=0.25)
+    turn = np.linspace(0.0, 2.0 * np.pi, 40, endpoint=False)
+    ring = 5.0 * np.column_stack((np.cos(turn), np.sin(turn), 0.0 * turn))
+    sizes = [
+        fit_feature(ring + 0.01 * rng.normal(size=ring.shape), "circle").size_mm for _ in range(400)
+    ]
+    stated = fit_feature(ring, "circle").with_scatter(0.01).u_size_mm
+    assert stated == pytest.approx(np.std(sizes, ddof=1), rel=0.15)

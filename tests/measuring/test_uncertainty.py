@@ -219,7 +219,7 @@ def test_nothing_is_known_of_one_field_alone(three: Scene) -> None:
     assert correct(measure(one).points, one).u_normal is None
     with pytest.raises(InputError) as error:
         Inputs(air=5.0)
-    assert (error.value.code, error.value.argument) == ("uncertainty.no_fraction", "air")
+    assert (error.value.code, error.value.argument) == ("uncertainty.no_fraction", "uncertainty")
 
 
 def test_a_diameter_has_the_uncertainty_of_its_correction(
@@ -348,6 +348,7 @@ def test_air_from_formulas_has_no_uncertainty(
         (FieldFacts(FieldKind.UNSTEADY, 0.12, 27.0), 0.12 / np.sqrt(12)),
         (FieldFacts(FieldKind.UNSTEADY, 0.021, 180.0), 0.2 / np.sqrt(12)),
         (FieldFacts(FieldKind.UNSTEADY), None),
+        (FieldFacts(time="snapshot"), None),
         (FieldFacts(), None),
     ],
 )
@@ -356,8 +357,12 @@ def test_air_that_changes_in_time_is_uncertain(
 ) -> None:
     """Of a range of 20 % the standard deviation is 20 % / root 12, as of a rectangular one."""
     scene = with_facts(member(three, 2), facts)
-    shells = [evolve(row, temperature_k=1193.15) for row in scene.compiled.stated.shells]
-    stated = evolve(scene.compiled.stated, shells=shells, air=Air(temperature_k=293.15))
+    air = Air(temperature_k=293.15)
+    wall = float(air.refractivity(1193.15))
+    *others, last = scene.compiled.stated.shells
+    shells = [evolve(row, **{"int": max(row.int_, wall)}) for row in others]
+    shells.append(evolve(last, **{"int": wall}))
+    stated = evolve(scene.compiled.stated, shells=shells, air=air)
     scene = with_stated(scene, stated)
     groups = AirGroups.of(scene, Inputs(air=0.05))
     assert groups.parts(1.0, None) == {
@@ -365,8 +370,30 @@ def test_air_that_changes_in_time_is_uncertain(
         **({} if change is None else {UNSTEADY: pytest.approx(change)}),
     }
     # Unsteady air of which no range is known is not covered.
-    unknown = facts.kind is FieldKind.UNSTEADY and change is None
+    unsteady = facts.kind is FieldKind.UNSTEADY or facts.time == "snapshot"
+    unknown = unsteady and change is None
     assert groups.missing == ((UNSTEADY,) if unknown else ())
+
+
+def test_unsteady_means_are_uncertain_and_snapshots_scatter(three: Scene) -> None:
+    """The mean range of several fields counts; several snapshots have it in their scatter."""
+    mean = FieldFacts(FieldKind.UNSTEADY, 0.12, 0.0, time="mean")
+    for facts, expected in (
+        ([mean, FieldFacts(FieldKind.STEADY), mean], 0.08 / np.sqrt(12.0)),
+        ([FieldFacts(time="snapshot")] * 3, None),
+    ):
+        states = [
+            evolve(state, ready=evolve(shells, source=evolve(shells.source, facts=one)))
+            for state, one in zip(three.air.states, facts, strict=True)
+            for shells in (state.shells,)
+        ]
+        states = [evolve(state, files=None) for state in states]
+        groups = AirGroups.of(evolve(three, air=three.air.with_states(states)).ready, Inputs())
+        assert groups.missing == ()
+        found = groups.scaled.get(UNSTEADY)
+        assert (None if found is None else found.relative) == (
+            None if expected is None else pytest.approx(expected)
+        )
 
 
 def test_a_stated_contrast_adds_to_what_members_say(three: Scene) -> None:

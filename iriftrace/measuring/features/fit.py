@@ -10,12 +10,13 @@ from collections.abc import Callable, Sequence
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import evolve
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
+from iriftrace.measuring.features.feature import Feature
 
 Kind = Literal["plane", "line", "circle", "sphere", "cylinder", "cone"]
 
@@ -34,73 +35,6 @@ DIMENSIONS = {"plane": 2, "line": 1, "circle": 2, "sphere": 3, "cylinder": 3, "c
 
 FLAT = 1e-6
 """Rounding of single precision, as a fraction of the largest extent."""
-
-
-@frozen(eq=False)
-class Feature:
-    """A fitted feature.
-
-    Attributes
-    ----------
-    kind : str
-    position : (3,) array, mm
-        Centre of a sphere or circle; else the point of plane or axis that is nearest to the points'
-        centre.
-    direction : (3,) array or None
-        Unit normal of a plane or circle, unit axis of a line, cylinder or cone; none of a sphere.
-        Its largest component is positive; a cone's points to its wide end.
-    size_mm : float or None, mm
-        Diameter (of a cone at `position`); none of plane and line.
-    u_size_mm : float or None, mm
-        Standard uncertainty of the diameter by the residuals, as if they were independent: s times
-        the root of its element of (J^T J)^-1, s^2 = residuals squared over degrees of freedom.
-    half_angle : float or None, rad
-        Half opening angle of a cone.
-    u_position_mm : float or None, mm
-        Standard uncertainty of a plane's `position` along the normal, by the residuals.
-    normal_covariance : (3, 3) array or None
-        Covariance of a plane's normal, by the residuals too.
-    residuals : (n,) array, mm
-        Signed distances, positive outwards; unsigned for a line or circle.
-    """
-
-    kind: str
-    position: FloatArray
-    direction: FloatArray | None
-    size_mm: float | None
-    u_size_mm: float | None
-    half_angle: float | None
-    residuals: FloatArray
-    u_position_mm: float | None = None
-    normal_covariance: FloatArray | None = None
-
-    @property
-    def form_mm(self) -> float:
-        """Form deviation: the largest residual less the smallest."""
-        return float(np.ptp(self.residuals))
-
-    def distances(self, points: FloatArray) -> FloatArray:
-        """Distances (n,) of points (n, 3), mm, from the feature, signed like the residuals."""
-        arm = points - self.position
-        radius = 0.5 * (self.size_mm or 0.0)
-        if self.direction is None:
-            return np.asarray(np.linalg.norm(arm, axis=1) - radius)
-        height = arm @ self.direction
-        if self.kind == "plane":
-            return np.asarray(height)
-        radial = np.linalg.norm(arm - np.outer(height, self.direction), axis=1) - radius
-        if self.kind == "circle":
-            return np.asarray(np.hypot(radial, height))
-        angle = self.half_angle or 0.0
-        return np.asarray(radial * np.cos(angle) - height * np.sin(angle))
-
-    def at(self, place: FloatArray) -> Feature:
-        """The same cone with its position, and so its diameter, at the height of a (3,) place."""
-        assert self.direction is not None
-        assert self.size_mm is not None
-        height = float((place - self.position) @ self.direction)
-        size = self.size_mm + 2.0 * height * np.tan(self.half_angle or 0.0)
-        return evolve(self, position=self.position + height * self.direction, size_mm=size)
 
 
 def fit_feature(
@@ -168,6 +102,7 @@ def fit_feature(
         u_size_mm=None if found.u_size_mm is None else scale * found.u_size_mm,
         u_position_mm=None if found.u_position_mm is None else scale * found.u_position_mm,
         residuals=scale * found.residuals,
+        scatter_mm=None if found.scatter_mm is None else scale * found.scatter_mm,
     )
 
 
@@ -199,7 +134,7 @@ def _plane(points: FloatArray, root: FloatArray) -> Feature:
     axes = _axes(points, root)
     normal = _signed(axes[2])
     heights = points @ normal
-    variance = float(np.sum((root * heights) ** 2)) / max(len(points) - 3, 1)
+    variance = _variance(float(np.sum((root * heights) ** 2)), len(points) - 3)
     spread = np.sum((root[:, None] * points @ axes[:2].T) ** 2, axis=0)
     return Feature(
         kind="plane",
@@ -211,6 +146,7 @@ def _plane(points: FloatArray, root: FloatArray) -> Feature:
         residuals=heights,
         u_position_mm=float(np.sqrt(variance / np.sum(root**2))),
         normal_covariance=variance * (axes[:2].T / spread) @ axes[:2],
+        scatter_mm=float(np.sqrt(variance)),
     )
 
 
@@ -239,18 +175,23 @@ def _solved(
     start: Sequence[float],
     radius: int,
     exact: float = EXACT,
-) -> tuple[FloatArray, float]:
-    """Parameters of least squares and u of twice the radius.
+) -> tuple[FloatArray, float, float]:
+    """Parameters of least squares, u of twice the radius, and the scatter that it is by.
 
     `slopes` gives the derivatives of the residuals; `radius` is the parameter's number.
     """
     found = least_squares(
         residuals, start, jac=slopes, method="lm", xtol=exact, ftol=exact, gtol=exact
     )
-    variance = 2 * found.cost / max(len(found.fun) - len(start), 1)
+    scatter = float(np.sqrt(_variance(2 * found.cost, len(found.fun) - len(start))))
     inverse = np.linalg.pinv(np.linalg.qr(found.jac, mode="r"))[radius]
-    doubt = 2 * float(np.sqrt(variance) * np.linalg.norm(inverse))
-    return np.asarray(found.x, dtype=np.float64), doubt
+    doubt = 2 * scatter * float(np.linalg.norm(inverse))
+    return np.asarray(found.x, dtype=np.float64), doubt, scatter
+
+
+def _variance(squares: float, freedom: int) -> float:
+    """Variance of a point, never 0, so that another one can take its place."""
+    return max(squares / max(freedom, 1), 1e-40)
 
 
 def _sphere(points: FloatArray, root: FloatArray) -> Feature:
@@ -259,8 +200,10 @@ def _sphere(points: FloatArray, root: FloatArray) -> Feature:
     def residuals(values: FloatArray) -> FloatArray:
         return np.asarray(np.linalg.norm(points - values[:3], axis=1) - values[3])
 
-    best, doubt = _solved(lambda v: root * residuals(v), "2-point", (*centre, radius), radius=3)
-    return Feature("sphere", best[:3], None, 2 * float(best[3]), doubt, None, residuals(best))
+    start = (*centre, radius)
+    best, doubt, s = _solved(lambda v: root * residuals(v), "2-point", start, radius=3)
+    size, off = 2 * float(best[3]), residuals(best)
+    return Feature("sphere", best[:3], None, size, doubt, None, off, scatter_mm=s)
 
 
 def _frame(axis: FloatArray) -> FloatArray:
@@ -289,10 +232,11 @@ def _circle(points: FloatArray, root: FloatArray) -> Feature:
 
     start = (*(centre @ frame[:2]), 0.0, 0.0, radius)
     twice = np.tile(root, 2)
-    best, doubt = _solved(lambda v: twice * np.concatenate(parts(v)), "2-point", start, radius=5)
+    best, doubt, s = _solved(lambda v: twice * np.concatenate(parts(v)), "2-point", start, radius=5)
     off = np.hypot(*parts(best))
     normal = _signed(_tilted(frame, best[3:5]))
-    return Feature("circle", best[:3], normal, 2 * float(best[5]), doubt, None, off)
+    size = 2 * float(best[5])
+    return Feature("circle", best[:3], normal, size, doubt, None, off, scatter_mm=s)
 
 
 class _Round(NamedTuple):
@@ -358,7 +302,7 @@ def _about_axis(
     slope = np.polyfit(points @ axis, np.linalg.norm(across - centre, axis=1), 1, w=root)[0]
 
     start = [*centre, 0.0, 0.0, radius, *([float(np.arctan(slope))] if opening else [])]
-    best, doubt = _solved(
+    best, doubt, s = _solved(
         lambda v: root * _round_of(points, frame, v).residuals,
         lambda v: root[:, None] * _round_of(points, frame, v).slopes,
         start,
@@ -370,13 +314,13 @@ def _about_axis(
     # The point of the axis nearest to the points' centre, which is the origin.
     position = foot - (foot @ direction) * direction
     angle = float(best[5]) if opening else 0.0
-    diameter = 2 * (best[4] + np.tan(angle) * float((position - foot) @ direction))
+    size = 2 * float(best[4] + np.tan(angle) * float((position - foot) @ direction))
     off = _round_of(points, frame, best).residuals
     if not opening:
         signed = _signed(direction)
-        return Feature("cylinder", position, signed, float(diameter), doubt, None, off)
+        return Feature("cylinder", position, signed, size, doubt, None, off, scatter_mm=s)
     wide = direction if angle >= 0.0 else -direction
-    return Feature("cone", position, wide, float(diameter), doubt, abs(angle), off)
+    return Feature("cone", position, wide, size, doubt, abs(angle), off, scatter_mm=s)
 
 
 def _round(points: FloatArray, root: FloatArray, axes: FloatArray, opening: bool) -> Feature:

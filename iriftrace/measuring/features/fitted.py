@@ -23,7 +23,8 @@ from iriftrace.measuring.features.choice import (
     on_region,
     other_surface,
 )
-from iriftrace.measuring.features.fit import FEWEST, Feature, fit_feature
+from iriftrace.measuring.features.feature import Feature
+from iriftrace.measuring.features.fit import FEWEST, fit_feature
 from iriftrace.measuring.features.outliers import inliers
 from iriftrace.measuring.features.quantity import DRAWING, Quantity
 from iriftrace.measuring.options import GATE, check_gate
@@ -168,13 +169,15 @@ def fit_features(
     gate: float | None = GATE,
     *,
     one_line: bool = False,
+    scatter_mm: float | None = None,
 ) -> tuple[FittedFeature, ...]:
     """Fit features to the same (n, 3) points, mm, in several clouds, by name.
 
     `face` (n,) is the part's face on which each point lies, `by_member` the same points by each
     member of an ensemble. The default choice is `found_features`. Warns of points that do not fit
     the feature or leave its diameter uncertain, and omits what they do not determine, as those of
-    `one_line` of a laser do not determine a surface.
+    `one_line` of a laser do not determine a surface. Uncertainties are by the scatter of the points
+    about the feature, or by `scatter_mm`, the known standard deviation of each.
 
     Outliers of the cloud ``"corrected"`` (else of the first), which hot air does not move, and
     points as near to other regions, by `inliers`, are removed from all. The diameters of a cone are
@@ -220,6 +223,8 @@ def fit_features(
             places = {DRAWING: np.round(fits[DRAWING].position, 2)} if DRAWING in fits else {}
             fits = {name: fit.at(places.get(name, place)) for name, fit in fits.items()}
             same = [fit.at(place) for fit in same]
+        if scatter_mm is not None:
+            fits = {name: fit.with_scatter(scatter_mm) for name, fit in fits.items()}
         features.append(FittedFeature(kind, region, count - len(chosen), fits, tuple(same)))
     return tuple(features)
 

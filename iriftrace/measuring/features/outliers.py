@@ -6,7 +6,8 @@ import numpy as np
 
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.mesh.query import Surface
-from iriftrace.measuring.features.fit import FEWEST, FLAT, SAMPLE, Feature, fit_feature
+from iriftrace.measuring.features.feature import Feature
+from iriftrace.measuring.features.fit import FEWEST, FLAT, SAMPLE, fit_feature
 
 NORMAL_MAD = 1.4826
 """Standard deviation of normal noise over the median of its sizes."""

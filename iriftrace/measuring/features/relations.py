@@ -11,7 +11,7 @@ from attrs import frozen
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.plain import JsonObject
-from iriftrace.measuring.features.fit import Feature
+from iriftrace.measuring.features.feature import Feature
 from iriftrace.measuring.features.fitted import FittedFeature
 from iriftrace.measuring.features.quantity import Quantity, Unit
 

@@ -13,7 +13,8 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.core.errors import InputError
-from iriftrace.measuring.features.fit import Feature, fit_feature
+from iriftrace.measuring.features.feature import Feature
+from iriftrace.measuring.features.fit import fit_feature
 from iriftrace.measuring.features.fitted import FittedFeature
 from iriftrace.part.part import Part
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,6 @@ from iriftrace.io.cloud_write import by_axis, save_cloud
 from iriftrace.io.clouds import Cloud
 from iriftrace.measuring.features.choice import FeatureChoice, on_region
 from iriftrace.measuring.features.drawing import drawing_cloud, u_of_growth
-from iriftrace.measuring.features.fit import FEWEST
 from iriftrace.measuring.features.fitted import FittedFeature, check_names, fit_features
 from iriftrace.measuring.features.quantity import DRAWING, Quantity
 from iriftrace.measuring.features.relations import Relation, relations
@@ -131,7 +130,7 @@ class Correction:
         """Weights of an ensemble's members; None for one field."""
         return self.groups.weights
 
-    @property
+    @cached_property
     def u_normal(self) -> FloatArray | None:
         """(n,) array, mm: standard uncertainty of each point along the normal.
 
@@ -145,7 +144,7 @@ class Correction:
         found = np.hypot(self.groups.total(along, by_member), self.inputs.sensor_mm or 0.0)
         return np.where(self.corrected, found, np.nan)
 
-    @property
+    @cached_property
     def u(self) -> FloatArray | None:
         """(n,) array, mm: that of the place, the root of the sum of the variances of x, y and z."""
         if not self.groups.known:
@@ -182,15 +181,17 @@ class Correction:
         clouds = {"measured": measured, "corrected": points, **drawing_cloud(points, face, part)}
         by_member = () if self.errors is None else measured - self.errors[:, good]
         line = self.one_line
-        fitted = fit_features(clouds, face, part, choices, by_member, gate, one_line=line)
+        fitted = fit_features(
+            *(clouds, face, part, choices, by_member, gate),
+            one_line=line,
+            scatter_mm=self.inputs.sensor_mm,
+        )
         stays = self.face[~good & (self.face >= 0)]
         check_names(tolerances, fitted)
         return tuple(
             evolve(
                 each,
-                size=self._with_uncertainty(
-                    each.size, tolerances.get(each.name), self._u_sensor(each)
-                ),
+                size=self._with_uncertainty(each.size, tolerances.get(each.name)),
                 not_corrected=int(on_region(each.region, stays, part).sum()),
             )
             for each in fitted
@@ -202,10 +203,8 @@ class Correction:
             evolve(each, value=self._with_uncertainty(each.value)) for each in relations(features)
         )
 
-    def _with_uncertainty(
-        self, value: Quantity, tolerance: Tolerance | None = None, sensor: float | None = None
-    ) -> Quantity:
-        """A value with its uncertainty and verdict; `sensor` is u by the stated one of a point."""
+    def _with_uncertainty(self, value: Quantity, tolerance: Tolerance | None = None) -> Quantity:
+        """A value with its uncertainty by groups, and with the verdict on a tolerance."""
         measured, corrected = value.by_cloud["measured"], value.by_cloud["corrected"]
         if measured is None or corrected is None:
             return value
@@ -220,33 +219,24 @@ class Correction:
         found = [Contribution(name, float(u), "B", sources[name]) for name, u in parts.items()]
         drawn = value.by_cloud.get(DRAWING)
         by_points = value.u["corrected" if drawn is None else DRAWING]
-        if sensor is not None:
-            found.append(Contribution("sensor", sensor, "B", "stated"))
-        elif by_points is not None:
-            found.append(Contribution("sensor", by_points, "A", "scatter of the points"))
+        if by_points is not None:
+            stated = self.inputs.sensor_mm is not None
+            how = "stated" if stated else "scatter of the points"
+            found.append(Contribution("sensor", by_points, "B" if stated else "A", how))
         missing = list(self.groups.missing)
         angle = value.unit == "deg"
         if drawn is not None and self.growth is not None:
-            u = u_of_growth(self.inputs, self.growth, corrected, drawn, angle)
-            if u is None:
+            by_growth = u_of_growth(self.inputs, self.growth, corrected, drawn, angle)
+            if by_growth is None:
                 missing.append("growth of the part")
             else:
-                found.append(Contribution("growth of the part", u, "B", "stated"))
+                found.append(Contribution("growth of the part", by_growth, "B", "stated"))
         if self.inputs.other_mm and not angle:
             found.append(Contribution("other", self.inputs.other_mm, "B", "stated"))
         mixture = self.groups.mixture(effect)
-        stated = uncertainty_of(corrected if drawn is None else drawn, found, mixture, missing)
-        decision = None if tolerance is None else decide(tolerance, stated, measured)
-        return evolve(value, uncertainty=stated, decision=decision, worst=worst)
-
-    def _u_sensor(self, feature: FittedFeature) -> float | None:
-        """Standard uncertainty of a diameter by the stated one of a point; None if not stated."""
-        fit = feature.fits["corrected"]
-        if self.inputs.sensor_mm is None or fit.u_size_mm is None:
-            return None
-        freedom = max(len(fit.residuals) - FEWEST[fit.kind], 1)
-        scatter = math.sqrt(float(fit.residuals @ fit.residuals) / freedom)
-        return fit.u_size_mm * self.inputs.sensor_mm / scatter if scatter else 0.0
+        u = uncertainty_of(corrected if drawn is None else drawn, found, mixture, missing)
+        decision = None if tolerance is None else decide(tolerance, u, measured, mixture)
+        return evolve(value, uncertainty=u, decision=decision, worst=worst)
 
     def as_dict(self) -> JsonObject:
         """Plain JSON values, schema `SCHEMA`."""

@@ -19,7 +19,7 @@ from iriftrace.core.member_weights import MemberWeights
 from iriftrace.measuring.uncertainty.budget import Mixture
 from iriftrace.measuring.uncertainty.inputs import Inputs
 from iriftrace.measuring.uncertainty.similarity import SOURCE, humidity_effect, relative_effects
-from iriftrace.medium.source import FieldKind, FieldSource
+from iriftrace.medium.source import FieldFacts, FieldKind, FieldSource
 from iriftrace.tracing.hot_air import OUTSIDE
 
 if TYPE_CHECKING:
@@ -134,16 +134,16 @@ class AirGroups:
         varied = _varied(scene, inputs)
         for name in varied:
             scaled.pop(name, None)
-        kinds = [one.facts.kind for one in _in_mean(scene)]
-        synthetic = FieldKind.SYNTHETIC in kinds
+        synthetic = FieldKind.SYNTHETIC in [one.facts.kind for one in _in_mean(scene)]
         if synthetic:
             scaled.pop(CONTRAST, None)
         source = "" if synthetic else _members(weights)
         missing = []
         if not source and CONTRAST not in scaled:
             missing.append(AIR)
-        if _is_one_state(scene) and UNSTEADY not in scaled:
+        if _unsteady(scene) is None:
             missing.append(UNSTEADY)
+        missing += [name for name in _stated_of_flow(inputs) if name not in {**scaled, **varied}]
         if OUTSIDE in scene.compiled.stated.notes:
             missing.append("air outside the members")
         return cls(weights, scaled, varied, source, tuple(missing), synthetic)
@@ -156,6 +156,12 @@ def _members(weights: MemberWeights | None) -> str:
     if weights is not None and weights.several:
         return f"any mixture of {weights.sampled} members"
     return ""
+
+
+def _stated_of_flow(inputs: Inputs) -> dict[str, float]:
+    """Stated uncertainties of what a flow solution depends on, by the name of their group."""
+    names = ("wall", "ambient", "pressure", "humidity")
+    return {name: value for name, value in inputs.stated().items() if name in names}
 
 
 def _in_mean(scene: Scene) -> list[FieldSource]:
@@ -174,7 +180,7 @@ def _scaled(scene: Scene, inputs: Inputs) -> dict[str, Scaled]:
         found["mesh and model of the flow"] = Scaled(inputs.mesh, "stated")
     if inputs.numerics is not None:
         found["numerics"] = Scaled(inputs.numerics, "stated")
-    if (change := unsteadiness(scene)) is not None:
+    if change := _unsteady(scene):
         found[UNSTEADY] = Scaled(change, "range over time that the field states")
     if stated.air is not None and stated.heating_k is not None:
         wall_k = stated.air.temperature_k + stated.heating_k
@@ -188,37 +194,46 @@ def _scaled(scene: Scene, inputs: Inputs) -> dict[str, Scaled]:
 
 def _varied(scene: Scene, inputs: Inputs) -> dict[str, SolvedAgain]:
     """Groups of the members that were solved again with one input changed."""
-    given = {"wall": inputs.wall_k, "ambient": inputs.ambient_k, "pressure": inputs.pressure_pa}
+    given = _stated_of_flow(inputs)
     found: dict[str, SolvedAgain] = {}
     place = {one.source.sha256: number for number, one in enumerate(scene.members)}
     for number, one in enumerate(scene.members):
         variation = one.variation
         if variation is None:
             continue
-        base, stated = place[variation.of], given[variation.quantity]
+        base, stated = place[variation.of], given.get(variation.quantity)
         if stated is not None:
             factor = stated / variation.step
             found[variation.quantity] = SolvedAgain(number, base, factor, "solved again")
     return found
 
 
-def _is_one_state(scene: Scene) -> bool:
-    """True if the mean is one field of unsteady air, which no measurement has chosen."""
-    kinds = [one.facts.kind for one in _in_mean(scene)]
-    fitted = bool(scene.members) and scene.weights.covariance is not None
-    return kinds == [FieldKind.UNSTEADY] and not fitted
+def _unsteady(scene: Scene) -> float | None:
+    """Relative standard uncertainty of the air because it changes while a scan sees one state.
 
-
-def unsteadiness(scene: Scene) -> float | None:
-    """Relative standard uncertainty of unsteady air, which a scan sees in one state.
-
-    By the larger of the relative ranges of heat flow and plume, as a rectangular distribution; None
-    for other air (`_is_one_state`), or if the field does not state its range.
+    By the larger of the relative ranges of heat flow and plume that each field of the mean states,
+    as a rectangular distribution. 0 for steady air, for snapshots whose scatter has it, and for
+    weights that a measurement has chosen; None if a range is not known.
     """
-    heating_k = scene.compiled.stated.heating_k
-    if not _is_one_state(scene):
-        return None
-    (facts,) = (one.facts for one in _in_mean(scene))
-    if facts.heat_variation is None or facts.plume_swing_k is None or heating_k is None:
-        return None
-    return float(max(facts.heat_variation, facts.plume_swing_k / heating_k) / _RANGE)
+    fields, heating_k = _in_mean(scene), scene.compiled.stated.heating_k
+    fitted = bool(scene.members) and scene.weights.covariance is not None
+    snapshots = [_is_snapshot(one.facts, scene) for one in fields]
+    if fitted or (len(fields) > 1 and all(snapshots)):
+        return 0.0
+    ranges = []
+    for one, snapshot in zip(fields, snapshots, strict=True):
+        facts = one.facts
+        if facts.kind is not FieldKind.UNSTEADY and not snapshot:
+            ranges.append(0.0)
+        elif facts.heat_variation is None or facts.plume_swing_k is None or heating_k is None:
+            return None
+        else:
+            ranges.append(max(facts.heat_variation, facts.plume_swing_k / heating_k))
+    weights = scene.weights.weights if scene.members else np.ones(1)
+    return float(weights[weights > 0.0] @ ranges / _RANGE) if ranges else 0.0
+
+
+def _is_snapshot(facts: FieldFacts, scene: Scene) -> bool:
+    """True for one moment of a flow that changes, as the file or the user states."""
+    stated = scene.compiled.stated.notes.get("time", facts.time)
+    return stated == "snapshot" and facts.kind is not FieldKind.STEADY

@@ -94,6 +94,10 @@ class Uncertainty:
         """Combined standard uncertainty."""
         return math.hypot(*self.parts.values())
 
+    def without(self, group: str) -> float:
+        """Standard uncertainty by all groups but one."""
+        return math.hypot(*(one.u for one in self.contributions if one.group != group))
+
     @property
     def expanded(self) -> float:
         """U: the larger distance of the interval's ends from the value."""

@@ -1,8 +1,8 @@
-"""Whether a value conforms to its tolerance, by JCGM 106:2012 and ISO 14253-1:2017.
+"""Conformity of a value to its tolerance, by JCGM 106:2012 and ISO 14253-1:2017.
 
-The true value is taken as normal with the combined uncertainty. Conformity is proven if the
-probability that the true value lies outside the tolerance is at most `RISK`, and so is its
-contrary; else nothing is decided. This is the guard band of 1.65 u of ISO 14253-1.
+Conformity is proven if the probability that the true value lies outside the tolerance is at most
+`RISK`, and so is its contrary; else nothing is decided. For a normal distribution this is the guard
+band of 1.65 u of ISO 14253-1.
 """
 
 from __future__ import annotations
@@ -10,12 +10,13 @@ from __future__ import annotations
 import math
 from typing import Literal
 
+import numpy as np
 from attrs import Attribute, field, frozen
 from scipy.special import ndtr
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
-from iriftrace.measuring.uncertainty.budget import Uncertainty
+from iriftrace.measuring.uncertainty.budget import DRAWS, Mixture, Uncertainty, drawn
 
 RISK = 0.05
 """Largest probability of a wrong acceptance or rejection."""
@@ -57,6 +58,18 @@ class Tolerance:
         """True for a value within the limits."""
         low, high = self.limits
         return low <= value <= high
+
+
+def _outside(tolerance: Tolerance, uncertainty: Uncertainty, mixture: Mixture | None) -> float:
+    """Probability that the true value does not conform."""
+    low, high = tolerance.limits
+    places, normal = np.array([uncertainty.value]), uncertainty.standard
+    if mixture is not None:
+        normal = uncertainty.without(mixture.group)
+        places = uncertainty.value + drawn(0.0, mixture, DRAWS).ravel()
+    if not normal > 0.0:
+        return float(np.mean((places < low) | (places > high)))
+    return float(np.mean(ndtr((low - places) / normal) + ndtr((places - high) / normal)))
 
 
 @frozen
@@ -113,20 +126,18 @@ class Decision:
 
 
 def decide(
-    tolerance: Tolerance, uncertainty: Uncertainty, measured: float | None = None
+    tolerance: Tolerance,
+    uncertainty: Uncertainty,
+    measured: float | None = None,
+    mixture: Mixture | None = None,
 ) -> Decision:
     """The verdict on a value with an uncertainty.
 
     An uncertainty of which a group is not known is a lower bound, with which nothing is decided.
-    `measured` is the value in hot air.
+    `measured` is the value in hot air, `mixture` the one of its groups that is not normal.
     """
-    low, high = tolerance.limits
-    value, u = uncertainty.value, uncertainty.standard
     inside = None if measured is None else tolerance.holds(measured)
-    if u > 0.0:
-        outside = float(ndtr((low - value) / u) + ndtr((value - high) / u))
-    else:
-        outside = 0.0 if tolerance.holds(value) else 1.0
+    outside = _outside(tolerance, uncertainty, mixture)
     if uncertainty.missing:
         reason = f"not known: {', '.join(uncertainty.missing)}"
         return Decision(tolerance, "not decided", outside, reason, inside)

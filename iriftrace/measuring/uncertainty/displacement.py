@@ -73,6 +73,12 @@ def render_with_uncertainty(
 
     rendering = render_scene(ready, camera=camera, include=include, each=keep)
     good = np.logical_and.reduce([mask for mask, _ in images])
+    if not good.any():
+        raise InputError(
+            "No pixel is good in the air of every member, so no displacement has an uncertainty; "
+            "see which rays are lost in a picture of one member.",
+            code="uncertainty.no_pixel",
+        )
     values = np.array([planes[:, good] for _, planes in images], dtype=np.float64)
     weights = groups.weights
     mean = values[0] if weights is None else weights.mean(values)

@@ -10,22 +10,27 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.units import named_quantities
 
 
+def _name(attribute: Attribute[float | None]) -> str:
+    """The input as it is named in `Inputs.of`."""
+    return next(name for name, (field_name, _) in NAMES.items() if field_name == attribute.name)
+
+
 def _uncertainty(_: object, attribute: Attribute[float | None], value: float | None) -> None:
     if value is not None and not 0.0 <= value < math.inf:
         raise InputError(
-            f"The uncertainty of {attribute.name} is {value:g}; give 0 or a positive number.",
+            f"The uncertainty of {_name(attribute)} is {value:g}; give 0 or a positive number.",
             code="uncertainty.negative",
-            argument=attribute.name,
+            argument="uncertainty",
         )
 
 
 def _fraction(_: object, attribute: Attribute[float | None], value: float | None) -> None:
     if value is not None and not 0.0 <= value < 1.0:
         raise InputError(
-            f"The uncertainty of {attribute.name} is {value:g}, but it is a fraction; give one "
+            f"The uncertainty of {_name(attribute)} is {value:g}, but it is a fraction; give one "
             "from 0 to 1, such as 0.05 (5 %).",
             code="uncertainty.no_fraction",
-            argument=attribute.name,
+            argument="uncertainty",
         )
 
 
@@ -37,7 +42,7 @@ class Inputs:
     ----------
     air : float or None
         Of the air's contrast in refractive index, n - n of the ambient air, as a fraction. It
-        stands for all that is not known of the air, where there are no members.
+        adds to what members say; without them it stands for all that is not known of the air.
     mesh : float or None
         Of the effect of the air by the mesh and model of the flow solution, as a fraction.
     numerics : float or None

@@ -93,11 +93,15 @@ class AirStatement:
 
     @property
     def heating_k(self) -> float | None:
-        """Hottest shell over ambient air, K; None where that is not stated."""
-        hot = max((row.temperature_k for row in self.shells if row.temperature_k), default=None)
-        if self.air is None or hot is None or hot <= self.air.temperature_k:
+        """Air of the innermost layer, which lies at the wall, over ambient air, K.
+
+        None where that is not stated.
+        """
+        thinnest = min((row.int_ for row in self.shells), default=None)
+        if self.air is None or thinnest is None or thinnest <= 0.0:
             return None
-        return hot - self.air.temperature_k
+        heating = float(self.air.temperature(thinnest)) - float(self.air.temperature_k)
+        return heating if heating > 0.0 else None
 
     @property
     def triangles(self) -> int:
