@@ -77,7 +77,7 @@ _SMALLER = {
     "measure": _PICTURE,
     "sweep": _PICTURE,
 }
-"""What needs the memory of a command, in a size that may fit."""
+"""Inputs that need the memory of a command, in a size that may fit."""
 
 
 def _out_of_memory(arguments: list[str]) -> str:

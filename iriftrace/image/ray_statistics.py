@@ -19,7 +19,7 @@ FEWEST_RAYS = 100
 """Minimum number of good rays for a metric, which else is None, and for a pose not to be empty."""
 
 TOO_FEW = f"fewer than {FEWEST_RAYS} good rays, so no numbers"
-"""What stands in place of a metric that is None."""
+"""The words in place of a metric that is None."""
 
 
 @frozen

@@ -12,7 +12,7 @@ import numpy as np
 from iriftrace.core.arrays import FloatArray, IntArray
 
 STEP = "step to the next pixel"
-"""What it is, for files, axes and messages."""
+"""Its meaning, for files, axes and messages."""
 
 FRONTAL = "plane seen frontally"
 """Reason for an axial resolution of 0, for messages."""

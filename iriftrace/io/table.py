@@ -39,7 +39,7 @@ _MARK = re.compile(r"\s*(?:[#%]+|//)\s*")
 _SEPARATOR_LINE = re.compile(r"\s*\"?sep=(.)\"?\s*")  # of Excel
 _NUMBER = re.compile(r"[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?|[-+]?(?:inf|nan)", re.I)
 _GAP = re.compile(r"null|#n/a|-?1\.#(?:qnan|ind)\w*", re.IGNORECASE)
-"""What CFD-Post, Excel and C write for a missing number; pandas reads them as such."""
+"""A missing number as CFD-Post, Excel and C write it; pandas reads them as such."""
 
 _UNIT_BEHIND = re.compile(
     r"(?P<axis>[xyzXYZ])_(?P<length>um|mm|cm|m|inch|in)|(?P<name>.+)_(?P<unit>K|degC|degF)"

@@ -30,7 +30,7 @@ WAVELENGTH = "wavelength"
 """Parameter of every scene, independent of its file."""
 
 BLOCKER_ID = "blocker_"
-"""How the ids of bodies begin that only block the view."""
+"""Beginning of the ids of bodies that only block the view."""
 
 SHELL_BSDFS = ("iso_shell", "dielectric")
 
