@@ -111,7 +111,7 @@ def board(
                 f"{one.dots:,}",
                 *(f"{u:.2g}" for u in one.expanded()[:MOST]),
                 f"{one.left():.1%}",
-                one.dots_for(enough) or "",
+                (one.dots_for(enough) or "") if one.dots else "no dot is seen",
                 one.pictures_for(enough) or "",
             )
             for one in found

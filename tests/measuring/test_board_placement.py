@@ -151,6 +151,23 @@ def test_the_command_ranks_and_writes(
     assert main([*words, "--enough=2"]) == 2
 
 
+def test_a_place_without_a_dot_is_ranked_last(
+    scene: iriftrace.Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It leaves everything, however many pictures are taken, next to a place that sees dots."""
+    away = BOARD_CAMERA.at(iriftrace.look_at((0.0, -130.0, 10.0), (0.0, -260.0, 10.0)))
+    best, other = board_placement(scene, BOARD, [UPRIGHT, UPRIGHT], cameras=[away, BOARD_CAMERA])
+    assert (best.number, other.number, other.dots) == (2, 1, 0)
+    assert other.left() == pytest.approx(1.0)
+    assert (other.dots_for(0.99), other.pictures_for(0.99)) == (None, None)
+    xml = tmp_path / "scene.xml"
+    attrs.evolve(scene, camera=LEEWARD[0].scaled(4.0)).save(xml, scale=0.25)
+    # The dots of the second board are few, and so near to the part that it hides them.
+    words = ["--place", "rotate x 90,translate 0 60 12", "--place", "rotate x 90,translate 0 9 0"]
+    assert main(["board", str(xml), "--size=28x28", "--pitch=1", "--engine=shells", *words]) == 0
+    assert capsys.readouterr().out.count("no dot is seen") == 1
+
+
 def test_what_cannot_be_ranked_is_refused(scene: iriftrace.Scene) -> None:
     one = attrs.evolve(scene, air=scene.air.with_states(scene.air.states[:1]))
     away = BOARD_CAMERA.at(iriftrace.look_at((0.0, -130.0, 10.0), (0.0, -260.0, 10.0)))

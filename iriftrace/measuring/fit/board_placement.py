@@ -116,7 +116,9 @@ class BoardPlace:
 
     def dots_for(self, fraction: float) -> int | None:
         """Number of dots in one picture that leaves this fraction; None if all leave more."""
-        counts = np.unique(np.geomspace(1, max(self.dots, 1), 200).astype(int)).tolist()
+        if not self.dots:
+            return None
+        counts = np.unique(np.geomspace(1, self.dots, 200).astype(int)).tolist()
         return next((n for n in counts if self.left(n / self.dots) <= fraction), None)
 
     def pictures_for(self, fraction: float) -> int | None:
