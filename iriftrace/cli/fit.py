@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from iriftrace.cli import checks
 from iriftrace.cli.console import command_line, print_table, say, working
-from iriftrace.cli.options import Flag, Output, refuse_given
+from iriftrace.cli.options import Flag, Output
 from iriftrace.cli.shift_options import WithoutZeros, left_out, read_shifts
 from iriftrace.cli.trace_options import Tracing, load
-from iriftrace.core.errors import warn
+from iriftrace.core.errors import refuse_given, warn
 from iriftrace.core.units import counted
 from iriftrace.tracing.options import AS_STATED, TraceOptions
 
@@ -114,12 +114,13 @@ def _fitted(
     board, measured = views[0]
     if is_air_temperatures(measured):
         options = {
-            "--noise": noise,
-            "--camera-motion": camera_motion or None,
-            "--view": views[1:] or None,
-            "--without-zeros": without_zeros or None,
+            "noise": noise,
+            "camera_motion": camera_motion or None,
+            "view": views[1:] or None,
+            "without_zeros": without_zeros or None,
         }
-        refuse_given(options, f"is about shifts, but {measured} has temperatures; leave it out.")
+        reason = f"is about shifts, but {measured} has temperatures; leave it out."
+        refuse_given(options, reason, "options.not_together")
         temperatures = read_air_temperatures(measured)
         loaded = load(board, trace)
         with working("Fitting the members"):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -70,10 +70,3 @@ LightOf = Annotated[
     units.Wavelength | None,
     Parameter(help='Wavelength that the file must have, "450 nm"; other light is refused.'),
 ]
-
-
-def refuse_given(options: Mapping[str, object], reason: str) -> None:
-    """Refuse options, values by name, if one is not None; the reason follows its name."""
-    for name, value in options.items():
-        if value is not None:
-            raise InputError(f"{name} {reason}", code="options.not_together")

@@ -11,8 +11,9 @@ from cyclopts import Group, Parameter
 from iriftrace.cli import checks
 from iriftrace.cli.console import say, working
 from iriftrace.cli.groups import group
-from iriftrace.cli.options import Flag, LightOf, Whole, refuse_given
+from iriftrace.cli.options import Flag, LightOf, Whole
 from iriftrace.cli.trace_options import check_light
+from iriftrace.core.errors import InputError, refuse_given
 from iriftrace.io.poses import OPENCV, Convention
 from iriftrace.planning.criteria import SHOWN, STANDARD, USUAL_PAIRING, Criteria, Pairing, Views
 
@@ -85,17 +86,22 @@ def plan(
     from iriftrace.planning.texts import ranking_table
     from iriftrace.sweep.store import read_sweep
 
-    _refuse_without("--save-poses", save_poses is not None, {"--convention": convention})
-    _refuse_without("--refine", refine, {"--evaluations": evaluations, "--output": output})
-    _refuse_without("--pairs", pairs, {"An option for two devices": pairing})
+    _refuse_without("--save-poses", save_poses is not None, {"convention": convention})
+    _refuse_without("--refine", refine, {"evaluations": evaluations, "output": output})
+    if pairing is not None and not pairs:
+        raise InputError(
+            "An option for two devices is given without --pairs, so it changes nothing; add it.",
+            code="options.not_together",
+        )
     checks.output(output, "refined.json")
     count = EVALUATIONS if evaluations is None else evaluations
     if refine:
         check_evaluations(count)
     if pairs:
         refuse_given(
-            {"--views": views, "--save-poses": save_poses},
+            {"views": views, "save_poses": save_poses},
             "is about single poses; leave it out, or --pairs.",
+            "options.not_together",
         )
     checks.inputs(sweep)
     dataset = read_sweep(sweep)
@@ -152,4 +158,5 @@ def _save(path: Path, dataset: xr.Dataset, ranked: IntArray, convention: str) ->
 
 def _refuse_without(needed: str, there: bool, options: Mapping[str, object]) -> None:
     if not there:
-        refuse_given(options, f"is given without {needed}, so it changes nothing; add it.")
+        reason = f"is given without {needed}, so it changes nothing; add it."
+        refuse_given(options, reason, "options.not_together")

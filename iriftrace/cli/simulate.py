@@ -16,9 +16,9 @@ from iriftrace.cli import checks
 from iriftrace.cli.console import notes, say, say_finding, stating_kept
 from iriftrace.cli.field import scene_command
 from iriftrace.cli.groups import group
-from iriftrace.cli.options import Flag, Output, read_as_word, refuse_given
+from iriftrace.cli.options import Flag, Output, read_as_word
 from iriftrace.cli.reading import PartReading, read_part
-from iriftrace.core.errors import InputError, SetupError, warn
+from iriftrace.core.errors import InputError, SetupError, refuse_given, warn
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K, Temperature
 from iriftrace.flow.simulate.options import DraughtOptions, SimulationOptions, Speeds
@@ -100,16 +100,18 @@ def simulate(
     family = wind.draughts is not None
     if family:
         refuse_given(
-            {"--field": field, "--write-only": write_only or None, "--vary": vary},
+            {"field": field, "write_only": write_only or None, "vary": vary},
             "is for one field, but --draughts makes a family; leave one of them out.",
+            "options.not_together",
         )
         from iriftrace.sweep.workers import check_scheduler
 
         check_scheduler(workers.address, workers.workers)
     else:
         refuse_given(
-            {"--scheduler": workers.scheduler, "--workers": workers.workers},
+            {"scheduler": workers.scheduler, "workers": workers.workers},
             "is for the members of a family; give --draughts 0:0.2:0.02, or leave it out.",
+            "options.not_together",
         )
     installation = None
     if not write_only:

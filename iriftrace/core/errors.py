@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from traceback import walk_stack
@@ -59,11 +59,17 @@ class IriftraceWarning(UserWarning):
         self.argument = argument
 
 
-def refuse_given(options: Any, names: Collection[str], reason: str, code: str) -> None:
-    """Refuse fields of an attrs class, by name, that differ from their defaults."""
-    for one in fields(type(options)):
-        if one.name in names and getattr(options, one.name) != one.default:
-            raise InputError(f"`{one.name}` {reason}", code=code, argument=one.name)
+def refuse_given(values: Mapping[str, object], reason: str, code: str) -> None:
+    """Refuse values by their names unless all are None; the reason follows a name."""
+    for name, value in values.items():
+        if value is not None:
+            raise InputError(f"`{name}` {reason}", code=code, argument=name)
+
+
+def changed(options: Any, names: Collection[str]) -> dict[str, object]:
+    """Fields of an attrs class, among `names`, that differ from their defaults."""
+    values = {one.name: (getattr(options, one.name), one.default) for one in fields(type(options))}
+    return {name: values[name][0] for name in names if values[name][0] != values[name][1]}
 
 
 def warn(text: str, *, argument: str | None = None) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from attrs import field, frozen
 from attrs.converters import optional as if_given
 
-from iriftrace.core.errors import InputError, refuse_given
+from iriftrace.core.errors import InputError, changed, refuse_given
 from iriftrace.core.units import Lengths, Vector
 from iriftrace.io.poses import Convention
 from iriftrace.io.robot_poses import RobotName
@@ -122,7 +122,7 @@ class SweepPoses:
     def __attrs_post_init__(self) -> None:
         if self.poses is None:
             reason = "states the format of a list of poses, but none is given; leave it out."
-            refuse_given(self, _OF_A_FILE, reason, "poses.no_file")
+            refuse_given(changed(self, _OF_A_FILE), reason, "poses.no_file")
         elif self.turntable is not None:
             raise InputError(
                 "Poses come from a file or a turntable; leave one of them out.",
@@ -131,16 +131,16 @@ class SweepPoses:
             )
         if self.fibonacci is not None:
             reason = "sets a grid of angles, but poses are spread evenly; leave out one of the two."
-            refuse_given(self, _GRID, reason, "poses.two_kinds")
+            refuse_given(changed(self, _GRID), reason, "poses.two_kinds")
         if not self.is_orbit:
             source = self.poses or "a turntable"
             reason = (
                 f"describes an orbit, but the poses come from {source}; leave out one of the two."
             )
-            refuse_given(self, _ORBIT, reason, "poses.two_kinds")
+            refuse_given(changed(self, _ORBIT), reason, "poses.two_kinds")
         if self.semi_axes is not None:
             reason = "is given besides the ellipsoid's semi-axes; leave out one of the two."
-            refuse_given(self, ("stand_off",), reason, "orbit.two_sizes")
+            refuse_given(changed(self, ("stand_off",)), reason, "orbit.two_sizes")
 
     @property
     def is_default(self) -> bool:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 from attrs import evolve, field, frozen
 from attrs.converters import optional
 
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, changed, refuse_given
 from iriftrace.core.units import Length, Vector
 from iriftrace.tracing.camera_options import (
     FOCUS_MM,
@@ -67,9 +67,8 @@ class SecondOptions:
         """True if there is a second device."""
         if self.second is not None or self.second_calibration is not None:
             return True
-        _refuse_given(
-            self,
-            ("second_pixel_size", "system"),
+        refuse_given(
+            changed(self, ("second_pixel_size", "system")),
             "is of a second device, and there is none; give its position too, such as "
             '"150,-100,40".',
             "second.no_device",
@@ -163,21 +162,22 @@ class StereoOptions:
         from iriftrace.io.calibration import read_stereo_calibration
 
         if self.stereo_calibration is None:
-            _refuse_given(
-                self,
-                ("cloud_to_part",),
+            refuse_given(
+                changed(self, ("cloud_to_part",)),
                 "places the cameras of a stereo calibration, and none is given; give that too.",
                 "calibration.no_stereo",
             )
             return None
         twice = "is given, but a stereo calibration describes both cameras; leave one of them out."
-        _refuse_given(first, ("calibration",), twice, "camera.stated_twice")
-        _refuse_given(second, ("second", "second_calibration"), twice, "camera.stated_twice")
+        refuse_given(changed(first, ("calibration",)), twice, "camera.stated_twice")
+        refuse_given(
+            changed(second, ("second", "second_calibration")), twice, "camera.stated_twice"
+        )
         if self.cloud_to_part is not None:
             twice = (
                 "is given, but the motion of the cloud places the cameras; leave one of them out."
             )
-            _refuse_given(first, ("origin", "target"), twice, "camera.placed_twice")
+            refuse_given(changed(first, ("origin", "target")), twice, "camera.placed_twice")
         first.refuse_intrinsics()
         files = " and ".join(map(str, self.stereo_calibration))
         size = needed_pixel_size(first.pixel_size, files)
@@ -250,13 +250,6 @@ def devices_of(
         return camera, evolve(settings, second=device, second_id=DEVICE_OF_SYSTEM[system])
 
     return place
-
-
-def _refuse_given(options: object, names: tuple[str, ...], reason: str, code: str) -> None:
-    """Refuse fields that are given; the reason follows their name."""
-    for name in names:
-        if getattr(options, name) is not None:
-            raise InputError(f"`{name}` {reason}", code=code, argument=name)
 
 
 NO_SECOND, NO_RIG = SecondOptions(), StereoOptions()

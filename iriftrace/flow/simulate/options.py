@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal, Self
 from attrs import field, frozen
 from attrs.converters import optional as if_given
 
-from iriftrace.core.errors import InputError, refuse_given
+from iriftrace.core.errors import InputError, changed, refuse_given
 from iriftrace.core.units import Duration, Length, Numbers, Pressure, Speed, Temperature
 from iriftrace.flow.simulate.draught import Draught, draught_from
 from iriftrace.io.reading import ReadPart
@@ -137,7 +137,7 @@ class SimulationOptions:
             reason = (
                 "is given besides a file with the temperatures of the whole wall; leave one out."
             )
-        refuse_given(self, names, reason, "wall.two_temperatures")
+        refuse_given(changed(self, names), reason, "wall.two_temperatures")
         count, bodies = len(self.body_temperature or ()), len(self.body or ())
         if count and (not bodies or count not in (1, bodies)):
             raise InputError(
@@ -256,13 +256,13 @@ class DraughtOptions:
     def __attrs_post_init__(self) -> None:
         if self.draughts is not None:
             reason = "is the speed of one draught, but there are those of a family; leave one out."
-            refuse_given(self, ("draught",), reason, "draught.two_speeds")
+            refuse_given(changed(self, ("draught",)), reason, "draught.two_speeds")
             return
         reason = "is for the members of a family; give the speeds of its draughts, or leave it out."
-        refuse_given(self, ("between",), reason, "family.no_speeds")
+        refuse_given(changed(self, ("between",)), reason, "family.no_speeds")
         if self.draught is None:
             reason = "is the direction of a draught without a speed; give that, or leave it out."
-            refuse_given(self, ("draught_from",), reason, "draught.no_speed")
+            refuse_given(changed(self, ("draught_from",)), reason, "draught.no_speed")
         elif self.draught_from is None:
             raise InputError(
                 f"the draught of {self.draught} has no direction; say where it comes from, 90 "
