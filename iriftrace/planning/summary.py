@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
 import numpy as np
@@ -29,7 +28,7 @@ from iriftrace.planning.quantities import (
 from iriftrace.planning.rank import Plan, pareto_front, rank_poses, ranked_quietly
 from iriftrace.sweep.diagnostics import Varied, series_of, setting_of, varied_of
 from iriftrace.sweep.faces import faces_seen
-from iriftrace.sweep.store import WHOLE_PART, attribute, line_of_sight_angles, origin_of, scene_of
+from iriftrace.sweep.store import WHOLE_PART, attribute, file_of, line_of_sight_angles, scene_of
 from iriftrace.sweep.warned import warned_of
 
 if TYPE_CHECKING:
@@ -291,11 +290,11 @@ def extreme_images(dataset: xr.Dataset, summary: SweepSummary) -> Iterator[tuple
     """
     from iriftrace.sweep.reload import load_swept_scene
 
-    origin = origin_of(dataset)
+    swept = file_of(dataset)
     images: dict[int, AovImage] = {}
     for which, pose in extreme_poses(summary).items():
         name = str(dataset["exr"].values[pose])
-        file = Path(origin.path).parent / name if origin and name else None
+        file = swept.parent / name if swept and name else None
         if pose not in images and file and file.is_file():
             images[pose] = read_exr(file)
         if pose not in images:

@@ -217,15 +217,20 @@ def read_sweep(path: str | Path) -> xr.Dataset:
     except InputError:
         dataset.close()
         raise
-    origin = FileOrigin.of(file)
-    dataset.encoding |= {"source": origin.path, "sha256": origin.sha256}
+    dataset.encoding["source"] = str(file.resolve())
     return dataset
 
 
+def file_of(dataset: xr.Dataset) -> Path | None:
+    """The file that a sweep was read from, absolute; None for a sweep in memory."""
+    source = dataset.encoding.get("source")
+    return None if source is None else Path(source)
+
+
 def origin_of(dataset: xr.Dataset) -> FileOrigin | None:
-    """The file that a sweep was read from; None for a sweep in memory."""
-    stated = dataset.encoding
-    return FileOrigin(stated["source"], stated["sha256"]) if "sha256" in stated else None
+    """The same with its SHA-256, for which the whole file is read; None if it is gone, too."""
+    file = file_of(dataset)
+    return FileOrigin.of(file) if file is not None and file.is_file() else None
 
 
 def check_sweep(dataset: xr.Dataset) -> None:

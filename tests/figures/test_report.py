@@ -1,6 +1,7 @@
 """The report: complete, embedded, escaped, and with the numbers of the plan."""
 
 import json
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ DOT = (
     b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR\x00\x00\x00\x01\x00\x00\x00\x01\x08\x00\x00\x00\x00:~\x9bU"
     b"\x00\x00\x00\nIDATx\x9cc`\x00\x00\x00\x02\x00\x01H\xaf\xa4q\x00\x00\x00\x00IEND\xaeB`\x82"
 )
+FILE = b"the poses of a sweep"
 POSES = orbit_poses(Orbit((0.0, 0.0, 0.0), (300.0, 200.0, 200.0)), [0.0, 45.0], [0.0, 30.0])
 
 
@@ -88,7 +90,9 @@ def content(table: xr.Dataset, summary: SweepSummary, section: str, kind: Kind) 
 
 
 @pytest.fixture
-def page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Page:
+def page(
+    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> Page:
     """The report with one dot in place of the figures, which are tested elsewhere."""
 
     missing = ("The rest is left out & <b>missing</b>.",)
@@ -96,7 +100,9 @@ def page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Page:
     monkeypatch.setattr(report_module, "sweep_pictures", lambda *_: ({}, missing))
     monkeypatch.setattr(report_module, "figure_bytes", lambda _: DOT)
     table = sweep()
-    table.encoding |= {"source": "/sweeps/sweep.nc", "sha256": "0a1b"}
+    swept = tmp_path_factory.mktemp("sweeps") / "sweep.nc"
+    swept.write_bytes(FILE)
+    table.encoding["source"] = str(swept)
     assert missing == write_report(tmp_path / "report.html", table, summarise(table), top=2)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["report.html"]
     return read_page(tmp_path / "report.html")
@@ -162,7 +168,7 @@ def test_setting_and_limits_are_complete(page: Page) -> None:
         ["Out of focus", "1,500", "33.0 %"],
     ]
     assert ["3", "50 good rays, fewer than 100"] in page.tables[-1]
-    assert "iriftrace 9.8.7 from sweep.nc (SHA-256 0a1b)" in page.text
+    assert f"iriftrace 9.8.7 from sweep.nc (SHA-256 {sha256(FILE).hexdigest()})" in page.text
 
 
 def test_every_field_of_an_ensemble_is_named() -> None:

@@ -13,13 +13,14 @@ from attrs import evolve
 
 from iriftrace.camera.orbit import Orbit, orbit_poses
 from iriftrace.camera.pose_set import PoseSet
+from iriftrace.core import files
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.image.sightings import sightings_of
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.export import write_face_maps, write_table
 from iriftrace.sweep.measures import MEASURES
 from iriftrace.sweep.series import Series
-from iriftrace.sweep.store import read_sweep
+from iriftrace.sweep.store import origin_of, read_sweep
 from iriftrace.sweep.sweep import SweepOptions, run_series, run_sweep
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.render import render_scene
@@ -324,6 +325,17 @@ def test_a_sweep_that_is_not_finished_is_no_missing_one(tmp_path: Path) -> None:
         InputError, match=r"half\.nc is not finished, its finished poses are in .*partial"
     ):
         read_sweep(tmp_path / "half.nc")
+
+
+def test_only_a_report_needs_the_checksum_of_a_sweep(
+    swept: tuple[Path, xr.Dataset], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, _ = swept
+    with monkeypatch.context() as changed:
+        changed.setattr(files, "sha256_of", None)
+        dataset = read_sweep(path)
+    assert origin_of(dataset) == files.FileOrigin(str(path), files.sha256_of(path))
+    assert origin_of(xr.Dataset()) is None
 
 
 def test_a_damaged_file_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
