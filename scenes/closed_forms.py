@@ -14,8 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from iriftrace.medium.air.refractivity import Air
-
 FloatArray = NDArray[np.float64]
 Profile = Callable[[FloatArray], FloatArray]
 """n - 1 at distances in mm."""
@@ -30,14 +28,6 @@ RADIUS_MM, OUTER_MM = 13.5, 60.0
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(600)
 NODES, WEIGHTS = (NODES + 1) / 2, WEIGHTS / 2
-
-
-class RoundAir(Air):
-    """Air whose refractivity is `REFRACTIVITY` exactly."""
-
-    @property
-    def ambient_refractivity(self) -> float:
-        return REFRACTIVITY
 
 
 def refractivity(temperature: FloatArray) -> FloatArray:
@@ -175,37 +165,6 @@ def cylinder_pair_error_um(first: float, second: float) -> tuple[float, float]:
     lines = np.array([(np.sin(angle), -np.cos(angle)) for angle in (first, second)])
     point = np.linalg.solve(lines, (height(first), height(second)))
     return float(1e3 * (point[0] - RADIUS_MM)), float(1e3 * point[1])
-
-
-def layered_cylinder_displacement_um(
-    height: float, radii: Sequence[float], refractivities: Sequence[float]
-) -> float:
-    """The same for Snell's law at exact circles, between which the index is constant.
-
-    Parameters
-    ----------
-    height : float
-        b over the cylinder's radius.
-    radii : sequence of float, mm
-        From the outside.
-    refractivities : sequence of float
-        n - 1 of the layers from the outside, one more than radii.
-    """
-    b = height * RADIUS_MM
-    ends = [*radii, RADIUS_MM]
-    sweep = np.arcsin(b / RADIUS_MM) - np.arcsin(b / ends[0])
-    for outer, inner, air in zip(radii, ends[1:], refractivities[1:], strict=True):
-        nearest = (1 + refractivities[0]) * b / (1 + air)
-        sweep -= np.arcsin(nearest / inner) - np.arcsin(nearest / outer)
-    return _apart_um(sweep)
-
-
-def parabola_um(length_mm: float, index: float, slope: float) -> float:
-    """Height of a ray after a length in air with n^2 = index^2 + slope y, launched along x.
-
-    With dx/ds = n times the direction, x = index s and y = slope s^2 / 4.
-    """
-    return 1e3 * slope / 4 * (length_mm / index) ** 2
 
 
 def of_each(form: Callable[[float], float], values: Sequence[float]) -> dict[float, float]:

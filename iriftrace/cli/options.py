@@ -22,7 +22,6 @@ _WORDS = {
     units.Angle: "ANGLE",
     units.Speed: "SPEED",
     units.Expansion: "EXPANSION",
-    units.Fraction: "FRACTION",
     units.Numbers: "NUMBER,...",
     units.Pair: "ACROSS,DOWN",
     units.Vector: "X,Y,Z",

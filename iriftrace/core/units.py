@@ -291,23 +291,6 @@ class Expansion(_Quantity):
     unit, symbol = "1/kelvin", "/K"
 
 
-class Fraction(_Quantity):
-    """A fraction, 1; also read from a percentage, and shown as one."""
-
-    unit, symbol = "dimensionless", "%"
-
-    def __new__(cls, value: str | float) -> Self:
-        try:
-            return super().__new__(cls, value)
-        except InputError as error:
-            raise InputError(
-                f'"{value}" is not a fraction; write "5 %" or 0.05.', code="units.no_fraction"
-            ) from error
-
-    def __str__(self) -> str:
-        return f"{100 * self:g} {self.symbol}"
-
-
 class Numbers(tuple[float, ...]):
     """Finite numbers; in a text separated by commas."""
 

@@ -225,18 +225,18 @@ def _structured(path: Path, kind: type[T], schema: str) -> T:
     return stated
 
 
-def traced_kit(scenarios: Sequence[Scenario], engine: Engine, rule: str = "rim") -> Results:
-    """Answers of this program, by one engine; `rule` is that of its shells."""
+def traced_kit(scenarios: Sequence[Scenario], engine: Engine) -> Results:
+    """Answers of this program, by one engine."""
     with without_warnings():
-        found = {one.name: _traced(one, engine, rule) for one in scenarios}
+        found = {one.name: _traced(one, engine) for one in scenarios}
     return Results(f"iriftrace, {engine}", found)
 
 
-def _traced(scenario: Scenario, engine: Engine, rule: str) -> tuple[Vector | None, ...]:
+def _traced(scenario: Scenario, engine: Engine) -> tuple[Vector | None, ...]:
     stated = scenario.stated
     origin, direction = np.array(stated.origin_mm), np.array(stated.direction)
     camera = _device(origin[0], origin[0] + direction[0])
-    scene = Scene(scenario.part, HotAir(scenario.field, rule=rule), camera, engine=engine)
+    scene = Scene(scenario.part, HotAir(scenario.field), camera, engine=engine)
     hits = trace_rays(scene, origin, direction)
     good = hits.status == Status.GOOD
     if stated.second_mm is None:
@@ -249,8 +249,19 @@ def _traced(scenario: Scenario, engine: Engine, rule: str) -> tuple[Vector | Non
         origin, np.array(stated.second_mm), hits.straight, good.tolist(), strict=True
     ):
         devices = _device(first, target), _device(second, target)
-        found += vectors(measure(scene, *devices, system="stereo").error) if kept else [None]
+        found.append(_pair_error(scene, *devices) if kept else None)
     return tuple(found)
+
+
+def _pair_error(scene: Scene, first: Camera, second: Camera) -> Vector | None:
+    """Error of the point at which two devices look; None where they see nothing in common."""
+    try:
+        (error,) = vectors(measure(scene, first, second, system="stereo").error)
+    except InputError as reason:
+        if reason.code != "devices.nothing_common":
+            raise
+        return None
+    return error
 
 
 def _device(origin: FloatArray, target: FloatArray) -> Camera:

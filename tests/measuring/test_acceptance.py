@@ -16,11 +16,12 @@ from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.regions import Regions
 from iriftrace.part.standards import ball_bar, cylinder, plate, sphere
 from iriftrace.scenes.analytic import slab
-from iriftrace.scenes.closed_forms import RoundAir, slab_pair_error_um
+from iriftrace.scenes.closed_forms import slab_pair_error_um
 from iriftrace.tracing.write import write_scene
 from iriftrace.tracing.xml import SceneSettings
 from validation.inputs.cameras import camera_at
 from validation.inputs.scene_rays import loaded
+from validation.oracles.exact_layers import RoundAir
 
 SAGITTA_MM = 12.5 * (1 - np.cos(np.pi / 240))
 """Depth of a sphere's chords below it; at most twice that below its triangles."""

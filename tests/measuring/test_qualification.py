@@ -1,17 +1,21 @@
 """The qualification: both engines pass, shells of the outer rule do not, and other answers."""
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
+from attrs import evolve
 
 from iriftrace.cli import main
 from iriftrace.core.engines import Engine
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import write_json
 from iriftrace.core.plain import plain
+from iriftrace.measuring import qualification
 from iriftrace.measuring.qualification import judge, read_kit, read_results, traced_kit
+from iriftrace.tracing.hot_air import HotAir
 
 NAMES = [
     "01_slab",
@@ -44,15 +48,32 @@ def test_both_engines_pass_every_scenario(kit: Path) -> None:
         assert all(row["passes"] and 0.0 < row["error"] <= row["bound"] <= 0.03 for row in rows)
 
 
-def test_shells_at_the_layers_outer_index_fail_every_scenario(kit: Path, tmp_path: Path) -> None:
+def test_shells_at_the_layers_outer_index_fail_every_scenario(
+    kit: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """They miss a part of the bending that goes with one over the number of shells: 5 %."""
     theirs, report = tmp_path / "theirs.json", tmp_path / "verdicts.json"
-    write_json(theirs, plain(traced_kit(read_kit(kit), Engine.SHELLS, "outer")))
+    monkeypatch.setattr(qualification, "HotAir", partial(HotAir, rule="outer"))
+    write_json(theirs, plain(traced_kit(read_kit(kit), Engine.SHELLS)))
     assert main(["qualify", str(kit), "--results", str(theirs), "-o", str(report)]) == 1
     ((_, rows),) = verdicts(report).items()
     assert [row["scenario"] for row in rows] == NAMES
     assert not any(row["passes"] for row in rows)
     assert all(0.05 < row["error"] < 0.08 for row in rows)
+
+
+def test_a_point_that_the_second_device_does_not_see_has_no_answer(kit: Path) -> None:
+    """It looks at the plate from below; the other rays keep their answers."""
+    (plate,) = (one for one in read_kit(kit) if one.name == "05_slab_devices")
+    assert plate.stated.second_mm is not None
+    first, *others = plate.stated.second_mm
+    below = (first[0], first[1], -first[2])
+    hidden = evolve(plate, stated=evolve(plate.stated, second_mm=(below, *others)))
+    ((answer, *rest),) = traced_kit([hidden], Engine.SHELLS).vectors_mm.values()
+    ((_, *known),) = traced_kit([plate], Engine.SHELLS).vectors_mm.values()
+    assert answer is None
+    assert rest == known
+    assert None not in rest
 
 
 def test_an_error_is_the_distance_over_the_truth(kit: Path) -> None:

@@ -21,11 +21,7 @@ from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.measuring.two_devices.scan import Scan, ScanStatus
 from iriftrace.measuring.two_devices.two_points import MISS_MM, lines_of_sight
 from iriftrace.scenes.analytic import slab
-from iriftrace.scenes.closed_forms import (
-    RoundAir,
-    cylinder_pair_error_um,
-    slab_pair_error_um,
-)
+from iriftrace.scenes.closed_forms import cylinder_pair_error_um, slab_pair_error_um
 from iriftrace.tracing.hot_air import AirState
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.rays import refracted_hits
@@ -35,6 +31,7 @@ from validation.inputs.scene_rays import loaded
 from validation.inputs.shell_fields import AMBIENT, field_of
 from validation.line import beyond
 from validation.oracles.aov_by_hand import make_part
+from validation.oracles.exact_layers import RoundAir
 from validation.sections.two_devices import (
     AIRS,
     BOUNDS,

@@ -17,15 +17,14 @@ from iriftrace.scenes.closed_forms import (
     SLAB_SHIFT_UM,
     WALL_K,
     Profile,
-    RoundAir,
     around,
     around_sphere,
     in_layer,
-    layered_cylinder_displacement_um,
     refractivity,
     round_displacement_um,
     slab_shift_um,
 )
+from validation.oracles.exact_layers import RoundAir, layered_cylinder_displacement_um
 from validation.oracles.media import AIR_PARABOLA_UM
 
 

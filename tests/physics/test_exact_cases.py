@@ -8,14 +8,9 @@ import pytest
 from iriftrace.medium.shells.levels import index_levels
 from iriftrace.plugins.first_hit import BENDING
 from iriftrace.scenes.analytic import cylinder_radii
-from iriftrace.scenes.closed_forms import (
-    CYLINDER_UM,
-    SLAB_SHIFT_UM,
-    WALL_K,
-    RoundAir,
-    layered_cylinder_displacement_um,
-)
+from iriftrace.scenes.closed_forms import CYLINDER_UM, SLAB_SHIFT_UM, WALL_K
 from iriftrace.tracing.rays import RayHits
+from validation.oracles.exact_layers import RoundAir, layered_cylinder_displacement_um
 from validation.sections.exact_shells import cylinder_hits, displacements_um, slab_hits, usual_hits
 
 LAYERS = (13, 26, 100)

@@ -19,7 +19,6 @@ from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.measuring.two_devices.scan import ScanStatus
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import slab
-from iriftrace.scenes.closed_forms import RoundAir
 from iriftrace.sweep.warned import FLAGS
 from iriftrace.tracing import engine, render
 from iriftrace.tracing.load import load_scene
@@ -28,6 +27,7 @@ from iriftrace.tracing.rays import trace_rays
 from iriftrace.tracing.scene import Scene
 from iriftrace.tracing.write import write_scene
 from validation.inputs.cameras import camera_at
+from validation.oracles.exact_layers import RoundAir
 
 pytestmark = pytest.mark.usefixtures("variant")
 

@@ -20,7 +20,7 @@ from iriftrace.medium.shells.stack import ShellStack
 from iriftrace.part.part import Part
 from iriftrace.plugins.kernels.tetrahedra import TetrahedralAir
 from iriftrace.scenes.analytic import CYLINDER_RADIUS_MM, HOT_AIR_RADIUS_MM, SLAB_MM, WALL_K
-from iriftrace.scenes.closed_forms import RoundAir, above, around
+from iriftrace.scenes.closed_forms import above, around
 from iriftrace.scenes.qualification import cylinder_cells, cylinder_rays, slab_cells, slab_rays
 from iriftrace.tracing.hot_air import AirState
 from iriftrace.tracing.load import load_scene
@@ -30,6 +30,7 @@ from validation.inputs.scene_rays import ANY_CAMERA
 from validation.inputs.shell_fields import field_of
 from validation.inputs.small_scenes import part
 from validation.inputs.smooth_medium import Ends, SmoothMedium, follow
+from validation.oracles.exact_layers import RoundAir
 
 FloatArray = NDArray[np.float64]
 

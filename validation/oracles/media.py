@@ -14,11 +14,19 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from iriftrace.plugins.kernels.nystrom import nystrom_step
-from iriftrace.scenes.closed_forms import parabola_um
 
 FloatArray = NDArray[np.float64]
 Medium = Callable[[Any, Any, Any], tuple[Any, tuple[Any, Any, Any]]]
 """From coordinates to n^2 and its gradient."""
+
+
+def parabola_um(length_mm: float, index: float, slope: float) -> float:
+    """Height of a ray after a length in air with n^2 = index^2 + slope y, launched along x.
+
+    With dx/ds = n times the direction, x = index s and y = slope s^2 / 4.
+    """
+    return 1e3 * slope / 4 * (length_mm / index) ** 2
+
 
 AIR_INDEX = 1.0002718
 AIR_SLOPE = 2 * AIR_INDEX * 1e-5

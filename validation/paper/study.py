@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import importlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache, partial
 from importlib.metadata import version
@@ -16,7 +18,6 @@ from iriftrace.core.arrays import AnyArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
 from iriftrace.core.plain import JsonObject, plain
-from iriftrace.core.runtime.variant import free_memory
 from iriftrace.image.ray_statistics import FEWEST_RAYS
 from iriftrace.io.netcdf import json_attributes, read_netcdf
 from iriftrace.medium.index_field import IndexField
@@ -304,7 +305,7 @@ def _compared(study: Study) -> Callable[[Mode, int], Entry]:
 
 
 def _timed(study: Study, mode: Mode, position: int) -> Entry:
-    free_memory()
+    _free_memory()
     scene = study.case(mode, position)
     if scene is None:
         raise InputError(
@@ -374,3 +375,9 @@ def reference_words(reference: str) -> str:
         "linear cells": "the cells engine, linear cells",
     }
     return words.get(reference, f"{reference} shells of the same mode")
+
+
+def _free_memory() -> None:
+    """Free the last case's scene, whose objects refer to each other, and Dr.Jit's arrays."""
+    gc.collect()
+    importlib.import_module("drjit").flush_malloc_cache()

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from iriftrace.plugins.first_hit import BENDING
 from iriftrace.scenes.analytic import concentric_cylinders, slab
-from iriftrace.scenes.closed_forms import CYLINDER_UM, RADIUS_MM, SLAB_SHIFT_UM, RoundAir
+from iriftrace.scenes.closed_forms import CYLINDER_UM, RADIUS_MM, SLAB_SHIFT_UM
 from iriftrace.scenes.qualification import cylinder_rays, slab_rays
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.rays import RayHits, trace_rays
@@ -19,6 +19,7 @@ from validation.curves import draw_convergence
 from validation.inputs.cameras import camera_at
 from validation.inputs.parts import cylinder_fine_at
 from validation.line import Line, Section, relative
+from validation.oracles.exact_layers import RoundAir
 
 FloatArray = NDArray[np.float64]
 

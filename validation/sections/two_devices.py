@@ -11,7 +11,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.measuring.two_devices.correct import correct
 from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.scenes.analytic import concentric_cylinders, slab
-from iriftrace.scenes.closed_forms import RADIUS_MM, RoundAir
+from iriftrace.scenes.closed_forms import RADIUS_MM
 from iriftrace.scenes.qualification import (
     CYLINDER_ANGLES,
     CYLINDER_TARGET,
@@ -37,6 +37,7 @@ from validation.inputs.parts import cylinder_fine_at
 from validation.inputs.scene_rays import loaded
 from validation.inputs.shell_fields import field_of
 from validation.line import Line, Section, relative
+from validation.oracles.exact_layers import RoundAir
 
 FloatArray = NDArray[np.float64]
 

@@ -5,7 +5,6 @@ All other modules use LLVM, CUDA and variants through this one.
 
 from __future__ import annotations
 
-import gc
 import importlib
 import os
 import sys
@@ -161,12 +160,6 @@ def using(variant: str) -> Iterator[str]:
     finally:
         if former is not None and former != current_variant():
             _mitsuba().set_variant(former)
-
-
-def free_memory() -> None:
-    """Free the last case's scene, whose objects refer to each other, and Dr.Jit's arrays."""
-    gc.collect()
-    importlib.import_module("drjit").flush_malloc_cache()
 
 
 def _set_variant(name: str) -> None:
