@@ -14,7 +14,8 @@ from iriftrace.cli.groups import group
 from iriftrace.cli.options import Output, Whole
 from iriftrace.cli.reading import AirOptions, FieldReading, PartReading, read_part, words_of
 from iriftrace.core.errors import InputError
-from iriftrace.core.units import Length, Temperature, Vector
+from iriftrace.core.number_lists import Vector
+from iriftrace.core.units import Length, Temperature
 from iriftrace.flow.synthetic.options import STANDARD, WALL, SyntheticOptions
 from iriftrace.io.reading import AS_DRAWN, AS_STATED, ReadPart
 from iriftrace.medium.air.refractivity import Air

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter, Token
 
-from iriftrace.core import units
+from iriftrace.core import number_lists, units
 from iriftrace.core.errors import InputError
 
 _WORDS = {
@@ -22,12 +22,12 @@ _WORDS = {
     units.Angle: "ANGLE",
     units.Speed: "SPEED",
     units.Expansion: "EXPANSION",
-    units.Numbers: "NUMBER,...",
-    units.Pair: "ACROSS,DOWN",
-    units.Vector: "X,Y,Z",
-    units.Interval: "NEAR:FAR",
-    units.Lengths: "LENGTH,...",
-    units.Size: "WIDTH,HEIGHT",
+    number_lists.Numbers: "NUMBER,...",
+    number_lists.Pair: "ACROSS,DOWN",
+    number_lists.Vector: "X,Y,Z",
+    number_lists.Interval: "NEAR:FAR",
+    number_lists.Lengths: "LENGTH,...",
+    number_lists.Size: "WIDTH,HEIGHT",
 }
 
 

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
-from datetime import timedelta
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from attrs import evolve
-from rich.progress import BarColumn, Progress, TimeElapsedColumn
 
 from iriftrace.cli import checks
-from iriftrace.cli.console import notes, say, say_finding, stating_kept
+from iriftrace.cli.console import notes, say, say_finding
 from iriftrace.cli.field import scene_command
 from iriftrace.cli.groups import group
 from iriftrace.cli.options import Flag, Output, read_as_word
 from iriftrace.cli.reading import PartReading, read_part
+from iriftrace.cli.simulation_progress import duration, simulation_progress
 from iriftrace.core.errors import InputError, SetupError, refuse_given, warn
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K, Temperature
@@ -33,8 +32,7 @@ if TYPE_CHECKING:
     from iriftrace.flow.simulate.family import FamilyMember
     from iriftrace.flow.simulate.family_run import Cost, Solve, Task
     from iriftrace.flow.simulate.programs import Installation
-    from iriftrace.flow.simulate.run import State
-    from iriftrace.flow.simulate.simulate import Display, Simulation
+    from iriftrace.flow.simulate.simulate import Simulation
     from iriftrace.part.part import Part
     from iriftrace.part.wall_temperature import WallTemperatures
 
@@ -350,8 +348,6 @@ def simulate_family(
 
 
 def _solve_here(installation: Installation, tasks: Sequence[Task]) -> Iterator[JsonObject]:
-    from attrs import evolve
-
     from iriftrace.flow.simulate.family_run import solve_member
 
     for task in tasks:
@@ -385,51 +381,3 @@ def _finished(entry: JsonObject) -> str:
     state = "" if entry["heat_w"] is None else f", {entry['heat_w']:.1f} W"
     steady = {True: ", steady", False: ", NOT STEADY", None: ""}[entry["steady"]]
     return f"{entry['name']}: {entry['seconds']:.0f} s{state}{steady}"
-
-
-@contextmanager
-def simulation_progress() -> Iterator[Display]:
-    """Show the current step and, while the solver runs, the state of the flow."""
-    from iriftrace.flow.simulate.simulate import Display
-
-    bar_column = BarColumn(bar_width=20)
-    columns = "{task.description}", bar_column, "{task.fields[flow]}", TimeElapsedColumn()
-    # Finished bars would remain on a terminal that only logs.
-    with Progress(*columns, console=notes, transient=True) as bar, stating_kept() as keep:
-        task = bar.add_task("Case", total=None, flow="")
-        keep("finished steps are kept; give the same command again to continue")
-
-        def watch(state: State) -> None:
-            keep(
-                f"the flow is at {state.time:.3g} of {state.end:g} s; give the same command again "
-                f"to continue from {state.stored:.3g} s"
-            )
-            bar.update(task, total=state.end, completed=state.time, flow=flow_text(state))
-
-        yield Display(lambda text: bar.update(task, description=text), _say_expected, watch)
-
-
-def _say_expected(cells: int, seconds: float) -> None:
-    """Print the size of the mesh and the expected time of the solver."""
-    if seconds > 0.0:
-        say(f"{cells:,} cells; the solver takes {duration(seconds)} (right to a factor of two).")
-
-
-def duration(seconds: float) -> str:
-    """Time of the clock in words."""
-    minutes = round(seconds / 60.0)
-    if minutes > 90:
-        return f"{seconds / 3600.0:.2g} hours"
-    return f"some {minutes} minutes" if minutes > 1 else "a minute or two"
-
-
-def flow_text(state: State) -> str:
-    """The state of the flow in a few words."""
-    words = [f"{state.time:.3f} of {state.end:g} s"]
-    flow = state.steadiness
-    if flow is not None:
-        varies = f"heat varies {flow.heat_variation:.1%}, plume {flow.plume_swing_k:.0f} K"
-        words += [f"{flow.heat_w:.1f} W", "steady" if flow.steady else varies]
-    if state.left is not None:
-        words.append(f"{timedelta(seconds=round(state.left))} left")
-    return ", ".join(words)

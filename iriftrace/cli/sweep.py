@@ -14,7 +14,8 @@ from iriftrace.cli.groups import group
 from iriftrace.cli.options import Output
 from iriftrace.cli.trace_options import Statuses, Tracing, load, statuses
 from iriftrace.core.errors import InputError
-from iriftrace.core.units import Lengths, counted
+from iriftrace.core.number_lists import Lengths
+from iriftrace.core.units import counted
 from iriftrace.sweep.options import LOCAL, NO_WORKERS, SweepPoses, Workers
 from iriftrace.tracing.options import AS_STATED
 

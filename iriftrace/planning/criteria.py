@@ -11,8 +11,9 @@ from attrs.converters import optional as if_given
 from attrs.validators import optional
 
 from iriftrace.core.errors import InputError
+from iriftrace.core.number_lists import Interval
 from iriftrace.core.plain import JsonObject
-from iriftrace.core.units import Angle, Interval, LengthWithUnit
+from iriftrace.core.units import Angle, LengthWithUnit
 from iriftrace.tracing.second_options import System
 
 METRICS = ("displacement", "coverage", "axial", "lateral")

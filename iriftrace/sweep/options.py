@@ -11,7 +11,7 @@ from attrs import field, frozen
 from attrs.converters import optional as if_given
 
 from iriftrace.core.errors import InputError, changed, refuse_given
-from iriftrace.core.units import Lengths, Vector
+from iriftrace.core.number_lists import Lengths, Vector
 from iriftrace.io.poses import Convention
 from iriftrace.io.robot_poses import RobotName
 

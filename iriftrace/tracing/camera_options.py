@@ -10,7 +10,8 @@ from attrs import field, frozen
 from attrs.converters import optional
 
 from iriftrace.core.errors import InputError, warn
-from iriftrace.core.units import Interval, Length, Numbers, Pair, Size, Vector
+from iriftrace.core.number_lists import Interval, Numbers, Pair, Size, Vector
+from iriftrace.core.units import Length
 
 if TYPE_CHECKING:
     from iriftrace.camera.calibration import Calibration

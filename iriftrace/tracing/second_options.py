@@ -10,7 +10,8 @@ from attrs import evolve, field, frozen
 from attrs.converters import optional
 
 from iriftrace.core.errors import InputError, changed, refuse_given
-from iriftrace.core.units import Length, Vector
+from iriftrace.core.number_lists import Vector
+from iriftrace.core.units import Length
 from iriftrace.tracing.camera_options import (
     FOCUS_MM,
     CameraOptions,

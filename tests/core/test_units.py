@@ -11,21 +11,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from iriftrace.core.errors import InputError
+from iriftrace.core.number_lists import Interval, Lengths, Numbers, Pair, Size, Vector
 from iriftrace.core.units import (
     Angle,
     Duration,
     Expansion,
-    Interval,
     Length,
-    Lengths,
     LengthWithUnit,
-    Numbers,
-    Pair,
     Pressure,
-    Size,
     Speed,
     Temperature,
-    Vector,
     Wavelength,
     counted,
     length_factor,

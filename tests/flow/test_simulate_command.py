@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from iriftrace.cli import main
-from iriftrace.cli.simulate import simulation_progress
+from iriftrace.cli.simulation_progress import simulation_progress
 from iriftrace.flow.simulate import programs as installation
 from iriftrace.flow.simulate.run import State
 

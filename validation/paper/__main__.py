@@ -23,8 +23,8 @@ from iriftrace.cli.reading import (
     read_part,
 )
 from iriftrace.core.errors import InputError, IriftraceError
+from iriftrace.core.number_lists import Numbers
 from iriftrace.core.runtime import variant
-from iriftrace.core.units import Numbers
 from iriftrace.io.field import read_field
 from iriftrace.io.reading import AS_DRAWN, AS_STATED
 from iriftrace.medium.air.refractivity import Air

@@ -10,7 +10,14 @@ from attrs import field, frozen
 from attrs.converters import optional as if_given
 
 from iriftrace.core.errors import InputError, changed, refuse_given
-from iriftrace.core.units import Duration, Length, Numbers, Pressure, Speed, Temperature
+from iriftrace.core.number_lists import Numbers
+from iriftrace.core.units import (
+    Duration,
+    Length,
+    Pressure,
+    Speed,
+    Temperature,
+)
 from iriftrace.flow.simulate.draught import Draught, draught_from
 from iriftrace.io.reading import ReadPart
 

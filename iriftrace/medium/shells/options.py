@@ -8,7 +8,8 @@ from attrs import field, frozen
 from attrs.converters import optional
 
 from iriftrace.core.errors import InputError
-from iriftrace.core.units import Length, Numbers, Temperature
+from iriftrace.core.number_lists import Numbers
+from iriftrace.core.units import Length, Temperature
 
 if TYPE_CHECKING:
     from iriftrace.medium.air.refractivity import Air
