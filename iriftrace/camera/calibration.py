@@ -68,7 +68,8 @@ class Calibration:
         """
         if not 0 < pixel_size_mm < LARGEST_PIXEL_MM:
             raise InputError(
-                f"Pixel size is {pixel_size_mm} mm; give the width of a pixel, such as 0.00274 mm.",
+                f"Pixel size is {pixel_size_mm:g} mm; give the width of a pixel, such as "
+                "0.00274 mm.",
                 code="calibration.pixel_size",
                 argument="pixel_size",
             )

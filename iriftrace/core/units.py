@@ -220,7 +220,7 @@ class LengthWithUnit(Length):
 
 
 class FNumber(float):
-    """Focal length over the aperture's diameter; in a text "f/4"."""
+    """Focal length over the aperture's diameter; in a text "f/4", in an f-string the number."""
 
     def __new__(cls, value: str | float) -> Self:
         first, slash, number = value.partition("/") if isinstance(value, str) else ("f", "/", value)
@@ -235,6 +235,8 @@ class FNumber(float):
 
     def __str__(self) -> str:
         return f"f/{self:g}"
+
+    __format__ = _Quantity.__format__
 
 
 class Wavelength(_Quantity):

@@ -25,8 +25,8 @@ class Growth:
         values = (self.expansion, self.reference_k, self.hot_k)
         if not (np.isfinite(values).all() and abs(self.expansion) < 1e-3):
             raise InputError(
-                f"thermal expansion of {self.expansion} per kelvin from {self.reference_k} K to "
-                f"{self.hot_k} K is not that of a solid; steel has about 14e-6/K.",
+                f"thermal expansion of {self.expansion:g} per kelvin from {self.reference_k:g} K "
+                f"to {self.hot_k:g} K is not that of a solid; steel has about 14e-6/K.",
                 code="part.unlikely_expansion",
                 argument="expansion",
             )

@@ -76,8 +76,8 @@ class HotTemperatures:
             return self.default, own if regions is None else regions
         if wall is not None and self.single is not None and abs(self.single - wall) > 1.0:
             warn(
-                f"The part expands to its size at {self.single}, but its wall has {wall}; leave "
-                "one of them out.",
+                f"The part expands to its size at {self.single!s}, but its wall has {wall!s}; "
+                "leave one of them out.",
                 argument="hot_temperature",
             )
         return wall, regions

@@ -108,7 +108,7 @@ class CameraOptions:
 
         if self.pixel_size is not None:
             raise InputError(
-                f"the size of a pixel is {self.pixel_size}, which belongs to a calibration; "
+                f"the size of a pixel is {self.pixel_size!s}, which belongs to a calibration; "
                 "without one give sensor and resolution.",
                 code="camera.no_calibration",
                 argument="pixel_size",

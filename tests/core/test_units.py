@@ -10,12 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.number_lists import Interval, Lengths, Numbers, Pair, Size, Vector
 from iriftrace.core.units import (
     Angle,
     Duration,
     Expansion,
+    FNumber,
     Length,
     LengthWithUnit,
     Pressure,
@@ -27,6 +28,10 @@ from iriftrace.core.units import (
     parse_quantity,
     stated_length_unit,
 )
+from iriftrace.flow.simulate.options import DraughtOptions
+from iriftrace.part.growth import Growth
+from iriftrace.part.hot_temperature import HotTemperatures
+from iriftrace.tracing.camera_options import CameraOptions
 
 
 @pytest.mark.parametrize(
@@ -179,6 +184,7 @@ def test_a_quantity_counts_as_its_number():
     # Numbers are written with repr and format; only str has the unit.
     assert repr(Length(0.1)) == "0.1"
     assert f"{Length(0.1):.2f}" == "0.10"
+    assert (f"{FNumber('f/2.8')}", str(FNumber("f/2.8"))) == ("2.8", "f/2.8")
     assert Vector(np.array([1.0, 2.0, 3.0])) == (1.0, 2.0, 3.0)
     assert np.array(Length(3)).dtype == np.float64
 
@@ -203,6 +209,19 @@ def test_wrong_values_of_a_kind_are_refused(kind, value, code):
     with pytest.raises(InputError) as error:
         kind(value)
     assert error.value.code == code
+
+
+def test_messages_name_the_units_of_values():
+    """In as many digits as were given."""
+    hot, wall = HotTemperatures.of("1050 degC"), Temperature("1100 degC")
+    with pytest.warns(IriftraceWarning, match="at 1050 degC, but its wall has 1100 degC; leave"):
+        hot.wall(wall, None)
+    with pytest.raises(InputError, match=r"draught of 0\.2 m/s has no direction"):
+        DraughtOptions(draught="0.2 m/s")
+    with pytest.raises(InputError, match=r"pixel is 0\.00274 mm, which"):
+        CameraOptions(pixel_size="2.74 um").camera(None, None, None)
+    with pytest.raises(InputError, match=r"of 0\.3 per kelvin from 293\.15 K to 1323\.15 K is"):
+        Growth(0.1 + 0.2, 293.15, 1323.15)
 
 
 def test_a_bare_text_is_not_a_temperature():

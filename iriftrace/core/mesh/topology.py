@@ -172,7 +172,7 @@ def face_along(
     """
     if not (min_size_mm >= 0.0 and np.isfinite(min_size_mm)):
         raise InputError(
-            f"The smallest piece is {min_size_mm} mm; give 0 or a positive length.",
+            f"The smallest piece is {min_size_mm:g} mm; give 0 or a positive length.",
             code="shells.size_below_zero",
             argument="min_size",
         )

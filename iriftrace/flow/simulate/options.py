@@ -272,7 +272,7 @@ class DraughtOptions:
             refuse_given(changed(self, ("draught_from",)), reason, "draught.no_speed")
         elif self.draught_from is None:
             raise InputError(
-                f"the draught of {self.draught} has no direction; say where it comes from, 90 "
+                f"the draught of {self.draught!s} has no direction; say where it comes from, 90 "
                 "(degrees, 0 is +x) or X,Y,Z.",
                 code="draught.no_direction",
                 argument="draught_from",
