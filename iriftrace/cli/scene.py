@@ -208,9 +208,12 @@ def scene(
         return camera, settings
 
     if len(states) > len(fields) and reading.time is None:
+        # A further field of one state may be a variation, which is not in the mean.
+        files = [one.path for one in states]
+        several = [one.label for one in states if files.count(one.path) > 1]
         warn(
-            f"All {len(states)} states are averaged as an ensemble, {states[0].label} to "
-            f"{states[-1].label}; choose one with --time latest, or all with --time all."
+            f"All {len(several)} states are averaged as an ensemble, {several[0]} to "
+            f"{several[-1]}; choose one with --time latest, or all with --time all."
         )
     if len(states) > 1:
 

@@ -113,7 +113,7 @@ def sweep_setting(dataset: xr.Dataset, summary: SweepSummary) -> Rows:
 
 
 def fields_of(dataset: xr.Dataset) -> list[JsonObject]:
-    """Fields of all scenes of a sweep; that of its own attribute if they do not state it."""
+    """Fields in the means of a sweep's scenes; that of its own attribute if they state none."""
     try:
         scenes = json.loads(dataset.attrs.get("scenes", "[]"))
     except ValueError:
@@ -121,7 +121,8 @@ def fields_of(dataset: xr.Dataset) -> list[JsonObject]:
     several: list[JsonObject] = []
     for scene in scenes:
         if isinstance(scene, dict):
-            members = [member.get("source") or {} for member in scene.get("members") or []]
+            listed = [one for one in scene.get("members") or [] if one.get("weight", 1.0) > 0.0]
+            members = [member.get("source") or {} for member in listed]
             several += members or [scene.get("field") or {}]
     return several if len(several) > 1 else [attribute(dataset, "field")]
 

@@ -56,14 +56,13 @@ def pose_image(
         image, _ = _one_field(scene, camera, straight)
         if each is not None:
             each(0, image)
-        return image
+        return evolve(image, header=_with_origin(image.header, scene))
     statistics = EnsembleStatistics(include)
     time_s: dict[str, float] = {}
     counts: dict[str, int] = {}
-    members = zip(scene.members, scene.alone(), strict=True)
-    for place, (listed, member) in enumerate(members):
-        if each is None and not listed.weight:
-            continue
+    places = [n for n, one in enumerate(scene.members) if one.weight or each is not None]
+    for place, member in zip(places, scene.alone(places), strict=True):
+        listed = scene.members[place]
         image, straight = _one_field(member, camera, straight, f" of member {listed.number}")
         if each is not None:
             each(place, image)
@@ -76,9 +75,13 @@ def pose_image(
             time_s[key] = time_s.get(key, 0.0) + seconds
         for key, count in last["counts"].items():
             counts[key] = max(counts.get(key, 0), count)
-    whole = provenance(scene, Camera.from_dict(last["camera"]))
-    header = {**last, **whole, "time_s": time_s, "counts": counts}
+    header = _with_origin({**last, "time_s": time_s, "counts": counts}, scene)
     return statistics.image(header) if scene.averages else evolve(kept, header=header)
+
+
+def _with_origin(header: JsonObject, scene: Scene) -> JsonObject:
+    """The header of an image, with schema and provenance."""
+    return {"schema": SCHEMA, **provenance(scene, Camera.from_dict(header["camera"])), **header}
 
 
 def sensor_for(scene: Scene, camera: Camera | None) -> mi.Sensor:
@@ -93,7 +96,7 @@ def sensor_for(scene: Scene, camera: Camera | None) -> mi.Sensor:
 def _one_field(
     scene: Scene, camera: Camera | None, straight: StraightHits | None, whose: str = ""
 ) -> tuple[AovImage, StraightHits]:
-    """The image of one field, and its straight hits, which other fields use as well."""
+    """The image of one field without provenance, and its straight hits, which others use, too."""
     compiled, integrator = scene.compiled, scene.compiled.integrator
     with runtime.using(compiled.variant):
         sensor = sensor_for(scene, camera)
@@ -112,8 +115,6 @@ def _one_field(
     seen_by, times = report["camera"], report["time_s"]
     same_film = camera is None or camera.resolution == scene.camera.resolution
     header = {
-        "schema": SCHEMA,
-        **provenance(scene, Camera.from_dict(seen_by)),
         "camera": seen_by,
         "pose": {
             "origin_mm": [row[3] for row in seen_by["matrix"][:3]],

@@ -15,6 +15,7 @@ from iriftrace.camera.pose import pose_text
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import plain
 from iriftrace.figures import report as report_module
+from iriftrace.figures.describe import fields_of
 from iriftrace.figures.report import Kind, sweep_page, write_report
 from iriftrace.image.aov_image import Status
 from iriftrace.medium.source import FieldFacts, FieldKind, FieldSource
@@ -181,6 +182,17 @@ def test_every_field_of_an_ensemble_is_named() -> None:
     named = dict(setting)["Field"]
     assert "air_1.vtu" in named
     assert "air_2.vtu" in named
+
+
+def test_a_field_that_varies_another_one_is_not_among_those_of_the_means() -> None:
+    table = sweep()
+    sources = [{"path": f"air_{k}.vtu", "sha256": f"{k}"} for k in (1, 2, 3)]
+    members = [
+        {"source": source, "weight": weight}
+        for source, weight in zip(sources, (1.0, 0.0, 1.0), strict=True)
+    ]
+    table.attrs["scenes"] = json.dumps([{"field": sources[0], "members": members}])
+    assert fields_of(table) == [sources[0], sources[2]]
 
 
 @pytest.mark.parametrize("rig", [False, True])

@@ -101,6 +101,9 @@ def test_a_span_of_times_makes_an_ensemble_of_these(series: Path, run: Run, fail
 def test_states_that_nobody_chose_are_averaged_with_a_word(series: Path, run: Run) -> None:
     said = "All 3 states are averaged as an ensemble, t = 0 to t = 1; choose one with --time latest"
     run(*words(series), warns=said)
+    # A further field counts by itself, and may be a variation.
+    said = "All 3 states are averaged as an ensemble, air.pvd, t = 0 to air.pvd, t = 1; choose"
+    run(*words(series), f"--member={series / 'air_1.vtu'}", warns=said)
     run(*words(series), "--time=all")
 
 

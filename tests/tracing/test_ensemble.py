@@ -12,6 +12,7 @@ import pytest
 import xarray as xr
 from numpy.testing import assert_allclose, assert_array_equal
 
+from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.camera.pose_set import PoseSet
 from iriftrace.core.errors import InputError, IriftraceWarning
@@ -20,10 +21,12 @@ from iriftrace.io.part_files import save_part
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.scenes.analytic import slab, slab_heights
 from iriftrace.sweep.sweep import run_sweep
+from iriftrace.tracing import pose_image
 from iriftrace.tracing import scene as scenes_of_values
 from iriftrace.tracing.ensemble import read_members
 from iriftrace.tracing.hot_air import AirState, FieldMember
 from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.provenance import provenance
 from iriftrace.tracing.rays import trace_rays
 from iriftrace.tracing.render import render_scene
 from iriftrace.tracing.write import write_ensemble_scene
@@ -136,6 +139,21 @@ def test_one_member_alone_is_an_ordinary_scene(five: Path) -> None:
     assert scenes[4].compiled.tables.index_pairs == (alone.compiled.tables.index_pairs)
     shapes = mi.load_file(str(five), optimize=False).shapes()
     assert [shape.id() for shape in shapes] == ["part", *(f"shell_{k:02d}" for k in range(1, 6))]
+
+
+def test_the_provenance_of_a_picture_is_stated_once(
+    five: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+    monkeypatch.setattr(
+        pose_image, "provenance", lambda *given: asked.append(given) or provenance(*given)
+    )
+    scene = load_scene(five)
+    header = render_scene(scene).image.header
+    assert len(asked) == 1
+    stated = provenance(scene.ready, Camera.from_dict(header["camera"]))
+    assert {key: header[key] for key in stated} == stated
+    assert {"schema", "pose", "time_s", "counts", "full_resolution"} <= set(header)
 
 
 def test_straight_rays_are_traced_once(five: Path, monkeypatch: pytest.MonkeyPatch) -> None:
