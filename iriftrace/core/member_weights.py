@@ -60,6 +60,12 @@ class MemberWeights:
             )
         return cls(weights, matrix)
 
+    def of_places(self, places: Sequence[int]) -> MemberWeights:
+        """Weights of some members, by their places from 0; the others have none."""
+        rows = list(places)
+        chosen = None if self.covariance is None else self.covariance[np.ix_(rows, rows)]
+        return MemberWeights(self.weights[rows], chosen, self.outside)
+
     @property
     def rows(self) -> list[tuple[float, list[float] | None]]:
         """Weight of each member and its row of the covariance, None if that is not known."""

@@ -101,11 +101,11 @@ class Choice:
 def choose(scene: Scene, *views: View) -> Choice:
     """Choose the engine that bends the rays of some views, the same for all.
 
-    Cells are chosen if the shells are too few for one of the views in one of an ensemble's members,
-    the field file lies next to the scene, no engine was requested, and the cells lose at most 0.5 %
-    of the same rays. Nothing is tested if the scene has only cells or was loaded to use them, has
-    fewer than 5 shells or shells that do not lead from one index to the next, or if no ray of the
-    views is refracted (in a picture, fewer than 100).
+    Cells are chosen if the shells are too few for one of the views in one of an ensemble's members
+    that count, the field file lies next to the scene, no engine was requested, and the cells lose
+    at most 0.5 % of the same rays. Nothing is tested if the scene has only cells or was loaded to
+    use them, has fewer than 5 shells or shells that do not lead from one index to the next, or if
+    no ray of the views is refracted (in a picture, fewer than 100).
 
     Warns
     -----
@@ -134,7 +134,7 @@ class _Sample(NamedTuple):
 def _by_samples(scene: Scene, samples: list[_Sample]) -> Choice:
     tests = [
         found
-        for member in scene.alone()
+        for member in scene.alone(scene.counted)
         for sample in samples
         if (found := _tested(member, sample)) is not None
     ]
@@ -209,10 +209,10 @@ def _tested(scene: Scene, sample: _Sample) -> EngineTest | None:
 
 
 def _lost_fraction(scene: Scene, samples: list[_Sample]) -> float:
-    """Largest fraction of a sample's rays, over all members, whose end is not known."""
+    """Largest fraction of a sample's rays, over the members that count, whose end is not known."""
     return max(
         _lost_of(member, *sample.rays)
-        for member in scene.alone()
+        for member in scene.alone(scene.counted)
         for sample in samples
         if sample.rays is not None
     )

@@ -150,6 +150,11 @@ class FieldMember:
         """What it varies in another member; None for a state of the air."""
         return self.source.facts.variation
 
+    @property
+    def counts(self) -> bool:
+        """True if it is in the mean, or in the covariance of fitted weights."""
+        return self.weight > 0.0 or any(self.covariance or ())
+
     def as_dict(self) -> JsonObject:
         """Plain JSON values."""
         values: JsonObject = plain(self)

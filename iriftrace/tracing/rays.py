@@ -224,12 +224,12 @@ def _on_device(vectors: FloatArray) -> mi.Float64:
 def is_inside(scene: Scene, points: ArrayLike) -> BoolArray:
     """Mask of points in the hot air or in the part, (n, 3) array, mm, world to (n,) array.
 
-    For an ensemble, in the hot air of any member.
+    For an ensemble, in the hot air of any member that counts.
     """
     positions = np.asarray(points, dtype=np.float64).reshape(-1, 3)
     inside = np.zeros(len(positions), dtype=bool)
     with runtime.using(scene.compiled.variant):
-        for one in scene.alone():
+        for one in scene.alone(scene.counted):
             for number in np.flatnonzero(~inside):
                 compiled, place = one.compiled, positions[number]
                 found = compiled.integrator.surroundings_of(compiled.mitsuba_scene, place)

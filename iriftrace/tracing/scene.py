@@ -229,13 +229,23 @@ class Scene:
         )
         return self._through_cells(shells) if self.engine.through_cells else shells
 
-    def alone(self) -> Iterator[Scene]:
-        """Scenes of one field each, in order; those above the memory limit are freed after use."""
+    @property
+    def counted(self) -> tuple[int, ...]:
+        """Places, from 0, of the fields that decide what is measured (`FieldMember.counts`)."""
+        if not self.members:
+            return (0,)
+        return tuple(place for place, member in enumerate(self.members) if member.counts)
+
+    def alone(self, places: Iterable[int] | None = None) -> Iterator[Scene]:
+        """Scenes of one field each, in order; those above the memory limit are freed after use.
+
+        Those of all members, or at some places, from 0.
+        """
         if not self.members:
             yield self
             return
         held = self._held
-        for member in self.members:
+        for member in self.members if places is None else [self.members[n] for n in places]:
             if member.number in held.members:
                 yield self._like(held.members[member.number])
                 continue

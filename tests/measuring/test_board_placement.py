@@ -1,7 +1,9 @@
 """Places of a board: predicted U of a feature against actual fits with noise."""
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import attrs
 import numpy as np
@@ -11,6 +13,7 @@ import iriftrace
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
 from iriftrace.io.measured_shift import MeasuredShift
+from iriftrace.measuring.fit import board_placement as placement
 from iriftrace.measuring.fit.board_placement import (
     BoardPlace,
     board_placement,
@@ -18,6 +21,7 @@ from iriftrace.measuring.fit.board_placement import (
     standard_places,
 )
 from iriftrace.measuring.fit.shift_fit import seen_by_members
+from iriftrace.medium.source import FieldFacts, Variation
 from validation.inputs.leaning_air import (
     ACROSS,
     BOARD,
@@ -149,6 +153,29 @@ def test_the_command_ranks_and_writes(
     said = capsys.readouterr().out
     assert "without a board" in said
     assert main([*words, "--enough=2"]) == 2
+
+
+def test_a_variation_decides_nothing(
+    scene: iriftrace.Scene, places: tuple[BoardPlace, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither dots nor features are those that it sees, too, and it is not traced to the board."""
+    fields = [state.field for state in scene.air.states]
+    facts = FieldFacts(variation=Variation("wall", 10.0, fields[0].source.sha256))
+    wall = attrs.evolve(fields[3], source=attrs.evolve(fields[3].source, sha256="w", facts=facts))
+    air = iriftrace.HotAir([fields[0], wall, *fields[1:]], layers=9)
+    traced = []
+
+    def seen(scenes: Iterable[iriftrace.Scene], *given: Any) -> tuple[np.ndarray, np.ndarray]:
+        traced.append(list(scenes))
+        return seen_by_members(traced[-1], *given)
+
+    monkeypatch.setattr(placement, "seen_by_members", seen)
+    (found,) = board_placement(
+        attrs.evolve(scene, air=air), BOARD, [UPRIGHT], cameras=[BOARD_CAMERA], noise_px=NOISE
+    )
+    assert [len(each) for each in traced] == [len(LEANS)]
+    assert found.dots == places[0].dots
+    np.testing.assert_allclose(found.expanded(), places[0].expanded(), rtol=1e-6)
 
 
 def test_a_place_without_a_dot_is_ranked_last(

@@ -7,15 +7,20 @@ for air of linear and of logarithmic temperature; the budget's parts are its cha
 import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from attrs import evolve
 
 from iriftrace.core.errors import InputError
+from iriftrace.measuring.two_devices import correct as correct_room
+from iriftrace.measuring.two_devices import measure as measure_room
 from iriftrace.measuring.two_devices.budget import feature_budget
 from iriftrace.measuring.two_devices.correct import correct
+from iriftrace.measuring.two_devices.correction import CorrectionStatus
 from iriftrace.measuring.two_devices.measure import measure
+from iriftrace.measuring.two_devices.scan import Scan, ScanStatus
 from iriftrace.measuring.uncertainty.air_groups import AIR, UNSTEADY, AirGroups
 from iriftrace.measuring.uncertainty.displacement import render_with_uncertainty
 from iriftrace.measuring.uncertainty.inputs import Inputs
@@ -24,8 +29,11 @@ from iriftrace.medium.shells.stack import ShellStack
 from iriftrace.medium.source import FieldFacts, FieldKind, FieldSource, Variation
 from iriftrace.part.part import Part
 from iriftrace.scenes import analytic
+from iriftrace.tracing import engine
+from iriftrace.tracing.engine import EngineTest
 from iriftrace.tracing.hot_air import AirState, HotAir
 from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.rays import is_inside
 from iriftrace.tracing.render import render_scene
 from iriftrace.tracing.scene import Scene
 from validation.inputs.cameras import camera_at
@@ -108,7 +116,7 @@ def test_parts_are_the_changes_of_the_closed_form(
     scene = Scene(part, HotAir.of_states(airs), first, second, "camera_2", engine="shells").ready
     assert scene.weights.weights.tolist() == [1.0, 0.0, 0.0, 0.0]
     groups = AirGroups.of(scene, STATED)
-    scan = measure(scene)
+    scan = measure(scene, varied=True)
     along = np.einsum("kij,ij->ki", scan.errors, scan.normal)
     parts = groups.parts(scan.error_normal, along)
     now = (WALL_K, AMBIENT_K, PRESSURE_PA)
@@ -201,3 +209,129 @@ def test_a_saved_scene_keeps_what_its_members_vary(
     again = load_scene(tmp_path / "scene.xml")
     assert again.weights.weights.tolist() == [1.0, 0.0, 0.0, 0.0]
     assert {one.source.facts.variation.quantity for one in again.members[1:]} == set(STEPS)
+
+
+def varied_slab(monkeypatch: pytest.MonkeyPatch) -> Scene:
+    """The slab's air and its three variations, measured by two cameras."""
+    part, airs = states(analytic.slab, monkeypatch)
+    return Scene(part, HotAir.of_states(airs), *devices("slab"), "camera_2", engine="shells").ready
+
+
+def quantity_of(scene: Scene) -> str:
+    """What the air of a scene of one member varies; "" for none."""
+    variation = scene.compiled.source.facts.variation
+    return "" if variation is None else variation.quantity
+
+
+def test_only_a_budget_traces_the_variations(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, traced = varied_slab(monkeypatch), []
+    scan_of, of_one_field = measure_room._scan, correct_room._in_one_field
+
+    def scanned(one: Scene, *given: object) -> Scan:
+        traced.append(quantity_of(one))
+        return scan_of(one, *given)
+
+    def corrected(measured: object, *given: Any) -> object:
+        traced.append(quantity_of(given[2]))
+        return of_one_field(measured, *given)
+
+    monkeypatch.setattr(measure_room, "_scan", scanned)
+    monkeypatch.setattr(correct_room, "_in_one_field", corrected)
+    scan = measure(scene)
+    assert traced == [""]
+    traced.clear()
+    feature_budget(scene, STATED, gate=None)
+    assert traced == ["", *STEPS]
+    for stated, varied in ((Inputs(), []), (Inputs(ambient_k=2.0), ["ambient"]), (STATED, STEPS)):
+        traced.clear()
+        correct(scan.points, scene, inputs=stated)
+        assert traced == ["", *varied]
+    assert scan.numbers == (1,)
+    assert scan.errors.shape == (1, *scan.points.shape)
+
+
+def test_a_variation_decides_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where it alone fails, its input has no effect; elsewhere its part is the same."""
+    scene = varied_slab(monkeypatch)
+    whole = measure(scene, varied=True)
+    plain = correct(whole.points, scene, inputs=STATED)
+    scan_of, of_one_field = measure_room._scan, correct_room._in_one_field
+    half = np.arange(len(whole.points)) % 2 == 0
+    rows, columns = np.rint(whole.pixel[half, ::-1]).astype(int).T
+
+    def scanned(one: Scene, *given: object) -> Scan:
+        found = scan_of(one, *given)
+        if quantity_of(one) == "ambient":
+            raise InputError("It sees nothing.", code="devices.nothing_common")
+        if quantity_of(one) != "wall":
+            return found
+        found.status[rows, columns] = ScanStatus.LOST
+        kept = {name: getattr(found, name)[~half] for name in ("points", "true", "gap", "angle")}
+        return evolve(found, **kept)
+
+    def corrected(measured: object, *given: Any) -> object:
+        error, status, face = of_one_field(measured, *given)
+        if quantity_of(given[2]) == "wall":
+            error[half], status[half] = np.nan, CorrectionStatus.LOST
+        return error, status, face
+
+    monkeypatch.setattr(measure_room, "_scan", scanned)
+    monkeypatch.setattr(correct_room, "_in_one_field", corrected)
+    found = measure(scene, varied=True)
+    np.testing.assert_array_equal(found.points, whole.points)
+    np.testing.assert_array_equal(found.status, whole.status)
+    base, wall, ambient, pressure = found.errors
+    np.testing.assert_array_equal(wall, np.where(half[:, None], base, whole.errors[1]))
+    np.testing.assert_array_equal(ambient, base)
+    np.testing.assert_array_equal(pressure, whole.errors[3])
+    back = correct(whole.points, scene, inputs=STATED)
+    np.testing.assert_array_equal(back.points, plain.points)
+    np.testing.assert_array_equal(back.status, plain.status)
+    np.testing.assert_array_equal(
+        back.errors[1], np.where(half[:, None], back.errors[0], plain.errors[1])
+    )
+    assert (back.u_normal[half] < plain.u_normal[half]).all()
+    np.testing.assert_array_equal(back.u_normal[~half], plain.u_normal[~half])
+
+
+def test_a_member_of_the_mean_still_decides(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And so does one whose weight a fit knows to be 0 with some uncertainty only."""
+    scene = varied_slab(monkeypatch)
+    wall = scene.members[1]
+    assert scene.counted == (0,)
+    assert [wall.counts, evolve(wall, weight=0.1).counts] == [False, True]
+    assert evolve(wall, covariance=[-0.1, 0.1]).counts
+    assert not evolve(wall, covariance=[0.0, 0.0]).counts
+    assert [quantity_of(one) for one in scene.alone((0, 2))] == ["", "ambient"]
+
+
+def test_a_variation_does_not_choose_the_engine(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = varied_slab(monkeypatch)
+    tested = []
+
+    def too_coarse(one: Scene, _: object) -> EngineTest:
+        tested.append(quantity_of(one))
+        return EngineTest(100, 0.0, 1.0, 0.0, float(quantity_of(one) != ""))
+
+    monkeypatch.setattr(engine, "_tested", too_coarse)
+    choice = engine.choose(scene, scene.camera, scene.second)
+    assert tested == ["", ""]
+    assert choice.test.suffices
+
+
+def test_a_place_in_the_air_of_a_variation_alone_is_free(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The variation's air reaches 60 mm from the axis, the layer on the plate 20 mm."""
+    part, (base, *_) = states(analytic.slab, monkeypatch)
+    _, (_, wide, *_) = states(analytic.concentric_cylinders, monkeypatch)
+    place = np.array(((0.0, 0.0, 40.0),))
+    one, other = (
+        Scene(part, HotAir.of_states(airs), *devices("slab"), "camera_2", engine="shells").ready
+        for airs in ([base, wide], [base, of_the_mean(wide)])
+    )
+    assert not is_inside(one, place).any()
+    assert is_inside(other, place).all()
+
+
+def of_the_mean(air: AirState) -> AirState:
+    """The same air as a state of its own."""
+    return evolve(air, ready=evolve(air.shells, source=source("own", "7", FieldFacts())))

@@ -80,7 +80,7 @@ class BoardPlace:
     camera : Camera
         That takes the pictures.
     dots : int
-        Dots that are seen in the air of every member.
+        Dots that are seen in the air of every member in the mean.
     features : tuple of PlacedFeature
     noise_px : float
     """
@@ -191,9 +191,10 @@ def board_placement(
             argument="noise",
         )
     ready = ready_scene(scene)
-    counts = np.array([member.weight > 0.0 for member in members_in(ready)])
-    weights = MemberWeights(ready.weights.weights[counts])
-    features = _features(ready, choices, counts, weights)
+    members = members_in(ready)
+    in_mean = [place for place, member in enumerate(members) if member.weight > 0.0]
+    weights = MemberWeights(ready.weights.weights[in_mean])
+    features = _features(ready, choices, in_mean, weights)
     places = list(places) or standard_places(ready.part)
     # At the resolution of its film before ``scale`` changed it, as for a fit.
     full, seen = ready.compiled.full_resolution, ready.camera.resolution
@@ -201,8 +202,8 @@ def board_placement(
     seen_by = list(cameras) or [camera_opposite(own, ready.part, at) for at in places]
     found = []
     for number, (at, camera) in enumerate(zip(places, seen_by, strict=True), start=1):
-        dots, columns = _predicted(ready, board, at, camera, camera_motion)
-        at, prior, columns = np.asarray(at), weights.of_mixtures, columns[:, counts]
+        dots, columns = _predicted(ready, board, at, camera, camera_motion, in_mean)
+        at, prior = np.asarray(at), weights.of_mixtures
         found.append(BoardPlace(number, at, camera, dots, features, noise_px, prior, columns))
     if not any(place.dots for place in found):
         raise InputError(
@@ -247,7 +248,7 @@ def camera_opposite(camera: Camera, part: Part, to_world: FloatArray) -> Camera:
 def _features(
     scene: Scene,
     choices: Sequence[str | FeatureChoice],
-    counts: FloatArray,
+    in_mean: Sequence[int],
     weights: MemberWeights,
 ) -> tuple[PlacedFeature, ...]:
     """Features by the values that a simulated measurement would have in each member's air."""
@@ -258,7 +259,7 @@ def _features(
     for name, value in named:
         if not value.by_member or None in value.by_member:
             continue
-        by_member = np.array(value.by_member, dtype=np.float64)[counts]
+        by_member = np.array(value.by_member, dtype=np.float64)[in_mean]
         before = K * float(weights.uncertainty(by_member))
         if before > 0.0:
             found.append(PlacedFeature(name, value.unit, by_member, before))
@@ -273,9 +274,14 @@ def _features(
 
 
 def _predicted(
-    scene: Scene, board: Board, to_world: FloatArray, camera: Camera, camera_motion: bool
+    scene: Scene,
+    board: Board,
+    to_world: FloatArray,
+    camera: Camera,
+    camera_motion: bool,
+    in_mean: Sequence[int],
 ) -> tuple[int, FloatArray]:
-    """Number of dots that are seen in every member's air, and their shifts (2 n, k), px."""
+    """Number of dots that are seen in each of k members' air, and their shifts (2 n, k), px."""
     body = board.part.transformed(to_world)
     seen = evolve(
         scene, part=body, camera=camera, second=None, blockers=(scene.part, *scene.blockers)
@@ -284,9 +290,9 @@ def _predicted(
     with np.errstate(invalid="ignore"):
         places = places[camera.holds(places)]
     if len(places) == 0:
-        return 0, np.zeros((0, len(scene.members)))
+        return 0, np.zeros((0, len(in_mean)))
     traced = choose(ready_scene(seen), camera).scene
-    points, status = seen_by_members(traced.alone(), camera, places)
+    points, status = seen_by_members(traced.alone(in_mean), camera, places)
     good = (status == Status.GOOD).all(axis=0)
     shifts = np.array([places[good] - camera.project(one[good]) for one in points])
     columns = shifts.reshape(len(shifts), -1).T

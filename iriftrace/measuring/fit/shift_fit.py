@@ -142,9 +142,7 @@ def _view(
     _check_in_picture(shifts, camera)
     hot = shifts.places + shifts.shifts
     traced = choose(scene, camera).scene
-    points, status = seen_by_members(
-        (one for place, one in enumerate(traced.alone()) if place in fitted), camera, hot
-    )
+    points, status = seen_by_members(traced.alone(fitted), camera, hot)
     good = (status == Status.GOOD).all(axis=0)
     dots = {"failed": shifts.failed, "zeros": shifts.zeros, **_counts(status)}
     _check_dots(dots, len(fitted))

@@ -48,7 +48,7 @@ def feature_budget(
     `tolerances` and `gate` are those of `Correction.features`.
     """
     ready = ready_scene(scene)
-    scan = measure(ready, system=system, phase=phase)
+    scan = measure(ready, system=system, phase=phase, varied=True)
     correction = Correction(
         measured=scan.points,
         error=scan.error,

@@ -29,6 +29,7 @@ from iriftrace.measuring.two_devices.correction import (
 from iriftrace.measuring.two_devices.device_check import MANY, check_devices, checked_pixels
 from iriftrace.measuring.two_devices.devices import Sensor, provenance_of_two, sensor_of
 from iriftrace.measuring.two_devices.larger import Larger, in_box, larger_than, sample_of
+from iriftrace.measuring.two_devices.statistics import completed
 from iriftrace.measuring.two_devices.two_points import lines_of_sight
 from iriftrace.measuring.uncertainty.air_groups import AirGroups
 from iriftrace.measuring.uncertainty.inputs import NOTHING_STATED, Inputs
@@ -101,7 +102,9 @@ def correct(
     For an ensemble of fields the correction is the weighted mean over its members, of every point
     whose lines of sight are known: the best estimate of an error is its mean, however uncertain.
     The real air may be any mixture of the members, or one within the covariance of fitted weights
-    (:func:`iriftrace.fit_members`).
+    (:func:`iriftrace.fit_members`). Where a field that was solved again with one input changed is
+    the only one without a correction, its error is that of the field it varies, as if the input had
+    no effect there.
 
     Parameters
     ----------
@@ -135,17 +138,26 @@ def correct(
     loaded, sensor = sensor_of(scene, camera, second, system, phase)
     near_box, to_part = _near_part(measured, loaded.part)
     traced = choose(loaded, *sensor.devices).scene
-    members = traced.alone()
+    groups = AirGroups.of(traced, inputs)
     # Clouds come in any order; neighbouring rays are traced faster.
     with np.errstate(divide="ignore", invalid="ignore"):
         pixel, second_pixel = (device.project(measured) for device in sensor.devices)
     in_view = np.asarray(np.isfinite(np.hstack((pixel, second_pixel))).all(axis=1))
     order = tile_order(pixel)
     order = order[(in_view & near_box)[order]]
-    found = [_in_one_field(measured, in_view, order, member, sensor) for member in members]
-    by_member, statuses, (face, *_) = zip(*found, strict=True)
-    weights = traced.weights if traced.members else None
-    status = _common_status(statuses, by_member, weights)
+    varied = {place for one in groups.varied.values() for place in (one.member, one.base)}
+    places = sorted({*traced.counted, *varied})
+    found = {
+        place: _in_one_field(measured, in_view, order, member, sensor)
+        for place, member in zip(places, traced.alone(places), strict=True)
+    }
+    face = found[traced.counted[0]][2]
+    weights = groups.weights
+    by_member = found[traced.counted[0]][0][None]
+    if weights is not None:
+        known = {place: (e, is_corrected(outcome)) for place, (e, outcome, _) in found.items()}
+        by_member = completed(known, traced.members, weights)
+    status = _common_status([found[place][1] for place in traced.counted], by_member, weights)
     # What stands behind the part, such as a table, is hidden and does not belong to it.
     hidden = np.flatnonzero(status == CorrectionStatus.HIDDEN)
     far = loaded.part.surface.distance(measured[hidden]) > REACH_MM
@@ -172,7 +184,7 @@ def correct(
         system=sensor.system,
         provenance=provenance,
         inputs=inputs,
-        groups=AirGroups.of(traced, inputs),
+        groups=groups,
         errors=None if weights is None else errors,
         to_part=to_part,
         larger=larger,
@@ -275,9 +287,9 @@ def _warn_of_other_sheets(off: FloatArray) -> bool:
 
 
 def _common_status(
-    statuses: Sequence[IntArray], by_member: Sequence[FloatArray], weights: MemberWeights | None
+    statuses: Sequence[IntArray], by_member: FloatArray, weights: MemberWeights | None
 ) -> IntArray:
-    """Outcome (n,) of each point from its outcomes in the air of an ensemble's members."""
+    """Outcome (n,) of each point from its outcomes in the air of the members that count."""
     status = np.max(statuses, axis=0)
     if weights is not None:
         scatter, mean = weights.uncertainty(by_member), weights.mean(by_member)

@@ -92,8 +92,9 @@ class Correction:
     groups : AirGroups
         What is known of the uncertainty of the air's effect.
     errors : (k, n, 3) array or None, mm
-        Refraction error by each member of an ensemble, whose weighted mean `error` is; None for
-        one field.
+        Refraction error by each member of an ensemble, whose weighted mean `error` is; for fields
+        that were solved again with an input of no stated uncertainty that of the field they vary.
+        None for one field.
     to_part : (m,) array or None, mm
         Distance of a sample of the measured points in a box around the part from it.
     larger : Larger or None
@@ -212,7 +213,8 @@ class Correction:
         if self.weights is not None:
             members = np.array(value.by_member, dtype=np.float64)
             if self.weights.several:
-                worst = worst_member(members, corrected, self.weights, self.provenance)
+                numbers = range(1, len(members) + 1)
+                worst = worst_member(members, corrected, self.weights, numbers)
         effect = None if members is None else members - measured
         parts = self.groups.parts(corrected - measured, effect)
         sources = self.groups.sources()

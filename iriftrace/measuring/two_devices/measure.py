@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.tiles import pixels_in_tiles, within
 from iriftrace.core.arrays import FloatArray, IntArray
-from iriftrace.core.errors import InputError, warn
+from iriftrace.core.errors import InputError, warn, without_warnings
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.mesh.triangles import row_lengths
 from iriftrace.image.aov_image import Status
@@ -27,9 +28,11 @@ from iriftrace.image.lost_rays import MOST, LostRay, as_rays
 from iriftrace.measuring.options import Phase
 from iriftrace.measuring.two_devices.devices import Sensor, provenance_of_two, sensor_of
 from iriftrace.measuring.two_devices.scan import Scan, ScanStatus
+from iriftrace.measuring.two_devices.statistics import completed
 from iriftrace.measuring.two_devices.two_points import lines_of_sight
 from iriftrace.part.part import Part
 from iriftrace.tracing.engine import choose
+from iriftrace.tracing.hot_air import FieldMember
 from iriftrace.tracing.lost import warn_of_lost_points
 from iriftrace.tracing.rays import traced_as_chosen
 from iriftrace.tracing.scene import Scene
@@ -49,10 +52,13 @@ def measure(
     *,
     system: System | None = None,
     phase: Phase | None = None,
+    varied: bool = False,
 ) -> Scan:
     """Simulate a measurement with two devices in hot air.
 
     For an ensemble of fields the results are weighted means over its members, with their scatter.
+    Points are those that are measured in the air of all members that count, whatever members
+    without weight measure.
 
     The camera's pixels (for a laser, the rays of its sheet) are traced along their refracted rays
     to the part. `lines_of_sight` finds the other device's line of sight to each point. The measured
@@ -75,12 +81,16 @@ def measure(
     phase : str, optional
         For fringe projection; by default columns or rows, those that run more across the direction
         from the projector to the camera.
+    varied : bool
+        Trace also members without weight: fields that were solved again with one input changed.
+        Where such a member alone measures no point, its error is that of the field it varies, as if
+        the input had no effect there.
 
     Raises
     ------
     InputError
         If there is no second device, both stand at one place, or they see nothing in common (for an
-        ensemble: in the air of every member).
+        ensemble: in the air of every member that counts).
 
     Warns
     -----
@@ -93,11 +103,13 @@ def measure(
     if not chosen.members:
         found = _scan(chosen, sensor)
     else:
+        places = range(len(chosen.members)) if varied else chosen.counted
+        members = [chosen.members[place] for place in places]
         scans = [
-            _scan(member, sensor, listed.number)
-            for listed, member in zip(chosen.members, chosen.alone(), strict=True)
+            _scan_of(listed, member, sensor)
+            for listed, member in zip(members, chosen.alone(places), strict=True)
         ]
-        together = _together(scans, chosen.weights)
+        together = _together(scans, members, chosen.weights.of_places(places))
         found = evolve(together, provenance=provenance_of_two(chosen, sensor.camera))
     measure_s = time.perf_counter() - started
     compiled = loaded.compiled
@@ -105,9 +117,22 @@ def measure(
     return evolve(found, time_s=time_s)
 
 
-def _together(scans: Sequence[Scan], weights: MemberWeights) -> Scan:
-    """Weighted means of the points that are measured in the air of every member of an ensemble."""
-    status = np.max([scan.status for scan in scans], axis=0)
+def _scan_of(listed: FieldMember, scene: Scene, sensor: Sensor) -> Scan | None:
+    """What is measured in the air of a member; None if one that does not count measures nothing."""
+    if listed.counts:
+        return _scan(scene, sensor, listed.number)
+    with without_warnings(), suppress(InputError):
+        return _scan(scene, sensor)
+    return None
+
+
+def _together(
+    scans: Sequence[Scan | None], members: Sequence[FieldMember], weights: MemberWeights
+) -> Scan:
+    """Weighted means of the points that are measured in the air of every member that counts."""
+    pairs = zip(members, scans, strict=True)
+    counted = [scan for one, scan in pairs if scan is not None and one.counts]
+    status = np.max([scan.status for scan in counted], axis=0)
     kept = (status == ScanStatus.MEASURED).ravel()
     if not kept.any():
         raise InputError(
@@ -116,28 +141,39 @@ def _together(scans: Sequence[Scan], weights: MemberWeights) -> Scan:
             code="devices.nothing_common",
             argument="define",
         )
-    # Row by row of the picture, in the order of the points of each scan.
-    rows = [np.cumsum(scan.status == ScanStatus.MEASURED)[kept] - 1 for scan in scans]
+    measured = [
+        np.zeros(len(kept), bool) if scan is None else scan.status.ravel() == ScanStatus.MEASURED
+        for scan in scans
+    ]
+    known = np.array(measured)[:, kept]
 
     def each(name: str) -> FloatArray:
-        pairs = zip(scans, rows, strict=True)
-        return np.array([getattr(scan, name)[chosen] for scan, chosen in pairs])
+        """Values of the members, 0 where one does not measure a point."""
+        values = np.zeros((*known.shape, *getattr(first, name).shape[1:]))
+        for value, scan, there, by_pixel in zip(values, scans, known, measured, strict=True):
+            if scan is not None:
+                # Row by row of the picture, in the order of the points of each scan.
+                value[there] = getattr(scan, name)[kept[by_pixel]]
+        return values
 
-    true, errors = weights.mean(each("true")), each("error")
-    first = scans[0]
+    first = counted[0]
+    rows = kept[(first.status == ScanStatus.MEASURED).ravel()]
+    true = weights.mean(each("true"))
+    errors = completed(dict(enumerate(zip(each("error"), known, strict=True))), members, weights)
     return evolve(
         first,
         points=true + weights.mean(errors),
         true=true,
-        normal=first.normal[rows[0]],
+        normal=first.normal[rows],
         gap=weights.mean(each("gap")),
         angle=weights.mean(each("angle")),
-        pixel=first.pixel[rows[0]],
-        face=first.face[rows[0]],
+        pixel=first.pixel[rows],
+        face=first.face[rows],
         status=status,
         errors=errors,
         weights=weights,
-        lost=tuple(ray for scan in scans for ray in scan.lost)[:MOST],
+        numbers=tuple(one.number for one in members),
+        lost=tuple(ray for scan in counted for ray in scan.lost)[:MOST],
     )
 
 

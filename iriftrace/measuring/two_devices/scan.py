@@ -85,10 +85,12 @@ class Scan:
         Version, scene, field and part, and the assumptions in force; see
         :func:`iriftrace.tracing.provenance.provenance`.
     errors : (k, n, 3) array or None, mm
-        X' - X in the air of each member of an ensemble; all other values are weighted means over
-        the k members. None for one field.
+        X' - X in the air of each member of an ensemble that was traced; all other values are
+        weighted means over the k members. None for one field.
     weights : MemberWeights or None
-        Weights of the members.
+        Weights of these members.
+    numbers : tuple of int
+        Their numbers in the ensemble, from 1.
     growth : Growth or None
         Thermal expansion of the part, if known.
     lost : tuple of LostRay
@@ -112,6 +114,7 @@ class Scan:
     provenance: JsonObject
     errors: FloatArray | None = None
     weights: MemberWeights | None = None
+    numbers: tuple[int, ...] = ()
     growth: Growth | None = None
     lost: tuple[LostRay, ...] = ()
     time_s: dict[str, float] = Factory(dict)
@@ -148,10 +151,9 @@ class Scan:
         """(n,) array: number of the member in the mean with the largest error along the normal."""
         if self.errors is None or self.weights is None or not self.weights.several:
             return None
-        numbers = [member["number"] for member in self.provenance["ensemble"]["members"]]
         in_mean = np.flatnonzero(self.weights.weights)
         along = each_along(self.errors[in_mean], self.normal)
-        return np.asarray(np.array(numbers)[in_mean[np.abs(along).argmax(axis=0)]])
+        return np.asarray(np.array(self.numbers)[in_mean[np.abs(along).argmax(axis=0)]])
 
     @property
     def lost_rays(self) -> LostRays | None:
@@ -163,23 +165,20 @@ class Scan:
         return LostRays.of(self.lost, count, self.provenance)
 
     def _by_member(self) -> JsonObject:
-        """JSON values of an ensemble: scatter, and the error along the normal by each member."""
+        """JSON values of an ensemble: scatter, and the error by each member in the mean."""
         scatter = self.scatter_normal
         if self.errors is None or scatter is None:
             return {}
+        along = dict(zip(self.numbers, each_along(self.errors, self.normal), strict=True))
         rows = [
             {
                 **{key: member[key] for key in ("number", "label", "weight")},
-                "error_normal_mm": spread(values),
+                "error_normal_mm": spread(along[member["number"]]),
             }
-            for member, values in zip(
-                self.provenance["ensemble"]["members"],
-                each_along(self.errors, self.normal),
-                strict=True,
-            )
+            for member in self.provenance["ensemble"]["members"]
+            if member["weight"]
         ]
-        in_mean = [row for row in rows if row["weight"]]
-        worst = max(in_mean, key=lambda row: row["error_normal_mm"]["rms"])
+        worst = max(rows, key=lambda row: row["error_normal_mm"]["rms"])
         return {
             "scatter_normal_mm": spread(scatter),
             "members": rows,
@@ -281,7 +280,7 @@ class Scan:
         if self.weights is None or not self.weights.several or true is None:
             return value
         members = np.array(value.by_member, dtype=np.float64)
-        worst = worst_member(members, true, self.weights, self.provenance)
+        worst = worst_member(members, true, self.weights, self.numbers)
         return evolve(value, scatter=float(self.weights.scatter(members)), worst=worst)
 
     def regions(self, part: Part) -> tuple[RegionValues, ...]:

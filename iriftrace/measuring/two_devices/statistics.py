@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from enum import IntEnum
 
 import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.member_weights import MemberWeights
-from iriftrace.core.plain import JsonObject
 from iriftrace.core.statistics import spread
 from iriftrace.measuring.features.quantity import WorstMember
 from iriftrace.part.part import Part
+from iriftrace.tracing.hot_air import FieldMember
 
 
 class PointStatus(IntEnum):
@@ -36,13 +37,35 @@ def each_along(errors: FloatArray, normal: FloatArray) -> FloatArray:
     return along
 
 
+def completed(
+    found: Mapping[int, tuple[FloatArray, BoolArray]],
+    members: Sequence[FieldMember],
+    weights: MemberWeights,
+) -> FloatArray:
+    """Errors (k, n, 3) of all members from those (n, 3) of some, and where (n,) they are known.
+
+    Elsewhere a variation has the error of the field that it varies, as of an input without effect,
+    and any other member without weight the mean's.
+    """
+    points = len(next(iter(found.values()))[1])
+    errors, known = np.zeros((len(members), points, 3)), np.zeros((len(members), points, 1), bool)
+    for place, (error, there) in found.items():
+        errors[place], known[place] = error, there[:, None]
+    whole = np.where(known, errors, weights.mean(errors))
+    places = {member.source.sha256: place for place, member in enumerate(members)}
+    for place, member in enumerate(members):
+        if member.variation is not None:
+            base = places[member.variation.of]
+            whole[place] = np.where(known[place] & known[base], errors[place], whole[base])
+    return whole
+
+
 def worst_member(
-    values: FloatArray, true: float, weights: MemberWeights, provenance: JsonObject
+    values: FloatArray, true: float, weights: MemberWeights, numbers: Sequence[int]
 ) -> WorstMember:
     """The member in the mean whose value of the (k,) is farthest from the true one."""
     worst = int(np.argmax(np.abs(values - true) * (weights.weights > 0.0)))
-    number = provenance["ensemble"]["members"][worst]["number"]
-    return WorstMember(number, float(values[worst]))
+    return WorstMember(numbers[worst], float(values[worst]))
 
 
 @frozen
