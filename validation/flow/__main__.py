@@ -18,7 +18,7 @@ from iriftrace.core.files import whole_file
 from iriftrace.core.runtime.variant import ensure
 from iriftrace.core.units import ZERO_CELSIUS_K
 from scenes.generators.plate import PlateAir
-from validation.flow import cylinder, plate
+from validation.flow import coverage_table, cylinder, plate
 from validation.flow.table import Table
 
 PAGE = Path(__file__).parents[2] / "docs" / "validation.md"
@@ -89,6 +89,12 @@ def sections(wall_c: float | None = None) -> tuple[Section, ...]:
             "Rays along a horizontal cylinder",
             cylinder.RAYS_TEXT,
             cylinder.rays_table,
+        ),
+        Section(
+            "coverage",
+            "Does U hold?",
+            coverage_table.TEXT,
+            coverage_table.coverage_table,
         ),
     )
 
