@@ -22,8 +22,11 @@ from validation.inputs.cameras import camera_at
 from validation.inputs.leaning_air import measured_shifts
 
 WALL_C, AMBIENT_C, PRESSURE_HPA = 800.0, 20.0, 1013.25
-DRAUGHTS = (0.0, 0.1, 0.2, 0.3)
+DRAUGHTS = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
 """Of the members, m/s, from +y."""
+
+VARIED = DRAUGHTS.index(0.1)
+"""The member that is solved again with other inputs, and on the other mesh."""
 
 OUTSIDE = (0.35, 0.5)
 """Range of the draughts of the worlds with a board, m/s."""
@@ -95,13 +98,15 @@ def drawn(rng: np.random.Generator, low: float, high: float) -> State:
 
 
 def members(folder: Path) -> list[IndexField]:
-    """Fields of the draughts, and of the second with each input changed by what is stated."""
+    """Fields of the draughts, and of one with each input changed by what is stated."""
     varied = "wall 15 K, ambient 2 K, pressure 3 hPa"
     fields = [
-        State(draught).field(f"member_{draught:g}", folder, MEMBERS_MM, varied if n == 1 else "")
+        State(draught).field(
+            f"member_{draught:g}", folder, MEMBERS_MM, varied if n == VARIED else ""
+        )
         for n, draught in enumerate(DRAUGHTS)
     ]
-    of = folder / f"member_{DRAUGHTS[1]:g}"
+    of = folder / f"member_{DRAUGHTS[VARIED]:g}"
     return fields + [
         iriftrace.read_field(of / f"field_{name}.vtu") for name in ("wall", "ambient", "pressure")
     ]
@@ -119,8 +124,8 @@ def on_another_mesh(folder: Path, count: int, rng: np.random.Generator) -> list[
     """Worlds whose flow is solved on another mesh; what the meshes differ by is stated."""
     family = members(folder)
     part = iriftrace.read_part(folder / "part.ply")
-    other = State(DRAUGHTS[1]).field("other_mesh", folder, OTHER_MM)
-    inputs = evolve(STATED, mesh=difference(family[1], other, part))
+    other = State(DRAUGHTS[VARIED]).field("other_mesh", folder, OTHER_MM)
+    inputs = evolve(STATED, mesh=difference(family[VARIED], other, part))
     scene = scene_in(iriftrace.HotAir(family), part)
     found = []
     for n in range(count):

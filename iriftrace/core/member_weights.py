@@ -25,6 +25,15 @@ def _checked(values: ArrayLike) -> FloatArray:
     return np.asarray(weights / weights.sum())
 
 
+def concentration(members: int) -> float:
+    """Sum of the parameters of Dirichlet's distribution of the real air over members.
+
+    With 2 / (n - 1) its variance is (n - 1) / (n + 1) of theirs, which is that of a state anywhere
+    between members in equal steps of one quantity: two enclose it, and it is like one of many.
+    """
+    return 2.0 / (members - 1.0) if members > 1 else 1.0
+
+
 @frozen(eq=False)
 class MemberWeights:
     """Weights of an ensemble's members.
@@ -95,15 +104,15 @@ class MemberWeights:
 
     @property
     def of_mixtures(self) -> FloatArray:
-        """Covariance (k, k) of the weights of the real air, which is a mixture of the members.
+        """Covariance (k, k) of the weights of the real air, as a mixture of the members.
 
-        That of the fit; or else of Dirichlet's distribution with the parameters n w, for n members
-        in the mean, which for equal weights is uniform over all mixtures.
+        That of the fit; or else of Dirichlet's distribution with the mean of the weights and the
+        `concentration` of as many members as are in the mean.
         """
         if self.covariance is not None:
             return self.covariance
         matrix = np.diag(self.weights) - np.outer(self.weights, self.weights)
-        return np.asarray(matrix / (self.sampled + 1.0))
+        return np.asarray(matrix / (concentration(self.sampled) + 1.0))
 
     def mean(self, values: ArrayLike) -> FloatArray:
         """Weighted mean (...) of one value or array per member, (k, ...)."""

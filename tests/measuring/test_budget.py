@@ -7,6 +7,7 @@ import math
 import GTC
 import numpy as np
 import pytest
+from scipy.special import gammaincinv
 from scipy.stats import norm, sobol_indices
 
 from iriftrace.core.errors import InputError
@@ -62,7 +63,7 @@ def test_air_between_members_is_that_of_plain_draws(
     """Against a million independent draws of NumPy's Dirichlet and normal generators."""
     w, x = np.array(weights), np.array(values, dtype=np.float64)
     used, rng = w > 0.0, np.random.default_rng(4)
-    shares = rng.dirichlet(used.sum() * w[used], 1_000_000)
+    shares = rng.dirichlet(2.0 / (used.sum() - 1.0) * w[used], 1_000_000)
     plain = shares @ x[used] - w @ x + normal * rng.normal(size=len(shares))
     u_air = MemberWeights(w).uncertainty(x)
     assert u_air == pytest.approx((shares @ x[used]).std(), rel=3e-3)
@@ -72,6 +73,15 @@ def test_air_between_members_is_that_of_plain_draws(
     ends = np.quantile(plain, (0.5 * (1 - COVERED), 0.5 * (1 + COVERED)))
     np.testing.assert_allclose(np.array(found.interval) - 7.0, ends, atol=0.01 * ends[1])
     assert 1.0 < found.coverage_factor < 2.6
+
+
+@pytest.mark.parametrize("members", [2, 5, 40])
+def test_air_in_equal_steps_lies_anywhere_between_them(members: int) -> None:
+    """The variance is that of a uniform distribution, whatever the number of members."""
+    steps, even = np.linspace(-1.0, 1.0, members), np.full(members, 1.0 / members)
+    assert MemberWeights(even).uncertainty(steps) == pytest.approx(1.0 / math.sqrt(3.0))
+    draws = drawn(0.0, Mixture(AIR, even, steps), 2**13)
+    assert draws.std() == pytest.approx(1.0 / math.sqrt(3.0), rel=0.01)
 
 
 def test_the_interval_is_known_to_half_a_digit() -> None:
@@ -88,7 +98,7 @@ def test_shares_are_sobol_indices() -> None:
     found = uncertainty_of(0.0, [Contribution(AIR, u), Contribution("rest", 0.5)])
 
     def model(units: np.ndarray) -> np.ndarray:
-        gammas = -np.log(units[:3])
+        gammas = gammaincinv(1 / 3, units[:3])
         return ((gammas / gammas.sum(axis=0)).T @ x + 0.5 * norm.ppf(units[3]))[None]
 
     a, b = np.random.default_rng(2).uniform(size=(2, 4, 2**16))
@@ -110,7 +120,7 @@ def test_groups_scale_or_vary_the_effect() -> None:
         weights,
         {"mesh": Scaled(0.02, "stated")},
         {"wall": SolvedAgain(2, 0, 10.0 / 20.0, "solved again")},
-        "any mixture of 2 members",
+        "2 members, any state like them or between",
     )
     values = np.array([[1.0, -2.0], [3.0, -2.0], [1.4, -2.2]])
     parts = groups.parts(weights.mean(values), values)

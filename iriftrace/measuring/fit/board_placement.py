@@ -1,6 +1,6 @@
 r"""Places of a board, ranked by the uncertainty of a feature that a fit to its dots leaves.
 
-Before the fit the weights w of k members are those of any mixture, with the covariance P
+Before the fit the weights w of k members are those of any state like them, with the covariance P
 (`MemberWeights.of_mixtures`). A place's dots have the predicted shifts A w, with a noise of
 :math:`\sigma`, so that after the fit
 

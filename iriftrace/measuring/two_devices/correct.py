@@ -101,7 +101,7 @@ def correct(
 
     For an ensemble of fields the correction is the weighted mean over its members, of every point
     whose lines of sight are known: the best estimate of an error is its mean, however uncertain.
-    The real air may be any mixture of the members, or one within the covariance of fitted weights
+    The real air is like the members or between them, or one within the covariance of fitted weights
     (:func:`iriftrace.fit_members`). Where a field that was solved again with one input changed is
     the only one without a correction, its error is that of the field it varies, as if the input had
     no effect there.

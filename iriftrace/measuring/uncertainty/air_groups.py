@@ -154,7 +154,7 @@ def _members(weights: MemberWeights | None) -> str:
     if weights is not None and weights.covariance is not None:
         return f"{weights.sampled} members, fitted to a measurement"
     if weights is not None and weights.several:
-        return f"any mixture of {weights.sampled} members"
+        return f"{weights.sampled} members, any state like them or between"
     return ""
 
 

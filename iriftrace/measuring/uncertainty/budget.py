@@ -2,14 +2,15 @@
 
 A value is y plus one term for each group. Terms are linear in their inputs, so the variances of
 the groups add up, and the share of a group in their sum is its first-order Sobol index. All but
-one are normal and together one normal variable; air that lies somewhere between the members of an
-ensemble is not:
+one are normal and together one normal variable; air that is like the members of an ensemble or
+lies between them is not:
 
-    Y = y + s Z + sum_i (w_i - E w_i) x_i,   Z normal, w Dirichlet(n E w),
+    Y = y + s Z + sum_i (w_i - E w_i) x_i,   Z normal, w Dirichlet(c E w),
 
-where x_i is the value that member i of n gives. Equal weights are the uniform distribution over
-all mixtures. The interval is the probabilistically symmetric one of a scrambled Sobol sequence,
-which is repeated and doubled until the scatter of its ends is below half a digit of U.
+where x_i is the value that member i of n gives, and c that of
+:func:`iriftrace.core.member_weights.concentration`. For two equal weights w is uniform. The
+interval is the probabilistically symmetric one of a scrambled Sobol sequence, which is repeated and
+doubled until the scatter of its ends is below half a digit of U.
 """
 
 from __future__ import annotations
@@ -21,10 +22,11 @@ from typing import Literal
 
 import numpy as np
 from attrs import field, frozen
-from scipy.special import gammaincinv, ndtri
+from scipy.special import gammaincinv, gammaln, ndtri
 from scipy.stats import qmc
 
 from iriftrace.core.arrays import FloatArray
+from iriftrace.core.member_weights import concentration
 from iriftrace.core.plain import JsonObject
 
 COVERED = 0.9544997361036416
@@ -56,7 +58,7 @@ class Contribution:
 
 @frozen(eq=False)
 class Mixture:
-    """A group whose value is any mixture of members: the value of each, in the value's unit."""
+    """A group whose value is a mixture of members: the value of each, in the value's unit."""
 
     group: str
     weights: FloatArray  # (k,) of the mean; those of members that it does not have are 0
@@ -199,12 +201,17 @@ def drawn(normal: float, mixture: Mixture, draws: int) -> FloatArray:
 
 @lru_cache(maxsize=8)
 def _unit_draws(weights: tuple[float, ...], draws: int) -> tuple[FloatArray, FloatArray]:
-    """A normal variable (s, draws) and Dirichlet's weights (s, draws, n) of n E w = `weights`."""
-    shape = len(weights) * np.array(weights)
+    """A normal variable (s, draws) and Dirichlet's weights (s, draws, n) of the mean `weights`."""
+    shape = concentration(len(weights)) * np.array(weights)
     generators = np.random.default_rng(SEED).spawn(SCRAMBLINGS)
     units = np.array(
         [qmc.Sobol(len(weights) + 1, rng=generator).random(draws) for generator in generators]
     )
     units = np.clip(units, 1e-12, 1.0 - 1e-12)
-    gammas = gammaincinv(shape, units[..., 1:])
+    uniform = units[..., 1:]
+    gammas = gammaincinv(shape, uniform)
+    # Gamma variables of small shapes underflow; there P(a, x) = x^a / Gamma(a + 1).
+    small = (np.log(uniform) + gammaln(shape + 1.0)) / shape
+    logarithms = np.where(gammas > 1e-8, np.log(np.maximum(gammas, 1e-8)), small)
+    gammas = np.exp(logarithms - logarithms.max(axis=-1, keepdims=True))
     return ndtri(units[..., 0]), gammas / gammas.sum(axis=-1, keepdims=True)
