@@ -200,11 +200,18 @@ def drawn(normal: float, mixture: Mixture, draws: int) -> FloatArray:
 @lru_cache(maxsize=8)
 def _unit_draws(weights: tuple[float, ...], draws: int) -> tuple[FloatArray, FloatArray]:
     """A normal variable (s, draws) and Dirichlet's weights (s, draws, n) of n E w = `weights`."""
-    shape = len(weights) * np.array(weights)
     generators = np.random.default_rng(SEED).spawn(SCRAMBLINGS)
     units = np.array(
         [qmc.Sobol(len(weights) + 1, rng=generator).random(draws) for generator in generators]
     )
     units = np.clip(units, 1e-12, 1.0 - 1e-12)
-    gammas = gammaincinv(shape, units[..., 1:])
-    return ndtri(units[..., 0]), gammas / gammas.sum(axis=-1, keepdims=True)
+    return ndtri(units[..., 0]), dirichlet(np.array(weights), units[..., 1:])
+
+
+def dirichlet(weights: FloatArray, units: FloatArray) -> FloatArray:
+    """Dirichlet's weights (..., n) with the means (n,), all positive, from uniform draws in 0..1.
+
+    Their parameters are n times the means.
+    """
+    gammas = gammaincinv(len(weights) * weights, units)
+    return np.asarray(gammas / gammas.sum(axis=-1, keepdims=True))
