@@ -14,7 +14,6 @@ import numpy as np
 from attrs import evolve, frozen
 from scipy.spatial.transform import Rotation
 
-from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.engines import Engine
 from iriftrace.measuring.two_devices.devices import Sensor
@@ -82,15 +81,15 @@ def pose_changes(
     By central differences at true points (n, 3), mm, on faces (n,), -1 for those to leave out, in
     the member with the largest weight.
     """
+    if not inputs.of_pose:
+        return ()
     rows = _sampled(face, scene.part)
     heaviest = int(np.argmax(scene.weights.weights)) if scene.members else 0
-    (field,) = scene.alone([heaviest])
     found = []
-    for factor, *pair in _moved(sensor, inputs):
-        before, after = (error_at(field, moved, points[rows]) for moved in pair)
-        found.append(np.nan_to_num(factor * (after - before)))
-    if not found:
-        return ()
+    for field in scene.alone([heaviest]):
+        for factor, *pair in _moved(sensor, inputs):
+            before, after = (error_at(field, moved, points[rows]) for moved in pair)
+            found.append(np.nan_to_num(factor * (after - before)))
     return (Changes(POSE, "stated; central differences", rows, np.array(found)),)
 
 
@@ -103,17 +102,27 @@ def _moved(sensor: Sensor, inputs: Inputs) -> Iterator[tuple[float, Sensor, Sens
         if not u:
             continue
         step = max(u, least)
-        for name, axis in product(("camera", "second"), np.eye(3)):
-            device: Camera = getattr(sensor, name)
-            pair = []
-            for move in (-step * axis, step * axis):
-                motion = np.eye(4)
-                if least == STEP_MM:
-                    motion[:3, 3] = move
-                else:
-                    motion[:3, :3] = Rotation.from_rotvec(move).as_matrix()
-                pair.append(evolve(sensor, **{name: device.at(device.matrix @ motion)}))
+        for second, axis in product((False, True), np.eye(3)):
+            device = sensor.second if second else sensor.camera
+            before, after = (
+                device.at(device.matrix @ _motion(sign * step * axis, turned=least == STEP_RAD))
+                for sign in (-1.0, 1.0)
+            )
+            if second:
+                pair = evolve(sensor, second=before), evolve(sensor, second=after)
+            else:
+                pair = evolve(sensor, camera=before), evolve(sensor, camera=after)
             yield 0.5 * u / step, *pair
+
+
+def _motion(along: FloatArray, *, turned: bool) -> FloatArray:
+    """Rigid motion (4, 4) by a vector, mm, or a turn by a rotation vector, rad."""
+    motion = np.eye(4)
+    if turned:
+        motion[:3, :3] = Rotation.from_rotvec(along).as_matrix()
+    else:
+        motion[:3, 3] = along
+    return motion
 
 
 def mixture_changes(
@@ -135,12 +144,12 @@ def mixture_changes(
     cells = [state.cells for state in states]
     # Each mixture needs an integrator of its own, which a scene with shells makes.
     shells = evolve(scene, engine=Engine.SHELLS) if scene.engine.through_cells else scene
-    (base,) = shells.alone(places[:1])
-    weights = [*np.eye(len(places)), *mixtures[:, places]]
-    errors = np.array(
-        [error_at(base.through(mixed_cells(cells, w)), sensor, points[rows]) for w in weights]
-    )
-    by_member, mixed = errors[: len(places)], errors[len(places) :]
+    found = [
+        error_at(base.through(mixed_cells(cells, shares)), sensor, points[rows])
+        for base in shells.alone(places[:1])
+        for shares in (*np.eye(len(places)), *mixtures[:, places])
+    ]
+    by_member, mixed = np.split(np.array(found), [len(places)])
     off = mixed - np.tensordot(mixtures[:, places], by_member, axes=1)
-    found = np.nan_to_num(off / np.sqrt(MIXTURES))
-    return Changes(SURROGATE, f"{MIXTURES} traces of mixed air", rows, found)
+    errors = np.nan_to_num(off / np.sqrt(MIXTURES))
+    return Changes(SURROGATE, f"{MIXTURES} traces of mixed air", rows, errors)
