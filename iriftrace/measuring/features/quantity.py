@@ -40,9 +40,6 @@ class Quantity:
         Their standard uncertainties by the scatter of the points, as in `iriftrace.Feature`.
     by_member : tuple of float or None
         Values by each member of an ensemble; empty for one field.
-    by_group : dict of tuple of float or None
-        By the name of a group of inputs: the value of a sample of the corrected points as they are,
-        and those with them moved by one standard uncertainty in each of its directions.
     scatter : float or None
         Standard deviation over the members, in a simulated measurement.
     worst : WorstMember or None
@@ -50,17 +47,20 @@ class Quantity:
         Of a corrected value.
     decision : Decision or None
         Whether it conforms to its tolerance.
+    by_group : dict of tuple of float or None
+        By the name of a group of inputs: the value of a sample of the corrected points as they are,
+        and those with them moved by one standard uncertainty in each of its directions.
     """
 
     unit: Unit
     by_cloud: dict[str, float | None]
     u: dict[str, float | None]
     by_member: tuple[float | None, ...] = ()
-    by_group: dict[str, tuple[float | None, ...]] = Factory(dict)
     scatter: float | None = None
     worst: WorstMember | None = None
     uncertainty: Uncertainty | None = None
     decision: Decision | None = None
+    by_group: dict[str, tuple[float | None, ...]] = Factory(dict)
 
     @classmethod
     def of(cls, row: JsonObject) -> Quantity:
