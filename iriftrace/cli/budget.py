@@ -90,7 +90,10 @@ def _of_features(scene: Scene, answers: AnswerOptions, devices: MeasureOptions) 
     for one in (asked or found.features)[: max(1, len(asked))]:
         if one.size.uncertainty is not None:
             print_groups(f"U of {one.name} by group", one.size.uncertainty, one.size.unit)
-    return {**values, "schema": SCHEMA}
+    unchecked = found.mixture_unchecked
+    if unchecked:
+        say(f"Mixture of members not checked by traces: {unchecked}")
+    return {**values, "mixture_unchecked": unchecked, "schema": SCHEMA}
 
 
 def _of_camera(scene: Scene, inputs: Inputs) -> JsonObject:

@@ -40,6 +40,7 @@ def plan(
     *,
     ranking: Ranking = STANDARD,
     top: Whole = SHOWN,
+    uncertainty: str = "",
     wavelength: LightOf = None,
     views: Several = None,
     refine: Annotated[Flag, Parameter(group=REFINE)] = False,
@@ -64,6 +65,9 @@ def plan(
         A file that ``iriftrace sweep`` wrote.
     top
         Number of rows of the ranking to print.
+    uncertainty
+        Standard uncertainties of what scales the error, "air 5 %, mesh 2 %, numerics 1 %": names
+        the poses that do not differ from the best by more than its U.
     refine
         Search around the best pose or pair, with position, distance and roll free; needs the
         scene's files.
@@ -81,9 +85,10 @@ def plan(
         Camera axes in that file, opencv (x right, y down, z forward) by default.
     """
     from iriftrace.cli import plan_text
+    from iriftrace.measuring.uncertainty.inputs import Inputs
     from iriftrace.planning.pose_plan import plan as plan_poses
     from iriftrace.planning.refine import EVALUATIONS, check_evaluations, write_refined
-    from iriftrace.planning.texts import ranking_table
+    from iriftrace.planning.texts import indistinct_text, ranking_table
     from iriftrace.sweep.store import read_sweep
 
     _refuse_without("--save-poses", save_poses is not None, {"convention": convention})
@@ -99,11 +104,12 @@ def plan(
         check_evaluations(count)
     if pairs:
         refuse_given(
-            {"views": views, "save_poses": save_poses},
+            {"views": views, "save_poses": save_poses, "uncertainty": uncertainty or None},
             "is about single poses; leave it out, or --pairs.",
             "options.not_together",
         )
     checks.inputs(sweep)
+    inputs = Inputs.of(uncertainty)
     dataset = read_sweep(sweep)
     check_light(wavelength, dataset.attrs, sweep)
     if pairs:
@@ -131,10 +137,11 @@ def plan(
         )
     summary = found.summary
     table = ranking_table(summary, top)
+    indistinct = indistinct_text(summary, inputs)
     if save_poses is not None:
         _save(save_poses, dataset, summary.plan.order[:top], convention or OPENCV)
     # All errors have been raised by now, so that nothing is printed in vain.
-    plan_text.print_plan(summary, table)
+    plan_text.print_plan(summary, table, indistinct)
     if views is not None and found.views is not None:
         plan_text.print_views(summary, found.views, views)
     if found.refined is not None:

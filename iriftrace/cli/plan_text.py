@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from iriftrace.tracing.second_options import System
 
 
-def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
-    """Print the ranking, its stability, and the best pose."""
+def print_plan(summary: SweepSummary, ranking: RankingTable, indistinct: str | None = None) -> None:
+    """Print the ranking, its stability, which poses are as good, and the best one."""
     from iriftrace.planning import texts
 
     plan = summary.plan
@@ -44,6 +44,7 @@ def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
         texts.warned_text(summary),
         texts.least_error_text(summary),
         texts.robust_text(summary),
+        indistinct,
         texts.stability_text(summary),
         texts.other_statistics_text(summary),
         texts.alternative_text(summary),

@@ -84,7 +84,13 @@ def named_quantities(text: str, units: Mapping[str, str]) -> dict[str, float]:
     return found
 
 
-_EXAMPLES = {"dimensionless": "5 %", "K": "10 K", "pascal": "2 hPa", "mm": "8 um"}
+_EXAMPLES = {
+    "dimensionless": "5 %",
+    "K": "10 K",
+    "pascal": "2 hPa",
+    "mm": "8 um",
+    "radian": "0.1 mrad",
+}
 """How values are written, by unit."""
 
 

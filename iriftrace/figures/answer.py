@@ -15,6 +15,7 @@ INFLUENCES = {
     "mesh": "mesh and model of the flow",
     "numerics": "numerics",
     "humidity": "humidity",
+    "position and rotation": "position and rotation of the devices",
     "sensor": "sensor",
     "expansion and part": "growth of the part",
     "other": "other",

@@ -12,9 +12,10 @@ from iriftrace.core.units import ZERO_CELSIUS_K, counted
 from iriftrace.figures.answer import answer
 from iriftrace.figures.describe import origin_text
 from iriftrace.measuring.features.fitted import cone_place
-from iriftrace.measuring.features.quantity import DRAWING, Quantity
+from iriftrace.measuring.features.quantity import DRAWING, Quantity, Unit
 from iriftrace.measuring.two_devices import correction, scan
 from iriftrace.measuring.two_devices.statistics import RegionValues
+from iriftrace.measuring.uncertainty.budget import Uncertainty
 from iriftrace.tracing.hot_air import OUTSIDE
 
 TRUE_CLOUDS = {scan.SCHEMA: "cold", correction.SCHEMA: "corrected"}
@@ -37,6 +38,10 @@ _OUTCOMES = {
     "outside_view": "behind a device or beyond its lens",
     "not_measured": "rows without a point",
 }
+
+
+_ALL: Mapping[str | None, str] = {None: "all points"}
+"""Name of what has no region."""
 
 
 @frozen
@@ -70,21 +75,28 @@ def describe(values: JsonObject, places: Mapping[str | None, str] | None = None)
     """
     true, growth = TRUE_CLOUDS[values["schema"]], values["growth"]
     at = f"{ON_DRAWING} at {growth['reference_k'] - ZERO_CELSIUS_K:g} degC" if growth else ""
-    named: dict[str | None, str] = {None: "all points"}
-    named |= places or {}
+    named = {**_ALL, **(places or {})}
     counts = values["points"].items()
     rows = [Row("points", f"{count:,}", _OUTCOMES.get(key, key)) for key, count in counts]
     rows += _measured(values) if true == "cold" else _corrected(values)
     rows += _field(values)
     for feature in values["features"]:
         rows += _feature(feature, true, at, named)
-        rows += _result(f"Diameter of {_named(feature, named)}", feature, at)
+        rows += _result(_diameter_of(feature, named), feature, at)
     for relation in values.get("relations", ()):
-        pair = " and ".join(named.get(region, region) for region in relation["regions"])
-        of = f"{relation['kind'].capitalize()} of {pair}"
+        of = _relation_of(relation, named)
         rows += (Row("planes", text, name, of) for name, text in _value(relation, true, at))
         rows += _result(of, relation, at)
     return rows + _regions(structured(values.get("regions", ()), tuple[RegionValues, ...]), named)
+
+
+def uncertain_values(values: JsonObject) -> dict[str, tuple[Uncertainty, Unit]]:
+    """Uncertainty and unit of each feature and relation that has one, by its name in sentences."""
+    rows = {_diameter_of(feature, _ALL): feature for feature in values["features"]}
+    rows |= {_relation_of(one, _ALL): one for one in values.get("relations", ())}
+    found = {name: Quantity.of(row) for name, row in rows.items()}
+    stated = ((name, one.uncertainty, one.unit) for name, one in found.items())
+    return {name: (u, unit) for name, u, unit in stated if u is not None}
 
 
 def sentences(rows: Iterable[Row], group: str) -> list[str]:
@@ -129,10 +141,15 @@ def _measured(values: JsonObject) -> Iterator[Row]:
     return (Row("answer", sentence) for sentence in said)
 
 
-def _named(feature: JsonObject, named: Mapping[str | None, str]) -> str:
+def _relation_of(row: JsonObject, named: Mapping[str | None, str]) -> str:
+    pair = " and ".join(named.get(region, str(region)) for region in row["regions"])
+    return f"{row['kind'].capitalize()} of {pair}"
+
+
+def _diameter_of(feature: JsonObject, named: Mapping[str | None, str]) -> str:
     """A feature by its kind and region, which often begins with its kind."""
     kind, region = feature["kind"], str(named.get(feature["region"], feature["region"]))
-    return region if region.startswith(kind) else f"{kind} {region}"
+    return f"Diameter of {region if region.startswith(kind) else f'{kind} {region}'}"
 
 
 def _result(name: str, row: JsonObject, at: str) -> Iterator[Row]:

@@ -16,6 +16,7 @@ from iriftrace.core.files import FileOrigin, write_whole
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import counted
 from iriftrace.figures import describe, describe_scan
+from iriftrace.figures.answer import GROUP_HEADINGS, groups, influences
 from iriftrace.figures.describe_scan import TRUE_CLOUDS, Row
 from iriftrace.figures.style import figure_bytes
 from iriftrace.figures.sweep import sweep_charts, sweep_pictures
@@ -331,6 +332,14 @@ def scan_page(values: JsonObject, png: bytes = b"") -> Page:
     _add_facts(page, rows, "feature")
     page.add("text", _FEATURE_NOTE if values["features"] else _no_feature(values))
     _add_facts(page, rows, "planes", "Distances and angles of planes")
+
+    if stated := describe_scan.uncertain_values(values):
+        page.section("uncertainty", "Uncertainty and verdicts")
+        page.add("answer", *describe_scan.sentences(rows, "verdict"))
+        page.add("text", *describe_scan.sentences(rows, "result"))
+        table = [(name, *row) for name, one in stated.items() for row in groups(*one)]
+        page.add("names", *table, title="U by group", headings=("value", *GROUP_HEADINGS))
+        page.add("list", *dict.fromkeys(influences(u) for u, _ in stated.values()))
 
     page.section("regions", "Regions")
     what = "Error" if simulated else "Correction"

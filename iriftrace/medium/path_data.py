@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import evolve, frozen
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from iriftrace.core.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
+from iriftrace.core.errors import InputError
 from iriftrace.medium.air.refractivity import Air, dispersion
 from iriftrace.medium.gradient import CORNERS
 from iriftrace.medium.source import FieldSource
@@ -96,3 +98,23 @@ def cells_of(field: IndexField) -> FieldCells:
         ambient=field.ambient_refractivity,
         source=field.source,
     )
+
+
+def mixed_cells(members: Sequence[FieldCells], weights: ArrayLike) -> FieldCells:
+    """The first of several fields on one mesh, with the weighted sum of their refractivities.
+
+    `weights` (k,) have the sum 1 and may be negative. Raises InputError for fields on several
+    meshes.
+    """
+    first, shares = members[0], np.asarray(weights, dtype=np.float64)
+    for one in members[1:]:
+        for name in ("points", "celltypes", "cell_connectivity"):
+            if not np.array_equal(getattr(one, name), getattr(first, name)):
+                raise InputError(
+                    f"{one.source.path} has another mesh than {first.source.path}, so their air "
+                    "cannot be mixed point by point; solve both on one mesh.",
+                    code="field.other_mesh",
+                )
+    refractivity = np.tensordot(shares, [one.refractivity for one in members], axes=1)
+    ambient = float(shares @ [one.ambient for one in members])
+    return evolve(first, refractivity=refractivity, ambient=ambient)

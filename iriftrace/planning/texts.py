@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,9 +12,10 @@ from iriftrace.core.arrays import BoolArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import counted
 from iriftrace.image.resolution import FRONTAL
+from iriftrace.measuring.uncertainty.inputs import NOTHING_STATED, Inputs
 from iriftrace.planning.candidates import ranked_error
 from iriftrace.planning.cover import ViewSet
-from iriftrace.planning.criteria import Views
+from iriftrace.planning.criteria import SHOWN, Views
 from iriftrace.planning.quantities import PoseQuantity
 from iriftrace.planning.stability import close_alternative, far_apart, stability
 from iriftrace.planning.summary import STATISTICS, SweepSummary
@@ -154,6 +156,43 @@ def robust_text(summary: SweepSummary) -> str | None:
         f"From member to member the {summary.scatter.title.lower()} is {places[0]} to {places[1]}; "
         f"{added}."
     )
+
+
+def indistinct_text(summary: SweepSummary, inputs: Inputs = NOTHING_STATED) -> str | None:
+    """Ranked poses that do not differ from the best by more than its U, one sentence.
+
+    U is twice the root of the sum of squares of the members' scatter and of the stated fractions of
+    the ranked error. None where neither is known. Raises InputError for other inputs, whose effect
+    a sweep does not have.
+    """
+    if others := set(inputs.stated()) - {"air", "mesh", "numerics"}:
+        raise InputError(
+            f"A sweep does not have the effect of {', '.join(sorted(others))}; state air, mesh and "
+            "numerics, which scale the whole error, and make a budget of the best pose for the "
+            "rest.",
+            code="uncertainty.not_in_plans",
+            argument="uncertainty",
+        )
+    plan, best = summary.plan, summary.plan.best
+    error = plan.metrics["displacement"]
+    scatter = np.zeros(len(error))
+    if summary.scatter is not None:
+        scatter = 1e-3 * np.nan_to_num(summary.scatter.values)
+        error = error - (plan.criteria.robust or 0.0) * scatter
+    expanded = 2.0 * math.hypot(scatter[best], inputs.relative * error[best])
+    if not expanded > 0.0:
+        return None
+    alike = [pose for pose in plan.order[1:] if abs(error[pose] - error[best]) <= expanded]
+    u = f"U of its {ranked_error(plan.criteria).name} ({1e3 * expanded:.2g} um, k = 2)"
+    if not alike:
+        return f"Every other ranked pose differs from pose {best} by more than the {u}."
+    named = [str(pose) for pose in alike[:SHOWN]]
+    if len(alike) > SHOWN:
+        named.append(f"{len(alike) - SHOWN} more")
+    if len(named) == 1:
+        return f"Pose {named[0]} does not differ from pose {best} by more than the {u}."
+    listed = f"{', '.join(named[:-1])} and {named[-1]}"
+    return f"Poses {listed} do not differ from pose {best} by more than the {u}."
 
 
 def warned_text(summary: SweepSummary) -> str | None:

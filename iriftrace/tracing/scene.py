@@ -19,13 +19,7 @@ from iriftrace.core.errors import InputError, warn, without_warnings
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.runtime import variant as runtime
 from iriftrace.part.part import Part
-from iriftrace.tracing.compiled import (
-    Compiled,
-    Held,
-    Origin,
-    of_objects,
-    same,
-)
+from iriftrace.tracing.compiled import Compiled, Held, Origin, of_objects, same
 from iriftrace.tracing.ensemble import MEMBER
 from iriftrace.tracing.file import WAVELENGTH
 from iriftrace.tracing.hot_air import FieldMember, HotAir, weights_of
@@ -36,6 +30,7 @@ from iriftrace.tracing.xml import SceneSettings
 
 if TYPE_CHECKING:
     from iriftrace.medium.part_fit import Fit
+    from iriftrace.medium.path_data import FieldCells
     from iriftrace.tracing.save import SavedScene
 
 KEPT_TRIANGLES = 10_000_000
@@ -227,7 +222,7 @@ class Scene:
             wavelength_nm=self.wavelength_nm,
             variant=runtime.ensure(self.variant),
         )
-        return self._through_cells(shells) if self.engine.through_cells else shells
+        return self._through_cells(shells, state.cells) if self.engine.through_cells else shells
 
     @property
     def counted(self) -> tuple[int, ...]:
@@ -289,16 +284,20 @@ class Scene:
 
     def with_cells(self) -> Scene:
         """The same scene traced through its field's cells; InputError if there is no field."""
+        if not self.members:
+            return self.through(self.air.states[0].cells)
         cells = evolve(self, engine=Engine.CELLS)
-        if self.members:
-            cells._held.shells = evolve(self, held=Held())
-            return cells
-        cells._held.compiled = self._through_cells(self.compiled)
+        cells._held.shells = evolve(self, held=Held())
         return cells
 
-    def _through_cells(self, shells: Compiled) -> Compiled:
-        """The scene that is compiled with shells, through the cells of its field."""
-        cells = self.air.states[0].cells
+    def through(self, cells: FieldCells) -> Scene:
+        """The same scene of one field, traced through given cells of that field's source."""
+        found = evolve(self, engine=Engine.CELLS, held=Held())
+        found._held.compiled = self._through_cells(self.compiled, cells)
+        return found
+
+    def _through_cells(self, shells: Compiled, cells: FieldCells) -> Compiled:
+        """The scene that is compiled with shells, through cells in its own light."""
         if self.wavelength_nm is not None:
             cells = cells.at_wavelength(self.wavelength_nm)
         return shells.through_cells(self.name, cells)

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 import trimesh
 from attrs import evolve
 from scipy.spatial import cKDTree
@@ -17,6 +18,8 @@ from iriftrace.figures.scan import correction_figure, scan_figure
 from iriftrace.measuring.two_devices.correct import correct
 from iriftrace.measuring.two_devices.correction import Correction, CorrectionStatus
 from iriftrace.measuring.two_devices.measure import measure
+from iriftrace.measuring.uncertainty.decision import Tolerance
+from iriftrace.measuring.uncertainty.inputs import Inputs
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import part_of_mesh
 from iriftrace.part.standards import cylinder
@@ -132,13 +135,36 @@ def test_a_report_has_distances_at_the_drawings_temperature(tmp_path: Path) -> N
     features = found.features(part)
     _, numbers = found.save(tmp_path / "c.xyz", features, related=found.relations(features))
     tables = read_page(report_of(numbers)).tables
-    rows = [row for table in tables for row in table if "Distance" in row[0]]
-    headings = next(table[0] for table in tables if "planes" in table[0])
+    (table,) = (table for table in tables if "planes" in table[0])
+    headings, rows = table[0], [row for row in table if "Distance" in row[0]]
     column = headings.index("On the drawing at 20 degC")
     assert [row[column] for row in rows] == ["20.0000 mm", "30.0000 mm", "40.0000 mm"]
     assert all(
         row[-1].endswith("; not known: air around the part, growth of the part)") for row in rows
     )
+
+
+def test_a_report_has_u_by_group_and_the_verdict(variant: str, tmp_path: Path) -> None:
+    """5 % of what the air does to the diameter, and the sensor."""
+    scene = load_scene(folder_of("fringe_cylinder") / "scene.xml", {"scale": 0.05}, variant=variant)
+    inputs = Inputs(air=0.05, sensor_mm=0.002)
+    found = correct(measure(scene).points, scene, inputs=inputs)
+    asked = {"cylinder:lateral": Tolerance(27.0, -0.05, 0.05)}
+    (feature,) = found.features(scene.part, ["cylinder"], tolerances=asked)
+    _, numbers = found.save(tmp_path / "c.xyz", [feature])
+    page = read_page(report_of(numbers))
+    (table,) = (one for one in page.tables if one[0][:2] == ["value", "quantity"])
+    size = feature.size
+    assert size.uncertainty is not None
+    by_air = 0.05 * abs(size.difference("corrected", "measured") or 0.0)
+    u = {group: value for _, group, value, *_ in table[1:]}
+    assert u["contrast of the air"] == f"{1e3 * by_air:.3g} um"
+    assert len(u) == len(size.uncertainty.contributions) == 2
+    assert all(row[0] == "Diameter of cylinder lateral" for row in table[1:])
+    shares = [float(row[3].removesuffix(" %")) for row in table[1:]]
+    assert sum(shares) == pytest.approx(100.0, abs=1.0)
+    assert "26.95000 .. 27.05000 mm: accepted" in page.by_id["uncertainty"]
+    assert "Not in U: turbulence" in page.text
 
 
 def test_a_report_says_where_the_devices_stand_and_how_fields_count(variant: str) -> None:

@@ -197,6 +197,10 @@ def test_inputs_are_read_as_users_write_them() -> None:
     )
     assert found.stated()["pressure"] == 200.0
     assert Inputs.of("") == Inputs()
+    found = Inputs.of("states 20, position 50 um, rotation 0.1 mrad, air 3 %, mesh 4 %")
+    assert (found.states, found.position_mm) == (20.0, pytest.approx(0.05))
+    assert found.rotation_rad == pytest.approx(1e-4)
+    assert found.relative == pytest.approx(0.05)
 
 
 @pytest.mark.parametrize(
@@ -211,6 +215,8 @@ def test_inputs_are_read_as_users_write_them() -> None:
             "wall",
             "wall 1 K, wall 2 K",
         ),
+        *("states 0", "states 0.5", "states -3", "states many", "states 4, states 9"),
+        *("position 3", "position -1 mm", "position 1 K", "rotation 2", "rotation -1 mrad"),
         *("air -5 %", "sensor -8 um", "air 150 %", "wall K"),
     ],
 )
@@ -225,6 +231,7 @@ def test_inputs_without_unit_or_sense_are_refused(text: str) -> None:
     [
         (lambda: Inputs(sensor_mm=-0.1), "uncertainty.negative"),
         (lambda: Inputs(mesh=1.5), "uncertainty.no_fraction"),
+        (lambda: Inputs(states=0.0), "uncertainty.few_states"),
         (lambda: Tolerance(20.0, 0.1, -0.1), "tolerance.no_width"),
         (lambda: Tolerance(math.nan, -0.1, 0.1), "tolerance.no_width"),
     ],

@@ -155,6 +155,9 @@ def test_one_unsteady_field_with_variations_is_as_unsteady_as_alone(
     scene = Scene(part, HotAir.of_states(airs), *devices("slab"), "camera_2", engine="shells")
     groups = AirGroups.of(scene.ready, STATED)
     assert groups.scaled[UNSTEADY].relative == pytest.approx(0.12 / math.sqrt(12.0))
+    averaged = AirGroups.of(scene.ready, evolve(STATED, states=25.0)).scaled[UNSTEADY]
+    assert averaged.relative == pytest.approx(0.12 / math.sqrt(12.0) / 5.0)
+    assert "25 states" in averaged.source
     scan = measure(scene)
     assert scan.scatter_normal is None
     assert scan.worst_member is None

@@ -2,14 +2,28 @@
 
 import numpy as np
 import pytest
+from attrs import evolve
 
 from iriftrace.camera.orbit import Orbit, fibonacci_poses, orbit_poses
 from iriftrace.camera.pose_set import PoseSet
 from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import Status
+from iriftrace.measuring.uncertainty.inputs import Inputs
 from iriftrace.planning.criteria import Criteria
 from iriftrace.planning.summary import SweepSummary, summarise
-from validation.inputs.sweep_tables import AZIMUTHS, ELEVATIONS, EMPTY, GRID, ORBIT, known_sweep
+from iriftrace.planning.texts import indistinct_text
+from validation.inputs.sweep_tables import (
+    AZIMUTHS,
+    ELEVATIONS,
+    EMPTY,
+    GRID,
+    ORBIT,
+    known_sweep,
+    sweep_table,
+)
+
+ALONE = Criteria(displacement=1.0, coverage=0.0, axial=0.0, lateral=0.0)
+"""The displacement alone."""
 
 
 @pytest.fixture(scope="module")
@@ -98,3 +112,26 @@ def test_a_table_of_something_else_is_refused() -> None:
         summarise(known_sweep().drop_vars("matrix"))
     with pytest.raises(InputError, match="None of the 14 poses"):
         summarise(known_sweep(empty=tuple(range(14))))
+
+
+def test_poses_that_do_not_differ_from_the_best_are_named() -> None:
+    """10 um with 0.3 um of scatter and 4 % stated: U = 2 hypot(0.3, 0.4) um = 1 um."""
+    table = sweep_table([0.010, 0.01075, 0.0109, 0.020], [0.5] * 4, [0.1] * 4, [0.1] * 4)
+    assert indistinct_text(summarise(table, ALONE)) is None
+    stated = indistinct_text(summarise(table, ALONE), Inputs(air=0.04))
+    assert stated is not None
+    assert "Pose 1 does not differ from pose 0 by more than the U" in stated
+    scatter = np.array([[3e-4], [2e-3], [3e-4], [3e-4]])
+    for statistic in ("mean", "median", "p95"):
+        table[f"scatter_{statistic}"] = table["displacement_p95"] * 0 + scatter
+    summary = summarise(table, evolve(ALONE, robust=0.5))
+    both = indistinct_text(summary, Inputs(air=0.04))
+    assert both is not None
+    assert "Poses 2 and 1 do not differ from pose 0 by more than the U" in both
+    assert "(1 um, k = 2)" in both
+    alone = indistinct_text(summary)
+    assert alone is not None
+    assert alone.startswith("Every other ranked pose differs from pose 0 by more than")
+    with pytest.raises(InputError) as error:
+        indistinct_text(summary, Inputs(wall_k=10.0))
+    assert error.value.code == "uncertainty.not_in_plans"

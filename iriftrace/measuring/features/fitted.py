@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import chain
 
 import numpy as np
-from attrs import Factory, field, frozen
+from attrs import Factory, evolve, field, frozen
 from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import FloatArray, IntArray
@@ -52,6 +52,8 @@ class FittedFeature:
         By the name of the cloud.
     by_member : tuple of Feature
         Fits to the points by each member of an ensemble; empty for one field.
+    by_group : mapping of tuple of Feature
+        Fits to a sample of the corrected points by the name of a group of inputs, see `Quantity`.
     size : Quantity
         Diameter, mm.
     not_corrected : int
@@ -63,6 +65,7 @@ class FittedFeature:
     left_out: int
     fits: dict[str, Feature]
     by_member: tuple[Feature, ...] = ()
+    by_group: Mapping[str, tuple[Feature, ...]] = Factory(dict)
     size: Quantity = field(
         default=Factory(lambda feature: _size(feature.fits, feature.by_member), takes_self=True)
     )
@@ -93,6 +96,11 @@ class FittedFeature:
     def form_mm(self) -> dict[str, float]:
         """Form deviation by the name of the cloud."""
         return {name: fit.form_mm for name, fit in self.fits.items()}
+
+    def with_groups(self, by_group: Mapping[str, tuple[Feature, ...]]) -> FittedFeature:
+        """The same feature with fits by groups of inputs."""
+        sizes = {name: tuple(fit.size_mm for fit in fits) for name, fits in by_group.items()}
+        return evolve(self, by_group=by_group, size=evolve(self.size, by_group=sizes))
 
     def as_dict(self) -> JsonObject:
         """Plain JSON values."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
-from attrs import evolve, frozen
+from attrs import Factory, evolve, frozen
 
 from iriftrace.core.plain import JsonObject, structured
 from iriftrace.measuring.uncertainty.budget import Uncertainty
@@ -46,6 +47,9 @@ class Quantity:
         Of a corrected value.
     decision : Decision or None
         Whether it conforms to its tolerance.
+    by_group : dict of tuple of float or None
+        By the name of a group of inputs: the value of a sample of the corrected points as they are,
+        and those with them moved by one standard uncertainty in each of its directions.
     """
 
     unit: Unit
@@ -56,6 +60,7 @@ class Quantity:
     worst: WorstMember | None = None
     uncertainty: Uncertainty | None = None
     decision: Decision | None = None
+    by_group: dict[str, tuple[float | None, ...]] = Factory(dict)
 
     @classmethod
     def of(cls, row: JsonObject) -> Quantity:
@@ -91,13 +96,20 @@ class Quantity:
         names = (DRAWING, "corrected", "cold")
         return next((self.by_cloud[name] for name in names if name in self.by_cloud), None)
 
+    def u_of_group(self, group: str) -> float | None:
+        """Standard uncertainty by one of the groups of `by_group`; None if it is not known."""
+        first, *moved = self.by_group.get(group, (None,))
+        if first is None or None in moved:
+            return None
+        return math.hypot(*(value - first for value in moved if value is not None))
+
     def difference(self, cloud: str, other: str) -> float | None:
         """Value in a cloud less that in another; None for features without a size."""
         value, true = self.by_cloud[cloud], self.by_cloud[other]
         return None if value is None or true is None else value - true
 
     def statements(self) -> JsonObject:
-        """Plain JSON values of all but `by_cloud`, `u` and `by_member`."""
+        """Plain JSON values of all but values in clouds, by members and by groups."""
         unit, row = self.unit, {}
         if self.uncertainty is not None:
             row = self.uncertainty.as_dict(unit)

@@ -84,6 +84,11 @@ def _relation(one: FittedFeature, other: FittedFeature) -> Relation | None:
         {name: value(*pair) for name, pair in fits.items()},
         {name: doubt(*pair) for name, pair in fits.items()},
         tuple(map(value, one.by_member, other.by_member)),
+        by_group={
+            name: tuple(map(value, fits, other.by_group[name]))
+            for name, fits in one.by_group.items()
+            if name in other.by_group
+        },
     )
     return Relation((one.region, other.region), quantity)
 

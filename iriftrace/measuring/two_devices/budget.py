@@ -10,15 +10,19 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from attrs import frozen
 
+from iriftrace.core.errors import InputError, without_warnings
 from iriftrace.measuring.features.choice import FeatureChoice
 from iriftrace.measuring.features.fitted import FittedFeature
 from iriftrace.measuring.features.relations import Relation
 from iriftrace.measuring.options import GATE, Phase
+from iriftrace.measuring.two_devices.changes import mixture_changes, pose_changes
 from iriftrace.measuring.two_devices.correction import Correction, CorrectionStatus
+from iriftrace.measuring.two_devices.devices import sensor_of
 from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.measuring.uncertainty.air_groups import AirGroups
 from iriftrace.measuring.uncertainty.decision import Tolerance
 from iriftrace.measuring.uncertainty.inputs import NOTHING_STATED, Inputs
+from iriftrace.tracing.engine import choose
 from iriftrace.tracing.scene import Scene, ready_scene
 from iriftrace.tracing.second_options import System
 
@@ -30,6 +34,7 @@ class FeatureBudget:
     correction: Correction
     features: tuple[FittedFeature, ...]
     relations: tuple[Relation, ...]
+    mixture_unchecked: str  # why mixed air was not traced; "" if it was or nothing is mixed
 
 
 def feature_budget(
@@ -44,11 +49,22 @@ def feature_budget(
 ) -> FeatureBudget:
     """Simulate what two devices measure, and state the uncertainty of its corrected features.
 
-    Costs as much as :func:`iriftrace.measure`, whose errors and warnings it has; `choices`,
-    `tolerances` and `gate` are those of `Correction.features`.
+    Costs as much as :func:`iriftrace.measure`, whose errors and warnings it has, and traces a
+    sample of the points in mixed air and with moved devices. `choices`, `tolerances` and `gate` are
+    those of `Correction.features`.
     """
     ready = ready_scene(scene)
     scan = measure(ready, system=system, phase=phase, varied=True)
+    _, sensor = sensor_of(ready, None, None, system, phase)
+    with without_warnings():  # which `measure` has issued
+        traced = choose(ready, *sensor.devices).scene
+    groups, unchecked = AirGroups.of(ready, inputs), ""
+    changes = pose_changes(traced, sensor, inputs, scan.true, scan.face)
+    try:
+        mixed = mixture_changes(ready, sensor, groups, scan.true, scan.face)
+        changes += () if mixed is None else (mixed,)
+    except InputError as error:
+        unchecked = str(error)
     correction = Correction(
         measured=scan.points,
         error=scan.error,
@@ -58,10 +74,11 @@ def feature_budget(
         system=scan.system,
         provenance=scan.provenance,
         inputs=inputs,
-        groups=AirGroups.of(ready, inputs),
+        groups=groups,
         errors=scan.errors,
         growth=scan.growth,
         one_line=scan.one_line,
+        changes=changes,
     )
     features = correction.features(ready.part, choices, gate, tolerances=tolerances)
-    return FeatureBudget(correction, features, correction.relations(features))
+    return FeatureBudget(correction, features, correction.relations(features), unchecked)

@@ -21,6 +21,7 @@ from iriftrace.core.errors import InputError, warn
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.mesh.triangles import unit_vectors
 from iriftrace.measuring.options import Phase
+from iriftrace.measuring.two_devices.changes import pose_changes
 from iriftrace.measuring.two_devices.correction import (
     Correction,
     CorrectionStatus,
@@ -165,6 +166,7 @@ def correct(
     _refuse_none(status, measured, loaded.part)
     errors = np.where(is_corrected(status)[:, None], by_member, 0.0)
     error = errors[0] if weights is None else weights.mean(errors)
+    sampled = np.where(is_corrected(status), face, -1)
     larger = _larger(measured - error, loaded.part)
     _warn_of_doubtful(status, larger, loaded.part)
     if doubt := check_devices(measured, status, traced, sensor, seen_at).warning:
@@ -190,6 +192,7 @@ def correct(
         larger=larger,
         growth=loaded.part.growth,
         one_line=one_line,
+        changes=pose_changes(traced, sensor, inputs, measured - error, sampled),
     )
 
 

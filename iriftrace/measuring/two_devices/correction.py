@@ -11,6 +11,7 @@ from attrs import asdict, evolve, field, frozen
 from numpy.typing import NDArray
 
 from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from iriftrace.core.errors import without_warnings
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.mesh.transform import apply
 from iriftrace.core.plain import JsonObject, plain
@@ -20,10 +21,12 @@ from iriftrace.io.cloud_write import by_axis, save_cloud
 from iriftrace.io.clouds import Cloud
 from iriftrace.measuring.features.choice import FeatureChoice, on_region
 from iriftrace.measuring.features.drawing import drawing_cloud, u_of_growth
+from iriftrace.measuring.features.feature import Feature
 from iriftrace.measuring.features.fitted import FittedFeature, check_names, fit_features
 from iriftrace.measuring.features.quantity import DRAWING, Quantity
 from iriftrace.measuring.features.relations import Relation, relations
 from iriftrace.measuring.options import GATE
+from iriftrace.measuring.two_devices.changes import Changes
 from iriftrace.measuring.two_devices.larger import Larger
 from iriftrace.measuring.two_devices.statistics import (
     PointStatus,
@@ -104,6 +107,8 @@ class Correction:
         is not known.
     one_line : bool
         The points are those of one line of a laser.
+    changes : tuple of Changes
+        Changes of the error at a sample of points by further groups of inputs.
     """
 
     measured: FloatArray
@@ -120,6 +125,7 @@ class Correction:
     larger: Larger | None = None
     growth: Growth | None = None
     one_line: bool = False
+    changes: tuple[Changes, ...] = ()
 
     @property
     def corrected(self) -> BoolArray:
@@ -187,6 +193,13 @@ class Correction:
             one_line=line,
             scatter_mm=self.inputs.sensor_mm,
         )
+        refits = {one.group: self._refitted(one, part, fitted, gate) for one in self.changes}
+        fitted = tuple(
+            each.with_groups(
+                {g: fits[each.name] for g, fits in refits.items() if each.name in fits}
+            )
+            for each in fitted
+        )
         stays = self.face[~good & (self.face >= 0)]
         check_names(tolerances, fitted)
         return tuple(
@@ -197,6 +210,20 @@ class Correction:
             )
             for each in fitted
         )
+
+    def _refitted(
+        self, change: Changes, part: Part, fitted: Sequence[FittedFeature], gate: float | None
+    ) -> dict[str, tuple[Feature, ...]]:
+        """`FittedFeature.by_group` of one group for each feature by its name."""
+        points = self.points[change.rows]
+        choices = [FeatureChoice(each.kind, each.region or "") for each in fitted]
+        with without_warnings():
+            found = fit_features(
+                *({"corrected": points}, self.face[change.rows], part, choices),
+                *(points - change.errors, gate),
+                one_line=self.one_line,
+            )
+        return {each.name: (each.fits["corrected"], *each.by_member) for each in found}
 
     def relations(self, features: Sequence[FittedFeature]) -> tuple[Relation, ...]:
         """Distances and angles between `features`, with the same statements."""
@@ -226,6 +253,12 @@ class Correction:
             how = "stated" if stated else "scatter of the points"
             found.append(Contribution("sensor", by_points, "B" if stated else "A", how))
         missing = list(self.groups.missing)
+        for change in self.changes:
+            by_change = value.u_of_group(change.group)
+            if by_change is None:
+                missing.append(change.group)
+            else:
+                found.append(Contribution(change.group, by_change, "B", change.source))
         angle = value.unit == "deg"
         if drawn is not None and self.growth is not None:
             by_growth = u_of_growth(self.inputs, self.growth, corrected, drawn, angle)

@@ -13,10 +13,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from attrs import Factory, frozen
 from numpy.typing import ArrayLike
+from scipy.special import ndtri
+from scipy.stats import qmc
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.member_weights import MemberWeights
-from iriftrace.measuring.uncertainty.budget import Mixture
+from iriftrace.measuring.uncertainty.budget import SEED, Mixture, dirichlet
 from iriftrace.measuring.uncertainty.inputs import Inputs
 from iriftrace.measuring.uncertainty.similarity import SOURCE, humidity_effect, relative_effects
 from iriftrace.medium.source import FieldFacts, FieldKind, FieldSource
@@ -116,6 +118,25 @@ class AirGroups:
             return None
         return Mixture(AIR, self.weights.weights, by_member)
 
+    def mixtures(self, count: int) -> FloatArray | None:
+        """Weights (count, k) of mixed air at Sobol points of the members and varied inputs.
+
+        Their sums are 1; a varied input adds a part of one field and subtracts it of another. None
+        with nothing to mix.
+        """
+        if self.weights is None or not (self.weights.several or self.varied):
+            return None
+        used = np.flatnonzero(self.weights.weights)
+        sequence = qmc.Sobol(len(used) + len(self.varied), rng=np.random.default_rng(SEED))
+        units = np.clip(sequence.random(count), 1e-6, 1.0 - 1e-6)
+        found = np.zeros((count, len(self.weights.weights)))
+        found[:, used] = dirichlet(self.weights.weights[used], units[:, : len(used)])
+        for one, unit in zip(self.varied.values(), units.T[len(used) :], strict=True):
+            step = one.factor * ndtri(unit)
+            found[:, one.member] += step
+            found[:, one.base] -= step
+        return found
+
     def total(self, mean: ArrayLike, by_member: FloatArray | None) -> FloatArray:
         """Combined standard uncertainty (...) of the air's effect by all groups."""
         squares = [np.square(u) for u in self.parts(mean, by_member).values()]
@@ -181,7 +202,10 @@ def _scaled(scene: Scene, inputs: Inputs) -> dict[str, Scaled]:
     if inputs.numerics is not None:
         found["numerics"] = Scaled(inputs.numerics, "stated")
     if change := _unsteady(scene):
-        found[UNSTEADY] = Scaled(change, "range over time that the field states")
+        states = inputs.states or 1.0
+        averaged = f", mean of {states:g} states" if states > 1.0 else ""
+        source = f"range over time that the field states{averaged}"
+        found[UNSTEADY] = Scaled(change / np.sqrt(states), source)
     if stated.air is not None and stated.heating_k is not None:
         wall_k = stated.air.temperature_k + stated.heating_k
         for name, relative in relative_effects(inputs, wall_k, stated.air).items():

@@ -202,16 +202,23 @@ def drawn(normal: float, mixture: Mixture, draws: int) -> FloatArray:
 @lru_cache(maxsize=8)
 def _unit_draws(weights: tuple[float, ...], draws: int) -> tuple[FloatArray, FloatArray]:
     """A normal variable (s, draws) and Dirichlet's weights (s, draws, n) of the mean `weights`."""
-    shape = concentration(len(weights)) * np.array(weights)
     generators = np.random.default_rng(SEED).spawn(SCRAMBLINGS)
     units = np.array(
         [qmc.Sobol(len(weights) + 1, rng=generator).random(draws) for generator in generators]
     )
     units = np.clip(units, 1e-12, 1.0 - 1e-12)
-    uniform = units[..., 1:]
-    gammas = gammaincinv(shape, uniform)
+    return ndtri(units[..., 0]), dirichlet(np.array(weights), units[..., 1:])
+
+
+def dirichlet(weights: FloatArray, units: FloatArray) -> FloatArray:
+    """Dirichlet's weights (..., n) with the means (n,), all positive, from uniform draws in 0..1.
+
+    Their parameters are the means times :func:`iriftrace.core.member_weights.concentration`.
+    """
+    shape = concentration(len(weights)) * weights
+    gammas = gammaincinv(shape, units)
     # Gamma variables of small shapes underflow; there P(a, x) = x^a / Gamma(a + 1).
-    small = (np.log(uniform) + gammaln(shape + 1.0)) / shape
+    small = (np.log(units) + gammaln(shape + 1.0)) / shape
     logarithms = np.where(gammas > 1e-8, np.log(np.maximum(gammas, 1e-8)), small)
     gammas = np.exp(logarithms - logarithms.max(axis=-1, keepdims=True))
-    return ndtri(units[..., 0]), gammas / gammas.sum(axis=-1, keepdims=True)
+    return np.asarray(gammas / gammas.sum(axis=-1, keepdims=True))

@@ -58,6 +58,8 @@ def render_with_uncertainty(
     """
     ready = ready_scene(scene)
     groups = AirGroups.of(ready, inputs)
+    if inputs.of_pose:  # which is computed for two devices only
+        groups = evolve(groups, missing=(*groups.missing, "position and rotation of the camera"))
     if not groups.known:
         raise InputError(
             "Nothing is known of the uncertainty of the air; state that of its contrast, or make "

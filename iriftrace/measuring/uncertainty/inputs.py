@@ -34,6 +34,16 @@ def _fraction(_: object, attribute: Attribute[float | None], value: float | None
         )
 
 
+def _number(_: object, __: Attribute[float | None], value: float | None) -> None:
+    if value is not None and not 1.0 <= value < math.inf:
+        raise InputError(
+            f"The number of independent states is {value:g}, but a measurement sees at least one; "
+            "give 1 or more.",
+            code="uncertainty.few_states",
+            argument="uncertainty",
+        )
+
+
 @frozen(kw_only=True)
 class Inputs:
     """Standard uncertainties of what a correction rests on; None where one is not stated.
@@ -53,6 +63,13 @@ class Inputs:
         Of the air pressure.
     humidity : float or None
         Of the relative humidity, 0 to 1.
+    states : float or None
+        Number of independent states of unsteady air that the measurement averages; no uncertainty,
+        but it divides the variance by the air's unsteadiness. 1 by default.
+    position_mm : float or None, mm
+        Of the projection centre of each device along each axis, in the scene (`two_devices.poses`).
+    rotation_rad : float or None, rad
+        Of each device about each axis through its projection centre.
     sensor_mm : float or None, mm
         Of one measured point along the normal; independent of the other points. By default by the
         scatter of the points about each feature.
@@ -72,6 +89,9 @@ class Inputs:
     ambient_k: float | None = field(default=None, validator=_uncertainty)
     pressure_pa: float | None = field(default=None, validator=_uncertainty)
     humidity: float | None = field(default=None, validator=_fraction)
+    states: float | None = field(default=None, validator=_number)
+    position_mm: float | None = field(default=None, validator=_uncertainty)
+    rotation_rad: float | None = field(default=None, validator=_uncertainty)
     sensor_mm: float | None = field(default=None, validator=_uncertainty)
     expansion: float | None = field(default=None, validator=_fraction)
     part_temperature_k: float | None = field(default=None, validator=_uncertainty)
@@ -94,6 +114,16 @@ class Inputs:
             ) from None
         return cls(**{NAMES[name][0]: value for name, value in found.items()})
 
+    @property
+    def relative(self) -> float:
+        """Relative standard uncertainty of the air's effect by all that scales it as a whole."""
+        return math.hypot(self.air or 0.0, self.mesh or 0.0, self.numerics or 0.0)
+
+    @property
+    def of_pose(self) -> bool:
+        """True if the pose of the devices is uncertain."""
+        return bool(self.position_mm or self.rotation_rad)
+
     def stated(self) -> dict[str, float]:
         """The values that are stated, by the names of `of`."""
         values = {name: getattr(self, attribute) for name, (attribute, _) in NAMES.items()}
@@ -108,6 +138,9 @@ NAMES = {
     "ambient": ("ambient_k", "K"),
     "pressure": ("pressure_pa", "pascal"),
     "humidity": ("humidity", "dimensionless"),
+    "states": ("states", "dimensionless"),
+    "position": ("position_mm", "mm"),
+    "rotation": ("rotation_rad", "radian"),
     "sensor": ("sensor_mm", "mm"),
     "expansion": ("expansion", "dimensionless"),
     "part": ("part_temperature_k", "K"),

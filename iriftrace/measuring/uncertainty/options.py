@@ -20,7 +20,8 @@ class AnswerOptions:
     uncertainty
         Standard uncertainties of the inputs, "wall 10 K, ambient 2 K, pressure 2 hPa, sensor 8 um";
         further ones: air, mesh and numerics (fractions of the air's effect, "5 %"), humidity,
-        expansion (a fraction), part (K), other (a length).
+        expansion (a fraction), part (K), position and rotation of each device (a length, an angle),
+        other (a length); and states, the number of states of unsteady air that are averaged.
     tolerance
         Tolerance of a diameter, "cylinder:bore=20.22 -0.02 +0.02 mm", by which it is accepted or
         rejected; repeatable.
