@@ -208,7 +208,7 @@ class _Columns:
         self.vertices, self.faces = vertices[:, self.axes], faces
         self.low = self.vertices[:, :2].min(axis=0)
         size = np.maximum(np.ptp(self.vertices[:, :2], axis=0), 1e-12)
-        self.count = np.clip((np.sqrt(4 * len(faces) / size.prod()) * size).astype(int), 1, 2000)
+        self.count = np.clip((np.sqrt(4 * len(faces) / size.prod()) * size).astype(int), 1, 1000)
         self.width = size / self.count
         keys, owners = [np.zeros(0, dtype=np.int32)], [np.zeros(0, dtype=np.int32)]
         for chunk in _chunks(len(faces)):
