@@ -1,6 +1,7 @@
 """Time of a trace over rays, triangles and cells: docs/scaling.png.
 
-Synthetic air around the bundled cylinder on meshes of different cell sizes, traced both ways.
+Synthetic air around the bundled cylinder on meshes of different cell sizes, traced both ways; and
+the memory and time in which large inputs become a scene.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from matplotlib.ticker import NullFormatter
 from rich.console import Console
 from rich.table import Table
 
+from bench.size import sizes
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.figures.style import COLOURS, write_figure
 from iriftrace.flow.synthetic.field import synthetic_field
@@ -111,6 +113,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore", IriftraceWarning)
         costs = measured(Path(folder))
+        large = sizes(Path(folder))
     table = Table(title=f"Refracted traces, median of {REPEATS}")
     for heading in ("engine", "cells", "triangles", "rays", "seconds", "ns a ray"):
         table.add_column(heading, justify="right")
@@ -128,6 +131,13 @@ def main() -> None:
         of_rays = exponent([c.rays for c in rows], [c.seconds for c in rows])
         of_cells = exponent([c.cells for c in meshes], [c.seconds / c.rays for c in meshes])
         console.print(f"{engine}: time ~ rays^{of_rays:.2f}, a ray ~ cells^{of_cells:.2f}")
+    table = Table(title="Large inputs becoming a scene")
+    for heading in ("input", "count", "bytes each at peak", "seconds a million"):
+        table.add_column(heading, justify="right")
+    for size in large:
+        row = f"{size.count:,}", f"{size.peak_bytes:,.0f}", f"{size.seconds:.1f}"
+        table.add_row(size.name, *row)
+    console.print(table)
     write_figure(figure(costs), PICTURE)
 
 

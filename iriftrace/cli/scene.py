@@ -281,15 +281,22 @@ def _ensemble(
             with working(step), named(one.label, remedy):
                 stack, volume = cut(one)
             hottest_k.append(float(volume.temperature_k.max()))
-            yield AirState(volume, one.label, one.time, ready=stack)
+            state = AirState(volume, one.label, one.time, ready=stack)
+            # One state is in memory at a time: none while the next one is made.
+            del stack, volume
+            yield state
+            del state
 
     fields = members()
     first = next(fields)
     camera, settings = devices(first.field, first.shells)
+    # An iterator lets go of its list at the end, a list in the chain stays.
+    states = chain(iter([first]), fields)
+    del first
     saved = save_scene(
         output,
         part,
-        chain((first,), fields),
+        states,
         camera,
         settings,
         ensemble=True,

@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING
+from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
 from attrs import frozen
+from numpy.lib.format import write_array
 
 from iriftrace.core.files import arrays_in, whole_file
 from iriftrace.core.plain import plain, structured
@@ -43,13 +45,15 @@ def save_field_file(field: IndexField, path: str | Path) -> Path:
     cells = cells_of(field)
     arrays = {name: getattr(cells, name) for name in ARRAYS}
     header = plain(_Header(SCHEMA, cells.air, cells.ambient, cells.source))
-    with whole_file(path) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(
-            file,
-            allow_pickle=False,
-            header=np.frombuffer(json.dumps(header).encode(), dtype=np.uint8),
-            **arrays,
-        )
+    arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
+    # As numpy.savez_compressed, whose level of 6 takes four times as long for files of this size.
+    with (
+        whole_file(path) as temporary,
+        ZipFile(temporary, "w", ZIP_DEFLATED, compresslevel=1) as archive,
+    ):
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+                write_array(file, array, allow_pickle=False)
     return Path(path)
 
 

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_array
 
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import FloatArray, Int32Array, IntArray
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -58,6 +59,11 @@ RELAXATION = 0.5
 
 MOST_CHANGE = 0.5
 """Largest relative change of a length in one iteration."""
+
+
+SMALLEST_BLOCK, MOST_BLOCKS = 1 << 14, 32
+"""Rows of a block of cells or edges that are summed at once, and the number of blocks. Small blocks
+need little memory; many blocks would each add to most of the points."""
 
 
 class LinearCells(Protocol):
@@ -116,10 +122,11 @@ def point_gradient(grid: LinearCells, values: FloatArray) -> FloatArray:
     columns = np.ascontiguousarray(values.reshape(len(values), -1).T)
     sums = np.zeros((3 * len(columns) + 1, points.shape[1]))
     for kind, (_, corners) in cell_corners(grid).items():
-        at_corners = _gradient_sums(points, columns, corners, kind)
-        index = corners.T.ravel()
-        for row, part in zip(sums, at_corners, strict=True):
-            row += np.bincount(index, part.ravel(), minlength=len(row))
+        for block in blocks(len(corners)):
+            at_corners = _gradient_sums(points, columns, corners[block], kind)
+            index = corners[block].T.ravel()
+            for row, part in zip(sums, at_corners, strict=True):
+                _add(row, index, part.ravel())
     volume = np.where(sums[-1] > 0.0, sums[-1], 1.0)
     gradient = np.ascontiguousarray((sums[:-1] / volume).T)
     return gradient.reshape(*values.shape, 3)
@@ -141,6 +148,18 @@ def cell_centroids(grid: pv.UnstructuredGrid) -> FloatArray:
         np.divide(moment, weight, out=centre, where=weight > 0.0)
         result[cells] = centre.T
     return result
+
+
+def blocks(count: int) -> list[slice]:
+    """Ranges of a number of rows, few enough for `_add` and small enough for a fast memory."""
+    size = max(SMALLEST_BLOCK, -(-count // MOST_BLOCKS))
+    return [slice(start, start + size) for start in range(0, count, size)]
+
+
+def _add(sums: FloatArray, index: IntArray, terms: FloatArray) -> None:
+    """Add terms to the sums (n,) with their index, in place."""
+    low, high = int(index.min()), int(index.max()) + 1
+    sums[low:high] += np.bincount(index - low, terms, minlength=high - low)
 
 
 def _point_columns(grid: LinearCells) -> FloatArray:
@@ -213,28 +232,39 @@ def consistent_gradient(
     to 2.4 (4.8) %.
     """
     start, end = _edges(corners, len(points))
-    edge = np.asarray(points[end], dtype=np.float64) - points[start]
-    change = values[end] - values[start]
-    squared = np.einsum("ij,ij->i", edge, edge)
-    weight = np.divide(1.0, squared, out=np.zeros_like(squared), where=squared > 0.0)
     for _ in range(ROUNDS):
-        along = [np.einsum("ij,ij->i", gradient[at], edge) for at in (start, end)]
-        residual = weight * (2.0 * change - along[0] - along[1])
         # Least squares for the factor of a point's own gradient, from its normal equation.
         right, left = np.zeros((2, len(points)))
-        for at, part in zip((start, end), along, strict=True):
-            right += np.bincount(at, residual * part, minlength=len(points))
-            left += np.bincount(at, weight * part * part, minlength=len(points))
+        for block in blocks(len(start)):
+            ends = start[block], end[block]
+            edge = np.asarray(points[ends[1]], dtype=np.float64) - points[ends[0]]
+            change = values[ends[1]] - values[ends[0]]
+            squared = np.einsum("ij,ij->i", edge, edge)
+            weight = np.divide(1.0, squared, out=np.zeros_like(squared), where=squared > 0.0)
+            along = [np.einsum("ij,ij->i", gradient[at], edge) for at in ends]
+            residual = weight * (2.0 * change - along[0] - along[1])
+            for at, part in zip(ends, along, strict=True):
+                _add(right, at, residual * part)
+                _add(left, at, weight * part * part)
         correction = RELAXATION * np.divide(right, left, out=np.zeros_like(left), where=left > 0.0)
         gradient = gradient * (1.0 + np.clip(correction, -MOST_CHANGE, MOST_CHANGE))[:, None]
     return gradient
 
 
-def _edges(corners: NDArray[np.integer], count: int) -> tuple[IntArray, IntArray]:
+def _edges(corners: NDArray[np.integer], count: int) -> tuple[Int32Array, Int32Array]:
     """Point numbers at both ends of all edges of tetrahedra, each edge once."""
-    first, second = np.moveaxis(corners.astype(np.int64)[:, TETRAHEDRON_EDGES], 2, 0)
-    keys = (np.minimum(first, second) * count + np.maximum(first, second)).ravel()
-    # numpy.unique hashes first, which is eight times slower for so many edges.
-    keys.sort()
-    start, end = np.divmod(keys[np.concatenate(([True], keys[1:] != keys[:-1]))], count)
-    return start, end
+    found = []
+    for block in blocks(len(corners)):
+        first, second = np.moveaxis(corners[block].astype(np.int32)[:, TETRAHEDRON_EDGES], 2, 0)
+        found.append(_pairs_once(first.ravel(), second.ravel(), count))
+    starts, ends = zip(*found, strict=True)
+    return _pairs_once(np.concatenate(starts), np.concatenate(ends), count)
+
+
+def _pairs_once(first: Int32Array, second: Int32Array, count: int) -> tuple[Int32Array, Int32Array]:
+    """Unordered pairs of the numbers below `count`, each once: the lower and the higher, sorted."""
+    # SciPy sorts by counting, which is five times as fast as numpy.sort of a common key.
+    places = np.minimum(first, second), np.maximum(first, second)
+    table = csr_array((np.ones(len(first), dtype=bool), places), shape=(count, count))
+    table.sum_duplicates()
+    return np.repeat(np.arange(count, dtype=np.int32), np.diff(table.indptr)), table.indices

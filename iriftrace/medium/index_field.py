@@ -6,13 +6,14 @@ from functools import cached_property
 
 import numpy as np
 import pyvista as pv
-from attrs import field, frozen
+from attrs import evolve, field, frozen
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import FloatArray, as_float64
 from iriftrace.core.errors import InputError
 from iriftrace.medium.air.refractivity import Air
+from iriftrace.medium.ambient import cells_at, not_ambient, points_of
 from iriftrace.medium.flow import AirFlow
 from iriftrace.medium.gradient import CORNERS, consistent_gradient, point_gradient
 from iriftrace.medium.source import FieldSource
@@ -80,6 +81,20 @@ class IndexField:
     def temperature_k(self) -> FloatArray:
         """Temperatures at the points, (n,) array, K."""
         return self.air.temperature(self.refractivity)
+
+    @cached_property
+    def hot_air(self) -> IndexField:
+        """The same field without the cells of ambient air alone, where rays are straight.
+
+        The neighbours of the other cells stay, so that the gradient at the corners of these is that
+        of the whole field. The inner wall of the data is that of the whole field.
+        """
+        cells = cells_at(self.grid, not_ambient(self.refractivity, self.ambient_refractivity))
+        cells = cells_at(self.grid, points_of(self.grid, cells))
+        if cells.all():
+            return self
+        grid = self.grid.extract_cells(np.flatnonzero(cells))
+        return evolve(self, grid=grid, refractivity=grid["refractivity"], flow=None)
 
     @cached_property
     def gradient(self) -> FloatArray:

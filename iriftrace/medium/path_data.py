@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from iriftrace.core.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.medium.air.refractivity import Air, dispersion
+from iriftrace.medium.ambient import cells_at, corners_of, not_ambient, points_of
 from iriftrace.medium.gradient import CORNERS
 from iriftrace.medium.source import FieldSource
 
@@ -19,18 +20,11 @@ if TYPE_CHECKING:
     from iriftrace.medium.index_field import IndexField
 
 
-AMBIENT_SHARE = 1e-4
-"""Fraction of the largest contrast with the ambient air below which air counts as ambient.
-
-That is 0.02 K around a part of 1100 degC, less than the uncertainty of any ambient temperature.
-"""
-
-
 @frozen(eq=False)
 class FieldCells:
-    """Cells of a field with the index at their n points; does not need VTK."""
+    """Cells of a field where the air is not ambient, with the index at n points; needs no VTK."""
 
-    points: Float32Array  # (n, 3), mm, world
+    points: Float32Array  # (n, 3), mm, world: the cells' corners, and all points of the wall
     refractivity: FloatArray  # (n,), n - 1 at the points
     # As in a pyvista.UnstructuredGrid of tetrahedra, hexahedra, wedges and pyramids: (m,) and (c,).
     celltypes: NDArray[np.uint8]
@@ -48,19 +42,6 @@ class FieldCells:
             refractivity=factor * self.refractivity,
             ambient=factor * self.ambient,
             air=evolve(self.air, wavelength_nm=wavelength_nm),
-        )
-
-    def without_ambient_air(self) -> FieldCells:
-        """Without the cells of ambient air alone, where rays are straight: most of a large flow."""
-        contrast = np.abs(self.refractivity - self.ambient)
-        offsets = self.cell_offsets
-        highest = np.maximum.reduceat(contrast[self.cell_connectivity], offsets[:-1])
-        kept = highest >= AMBIENT_SHARE * contrast.max()
-        corners = np.repeat(kept, np.diff(offsets))
-        return evolve(
-            self,
-            celltypes=self.celltypes[kept],
-            cell_connectivity=self.cell_connectivity[corners],
         )
 
     def temperature_at(self, places: FloatArray) -> FloatArray:
@@ -84,16 +65,20 @@ class FieldCells:
 
 
 def cells_of(field: IndexField) -> FieldCells:
-    """The cells of a field, with points in single precision as in the file."""
-    wall = np.zeros(field.grid.n_points, dtype=bool)
+    """The cells of a field that are not ambient, with points in single precision as in the file."""
+    grid = field.grid
+    wall = np.zeros(grid.n_points, dtype=bool)
     if field.wall.n_points:
         wall[np.asarray(field.wall.point_data["number"])] = True
+    cells = cells_at(grid, not_ambient(field.refractivity, field.ambient_refractivity))
+    used = points_of(grid, cells) | wall
+    number = np.cumsum(used, dtype=np.int32) - np.int32(1)
     return FieldCells(
-        points=np.asarray(field.grid.points, dtype=np.float32),
-        refractivity=field.refractivity,
-        celltypes=np.asarray(field.grid.celltypes, dtype=np.uint8),
-        cell_connectivity=np.asarray(field.grid.cell_connectivity, dtype=np.int32),
-        wall=wall,
+        points=np.asarray(grid.points)[used].astype(np.float32),
+        refractivity=field.refractivity[used],
+        celltypes=np.asarray(grid.celltypes, dtype=np.uint8)[cells],
+        cell_connectivity=number[np.asarray(grid.cell_connectivity)[corners_of(grid, cells)]],
+        wall=wall[used],
         air=field.air,
         ambient=field.ambient_refractivity,
         source=field.source,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+
 import numpy as np
 from attrs import frozen
 
@@ -18,11 +20,13 @@ from iriftrace.core.mesh.topology import cells_to_flip
 from iriftrace.medium.gradient import (
     HEXAHEDRON,
     MIRRORED_CORNERS,
+    MOST_BLOCKS,
     PYRAMID,
     TETRAHEDRON,
     TETRAHEDRON_EDGES,
     WEDGE,
     LinearCells,
+    blocks,
     cell_corners,
 )
 
@@ -81,26 +85,56 @@ def tetrahedra_of(grid: LinearCells) -> Tetrahedra:
     points = as_float64(grid.points)
     of_kinds = []
     for kind, (_, cells) in cell_corners(grid).items():
-        tetrahedra = _split(cells, kind)
+        tetrahedra = np.concatenate([_split(cells[block], kind) for block in blocks(len(cells))])
         # Solvers do not agree on the order of a wedge's corners, and a mirrored field is all
         # left-handed. Negative volumes that remain are inverted cells.
         if _volumes(tetrahedra, points).sum() < 0:
             tetrahedra = tetrahedra[:, _MIRRORED]
         of_kinds.append(tetrahedra)
     split = np.concatenate(of_kinds)
+    del of_kinds, tetrahedra
     if len(split) > MOST_TETRAHEDRA:
         raise InputError(
             f"The field splits into {len(split)} tetrahedra, but at most {MOST_TETRAHEDRA} can "
             "be numbered; crop it to the part's surroundings.",
             code="field.too_many_cells",
         )
-    corners = _without_flat_twins(split)
+    corners = _without_flat_twins(split, len(points))
+    del split
     while True:
-        order, same = _equal_rows(np.sort(corners[:, OPPOSITE].reshape(-1, 3), axis=1))
-        crowded = np.flatnonzero(same[1:] & same[:-1])
+        first, second, crowded = _common_faces(corners, len(points))
         if not len(crowded):
-            return _of_one_orientation(corners, points, order, same)
-        corners = _without_caps(corners, order[crowded[:, None] + np.arange(3)], points)
+            return _of_one_orientation(corners, points, first, second)
+        corners = _without_caps(corners, crowded, points)
+
+
+def _common_faces(corners: NumberArray, count: int) -> tuple[NumberArray, NumberArray, NumberArray]:
+    """Pairs of coinciding faces, as two arrays, and triples (k, 3).
+
+    A face's number is four times the tetrahedron's plus its own.
+    """
+    # The first corner is the lowest one of a tetrahedron, and the first face is opposite to it.
+    lowest = np.repeat(corners[:, :1], 4, axis=1)
+    lowest[:, 0] = np.minimum(np.minimum(corners[:, 1], corners[:, 2]), corners[:, 3])
+    lowest = lowest.ravel()
+
+    def ranked(faces: IntArray) -> NumberArray:
+        return np.sort(corners[(faces >> 2)[:, None], OPPOSITE[faces & 3]], axis=1)
+
+    found = []
+    for order, same in _equal_rows_of(lowest, ranked, count):
+        crowded = np.flatnonzero(same[1:] & same[:-1])
+        found.append((order[:-1][same], order[1:][same], order[crowded[:, None] + np.arange(3)]))
+    first, second, triples = (
+        np.concatenate(parts, dtype=np.uint32, casting="unsafe")
+        for parts in zip(*found, strict=True)
+    )
+    return first, second, triples
+
+
+def _faces(corners: NumberArray) -> NumberArray:
+    """Point numbers (4 m, 3) of the faces of tetrahedra (m, 4)."""
+    return corners[:, OPPOSITE].reshape(-1, 3)
 
 
 def _without_caps(corners: NumberArray, crowded: IntArray, points: FloatArray) -> NumberArray:
@@ -127,25 +161,27 @@ def _without_caps(corners: NumberArray, crowded: IntArray, points: FloatArray) -
 
 
 def _of_one_orientation(
-    corners: NumberArray, points: FloatArray, order: IntArray, same: BoolArray
+    corners: NumberArray, points: FloatArray, first: NumberArray, second: NumberArray
 ) -> Tetrahedra:
     """Reverse tetrahedra whose orientation differs from their neighbours'; returns these, too.
 
-    `order` and `same` are those of `_equal_rows` for all faces.
+    `first` and `second` are the pairs of coinciding faces.
 
     The sign of a volume does not decide this: half a field may be a mirror image, tetrahedra may be
     numbered at random, and programs that split polyhedra make every piece right-handed, including
     inverted slivers. A ray that follows faces through such a piece is lost. The order of the points
     on the common faces of neighbours does decide it.
     """
-    # A face's number is four times the tetrahedron's plus its own.
-    first, second = order[:-1][same], order[1:][same]
-    boundary = np.ones(len(order), dtype=bool)
+    boundary = np.ones(corners.size, dtype=bool)
     boundary[first] = boundary[second] = False
     alone = np.flatnonzero(boundary)
-    faces = corners[:, OPPOSITE].reshape(-1, 3)
     # Ascending or reversed, two of three pairs of consecutive points of a face ascend.
-    ascends = (np.roll(faces, -1, axis=1) > faces).sum(axis=1) == 2
+    ascends = np.concatenate(
+        [
+            (np.roll(faces, -1, axis=1) > faces).sum(axis=1) == 2
+            for faces in (_faces(corners[block]) for block in blocks(len(corners)))
+        ]
+    )
     opposed = ascends[first] != ascends[second]
     volume = _volumes(corners, points)
     mixed = -volume[volume < 0].sum() > MIXED_SHARE * np.abs(volume).sum()
@@ -163,26 +199,27 @@ def _of_one_orientation(
     return Tetrahedra(
         corners=corners,
         neighbours=neighbours.reshape(-1, 4),
-        boundary=corners[:, OPPOSITE].reshape(-1, 3)[alone],
+        boundary=corners[(alone >> 2)[:, None], OPPOSITE[alone & 3]],
         boundary_place=alone.astype(np.uint32),
     )
 
 
 def _volumes(corners: AnyIntArray, points: FloatArray) -> FloatArray:
     """Six times the volumes of tetrahedra, (m,) array, mm^3."""
-    numbers = [np.ascontiguousarray(column) for column in corners.T]
-    # Axis by axis, which is twice as fast as numpy.cross.
-    first, second, third = (
-        [axis[number] - axis[numbers[0]] for axis in np.ascontiguousarray(points.T)]
-        for number in numbers[1:]
-    )
+    axes = np.ascontiguousarray(points.T)
     volume: FloatArray = np.zeros(len(corners))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        volume += (first[i] * second[j] - first[j] * second[i]) * third[k]
+    for block in blocks(len(corners)):
+        numbers = [np.ascontiguousarray(column) for column in corners[block].T]
+        # Axis by axis, which is twice as fast as numpy.cross.
+        first, second, third = (
+            [axis[number] - axis[numbers[0]] for axis in axes] for number in numbers[1:]
+        )
+        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            volume[block] += (first[i] * second[j] - first[j] * second[i]) * third[k]
     return volume
 
 
-def _split(cells: IntArray, kind: int) -> IntArray:
+def _split(cells: IntArray, kind: int) -> NumberArray:
     """Tetrahedra (m, 4) of the cells of one type, (c, corners) point numbers."""
     lowest = cells.min(axis=1)
     found = []
@@ -195,23 +232,45 @@ def _split(cells: IntArray, kind: int) -> IntArray:
         for second in range(1, len(face) - 1):
             triangle = around[:, (0, second, second + 1)]
             found.append(np.column_stack((lowest, triangle))[apart])
-    return np.concatenate(found)
+    return np.concatenate(found, dtype=np.uint32, casting="unsafe")
 
 
-def _without_flat_twins(corners: IntArray) -> NumberArray:
+def _without_flat_twins(corners: NumberArray, count: int) -> NumberArray:
     """The tetrahedra without those of zero volume.
 
     Cells with coinciding corners give tetrahedra with a repeated corner. Polyhedra refined on one
     side have points in the middle of an edge. If such an edge belongs to two of their faces, the
     pieces next to it are the same flat tetrahedron twice, once inverted.
     """
-    ranked = np.sort(corners, axis=1)
-    kept = (ranked[:, 1:] != ranked[:, :-1]).all(axis=1)
-    corners, ranked = corners[kept], ranked[kept]
-    order, repeated = _equal_rows(ranked)
+    kept = np.ones(len(corners), dtype=bool)
+    for block in blocks(len(corners)):
+        some = np.sort(corners[block], axis=1)
+        kept[block] = (some[:, 1:] != some[:, :-1]).all(axis=1)
+    corners = corners[kept]
     twice = np.zeros(len(corners), dtype=bool)
-    twice[order[1:][repeated]] = twice[order[:-1][repeated]] = True
-    return corners[~twice].astype(np.uint32)
+
+    def ranked(numbers: IntArray) -> NumberArray:
+        return np.sort(corners[numbers], axis=1)
+
+    # The first corner is the lowest one.
+    for order, repeated in _equal_rows_of(corners[:, 0], ranked, count):
+        twice[order[1:][repeated]] = twice[order[:-1][repeated]] = True
+    return corners[~twice]
+
+
+def _equal_rows_of(
+    lowest: NumberArray, ranked: Callable[[IntArray], NumberArray], count: int
+) -> Iterator[tuple[IntArray, BoolArray]]:
+    """Numbers of rows, in an order with equal rows adjacent, and the mask of equal neighbours.
+
+    `lowest` is the lowest point number of each row, below `count`, and `ranked` returns the sorted
+    rows of given numbers. Rows come in several parts, as a sort of all of them needs much memory.
+    """
+    size = max(1, -(-count // MOST_BLOCKS))
+    for start in range(0, count, size):
+        numbers = np.flatnonzero((lowest >= start) & (lowest < start + size))
+        order, same = _equal_rows(ranked(numbers))
+        yield numbers[order], same
 
 
 def _equal_rows(rows: AnyIntArray) -> tuple[IntArray, BoolArray]:

@@ -260,7 +260,7 @@ def _named_regions(groups: IntArray, surface: Surface, transform: ArrayLike | No
         # Normals transform with the inverse transpose, for either sign of the determinant.
         normals = unit_vectors(normals @ np.linalg.inv(matrix[:3, :3]))
         vertices = apply(matrix, vertices)
-    return name_regions(groups, normals, surface.areas, vertices[surface.faces])
+    return name_regions(groups, normals, surface.areas, vertices, surface.faces)
 
 
 def _refuse_unusable(name: str, points: FloatArray, triangles: IntArray) -> None:

@@ -61,7 +61,11 @@ def find_smooth_groups(neighbours: Neighbours, normals: FloatArray, angle_deg: f
 
 
 def name_regions(
-    groups: IntArray, normals: FloatArray, areas: FloatArray, corners: FloatArray
+    groups: IntArray,
+    normals: FloatArray,
+    areas: FloatArray,
+    vertices: FloatArray,
+    faces: IntArray,
 ) -> Regions:
     """Make a region of every large smooth group, (m,) number of each face's, and name it.
 
@@ -74,7 +78,7 @@ def name_regions(
     other curved ones ``surface``. Equal names get a number, the largest region first. Lengths are
     mm. Groups below `SMALLEST_SHARE` of the area form the region ``rest``.
 
-    The faces have unit normals (m, 3), areas (m,) and corners (m, 3, 3), mm.
+    The faces (m, 3) have unit normals (m, 3) and areas (m,); vertices are (n, 3), mm.
     """
     count = int(groups.max()) + 1
     area = np.bincount(groups, areas, minlength=count)
@@ -87,7 +91,8 @@ def name_regions(
     region_of_group = np.full(count, len(large), dtype=np.int64)
     region_of_group[large] = np.arange(len(large))
     patches = (groups == number for number in large)
-    names = _names(mean[large], [_shape(normals[p], areas[p], corners[p]) for p in patches])
+    shapes = [_shape(normals[p], areas[p], vertices[faces[p]]) for p in patches]
+    names = _names(mean[large], shapes)
     if len(large) < count:
         names.append(REST)
     return Regions(region_of_group[groups], tuple(names))

@@ -91,7 +91,11 @@ def save_scene(
             if not shown:
                 shown.append(state.shells)
             notes = state.notes if fit is None else {**state.notes, **fit.notes}
-            yield evolve(state, ready=state.shells, report=report, notes=notes)
+            made = evolve(state, ready=state.shells, report=report, notes=notes)
+            # One state is in memory at a time: none while the next one is made.
+            del state
+            yield made
+            del made
 
     listed: tuple[FieldMember, ...] = ()
     if ensemble:

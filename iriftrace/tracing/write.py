@@ -134,10 +134,13 @@ def write_ensemble_scene(
     with written_together(scene.parent) as building:
         (building / FOLDER).mkdir()
         placed = _save_bodies(building, part, settings.blockers)
-        listed = tuple(
-            _write_member(building, number, state, placed, settings.notes)
-            for number, state in enumerate(states, start=1)
-        )
+        members = []
+        remaining = iter(states)
+        while (state := next(remaining, None)) is not None:
+            number = len(members) + 1
+            members.append(_write_member(building, number, state, placed, settings.notes))
+            del state  # before the next one is made
+        listed = tuple(members)
         if len(listed) < 2:
             raise InputError(
                 f"An ensemble of {len(listed)} field has no scatter; give at least two.",

@@ -241,13 +241,12 @@ def _chosen(values: list[dt.Float], number: dt.UInt32) -> dt.Float:
 class TetrahedralAir:
     """A field's tetrahedra in tables for a kernel, and their boundary for ray queries.
 
-    Where the air is ambient there are none (`FieldCells.without_ambient_air`). Gradients are the
-    ones recovered at the points, interpolated; or each tetrahedron has its own.
+    Where the air is ambient there are none (`FieldCells`). Gradients are the ones recovered at the
+    points, interpolated; or each tetrahedron has its own.
     """
 
     def __init__(self, cells: FieldCells, recovered: bool) -> None:
-        hot = cells.without_ambient_air()
-        tetrahedra = tetrahedra_of(hot)
+        tetrahedra = tetrahedra_of(cells)
         self.cells = cells
         self.ambient = cells.ambient
         self.ambient_air = dr.opaque(mi.Float64, cells.ambient)
@@ -259,7 +258,7 @@ class TetrahedralAir:
             cells.points,
             tetrahedra.corners,
             cells.refractivity,
-            point_gradient(hot, cells.refractivity),
+            point_gradient(cells, cells.refractivity),
         )
         excess = cells.refractivity - cells.ambient
         places = np.column_stack((cells.points, excess, gradient, np.zeros(len(excess))))

@@ -14,7 +14,7 @@ def regions_of(mesh: trimesh.Trimesh, angle_deg: float = 30.0) -> Regions:
     normals = unit_vectors(areas)
     neighbours = find_neighbours(weld(vertices)[faces])
     groups = find_smooth_groups(neighbours, normals, angle_deg)
-    return name_regions(groups, normals, np.linalg.norm(areas, axis=1), vertices[faces])
+    return name_regions(groups, normals, np.linalg.norm(areas, axis=1), vertices, faces)
 
 
 def test_box_has_six_planes_named_by_direction() -> None:

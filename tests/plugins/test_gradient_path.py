@@ -222,7 +222,10 @@ def test_shells_of_another_field_are_warned_of(xml: Path, tmp_path: Path) -> Non
         load_scene(copy, engine="cells")
 
 
-def test_field_file_holds_the_field_bit_for_bit(tmp_path: Path) -> None:
+def test_field_file_holds_the_field_bit_for_bit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("iriftrace.medium.ambient.AMBIENT_SHARE", 0.0)
     field = sphere_field(6)
     before, after = cells_of(field), load_field_file(save_field_file(field, tmp_path / "f.npz"))
     for name in ("points", "refractivity", "celltypes", "cell_offsets", "cell_connectivity"):
@@ -260,7 +263,7 @@ def test_cells_of_ambient_air_are_left_out(
     field.grid.points[ambient] *= np.random.default_rng(3).uniform(0.7, 1.3, (ambient.sum(), 1))
     np.testing.assert_array_equal(displacements("folded")[0], fewer)
     field.grid.points[:] = points
-    monkeypatch.setattr("iriftrace.medium.path_data.AMBIENT_SHARE", 0.0)
+    monkeypatch.setattr("iriftrace.medium.ambient.AMBIENT_SHARE", 0.0)
     whole, all_of_them = displacements("whole")
     change, moved = (np.linalg.norm(vectors, axis=1) for vectors in (fewer - whole, whole))
     assert np.percentile(change, 95) < 2e-3 * np.median(moved)

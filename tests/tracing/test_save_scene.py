@@ -3,15 +3,21 @@
 Expected values are the command's own files, bit for bit, and folders as they were where work fails.
 """
 
+import gc
 import shutil
+import weakref
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import pyvista as pv
 
 import iriftrace
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.io import field as field_files
+from iriftrace.medium.index_field import IndexField
 from iriftrace.tracing.hot_air import HotAir
 from iriftrace.tracing.scene import Scene
 from validation.inputs import hot_block
@@ -166,3 +172,30 @@ def test_a_warning_of_an_ensemble_names_the_members_concerned(folder: Path, tmp_
     air = HotAir([cold, half], layers=2, labels=("full", "half"), wall_temperature_k=wall)
     with pytest.warns(IriftraceWarning, match="^half: The air at the wall has"):
         Scene(part, air, CAMERA).save(tmp_path / "s" / "scene.xml")
+
+
+def test_fields_of_an_ensemble_are_in_memory_one_at_a_time(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = field_files.read_field
+    earlier: list[weakref.ref[IndexField]] = []
+    alive = []
+
+    def counted(*arguments: Any, **options: Any) -> IndexField:
+        gc.collect()
+        alive.append(sum(field() is not None for field in earlier))
+        field = read(*arguments, **options)
+        earlier.append(weakref.ref(field))
+        return field
+
+    monkeypatch.setattr(field_files, "read_field", counted)
+    for name in ("second.vtu", "third.vtu"):
+        grid = pv.read(folder / "air.vtu")
+        grid.point_data["T"] = grid.point_data["T"] + 0.0
+        grid.points = grid.points * 1.001
+        grid.save(tmp_path / name)
+    words = ["scene", str(folder / "air.vtu"), str(folder / "block.stl"), "--layers=2"]
+    words += [f"--member={tmp_path / name}" for name in ("second.vtu", "third.vtu")]
+    xml = tmp_path / "scene" / "scene.xml"
+    assert main([*words, "-o", str(xml), *hot_block.CAMERA, "--target=0,0,0"]) == 0
+    assert alive == [0, 0, 0]

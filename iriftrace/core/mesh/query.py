@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from attrs import field, frozen
 from numpy.typing import ArrayLike
+from scipy.sparse import csr_array
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray, as_float64
 from iriftrace.core.mesh.triangles import area_vectors, polydata, unit_vectors, used_vertices
@@ -23,8 +24,8 @@ _ON_SURFACE_MM = 1e-9
 GAP_SAMPLE = 10_000
 """Vertices of each surface between which the smallest gap is looked for."""
 
-_CHUNK = 1_000_000
-"""Points whose triangles above are counted at once."""
+_CHUNK = 1 << 18
+"""Triangles that are sorted into columns, and points whose triangles above are counted, at once."""
 
 
 def _int64(values: ArrayLike) -> IntArray:
@@ -184,8 +185,8 @@ class Surface:
         low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
         inside = np.zeros(len(places), dtype=bool)
         near = np.flatnonzero(np.all((places >= low) & (places <= high), axis=1))
-        for start in range(0, len(near), _CHUNK):
-            chunk = near[start : start + _CHUNK]
+        for some in _chunks(len(near)):
+            chunk = near[some]
             inside[chunk] = self._columns.crossings_above(places[chunk]) % 2 == 1
         return inside
 
@@ -198,23 +199,32 @@ class _Columns:
     """Triangles sorted into columns along the axis on which they cover the fewest of them."""
 
     def __init__(self, vertices: FloatArray, faces: IntArray) -> None:
-        extent = np.ptp(vertices[faces], axis=1)
-        shadow = [np.sum(extent[:, (k + 1) % 3] * extent[:, (k + 2) % 3]) for k in range(3)]
+        shadow = np.zeros(3)
+        for chunk in _chunks(len(faces)):
+            extent = np.ptp(vertices[faces[chunk]], axis=1)
+            shadow += [np.sum(extent[:, (k + 1) % 3] * extent[:, (k + 2) % 3]) for k in range(3)]
         up = int(np.argmin(shadow * np.ptp(vertices, axis=0)))
         self.axes = np.array([(up + 1) % 3, (up + 2) % 3, up])
         self.vertices, self.faces = vertices[:, self.axes], faces
         self.low = self.vertices[:, :2].min(axis=0)
         size = np.maximum(np.ptp(self.vertices[:, :2], axis=0), 1e-12)
-        self.count = np.clip((np.sqrt(4 * len(faces) / size.prod()) * size).astype(int), 1, 2000)
+        self.count = np.clip((np.sqrt(4 * len(faces) / size.prod()) * size).astype(int), 1, 1000)
         self.width = size / self.count
-        corners = self.vertices[faces][:, :, :2]
-        first, last = self._column(corners.min(axis=1)), self._column(corners.max(axis=1))
-        span = last - first + 1
-        face, step = runs(span.prod(axis=1))
-        key = self._key(first[face] + np.stack(np.divmod(step, span[face, 1]), axis=1))
-        order = np.argsort(key, kind="stable")
-        self.face = face[order]
-        self.start = np.searchsorted(key[order], np.arange(self.count.prod() + 1))
+        keys, owners = [np.zeros(0, dtype=np.int32)], [np.zeros(0, dtype=np.int32)]
+        for chunk in _chunks(len(faces)):
+            corners = self.vertices[faces[chunk], :2]
+            first, last = self._column(corners.min(axis=1)), self._column(corners.max(axis=1))
+            span = last - first + 1
+            face, step = runs(span.prod(axis=1))
+            column = first[face] + np.stack(np.divmod(step, span[face, 1]), axis=1)
+            keys.append(self._key(column).astype(np.int32))
+            owners.append((face + chunk.start).astype(np.int32))
+        places = np.concatenate(keys), np.concatenate(owners)
+        of_columns = csr_array(
+            (np.ones(len(places[0]), dtype=bool), places),
+            shape=(int(self.count.prod()), len(faces)),
+        )
+        self.face, self.start = of_columns.indices, of_columns.indptr
 
     def _column(self, position: FloatArray) -> IntArray:
         column: IntArray = ((position - self.low) / self.width).astype(np.int64)
@@ -252,6 +262,10 @@ class _Columns:
             heights = self.vertices[faces.T, 2]
             height = np.einsum("ij,ij->j", weight, heights) / weight.sum(axis=0)
         return np.asarray(covers & (height > points[:, 2]))
+
+
+def _chunks(count: int) -> list[slice]:
+    return [slice(start, start + _CHUNK) for start in range(0, count, _CHUNK)]
 
 
 def runs(lengths: IntArray) -> tuple[IntArray, IntArray]:

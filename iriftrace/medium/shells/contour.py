@@ -11,6 +11,7 @@ from iriftrace.core.arrays import Float32Array, FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.mesh.topology import drop_degenerate, face_along, weld
 from iriftrace.core.mesh.triangles import normals_along, used_vertices
+from iriftrace.medium.ambient import ambient_step
 from iriftrace.medium.shells.hessian import derivative_rows
 from iriftrace.medium.shells.levels import check_range, index_levels, layers_between
 from iriftrace.medium.shells.options import STANDARD, ShellOptions
@@ -121,6 +122,9 @@ def _large_surfaces(
     """Surfaces by layer, if they have large components, and the small components removed."""
     import pyvista as pv
 
+    ambient = field.ambient_refractivity
+    step = ambient_step(field.refractivity, ambient)
+    field = field.hot_air if (np.abs(surfaces - ambient) > step).all() else field
     # The field's cells with only the arrays that are interpolated along their edges.
     grid = pv.UnstructuredGrid()
     grid.copy_structure(field.grid)
