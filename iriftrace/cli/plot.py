@@ -160,14 +160,9 @@ def _cloud(file: Path) -> pv.PolyData | None:
         from iriftrace.io.vtk_check import read_file
 
         return pv.wrap(read_file(file))
-    from iriftrace.io.ply import read_ply
+    from iriftrace.io.ply import read_whole_ply
 
-    try:
-        mesh = read_ply(file)
-    except Exception as error:  # its reader lets any through that a damaged file causes
-        raise InputError(
-            f"{file} is damaged ({error}); write it again.", code="file.damaged"
-        ) from error
+    mesh = read_whole_ply(file, "write it again")
     if len(mesh.faces):
         return None
     points = pv.PolyData(mesh.vertices)

@@ -7,13 +7,11 @@ is the qualification of simulators of X-ray tomography (VDI/VDE 2630, part 2.2).
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 from attrs import evolve, frozen
@@ -24,10 +22,11 @@ from iriftrace.camera.pose import look_at
 from iriftrace.core.arrays import FloatArray, as_float64
 from iriftrace.core.engines import Engine
 from iriftrace.core.errors import InputError, without_warnings
-from iriftrace.core.files import text_in, write_json
-from iriftrace.core.plain import JsonObject, plain, structured
+from iriftrace.core.files import write_json
+from iriftrace.core.plain import JsonObject, plain
 from iriftrace.image.aov_image import Status
 from iriftrace.io.field import read_field
+from iriftrace.io.json_files import read_json
 from iriftrace.io.part_files import read_part, save_part
 from iriftrace.io.reading import ReadField, ReadPart
 from iriftrace.io.vtk_write import write_vtk
@@ -41,6 +40,8 @@ from iriftrace.tracing.scene import Scene
 
 SCENARIO_SCHEMA, RESULTS_SCHEMA = "iriftrace.scenario/1", "iriftrace.qualification/1"
 STATEMENT, PART, FIELD = "scenario.json", "part.ply", "field.vtu"
+
+_REMEDY = "see an example in a kit"
 
 _VIEW_MM = 10.0
 """Width of what a device sees at the part."""
@@ -170,7 +171,7 @@ def read_kit(path: Path) -> list[Scenario]:
 
 
 def _scenario(path: Path) -> Scenario:
-    stated = _structured(path, Statement, SCENARIO_SCHEMA)
+    stated = read_json(path, Statement, SCENARIO_SCHEMA, _REMEDY)
     lists = (stated.direction, stated.truth_mm, stated.second_mm or stated.origin_mm)
     if not stated.origin_mm or any(len(rows) != len(stated.origin_mm) for rows in lists):
         raise InputError(
@@ -204,25 +205,7 @@ class Results:
 
 def read_results(path: Path) -> Results:
     """Answers of a tracer from its file; InputError if it is none."""
-    return _structured(path, Results, RESULTS_SCHEMA)
-
-
-T = TypeVar("T", Statement, Results)
-
-
-def _structured(path: Path, kind: type[T], schema: str) -> T:
-    try:
-        stated = structured(json.loads(text_in(path)), kind)
-    except ValueError as error:
-        raise InputError(
-            f"{path} cannot be read: {error}; see an example in a kit.", code="scenario.unreadable"
-        ) from error
-    if stated.schema != schema:
-        raise InputError(
-            f"{path} has the schema {stated.schema!r}, not {schema!r}; name the right file.",
-            code="scenario.other_schema",
-        )
-    return stated
+    return read_json(path, Results, RESULTS_SCHEMA, _REMEDY)
 
 
 def traced_kit(scenarios: Sequence[Scenario], engine: Engine) -> Results:

@@ -22,6 +22,7 @@ from iriftrace.flow.simulate.part_surface import (
     symmetric_axes,
 )
 from iriftrace.flow.simulate.times import Times, natural_times
+from iriftrace.io.refusals import damaged
 from iriftrace.medium.source import Variation
 from iriftrace.part.part import Part, refuse_unlikely_size
 from iriftrace.part.region_choice import values_by_region
@@ -198,11 +199,7 @@ def read_record(file: Path) -> JsonObject:
     except ValueError as error:
         stored = error
     if not isinstance(stored, dict):
-        raise InputError(
-            f"{file}, which records the progress of the run, is damaged ({stored}); delete the "
-            "folder, or name another one.",
-            code="file.damaged",
-        )
+        raise damaged(file, stored, "delete the folder, or name another one")
     return stored
 
 
