@@ -166,8 +166,8 @@ def _print_fit(found: MemberFit) -> None:
     for one in found.views:
         if len(found.views) > 1:
             say(
-                f"{one.path}: residual {one.residual:.3g} {found.unit}, noise {one.noise:.3g} "
-                f"{found.unit}."
+                f"{one.origin.path}: residual {one.residual:.3g} {found.unit}, "
+                f"noise {one.noise:.3g} {found.unit}."
             )
         if one.motion is not None:
             moved, turned = 1e3 * one.motion[:3], 1e6 * one.motion[3:]
