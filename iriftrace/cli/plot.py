@@ -16,7 +16,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.files import FileOrigin
 from iriftrace.image.displacement import NORM, Component
 from iriftrace.io.reading import ReadPart
-from iriftrace.planning.criteria import SHOWN, STANDARD
+from iriftrace.planning.criteria import SHOWN, STANDARD_CRITERIA
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -32,7 +32,7 @@ def plot(
     file: Path,
     *,
     output: Output = Path("figures"),
-    ranking: Ranking = STANDARD,
+    ranking: Ranking = STANDARD_CRITERIA,
     component: Component = NORM,
     wavelength: LightOf = None,
 ) -> None:
@@ -186,7 +186,7 @@ def report(
     file: Path,
     *,
     output: Output = Path("report.html"),
-    ranking: Ranking = STANDARD,
+    ranking: Ranking = STANDARD_CRITERIA,
     top: Whole = SHOWN,
     wavelength: LightOf = None,
     views: Several = None,
@@ -217,7 +217,7 @@ def report(
         summary = summarise(dataset, ranking)
         with working("Writing the report"):
             missing = write_report(output, dataset, summary, top=top, views=views)
-    elif (ranking, top, wavelength, views) == (STANDARD, SHOWN, None, None):
+    elif (ranking, top, wavelength, views) == (STANDARD_CRITERIA, SHOWN, None, None):
         from iriftrace.figures.report import write_scan_report
 
         numbers, values = _numbers(file)

@@ -66,7 +66,7 @@ _SUMMARY_ROWS = 5
 
 _MOST_REASONS = 200
 
-Kind = Literal["text", "answer", "doubt", "list", "lines", "numbers", "names", "pictures"]
+BlockKind = Literal["text", "answer", "doubt", "list", "lines", "numbers", "names", "pictures"]
 
 
 class Page:
@@ -84,7 +84,7 @@ class Page:
         self.sections.append({"name": name, "title": title, "blocks": []})
 
     def add(
-        self, kind: Kind, *content: object, title: str = "", headings: Iterable[str] = ()
+        self, kind: BlockKind, *content: object, title: str = "", headings: Iterable[str] = ()
     ) -> None:
         """Add a block to the last section: sentences, lines, rows (cells), or pictures.
 

@@ -36,7 +36,7 @@ UNFINISHED = "unfinished"
 _LEANS = (0.0, 0.25, 0.5)
 _SAME_MM = 1e-3
 
-STANDARD = SimulationOptions()
+STANDARD_SIMULATION = SimulationOptions()
 
 
 @frozen(eq=False)
@@ -47,7 +47,7 @@ class Case:
     wall: WallTemperatures
     size: MeshSize
     times: Times
-    options: SimulationOptions = STANDARD  # air, floor and processes
+    options: SimulationOptions = STANDARD_SIMULATION  # air, floor and processes
     mirrors: str = ""  # axes at whose centre plane the field is mirrored: "", "x", "y" or "xy"
     draught: Draught | None = None  # None in still air
     bodies: tuple[Body, ...] = ()

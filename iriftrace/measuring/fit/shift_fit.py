@@ -202,8 +202,9 @@ def _check_in_picture(shifts: MeasuredShift, camera: Camera) -> None:
     if outside.any():
         raise InputError(
             f"{outside.sum():,} of {len(outside):,} dots in {shifts.origin.path} lie outside "
-            f"the camera's picture of {width} x {height} px, so they are shifts from another camera or of a "
-            "scaled picture; give those of the camera in the scene, at its full resolution.",
+            f"the camera's picture of {width} x {height} px, so they are shifts from "
+            "another camera or of a scaled picture; give those of the camera in the scene, at its "
+            "full resolution.",
             code="shifts.outside_picture",
         )
 
