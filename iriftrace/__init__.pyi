@@ -12,7 +12,6 @@ from .core.errors import InputError as InputError
 from .core.errors import IriftraceError as IriftraceError
 from .core.errors import IriftraceWarning as IriftraceWarning
 from .core.errors import SetupError as SetupError
-from .core.files import FileOrigin as FileOrigin
 from .core.member_weights import MemberWeights as MemberWeights
 from .figures.pose import displacement_figure as displacement_figure
 from .figures.report import write_report as write_report
