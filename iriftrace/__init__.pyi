@@ -91,7 +91,7 @@ from .measuring.uncertainty.displacement import (
     render_with_uncertainty as render_with_uncertainty,
 )
 from .measuring.uncertainty.inputs import Inputs as Inputs
-from .measuring.uncertainty.known_air import EngineError as EngineError
+from .measuring.uncertainty.known_air import EngineDeviation as EngineDeviation
 from .measuring.uncertainty.known_air import KnownAir as KnownAir
 from .measuring.uncertainty.known_air import known_air as known_air
 from .measuring.uncertainty.twin import TwinResult as TwinResult

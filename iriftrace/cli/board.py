@@ -15,7 +15,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import Length
 from iriftrace.part import sizes
-from iriftrace.tracing.options import AS_STATED
+from iriftrace.tracing.options import TRACE_AS_STATED
 
 Places = Annotated[
     list[str] | None,
@@ -39,7 +39,7 @@ def board(
     feature: list[str] | None = None,
     enough: float = 0.1,
     output: Output | None = None,
-    trace: Tracing = AS_STATED,
+    trace: Tracing = TRACE_AS_STATED,
 ) -> None:
     """Rank places of a board by the uncertainty of a feature that a fit to its dots leaves.
 

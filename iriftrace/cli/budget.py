@@ -11,9 +11,9 @@ from iriftrace.cli.console import say, working
 from iriftrace.cli.measure import Devices
 from iriftrace.cli.options import Output
 from iriftrace.cli.trace_options import Tracing, load
-from iriftrace.measuring.options import USUAL
+from iriftrace.measuring.options import USUAL_DEVICES
 from iriftrace.measuring.uncertainty.options import NOTHING_ASKED
-from iriftrace.tracing.options import AS_STATED
+from iriftrace.tracing.options import TRACE_AS_STATED
 
 if TYPE_CHECKING:
     from iriftrace.core.plain import JsonObject
@@ -28,8 +28,8 @@ def budget(
     *,
     output: Output | None = None,
     answers: Answers = NOTHING_ASKED,
-    devices: Devices = USUAL,
-    trace: Tracing = AS_STATED,
+    devices: Devices = USUAL_DEVICES,
+    trace: Tracing = TRACE_AS_STATED,
 ) -> None:
     """State the uncertainty of a measurement before it is made, by group of inputs.
 

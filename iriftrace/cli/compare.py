@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from iriftrace.cli import checks
-from iriftrace.cli.console import drawn, out, say, working
+from iriftrace.cli.console import out, say, working, written_figure
 from iriftrace.cli.options import LightOf, Output
 from iriftrace.cli.shift_options import WithoutZeros, left_out, read_shifts
 from iriftrace.cli.trace_options import Statuses, check_light, statuses
@@ -78,7 +78,7 @@ def compare(
 
         title = f"{measured.name} and {image.name}, {report['points']['compared']:,} places"
         figure = partial(comparison_figure, comparison, comparison.measurement.resolution, title)
-        written.append(drawn(figure, target.with_suffix(".png")))
+        written.append(written_figure(figure, target.with_suffix(".png")))
     comparison.save(target)
     _print_report(report, image.name, comparison.image.resolution)
     say("Files: " + ", ".join(map(str, written)))

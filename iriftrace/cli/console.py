@@ -102,7 +102,7 @@ def working(what: str) -> Iterator[None]:
     raise_if_noticed()
 
 
-def drawn(figure: Callable[[], Figure], picture: Path) -> Path:
+def written_figure(figure: Callable[[], Figure], picture: Path) -> Path:
     """Draw a figure into a file; returns the file's name."""
     from iriftrace.figures.style import write_figure
 

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 from iriftrace.cli import checks
 from iriftrace.cli.answer import Answers, say_results
-from iriftrace.cli.console import drawn, say, working
+from iriftrace.cli.console import say, working, written_figure
 from iriftrace.cli.measure import Devices
 from iriftrace.cli.options import Flag, Output
 from iriftrace.cli.trace_options import Tracing, load
 from iriftrace.core.errors import InputError
-from iriftrace.measuring.options import USUAL
+from iriftrace.measuring.options import USUAL_DEVICES
 from iriftrace.measuring.uncertainty.options import NOTHING_ASKED
-from iriftrace.tracing.options import AS_STATED
+from iriftrace.tracing.options import TRACE_AS_STATED
 
 if TYPE_CHECKING:
     from iriftrace.measuring.two_devices.correction import Correction
@@ -31,9 +31,9 @@ def correct(
     columns: str | None = None,
     cloud_to_part: Path | None = None,
     in_cloud_frame: Flag = False,
-    devices: Devices = USUAL,
+    devices: Devices = USUAL_DEVICES,
     answers: Answers = NOTHING_ASKED,
-    trace: Tracing = AS_STATED,
+    trace: Tracing = TRACE_AS_STATED,
     figures: bool = True,
 ) -> None:
     """Remove the refraction error from a measured cloud.
@@ -117,7 +117,7 @@ def correct(
         from iriftrace.figures.scan import correction_figure
 
         figure = partial(correction_figure, found, loaded.part, loaded.camera)
-        files.append(drawn(figure, output.with_suffix(".png")))
+        files.append(written_figure(figure, output.with_suffix(".png")))
     rows = describe(json.loads(numbers.read_text(encoding="utf-8")), placed_names(loaded.part))
     say_group(rows, "points moved")
     say_results(rows)

@@ -16,8 +16,8 @@ from iriftrace.cli.reading import AirOptions, FieldReading, PartReading, read_pa
 from iriftrace.core.errors import InputError
 from iriftrace.core.number_lists import Vector
 from iriftrace.core.units import Length, Temperature
-from iriftrace.flow.synthetic.options import STANDARD, WALL, SyntheticOptions
-from iriftrace.io.reading import AS_DRAWN, AS_STATED, ReadPart
+from iriftrace.flow.synthetic.options import STANDARD_SYNTHETIC, WALL, SyntheticOptions
+from iriftrace.io.reading import AS_DRAWN, FIELD_AS_STATED, ReadPart
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.shells.options import STANDARD as SHELLS
 
@@ -56,7 +56,7 @@ def check(
     known: Path | None = None,
     layers: Whole = SHELLS.layers,
     air: AirOptions = Air(),
-    reading: FieldReading = AS_STATED,
+    reading: FieldReading = FIELD_AS_STATED,
     part_reading: PartReading = AS_DRAWN,
 ) -> None:
     """Check a field against its part: wall, boundary layer, heat, edge of the data, gradients.
@@ -219,7 +219,7 @@ def synthetic(
     part: Path,
     *,
     output: Output,
-    options: Synthetic = STANDARD,
+    options: Synthetic = STANDARD_SYNTHETIC,
     part_reading: PartReading = AS_DRAWN,
 ) -> None:
     """Write a synthetic boundary layer and plume around a part: formulas, not a simulation.

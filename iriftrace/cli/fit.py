@@ -12,7 +12,7 @@ from iriftrace.cli.shift_options import WithoutZeros, left_out, read_shifts
 from iriftrace.cli.trace_options import Tracing, load
 from iriftrace.core.errors import refuse_given, warn
 from iriftrace.core.units import counted
-from iriftrace.tracing.options import AS_STATED, TraceOptions
+from iriftrace.tracing.options import TRACE_AS_STATED, TraceOptions
 
 if TYPE_CHECKING:
     from iriftrace.measuring.fit.member_fit import MemberFit
@@ -29,7 +29,7 @@ def fit(
     noise: float | None = None,
     camera_motion: Flag = False,
     without_zeros: WithoutZeros = False,
-    trace: Tracing = AS_STATED,
+    trace: Tracing = TRACE_AS_STATED,
 ) -> None:
     """Find the measured air: weights of an ensemble's members from shifts or temperatures.
 
@@ -166,8 +166,8 @@ def _print_fit(found: MemberFit) -> None:
     for one in found.views:
         if len(found.views) > 1:
             say(
-                f"{one.path}: residual {one.residual:.3g} {found.unit}, noise {one.noise:.3g} "
-                f"{found.unit}."
+                f"{one.origin.path}: residual {one.residual:.3g} {found.unit}, "
+                f"noise {one.noise:.3g} {found.unit}."
             )
         if one.motion is not None:
             moved, turned = 1e3 * one.motion[:3], 1e6 * one.motion[3:]

@@ -12,15 +12,15 @@ from cyclopts import Parameter
 
 from iriftrace.cli import checks
 from iriftrace.cli.aperture_options import Aperture, effects_of, say_effects
-from iriftrace.cli.console import drawn, say, working
+from iriftrace.cli.console import say, working, written_figure
 from iriftrace.cli.groups import group
 from iriftrace.cli.options import Flag, Output
 from iriftrace.cli.ray import write_rays
 from iriftrace.cli.trace_options import Tracing, load
 from iriftrace.core.engines import engine_named
 from iriftrace.core.units import counted
-from iriftrace.measuring.options import USUAL, MeasureOptions
-from iriftrace.tracing.options import AS_STATED, PINHOLE
+from iriftrace.measuring.options import USUAL_DEVICES, MeasureOptions
+from iriftrace.tracing.options import PINHOLE, TRACE_AS_STATED
 
 if TYPE_CHECKING:
     from iriftrace.core.plain import JsonObject
@@ -41,9 +41,9 @@ def measure(
     scene: Path,
     *,
     output: Output = Path("scan.vtp"),
-    devices: Devices = USUAL,
+    devices: Devices = USUAL_DEVICES,
     acceptance: Flag = False,
-    trace: Tracing = AS_STATED,
+    trace: Tracing = TRACE_AS_STATED,
     figures: bool = True,
     lens: Aperture = PINHOLE,
 ) -> None:
@@ -86,7 +86,7 @@ def measure(
 def write_scan(
     loaded: Scene,
     output: Path,
-    devices: MeasureOptions = USUAL,
+    devices: MeasureOptions = USUAL_DEVICES,
     *,
     acceptance: bool = False,
     figures: bool = True,
@@ -120,7 +120,9 @@ def write_scan(
     if figures:
         from iriftrace.figures.scan import scan_figure
 
-        files.append(drawn(lambda: scan_figure(scan, loaded.part), output.with_suffix(".png")))
+        files.append(
+            written_figure(lambda: scan_figure(scan, loaded.part), output.with_suffix(".png"))
+        )
     files += write_rays(output, scan.lost_rays)
     names = placed_names(loaded.part)
     rows = describe(json.loads(numbers.read_text(encoding="utf-8")), names)

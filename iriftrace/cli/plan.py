@@ -15,7 +15,14 @@ from iriftrace.cli.options import Flag, LightOf, Whole
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError, refuse_given
 from iriftrace.io.poses import OPENCV, Convention
-from iriftrace.planning.criteria import SHOWN, STANDARD, USUAL_PAIRING, Criteria, Pairing, Views
+from iriftrace.planning.criteria import (
+    SHOWN,
+    STANDARD_CRITERIA,
+    USUAL_PAIRING,
+    Criteria,
+    Pairing,
+    Views,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -38,7 +45,7 @@ InPairs = Annotated[Pairing | None, group(Pairing, "Two devices", 5, show_defaul
 def plan(
     sweep: Path,
     *,
-    ranking: Ranking = STANDARD,
+    ranking: Ranking = STANDARD_CRITERIA,
     top: Whole = SHOWN,
     uncertainty: str = "",
     wavelength: LightOf = None,

@@ -16,7 +16,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.files import FileOrigin
 from iriftrace.image.displacement import NORM, Component
 from iriftrace.io.reading import ReadPart
-from iriftrace.planning.criteria import SHOWN, STANDARD
+from iriftrace.planning.criteria import SHOWN, STANDARD_CRITERIA
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -32,7 +32,7 @@ def plot(
     file: Path,
     *,
     output: Output = Path("figures"),
-    ranking: Ranking = STANDARD,
+    ranking: Ranking = STANDARD_CRITERIA,
     component: Component = NORM,
     wavelength: LightOf = None,
 ) -> None:
@@ -160,14 +160,9 @@ def _cloud(file: Path) -> pv.PolyData | None:
         from iriftrace.io.vtk_check import read_file
 
         return pv.wrap(read_file(file))
-    from iriftrace.io.ply import read_ply
+    from iriftrace.io.ply import read_whole_ply
 
-    try:
-        mesh = read_ply(file)
-    except Exception as error:  # its reader lets any through that a damaged file causes
-        raise InputError(
-            f"{file} is damaged ({error}); write it again.", code="file.damaged"
-        ) from error
+    mesh = read_whole_ply(file, "write it again")
     if len(mesh.faces):
         return None
     points = pv.PolyData(mesh.vertices)
@@ -191,7 +186,7 @@ def report(
     file: Path,
     *,
     output: Output = Path("report.html"),
-    ranking: Ranking = STANDARD,
+    ranking: Ranking = STANDARD_CRITERIA,
     top: Whole = SHOWN,
     wavelength: LightOf = None,
     views: Several = None,
@@ -222,7 +217,7 @@ def report(
         summary = summarise(dataset, ranking)
         with working("Writing the report"):
             missing = write_report(output, dataset, summary, top=top, views=views)
-    elif (ranking, top, wavelength, views) == (STANDARD, SHOWN, None, None):
+    elif (ranking, top, wavelength, views) == (STANDARD_CRITERIA, SHOWN, None, None):
         from iriftrace.figures.report import write_scan_report
 
         numbers, values = _numbers(file)

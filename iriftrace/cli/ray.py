@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from iriftrace.cli import checks
-from iriftrace.cli.console import command_line, drawn, print_table, say, working
+from iriftrace.cli.console import command_line, print_table, say, working, written_figure
 from iriftrace.cli.options import Output, Whole
 from iriftrace.cli.trace_options import load
 from iriftrace.core.errors import InputError, warn
@@ -77,7 +77,7 @@ def ray(
     if figures:
         from iriftrace.figures.ray import ray_figure
 
-        say(f"Files: {drawn(lambda: ray_figure(found), picture)}")
+        say(f"Files: {written_figure(lambda: ray_figure(found), picture)}")
 
 
 def write_rays(result: Path, rays: LostRays | None) -> list[Path]:

@@ -17,7 +17,7 @@ from iriftrace.cli.options import LightOf, Output
 from iriftrace.cli.ray import write_rays
 from iriftrace.cli.trace_options import Statuses, Tracing, check_light, load, statuses
 from iriftrace.core.errors import warn
-from iriftrace.tracing.options import AS_STATED, PINHOLE
+from iriftrace.tracing.options import PINHOLE, TRACE_AS_STATED
 
 if TYPE_CHECKING:
     from iriftrace.core.plain import JsonObject
@@ -32,7 +32,7 @@ def render(
     scene: Path,
     *,
     output: Output | None = None,
-    trace: Tracing = AS_STATED,
+    trace: Tracing = TRACE_AS_STATED,
     figures: bool = True,
     surface: Path | None = None,
     rgb: Literal["displacement", "shift", "refracted"] | None = None,
@@ -138,7 +138,7 @@ def demo(
     *,
     output: Output = Path("out"),
     scene: str = DEMO,
-    trace: Tracing = AS_STATED,
+    trace: Tracing = TRACE_AS_STATED,
 ) -> None:
     """Run a bundled scene, by default a hot cylinder, from scene to pictures and metrics.
 

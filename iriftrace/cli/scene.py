@@ -23,10 +23,10 @@ from iriftrace.cli.reading import (
 )
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import ZERO_CELSIUS_K, counted
-from iriftrace.io.reading import AS_DRAWN, AS_STATED, ReadField, ReadPart
+from iriftrace.io.reading import AS_DRAWN, FIELD_AS_STATED, ReadField, ReadPart
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.shells.options import STANDARD, ShellOptions
-from iriftrace.tracing.camera_options import USUAL
+from iriftrace.tracing.camera_options import USUAL_CAMERA
 from iriftrace.tracing.options import GRADIENT, SCALE, Normals
 from iriftrace.tracing.second_options import NO_RIG, NO_SECOND, devices_of
 
@@ -47,7 +47,7 @@ def shells(
     output: Output,
     part: Path | None = None,
     air: AirOptions = Air(),
-    reading: FieldReading = AS_STATED,
+    reading: FieldReading = FIELD_AS_STATED,
     shell_options: Shells = STANDARD,
     part_reading: PartReading = AS_DRAWN,
 ) -> None:
@@ -105,10 +105,10 @@ def scene(
     blocker_length_unit: str | None = None,
     normals: Normals = GRADIENT,
     air: AirOptions = Air(),
-    reading: FieldReading = AS_STATED,
+    reading: FieldReading = FIELD_AS_STATED,
     shell_options: Shells = STANDARD,
     part_reading: PartReading = AS_DRAWN,
-    camera_options: CameraDescription = USUAL,
+    camera_options: CameraDescription = USUAL_CAMERA,
     second_options: Second = NO_SECOND,
     stereo_options: Rig = NO_RIG,
     scale: Scale = SCALE,

@@ -241,7 +241,8 @@ def _print_wall(case: Case) -> None:
     wall, measured = case.wall, case.wall.measured
     if measured is not None:
         low, high = (f"{kelvin:.2f} K" for kelvin in (measured.kelvins.min(), wall.hottest))
-        say(f"  wall from {measured.path}: {low} to {high} at {len(measured.points):,} points")
+        count = len(measured.points)
+        say(f"  wall from {measured.origin.path}: {low} to {high} at {count:,} points")
         if far := measured.far_faces(case.part, case.size.wall):
             warn(far)
         return

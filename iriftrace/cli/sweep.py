@@ -17,7 +17,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.number_lists import Lengths
 from iriftrace.core.units import counted
 from iriftrace.sweep.options import LOCAL, NO_WORKERS, SweepPoses, Workers
-from iriftrace.tracing.options import AS_STATED
+from iriftrace.tracing.options import TRACE_AS_STATED
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -30,7 +30,7 @@ def sweep(
     output: Output,
     orbit: Annotated[SweepPoses, group(SweepPoses, "Orbit", 1)] = SweepPoses(),
     focal_length: Lengths | None = None,
-    trace: Tracing = AS_STATED,
+    trace: Tracing = TRACE_AS_STATED,
     exr: bool = False,
     include: Statuses = None,
     export: Path | None = None,

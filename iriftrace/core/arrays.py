@@ -23,6 +23,9 @@ Variable = tuple[tuple[str, ...], AnyArray] | tuple[tuple[str, ...], AnyArray, M
 
 Variables = dict[str, Variable]
 
+Triple = tuple[float, float, float]
+"""A vector in a file: its components along x, y and z."""
+
 
 def as_float64(values: ArrayLike) -> FloatArray:
     """An array in double precision."""

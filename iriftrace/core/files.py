@@ -87,7 +87,7 @@ def sha256_of(path: Path) -> str:
 class FileOrigin:
     """The file that a value was read from, so that results name it."""
 
-    path: str  # absolute
+    path: str  # absolute, or as it was given
     sha256: str
 
     @classmethod

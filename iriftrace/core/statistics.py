@@ -8,6 +8,9 @@ import numpy as np
 
 from iriftrace.core.arrays import FloatArray
 
+COVERAGE_FACTOR = 2.0
+"""Expanded uncertainty over standard uncertainty."""
+
 SPREAD = ("mean", "median", "p95", "rms", "min", "max")
 
 

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Literal
 from matplotlib.figure import Figure
 
 from iriftrace.camera.pose import pose_text
-from iriftrace.core.errors import InputError
 from iriftrace.core.files import FileOrigin, write_whole
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import counted
@@ -21,6 +20,7 @@ from iriftrace.figures.describe_scan import TRUE_CLOUDS, Row
 from iriftrace.figures.style import figure_bytes
 from iriftrace.figures.sweep import sweep_charts, sweep_pictures
 from iriftrace.image.resolution import FRONTAL
+from iriftrace.io.refusals import damaged
 from iriftrace.planning import texts
 from iriftrace.planning.candidates import name_of as metric_name
 from iriftrace.planning.cover import plan_views
@@ -67,7 +67,7 @@ _SUMMARY_ROWS = 5
 
 _MOST_REASONS = 200
 
-Kind = Literal["text", "answer", "doubt", "list", "lines", "numbers", "names", "pictures"]
+BlockKind = Literal["text", "answer", "doubt", "list", "lines", "numbers", "names", "pictures"]
 
 
 class Page:
@@ -85,7 +85,7 @@ class Page:
         self.sections.append({"name": name, "title": title, "blocks": []})
 
     def add(
-        self, kind: Kind, *content: object, title: str = "", headings: Iterable[str] = ()
+        self, kind: BlockKind, *content: object, title: str = "", headings: Iterable[str] = ()
     ) -> None:
         """Add a block to the last section: sentences, lines, rows (cells), or pictures.
 
@@ -308,9 +308,7 @@ def write_scan_report(path: Path, values: JsonObject, origin: FileOrigin, png: b
     try:
         page = scan_page(values, png)
     except (LookupError, TypeError, ValueError) as error:
-        raise InputError(
-            f"{origin.path} is damaged ({error!r}); compute the result again.", code="file.damaged"
-        ) from error
+        raise damaged(origin.path, repr(error), "compute the result again") from error
     page.write(path, origin)
 
 

@@ -14,7 +14,7 @@ from iriftrace.figures.style import write_figure
 from iriftrace.image.aov_image import AovImage
 from iriftrace.image.displacement import NORM, Component
 from iriftrace.io.exr import read_exr
-from iriftrace.planning.criteria import STANDARD, Criteria
+from iriftrace.planning.criteria import STANDARD_CRITERIA, Criteria
 from iriftrace.sweep.store import read_sweep
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ class Plots:
 def plot(
     result: AovImage | Rendering | xr.Dataset,
     *,
-    criteria: Criteria = STANDARD,
+    criteria: Criteria = STANDARD_CRITERIA,
     name: str | None = None,
     component: Component = NORM,
 ) -> Plots:

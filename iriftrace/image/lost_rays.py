@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from attrs import evolve, frozen
 
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import FloatArray, Triple
 from iriftrace.core.plain import structured
 from iriftrace.image.aov_image import AovImage, Status
 
@@ -22,8 +22,6 @@ SCHEMA = "iriftrace.rays/1"
 
 MOST = 20
 """Number of rays that a file holds."""
-
-Vector = tuple[float, float, float]
 
 
 @frozen
@@ -49,8 +47,8 @@ class LostRay:
     number: int
     device: str
     pixel: tuple[float, float]
-    origin_mm: Vector
-    direction: Vector
+    origin_mm: Triple
+    direction: Triple
     status: int
     member: int | None = None
 

@@ -9,7 +9,7 @@ from attrs import evolve, frozen
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn, without_warnings
-from iriftrace.core.files import check_readable, sha256_of
+from iriftrace.core.files import FileOrigin, check_readable, sha256_of
 from iriftrace.core.units import PLAUSIBLE_K, ZERO_CELSIUS_K, length_factor, parse_quantity
 from iriftrace.io.states import Column
 from iriftrace.io.table import Table, read_table
@@ -31,15 +31,14 @@ class AirTemperatures:
     kelvins : (n,) array, K
     deviations : (n,) array, K
         Standard uncertainty of each temperature.
-    path : str
-    sha256 : str
+    origin : FileOrigin
+        The file, its path as it was given.
     """
 
     places: FloatArray
     kelvins: FloatArray
     deviations: FloatArray
-    path: str
-    sha256: str
+    origin: FileOrigin
 
 
 def is_air_temperatures(path: Path) -> bool:
@@ -143,4 +142,4 @@ def read_air_temperatures(path: str | Path) -> AirTemperatures:
             "each.",
             code="table.two_values",
         )
-    return AirTemperatures(places, kelvins, deviations, str(file), sha256_of(file))
+    return AirTemperatures(places, kelvins, deviations, FileOrigin(str(file), sha256_of(file)))

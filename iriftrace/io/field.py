@@ -14,7 +14,7 @@ from iriftrace.core.errors import InputError, warn
 from iriftrace.core.mesh.transform import apply
 from iriftrace.core.units import length_factor
 from iriftrace.io.members import member_at, read_state
-from iriftrace.io.reading import AS_STATED, ReadField
+from iriftrace.io.reading import FIELD_AS_STATED, ReadField
 from iriftrace.io.refusals import chosen_unit
 from iriftrace.io.scattered import cells_outside
 from iriftrace.io.states import Contents
@@ -51,7 +51,7 @@ INDEX_TOLERANCE = 0.02
 
 def read_field(
     path: str | Path,
-    reading: ReadField = AS_STATED,
+    reading: ReadField = FIELD_AS_STATED,
     *,
     air: Air | None = None,
     member: int | None = None,

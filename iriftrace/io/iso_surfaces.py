@@ -20,7 +20,7 @@ from iriftrace.core.mesh import transform as motion
 from iriftrace.core.mesh.topology import drop_degenerate, face_along, weld
 from iriftrace.core.mesh.triangles import area_vectors, normals_along, unit_vectors, used_vertices
 from iriftrace.core.units import length_factor
-from iriftrace.io.reading import AS_STATED, ReadField
+from iriftrace.io.reading import FIELD_AS_STATED, ReadField
 from iriftrace.io.refusals import check_ending, check_exists
 from iriftrace.io.vtk_check import read_file
 from iriftrace.io.vtk_files import blocks_of
@@ -58,7 +58,7 @@ class Soup:
 
 def import_shells(
     path: str | Path,
-    reading: ReadField = AS_STATED,
+    reading: ReadField = FIELD_AS_STATED,
     *,
     gradient: str | None = None,
     air: Air | None = None,

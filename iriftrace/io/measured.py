@@ -9,7 +9,7 @@ import pyvista as pv
 
 from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError, warn
-from iriftrace.core.files import sha256_of
+from iriftrace.core.files import FileOrigin, sha256_of
 from iriftrace.core.mesh.triangles import used_vertices
 from iriftrace.core.units import ZERO_CELSIUS_K, counted, length_factor
 from iriftrace.io.refusals import check_ending, check_exists, chosen_unit, damaged
@@ -85,7 +85,8 @@ def read_measured_wall(
     if suffix in _TABLES:
         points, means = merged(points, kelvins[:, None], path)
         kelvins = means[:, 0]
-    return MeasuredWall(str(path), sha256_of(path), points, kelvins, faces, above_k)
+    origin = FileOrigin(str(path), sha256_of(path))
+    return MeasuredWall(origin, points, kelvins, faces, above_k)
 
 
 def _cut(

@@ -17,7 +17,7 @@ from attrs import evolve, frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError, warn
-from iriftrace.core.files import array_in, sha256_of
+from iriftrace.core.files import FileOrigin, array_in, sha256_of
 from iriftrace.io.exr import exr_content
 from iriftrace.io.refusals import check_ending, check_exists, damaged, not_read
 from iriftrace.io.table import listed, read_table
@@ -50,8 +50,8 @@ class MeasuredShift:
     shifts : (n, 2) array, px
     resolution : (2,) int or None
         Width and height of a map; None for markers.
-    path : str
-    sha256 : str
+    origin : FileOrigin
+        The file, its path as it was given.
     failed, zeros : int
         Numbers of places that were left out: marked as not found, and shifts of exactly (0, 0).
     doubt : str
@@ -61,8 +61,7 @@ class MeasuredShift:
     places: FloatArray
     shifts: FloatArray
     resolution: tuple[int, int] | None
-    path: str
-    sha256: str
+    origin: FileOrigin
     failed: int = 0
     zeros: int = 0
     doubt: str = ""
@@ -113,7 +112,8 @@ def read_measured_shift(path: str | Path, *, without_zeros: bool | None = None) 
             f"{file} has no measured shift: none of its values is finite{marked}.",
             code="shift.not_measured",
         )
-    read = MeasuredShift(places, shifts, resolution, str(file), sha256_of(file), failed)
+    origin = FileOrigin(str(file), sha256_of(file))
+    read = MeasuredShift(places, shifts, resolution, origin, failed)
     if without_zeros:
         return _without_zeros(read)
     # A rendering has exact zeros where there is no hot air.
@@ -130,7 +130,7 @@ def _without_zeros(read: MeasuredShift) -> MeasuredShift:
     measured = (read.shifts != 0.0).any(axis=1)
     if not measured.any():
         raise InputError(
-            f"All {len(measured):,} shifts of {read.path} are exactly 0, so none is left; "
+            f"All {len(measured):,} shifts of {read.origin.path} are exactly 0, so none is left; "
             "correlate the pictures again.",
             code="shift.not_measured",
         )
@@ -143,7 +143,7 @@ def _with_doubt(read: MeasuredShift) -> MeasuredShift:
     if zeros.mean() <= MOST_ZEROS:
         return read
     doubt = (
-        f"{zeros.sum():,} of {len(zeros):,} shifts of {read.path} are exactly 0 in both "
+        f"{zeros.sum():,} of {len(zeros):,} shifts of {read.origin.path} are exactly 0 in both "
         "components, as many programs write where they found nothing"
     )
     return evolve(read, doubt=doubt)

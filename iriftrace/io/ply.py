@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from iriftrace.core.arrays import AnyArray, AnyIntArray, FloatArray, IntArray
 from iriftrace.core.files import whole_file
 from iriftrace.core.plain import JsonObject
+from iriftrace.io.refusals import damaged
 
 
 @frozen(eq=False)
@@ -29,6 +30,14 @@ class PlyMesh:
     vertex_columns: dict[str, AnyArray]
     face_columns: dict[str, AnyArray]
     remarks: tuple[str, ...] = ()
+
+
+def read_whole_ply(path: Path, remedy: str) -> PlyMesh:
+    """Read a PLY file as `read_ply` does; InputError with a remedy if it is damaged."""
+    try:
+        return read_ply(path)
+    except Exception as error:  # the reader lets any error through that a damaged file causes
+        raise damaged(path, error, remedy) from error
 
 
 def read_ply(path: Path) -> PlyMesh:

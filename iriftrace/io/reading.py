@@ -119,7 +119,7 @@ def _matrix(transform: str | FloatArray | None) -> FloatArray | None:
     return parse_transform(transform) if isinstance(transform, str) else checked_matrix(transform)
 
 
-AS_STATED = ReadField()
+FIELD_AS_STATED = ReadField()
 """A field as its file states it."""
 
 AS_DRAWN = ReadPart()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,9 +14,10 @@ from iriftrace.core.arrays import AnyIntArray, Float32Array
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import seen_from, sha256_of, write_json, write_whole
 from iriftrace.core.mesh.triangles import polydata
-from iriftrace.core.plain import plain, structured
+from iriftrace.core.plain import plain
 from iriftrace.io import ply
-from iriftrace.io.refusals import check_exists, check_schema, damaged
+from iriftrace.io.json_files import read_json
+from iriftrace.io.refusals import check_exists, damaged
 from iriftrace.io.vtk_write import write_vtk
 from iriftrace.medium.shells.hessian import PLY_COLUMNS, vertex_columns
 from iriftrace.medium.shells.stack import Shell, ShellStack
@@ -106,15 +106,7 @@ def load_shells(folder: str | Path) -> ShellStack:
     if not path.is_file() and (path.parent / "shells" / TABLE).is_file():
         path = path.parent / "shells" / TABLE
     check_exists(path, "give a folder that `iriftrace shells` wrote")
-    try:
-        table = json.loads(path.read_text(encoding="utf-8"))
-        schema = table.get("schema") if isinstance(table, dict) else None
-        check_schema(path, schema, SCHEMA, _AGAIN)
-        stated = structured(table, AirStatement)
-    except InputError:
-        raise
-    except (ValueError, RecursionError) as error:
-        raise damaged(path, error, _AGAIN) from error
+    stated = read_json(path, AirStatement, SCHEMA, _AGAIN)
     if stated.air is None or stated.rule is None:
         raise damaged(path, "it states no air or no rule", _AGAIN)
     shells = [
@@ -150,10 +142,7 @@ def read_shell(
     """Vertices, faces, normals and derivatives (or None) of a PLY of :func:`write_shell`."""
     path = Path(path)
     check_exists(path, _AGAIN)
-    try:
-        mesh = ply.read_ply(path)
-    except Exception as error:  # damaged files can raise any
-        raise damaged(path, error, _AGAIN) from error
+    mesh = ply.read_whole_ply(path, _AGAIN)
     names = tuple(mesh.vertex_columns)[3:]
     if names not in ((), _NORMAL, _NORMAL + _DERIVATIVES):
         raise damaged(path, "its columns are not those of a shell", _AGAIN)

@@ -87,8 +87,8 @@ class Comparison:
             "version": version("iriftrace"),
             "image": plain(self.image.origin),
             "measured": {
-                "path": str(Path(measured.path).resolve()),
-                "sha256": measured.sha256,
+                "path": str(Path(measured.origin.path).resolve()),
+                "sha256": measured.origin.sha256,
                 "kind": "markers" if measured.resolution is None else "map",
                 "positions": self.positions,
             },
@@ -159,7 +159,8 @@ def compare(
         )
     _warn_of_another_size(image, measured)
     warn_of_signs(
-        lambda signs: _without_mean(signs * measured.shifts[known] - shift[known]), measured.path
+        lambda signs: _without_mean(signs * measured.shifts[known] - shift[known]),
+        measured.origin.path,
     )
     residual = measured.shifts[known] - shift[known]
     motion, reason = None, ""
@@ -190,8 +191,8 @@ def _refuse_another_picture(image: AovImage, measured: MeasuredShift) -> None:
     if measured.resolution is not None and measured.resolution != image.resolution:
         theirs, ours = (f"{w} x {h}" for w, h in (measured.resolution, image.resolution))
         raise InputError(
-            f"{measured.path} is a map of {theirs} pixels, but the rendering has {ours}, so pixels "
-            "do not correspond; render at the camera's resolution (scale=1).",
+            f"{measured.origin.path} is a map of {theirs} pixels, but the rendering has {ours}, so "
+            "pixels do not correspond; render at the camera's resolution (scale=1).",
             code="shifts.other_size",
         )
     outside = ~image.camera.holds(measured.places)
@@ -199,7 +200,7 @@ def _refuse_another_picture(image: AovImage, measured: MeasuredShift) -> None:
         u, v = measured.places[outside][0]
         width, height = image.resolution
         raise InputError(
-            f"{outside.sum()} of {len(outside)} places of {measured.path} lie outside the "
+            f"{outside.sum()} of {len(outside)} places of {measured.origin.path} lie outside the "
             f"rendering of {width} x {height} pixels, the first at ({u:g}, {v:g}), so they are "
             "positions in another picture; render at the camera's resolution (scale=1).",
             code="shifts.outside_picture",

@@ -61,4 +61,4 @@ class MeasureOptions:
         check_gate(self.gate)
 
 
-USUAL = MeasureOptions()
+USUAL_DEVICES = MeasureOptions()

@@ -7,13 +7,11 @@ is the qualification of simulators of X-ray tomography (VDI/VDE 2630, part 2.2).
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 from attrs import evolve, frozen
@@ -21,13 +19,14 @@ from numpy.typing import ArrayLike
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
-from iriftrace.core.arrays import FloatArray, as_float64
+from iriftrace.core.arrays import FloatArray, Triple, as_float64
 from iriftrace.core.engines import Engine
 from iriftrace.core.errors import InputError, without_warnings
-from iriftrace.core.files import text_in, write_json
-from iriftrace.core.plain import JsonObject, plain, structured
+from iriftrace.core.files import write_json
+from iriftrace.core.plain import JsonObject, plain
 from iriftrace.image.aov_image import Status
 from iriftrace.io.field import read_field
+from iriftrace.io.json_files import read_json
 from iriftrace.io.part_files import read_part, save_part
 from iriftrace.io.reading import ReadField, ReadPart
 from iriftrace.io.vtk_write import write_vtk
@@ -42,13 +41,13 @@ from iriftrace.tracing.scene import Scene
 SCENARIO_SCHEMA, RESULTS_SCHEMA = "iriftrace.scenario/1", "iriftrace.qualification/1"
 STATEMENT, PART, FIELD = "scenario.json", "part.ply", "field.vtu"
 
+_REMEDY = "see an example in a kit"
+
 _VIEW_MM = 10.0
 """Width of what a device sees at the part."""
 
-Vector = tuple[float, float, float]
 
-
-def vectors(values: ArrayLike) -> tuple[Vector, ...]:
+def vectors(values: ArrayLike) -> tuple[Triple, ...]:
     """Rows of an (n, 3) array."""
     return tuple(
         (float(x), float(y), float(z)) for x, y, z in np.reshape(as_float64(values), (-1, 3))
@@ -100,12 +99,12 @@ class Statement:
     text: str
     formula: str
     air: StatedAir
-    origin_mm: tuple[Vector, ...]
-    direction: tuple[Vector, ...]
-    truth_mm: tuple[Vector, ...]
+    origin_mm: tuple[Triple, ...]
+    direction: tuple[Triple, ...]
+    truth_mm: tuple[Triple, ...]
     bound: float
     judged: str = "each"
-    second_mm: tuple[Vector, ...] | None = None
+    second_mm: tuple[Triple, ...] | None = None
     schema: str = SCENARIO_SCHEMA
 
 
@@ -120,7 +119,7 @@ class Scenario:
 
 
 @frozen
-class Verdict:
+class ScenarioVerdict:
     """Judgement of a tracer by one scenario; an error of None means that a ray has no answer."""
 
     scenario: str
@@ -170,7 +169,7 @@ def read_kit(path: Path) -> list[Scenario]:
 
 
 def _scenario(path: Path) -> Scenario:
-    stated = _structured(path, Statement, SCENARIO_SCHEMA)
+    stated = read_json(path, Statement, SCENARIO_SCHEMA, _REMEDY)
     lists = (stated.direction, stated.truth_mm, stated.second_mm or stated.origin_mm)
     if not stated.origin_mm or any(len(rows) != len(stated.origin_mm) for rows in lists):
         raise InputError(
@@ -198,31 +197,13 @@ class Results:
     """Answers of a tracer: vectors, mm, world, by the scenario's name; null for a lost ray."""
 
     tracer: str
-    vectors_mm: dict[str, tuple[Vector | None, ...]]
+    vectors_mm: dict[str, tuple[Triple | None, ...]]
     schema: str = RESULTS_SCHEMA
 
 
 def read_results(path: Path) -> Results:
     """Answers of a tracer from its file; InputError if it is none."""
-    return _structured(path, Results, RESULTS_SCHEMA)
-
-
-T = TypeVar("T", Statement, Results)
-
-
-def _structured(path: Path, kind: type[T], schema: str) -> T:
-    try:
-        stated = structured(json.loads(text_in(path)), kind)
-    except ValueError as error:
-        raise InputError(
-            f"{path} cannot be read: {error}; see an example in a kit.", code="scenario.unreadable"
-        ) from error
-    if stated.schema != schema:
-        raise InputError(
-            f"{path} has the schema {stated.schema!r}, not {schema!r}; name the right file.",
-            code="scenario.other_schema",
-        )
-    return stated
+    return read_json(path, Results, RESULTS_SCHEMA, _REMEDY)
 
 
 def traced_kit(scenarios: Sequence[Scenario], engine: Engine) -> Results:
@@ -232,7 +213,7 @@ def traced_kit(scenarios: Sequence[Scenario], engine: Engine) -> Results:
     return Results(f"iriftrace, {engine}", found)
 
 
-def _traced(scenario: Scenario, engine: Engine) -> tuple[Vector | None, ...]:
+def _traced(scenario: Scenario, engine: Engine) -> tuple[Triple | None, ...]:
     stated = scenario.stated
     origin, direction = np.array(stated.origin_mm), np.array(stated.direction)
     camera = _device(origin[0], origin[0] + direction[0])
@@ -244,7 +225,7 @@ def _traced(scenario: Scenario, engine: Engine) -> tuple[Vector | None, ...]:
             row if kept else None
             for row, kept in zip(vectors(hits.displacement), good.tolist(), strict=True)
         )
-    found: list[Vector | None] = []
+    found: list[Triple | None] = []
     for first, second, target, kept in zip(
         origin, np.array(stated.second_mm), hits.straight, good.tolist(), strict=True
     ):
@@ -253,7 +234,7 @@ def _traced(scenario: Scenario, engine: Engine) -> tuple[Vector | None, ...]:
     return tuple(found)
 
 
-def _pair_error(scene: Scene, first: Camera, second: Camera) -> Vector | None:
+def _pair_error(scene: Scene, first: Camera, second: Camera) -> Triple | None:
     """Error of the point at which two devices look; None where they see nothing in common."""
     try:
         (error,) = vectors(measure(scene, first, second, system="stereo").error)
@@ -276,8 +257,8 @@ def _device(origin: FloatArray, target: FloatArray) -> Camera:
 
 
 def judge(
-    scenarios: Sequence[Scenario], answers: Mapping[str, Sequence[Vector | None]]
-) -> list[Verdict]:
+    scenarios: Sequence[Scenario], answers: Mapping[str, Sequence[Triple | None]]
+) -> list[ScenarioVerdict]:
     """Judge vectors, mm, by scenario; a scenario without an answer is not passed.
 
     Raises
@@ -293,7 +274,7 @@ def judge(
     return [_judged(one, answers.get(one.name)) for one in scenarios]
 
 
-def _judged(scenario: Scenario, answer: Sequence[Vector | None] | None) -> Verdict:
+def _judged(scenario: Scenario, answer: Sequence[Triple | None] | None) -> ScenarioVerdict:
     stated = scenario.stated
     truth = np.array(stated.truth_mm)
     if answer is not None and len(answer) != len(truth):
@@ -308,4 +289,4 @@ def _judged(scenario: Scenario, answer: Sequence[Vector | None] | None) -> Verdi
         size = np.linalg.norm(truth, axis=1)
         each = stated.judged == "each"
         error = float((off / size).max() if each else np.median(off) / np.median(size))
-    return Verdict(scenario.name, stated.title, len(truth), error, stated.bound)
+    return ScenarioVerdict(scenario.name, stated.title, len(truth), error, stated.bound)

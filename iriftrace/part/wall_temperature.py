@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError
+from iriftrace.core.files import FileOrigin
 from iriftrace.core.mesh.query import Surface
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import Temperature
@@ -37,8 +38,7 @@ _NINETY_PERCENT = float(np.arctanh(0.8))
 class MeasuredWall:
     """Temperatures at points, or on the triangles between them."""
 
-    path: str
-    sha256: str
+    origin: FileOrigin  # its path as it was given
     points: FloatArray  # (n, 3), mm, world
     kelvins: FloatArray  # (n,), K
     faces: IntArray | None = None  # (m, 3) corners of triangles; None for points alone
@@ -62,7 +62,7 @@ class MeasuredWall:
     def record(self) -> JsonObject:
         """File, and what was left out of it."""
         left_out = {} if self.above_k is None else {"above_k": self.above_k}
-        return {"file": self.path, "sha256": self.sha256, **left_out}
+        return {"file": self.origin.path, "sha256": self.origin.sha256, **left_out}
 
     def far_faces(self, part: Part, cell_mm: float) -> str:
         """Warning about faces of the part far from any point, or ""; InputError if all are."""
@@ -74,8 +74,8 @@ class MeasuredWall:
         far = distance > max(_FAR_SPACINGS * spacing, 2.0 * cell_mm)
         if far.all():
             raise InputError(
-                f"the temperatures in {self.path} lie {distance.min():.3g} mm or more from the "
-                "part, so they are not those of its wall; check that both have the same "
+                f"the temperatures in {self.origin.path} lie {distance.min():.3g} mm or more from "
+                "the part, so they are not those of its wall; check that both have the same "
                 "coordinates, in the same unit.",
                 code="wall.too_far",
                 argument="wall_length_unit",
@@ -84,8 +84,8 @@ class MeasuredWall:
         if not far.any():
             return ""
         return (
-            f"{far_off:.0%} of the part's surface is far from any temperature in {self.path}, "
-            f"up to {distance.max():.3g} mm, and gets that of the nearest one."
+            f"{far_off:.0%} of the part's surface is far from any temperature in "
+            f"{self.origin.path}, up to {distance.max():.3g} mm, and gets that of the nearest one."
         )
 
     @cached_property
@@ -112,8 +112,9 @@ class WallTemperatures:
         lowest = np.inf if self.measured is None else float(self.measured.kelvins.min())
         if self.measured is not None and lowest < ambient_k - _COOLER_THAN_AIR:
             raise InputError(
-                f"the wall temperatures in {self.measured.path} go down to {lowest:g} K in air of "
-                f"{ambient_k:g} K; check the temperature of the air and the unit of the wall's.",
+                f"the wall temperatures in {self.measured.origin.path} go down to {lowest:g} K in "
+                f"air of {ambient_k:g} K; check the temperature of the air and the "
+                "unit of the wall's.",
                 code="wall.colder_than_air",
                 argument="wall_temperature_unit",
             )

@@ -14,7 +14,7 @@ from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.image.sightings import seen_by_pose
 from iriftrace.planning.candidates import ranked_region
-from iriftrace.planning.criteria import STANDARD, Criteria, Views
+from iriftrace.planning.criteria import STANDARD_CRITERIA, Criteria, Views
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -245,7 +245,9 @@ def _integer_program(groups: BoolArray, fractions: FloatArray, k: int) -> tuple[
     return poses.astype(np.int64), -float(best) / _UNIT if known else float(fractions.sum())
 
 
-def plan_views(dataset: xr.Dataset, views: Views, criteria: Criteria = STANDARD) -> ViewSet:
+def plan_views(
+    dataset: xr.Dataset, views: Views, criteria: Criteria = STANDARD_CRITERIA
+) -> ViewSet:
     """Choose the poses of a sweep that together see the most of the criteria's region.
 
     Faces beyond the limits do not count as seen. Poses with fewer good rays on the region than

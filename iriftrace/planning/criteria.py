@@ -170,7 +170,7 @@ class Criteria:
         return {"weights": self.weights, **others}
 
 
-STANDARD = Criteria()
+STANDARD_CRITERIA = Criteria()
 THE_PAPERS = Criteria(statistic="mean")
 
 

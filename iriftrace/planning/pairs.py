@@ -14,7 +14,7 @@ from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.measuring.two_devices.scan import Scan
 from iriftrace.planning.candidates import ranked_region
 from iriftrace.planning.cover import warn_of_large_faces
-from iriftrace.planning.criteria import STANDARD, USUAL_PAIRING, Criteria, Pairing
+from iriftrace.planning.criteria import STANDARD_CRITERIA, USUAL_PAIRING, Criteria, Pairing
 from iriftrace.planning.objective import limits_of
 from iriftrace.planning.pair_table import PairRequest, PoseView, pair_table, statistic_of, views_of
 from iriftrace.sweep.measures import Limits
@@ -80,7 +80,7 @@ class PairPlan:
 
 def plan_pairs(
     dataset: xr.Dataset,
-    criteria: Criteria = STANDARD,
+    criteria: Criteria = STANDARD_CRITERIA,
     pairing: Pairing = USUAL_PAIRING,
 ) -> PairPlan:
     """Rank the pairs of a sweep's poses as places of two devices.

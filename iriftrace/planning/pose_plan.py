@@ -9,7 +9,7 @@ from attrs import frozen
 
 from iriftrace.core.errors import InputError
 from iriftrace.planning.cover import ViewSet, plan_views
-from iriftrace.planning.criteria import STANDARD, Criteria, Views
+from iriftrace.planning.criteria import STANDARD_CRITERIA, Criteria, Views
 from iriftrace.planning.refine import Refinement, check_evaluations, refine_pose
 from iriftrace.planning.summary import SweepSummary, summarise
 from iriftrace.sweep.reload import load_swept_scene
@@ -39,7 +39,7 @@ class PosePlan:
 
 def plan(
     sweep: xr.Dataset,
-    criteria: Criteria = STANDARD,
+    criteria: Criteria = STANDARD_CRITERIA,
     *,
     views: Views | None = None,
     evaluations: int | None = None,

@@ -15,7 +15,7 @@ from attrs import frozen
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn, without_warnings
 from iriftrace.planning.candidates import in_force, name_of, rankable, scatter_added
-from iriftrace.planning.criteria import METRICS, STANDARD, Criteria
+from iriftrace.planning.criteria import METRICS, STANDARD_CRITERIA, Criteria
 from iriftrace.planning.objective import Objective, limits_of
 from iriftrace.sweep.measures import Limits
 
@@ -61,7 +61,7 @@ class Plan:
         return Objective(self.criteria.weights, self.limits, self.constant, _GAINS)
 
 
-def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
+def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD_CRITERIA) -> Plan:
     """Rank the poses of a sweep.
 
     The score of a pose is the weighted sum of its normalised displacement, axial and lateral
@@ -190,7 +190,7 @@ def score_of(plan: Plan, metrics: Mapping[str, float]) -> float:
     return float(plan.objective.score(values))
 
 
-def pareto_front(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> IntArray:
+def pareto_front(dataset: xr.Dataset, criteria: Criteria = STANDARD_CRITERIA) -> IntArray:
     """Numbers (k,), ascending, of poses that no other one surpasses, independent of the weights.
 
     A pose is left out if another one is at least as good in displacement, coverage, axial and

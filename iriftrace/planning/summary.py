@@ -18,7 +18,7 @@ from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.resolution import seen_frontally
 from iriftrace.io.exr import read_exr
 from iriftrace.medium.source import stated_source, synthetic_mark
-from iriftrace.planning.criteria import METRICS, STANDARD, Criteria, Statistic
+from iriftrace.planning.criteria import METRICS, STANDARD_CRITERIA, Criteria, Statistic
 from iriftrace.planning.quantities import (
     PoseQuantity,
     metric_quantity,
@@ -197,7 +197,7 @@ class SweepSummary:
         return poses if (poses >= 0).all() and used == poses.size else None
 
 
-def summarise(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> SweepSummary:
+def summarise(dataset: xr.Dataset, criteria: Criteria = STANDARD_CRITERIA) -> SweepSummary:
     """Rank the poses of a sweep and collect the data for plans, figures and reports.
 
     Raises InputError as `iriftrace.planning.rank.rank_poses`.

@@ -17,6 +17,7 @@ from iriftrace.core.arrays import AnyArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import array_in
 from iriftrace.core.plain import JsonObject
+from iriftrace.io.refusals import damaged
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -246,6 +247,4 @@ def _reason(error: Exception, path: Path, kind: str) -> InputError:
             code="output.unwritable",
             argument="output",
         )
-    return InputError(
-        f"{path} is damaged ({error}); delete it to start the {kind} again.", code="file.damaged"
-    )
+    return damaged(path, error, f"delete it to start the {kind} again")

@@ -63,7 +63,7 @@ class SweepOptions:
     exr: bool = False
 
 
-STANDARD = SweepOptions()
+STANDARD_SWEEP = SweepOptions()
 
 
 def run_sweep(
@@ -74,7 +74,7 @@ def run_sweep(
     focal_lengths_mm: Sequence[float] = (),
     move_out: bool = False,
     target: ArrayLike | None = None,
-    options: SweepOptions = STANDARD,
+    options: SweepOptions = STANDARD_SWEEP,
     progress: Progress | None = None,
     render: RenderPoses | None = None,
 ) -> xr.Dataset:
@@ -145,7 +145,7 @@ def run_series(
     path: str | Path | None,
     *,
     target: ArrayLike | None = None,
-    options: SweepOptions = STANDARD,
+    options: SweepOptions = STANDARD_SWEEP,
     progress: Progress | None = None,
     render: RenderPoses | None = None,
 ) -> xr.Dataset:

@@ -11,9 +11,10 @@ import numpy as np
 from attrs import evolve
 
 from iriftrace.core.engines import Bending, Engine
-from iriftrace.core.errors import InputError, warn
+from iriftrace.core.errors import warn
 from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import structured
+from iriftrace.io.refusals import damaged
 from iriftrace.io.shells import TABLE
 from iriftrace.medium.path_data import FieldCells
 from iriftrace.medium.shells.table import AirStatement, PartOrigin
@@ -35,11 +36,8 @@ def air_statement_of(file: SceneFile) -> AirStatement:
     try:
         return structured(json.loads(table.read_text(encoding="utf-8")), AirStatement)
     except ValueError as error:
-        raise InputError(
-            f"{table} is damaged ({error}); write the scene again, or remove the file (then "
-            "results do not state the field).",
-            code="file.damaged",
-        ) from error
+        remedy = "write the scene again, or remove the file (then results do not state the field)"
+        raise damaged(table, error, remedy) from error
 
 
 def _table_file(file: SceneFile) -> Path | None:

@@ -157,7 +157,7 @@ class CameraOptions:
         """Refuse what a calibration also states."""
         for name in ("focal_length", "sensor", "resolution", "principal_point", "distortion"):
             value = getattr(self, name)
-            if value != getattr(USUAL, name):
+            if value != getattr(USUAL_CAMERA, name):
                 raise InputError(
                     f"the {name.replace('_', ' ')} is {value!s}, but the calibration states it as "
                     "well; leave one of them out.",
@@ -195,7 +195,7 @@ class CameraOptions:
         return camera if self.focus is not None else with_all_in_focus(camera, camera, part)
 
 
-USUAL = CameraOptions()
+USUAL_CAMERA = CameraOptions()
 
 
 def needed_pixel_size(size: Length | None, source: object, argument: str = "pixel_size") -> Length:

@@ -9,6 +9,7 @@ from pathlib import Path
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import write_json
 from iriftrace.core.plain import structured
+from iriftrace.io.refusals import damaged
 from iriftrace.tracing.file import parameters_of, read_xml
 from iriftrace.tracing.hot_air import FieldMember, weights_of
 
@@ -48,13 +49,8 @@ def read_members(scene: Path) -> tuple[FieldMember, ...]:
         if [member.number for member in members] != list(range(1, len(members) + 1)):
             raise ValueError("its numbers are not 1, 2 ...")
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(
-            f'{scene} is the scene of an ensemble (it has the parameter "{MEMBER}"), but its table '
-            f"{path} is missing or damaged ({error}); write the scene again, or choose one member "
-            f"({MEMBER}=1).",
-            code="file.damaged",
-            argument="define",
-        ) from error
+        remedy = f"write the scene of the ensemble again, or choose one member ({MEMBER}=1)"
+        raise damaged(path, error, remedy, argument="define") from error
     if len(members) < 2:
         raise InputError(
             f"{path} lists {len(members)} members, but scatter needs at least two.",

@@ -61,7 +61,7 @@ class TraceOptions:
         return values
 
 
-AS_STATED = TraceOptions()
+TRACE_AS_STATED = TraceOptions()
 
 
 @frozen

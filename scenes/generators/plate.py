@@ -146,7 +146,7 @@ class PlateAir:
 
 
 def hot_plate(air: PlateAir) -> tuple[Part, Part, IndexField]:
-    """A board that is seen past a hot plate, the plate, and the formula's air at points of a mesh.
+    """A board that is seen past the bundled plate, the plate, and the formula's air at a mesh.
 
     Lines of sight run along x, the plate's width, and the board stands across them. The mesh begins
     10 mm above the plate's lower edge.
@@ -155,18 +155,27 @@ def hot_plate(air: PlateAir) -> tuple[Part, Part, IndexField]:
         # The board's x, y and z are the world's y, z and x.
         np.array(((0, 0, 1.0, BOARD_X_MM), (1.0, 0, 0, 16.0), (0, 1.0, 0, 50.0), (0, 0, 0, 1.0)))
     )
-    box = trimesh.creation.box((WIDTH_MM, THICKNESS_MM, HEIGHT_MM))
-    box.apply_translation((0.0, -0.5 * THICKNESS_MM, 0.5 * HEIGHT_MM))
-    plate = part_of_mesh(box.vertices, box.faces, name="scenes.generators.plate")
-    return board, plate, plate_field(air)
+    return board, plate_part(), plate_field(air)
 
 
-def plate_field(air: PlateAir) -> IndexField:
-    """The formula's air at the points of hexahedra, some 0.05 mm thick at the wall."""
-    end = air.thickness_mm(_HEIGHTS_MM[-1])
+def plate_part(width_mm: float = WIDTH_MM, height_mm: float = HEIGHT_MM) -> Part:
+    """A plate of a size along x and z, whose hot wall lies in y = 0 and lower edge in z = 0."""
+    box = trimesh.creation.box((width_mm, THICKNESS_MM, height_mm))
+    box.apply_translation((0.0, -0.5 * THICKNESS_MM, 0.5 * height_mm))
+    return part_of_mesh(box.vertices, box.faces, name="scenes.generators.plate")
+
+
+def plate_field(
+    air: PlateAir, width_mm: float = WIDTH_MM, heights_mm: FloatArray = _HEIGHTS_MM
+) -> IndexField:
+    """The formula's air at points of hexahedra along a width and between heights.
+
+    On the bundled plate they are some 0.05 mm thick at the wall.
+    """
+    end = air.thickness_mm(heights_mm[-1])
     away = end * (_GROWTH ** np.arange(_CELLS + 1) - 1.0) / (_GROWTH**_CELLS - 1.0)
-    along = WIDTH_MM * np.array((-0.5, 0.0, 0.5))
-    grid = pv.StructuredGrid(*np.meshgrid(along, away, _HEIGHTS_MM, indexing="ij"))
+    along = width_mm * np.array((-0.5, 0.0, 0.5))
+    grid = pv.StructuredGrid(*np.meshgrid(along, away, heights_mm, indexing="ij"))
     points = np.asarray(grid.points, dtype=np.float64)
     kelvin = air.temperature(points[:, 1], points[:, 2])
     source = FieldSource(

@@ -16,7 +16,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.plain import plain
 from iriftrace.figures import report as report_module
 from iriftrace.figures.describe import fields_of
-from iriftrace.figures.report import Kind, sweep_page, write_report
+from iriftrace.figures.report import BlockKind, sweep_page, write_report
 from iriftrace.image.aov_image import Status
 from iriftrace.medium.source import FieldFacts, FieldKind, FieldSource
 from iriftrace.planning.criteria import Criteria, Views
@@ -83,7 +83,7 @@ def with_rig(table: xr.Dataset) -> xr.Dataset:
     return table
 
 
-def content(table: xr.Dataset, summary: SweepSummary, section: str, kind: Kind) -> list[Any]:
+def content(table: xr.Dataset, summary: SweepSummary, section: str, kind: BlockKind) -> list[Any]:
     """Contents of the blocks of a kind in a section of the page without figures."""
     page = sweep_page(table, summary, {})
     (found,) = (each["blocks"] for each in page.sections if each["name"] == section)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from iriftrace.core.errors import InputError
-from iriftrace.flow.simulate.case import RECORD, STANDARD, Case, natural_case
+from iriftrace.flow.simulate.case import RECORD, STANDARD_SIMULATION, Case, natural_case
 from iriftrace.flow.simulate.case_files import write_case
 from iriftrace.flow.simulate.draught import SLOWEST_RISE, Draught, draught_from, leans
 from iriftrace.flow.simulate.options import SimulationOptions
@@ -137,7 +137,7 @@ def test_mesh_is_fine_where_winds_lean_the_plume(cylinder: Part) -> None:
     """The fine solution at 0.15 m/s has the plume at y = -18, -41 mm, 80 and 160 mm up."""
     family = wind(0.05, 90.0), wind(0.15, 90.0)
     still, alone, member = (
-        natural_case(cylinder, STANDARD, wall=WALL, draught=own, family=others)
+        natural_case(cylinder, STANDARD_SIMULATION, wall=WALL, draught=own, family=others)
         for own, others in ((None, ()), (family[1], ()), (None, family))
     )
     fine = still.domain.boxes[-1].level

@@ -3,21 +3,21 @@
 import pytest
 
 from iriftrace.core.errors import InputError
-from iriftrace.flow.simulate.case import STANDARD
+from iriftrace.flow.simulate.case import STANDARD_SIMULATION
 from iriftrace.flow.simulate.options import SimulationOptions
 from iriftrace.flow.simulate.times import Times, natural_times
 
 
 def test_two_seconds_for_the_papers_cylinder() -> None:
-    times = natural_times(STANDARD, 170.0, 1373.15)
+    times = natural_times(STANDARD_SIMULATION, 170.0, 1373.15)
     assert (times.end, times.averaging, times.settled) == (2.0, 0.5, 1.5)
 
 
 def test_larger_and_cooler_parts_need_longer() -> None:
     """Buoyant air needs sqrt(L / (g dT/T)): twice as long for four times the part."""
-    assert natural_times(STANDARD, 680.0, 1373.15).end == pytest.approx(4.0, abs=0.02)
-    assert natural_times(STANDARD, 170.0, 353.15).end == pytest.approx(8.48, abs=0.02)
-    assert natural_times(STANDARD, 10.0, 1373.15).end == 2.0
+    assert natural_times(STANDARD_SIMULATION, 680.0, 1373.15).end == pytest.approx(4.0, abs=0.02)
+    assert natural_times(STANDARD_SIMULATION, 170.0, 353.15).end == pytest.approx(8.48, abs=0.02)
+    assert natural_times(STANDARD_SIMULATION, 10.0, 1373.15).end == 2.0
 
 
 def test_snapshots_divide_the_averaging() -> None:

@@ -13,7 +13,7 @@ from attrs import evolve
 
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import sha256_of
+from iriftrace.core.files import FileOrigin, sha256_of
 from iriftrace.flow.simulate import programs, variations
 from iriftrace.flow.simulate import simulate as simulating
 from iriftrace.flow.simulate.case import Case
@@ -60,7 +60,7 @@ def test_all_temperatures_of_a_wall_rise(cylinder: Part) -> None:
     regions = WallTemperatures(1000.0, {"head +x": 700.0}, 5.0).hotter(10.0)
     assert regions == WallTemperatures(1010.0, {"head +x": 710.0}, 5.0)
     corners = cylinder.vertices[:3]
-    scanned = MeasuredWall("t.csv", "", corners, np.array((900.0, 950.0, 800.0)))
+    scanned = MeasuredWall(FileOrigin("t.csv", ""), corners, np.array((900.0, 950.0, 800.0)))
     hotter = measured_wall(scanned).hotter(10.0)
     assert hotter.hottest == 960.0
     assert hotter.measured.at(corners) == pytest.approx((910.0, 960.0, 810.0))

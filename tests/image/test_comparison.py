@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.files import FileOrigin
 from iriftrace.figures.comparison import comparison_figure
 from iriftrace.image.aov_image import AovImage
 from iriftrace.io.measured_shift import MeasuredShift
@@ -48,7 +49,7 @@ def image() -> AovImage:
 def measured(
     places: np.ndarray, shifts: np.ndarray, resolution: tuple[int, int] | None = None
 ) -> MeasuredShift:
-    return MeasuredShift(places, shifts, resolution, "by hand", "0" * 64)
+    return MeasuredShift(places, shifts, resolution, FileOrigin("by hand", "0" * 64))
 
 
 def places_on_part(image: AovImage, count: int) -> np.ndarray:

@@ -9,6 +9,7 @@ import pyvista as pv
 
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.files import FileOrigin
 from iriftrace.core.mesh.triangles import polydata
 from iriftrace.flow.simulate.case import Case, natural_case, symmetric_case
 from iriftrace.flow.simulate.options import SimulationOptions
@@ -85,9 +86,9 @@ def test_points_give_the_nearest_and_triangles_what_lies_between(cylinder: Part)
     """A ramp along x is reproduced by triangles, and by points to half of their distance."""
     places = cylinder.face_centres + 1e-3 * cylinder.face_normals
     corners = np.asarray(cylinder.vertices)
-    between = MeasuredWall("", "", corners, ramp(corners), np.asarray(cylinder.faces))
+    between = MeasuredWall(FileOrigin("", ""), corners, ramp(corners), np.asarray(cylinder.faces))
     assert between.at(places) == pytest.approx(ramp(places), abs=0.01)
-    nearest = MeasuredWall("", "", corners, ramp(corners))
+    nearest = MeasuredWall(FileOrigin("", ""), corners, ramp(corners))
     expected = [ramp(corners)[np.linalg.norm(corners - p, axis=1).argmin()] for p in places]
     assert nearest.at(places) == pytest.approx(expected)
 
@@ -122,7 +123,7 @@ def test_case_has_the_temperatures_of_the_file(cylinder: Part, tmp_path: Path) -
         ramp(cylinder.face_centres)
     )
     assert symmetric_case(case) == "y"
-    assert case.record()["wall_from"]["sha256"] == wall.measured.sha256  # type: ignore[union-attr]
+    assert case.record()["wall_from"]["sha256"] == wall.measured.origin.sha256  # type: ignore[union-attr]
     with pytest.raises(InputError, match="not symmetric about x"):
         natural_case(cylinder, COARSE, wall=wall, mirrors="x")
 
@@ -131,7 +132,8 @@ def test_faces_far_from_any_point_are_named(cylinder: Part) -> None:
     points = cylinder.face_centres
     lateral = points[np.abs(points[:, 0] - 5.0) < 80.0]
     everywhere, sides, away = (
-        MeasuredWall("t.csv", "", some, ramp(some)) for some in (points, lateral, points + 1e4)
+        MeasuredWall(FileOrigin("t.csv", ""), some, ramp(some))
+        for some in (points, lateral, points + 1e4)
     )
     assert everywhere.far_faces(cylinder, 1.0) == ""
     # Those of the two heads, far from the lateral points.

@@ -12,6 +12,7 @@ import pytest
 import iriftrace
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
+from iriftrace.core.files import FileOrigin
 from iriftrace.io.measured_shift import MeasuredShift
 from iriftrace.measuring.fit import board_placement as placement
 from iriftrace.measuring.fit.board_placement import (
@@ -106,7 +107,7 @@ def test_fits_with_noise_scatter_as_predicted(
         true = random.dirichlet(np.ones(len(LEANS)))
         whole = np.tensordot(true, shifts, axes=1)[known]
         noisy = whole + random.normal(0.0, NOISE, whole.shape)
-        measured = MeasuredShift(hot[known] - whole, noisy, None, "twin", "")
+        measured = MeasuredShift(hot[known] - whole, noisy, None, FileOrigin("twin", ""))
         fit = iriftrace.fit_members(seen, measured, noise_px=NOISE)
         errors.append((fit.weights.weights - true) @ feature.by_member)
         prior.append((1.0 / len(LEANS) - true) @ feature.by_member)

@@ -99,9 +99,9 @@ def test_an_error_is_the_distance_over_the_truth(kit: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "code"),
     [
-        ({"schema": "other/1"}, "scenario.other_schema"),
-        ({"vectors_mm": {"01_slab": [[0.0, 0.0]]}}, "scenario.unreadable"),
-        ({"vectors_mm": {"01_slab": [[0.0, 0.0, "x"]]}}, "scenario.unreadable"),
+        ({"schema": "other/1"}, "file.schema"),
+        ({"vectors_mm": {"01_slab": [[0.0, 0.0]]}}, "file.damaged"),
+        ({"vectors_mm": {"01_slab": [[0.0, 0.0, "x"]]}}, "file.damaged"),
     ],
 )
 def test_files_that_are_no_answers_are_refused(
@@ -135,7 +135,7 @@ def test_answers_to_no_scenario_and_kits_without_one_are_refused(kit: Path, tmp_
     [
         ({"direction": [[0.0, 0.0, -1.0]]}, "scenario.ray_count"),
         ({"judged": "mean"}, "scenario.unknown_name"),
-        ({"bound": None}, "scenario.unreadable"),
+        ({"bound": None}, "file.damaged"),
     ],
 )
 def test_changed_scenarios_are_refused(

@@ -9,7 +9,7 @@ import xarray as xr
 
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.planning.cover import plan_views
-from iriftrace.planning.criteria import STANDARD, Criteria, Views
+from iriftrace.planning.criteria import STANDARD_CRITERIA, Criteria, Views
 from validation.inputs.sweep_tables import sweep_table, two_regions, with_faces
 
 # A unit cube, faces +x +y +z -x -y -z, seen from six directions (pose i from face i's side) and
@@ -88,7 +88,9 @@ def test_poses_with_few_rays_are_no_candidates() -> None:
     assert set(found.poses.tolist()) <= set(range(6))
 
 
-def seen_within(table: xr.Dataset, k: int, criteria: Criteria = STANDARD, **limits: Any) -> None:
+def seen_within(
+    table: xr.Dataset, k: int, criteria: Criteria = STANDARD_CRITERIA, **limits: Any
+) -> None:
     plan_views(table, Views(k, **limits), criteria)
 
 

@@ -138,7 +138,7 @@ def test_structured_rows_come_back_and_strangers_files_are_left_alone(tmp_path: 
     assert not list(tmp_path.iterdir())
     stranger = tmp_path / "a.nc.partial"
     stranger.write_text("somebody's notes")
-    with pytest.raises(InputError, match="is damaged"), open_journal(work):
+    with pytest.raises(InputError, match="cannot be read"), open_journal(work):
         pass
     assert stranger.read_text() == "somebody's notes"
 
@@ -167,7 +167,7 @@ def test_a_damaged_piece_is_named(tmp_path: Path, column: str) -> None:
     connection.execute(f"UPDATE piece SET {column} = ?", (b"\x93NUMPY",))
     connection.commit()
     connection.close()
-    with pytest.raises(InputError, match=r"is damaged \(piece 0: "):
+    with pytest.raises(InputError, match=r"cannot be read \(piece 0: "):
         _read_piece(work)
 
 
@@ -177,5 +177,5 @@ def test_a_damaged_journal_is_refused(tmp_path: Path) -> None:
         journal.add(Piece(0, {"pose": 0}))
     file = journal_of(work.output)
     file.write_bytes(b"nonsense" + file.read_bytes()[8:])
-    with pytest.raises(InputError, match="is damaged"), open_journal(work):
+    with pytest.raises(InputError, match="cannot be read"), open_journal(work):
         pass

@@ -269,7 +269,7 @@ def test_a_shell_of_another_folder_is_noticed(xml: Path, tmp_path: Path, edit: E
 def test_a_damaged_table_is_named(xml: Path, key: str, value: object) -> None:
     table = xml.parent / "shells" / "shells.json"
     table.write_text(json.dumps({**json.loads(table.read_text()), key: value}))
-    with pytest.raises(InputError, match=r"shells\.json is damaged \(.*write the scene again"):
+    with pytest.raises(InputError, match=r"shells\.json cannot be read \(.*write the scene again"):
         load_scene(xml)
 
 

@@ -10,6 +10,7 @@ import iriftrace
 from iriftrace.cli import main
 from iriftrace.cli.fit import _print_fit
 from iriftrace.core.errors import InputError
+from iriftrace.core.files import FileOrigin
 from iriftrace.core.mesh.transform import parse_transform
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.rays import trace_rays
@@ -143,7 +144,7 @@ def test_marks_on_the_part_find_the_lean(scene: iriftrace.Scene, tmp_path: Path)
     for _ in range(6):
         hot += cold - camera.project(trace_rays(truth, *camera.rays(hot)).refracted)
     shifts = hot - cold + np.random.default_rng(2).normal(0.0, NOISE, cold.shape)
-    marks = iriftrace.MeasuredShift(cold, shifts, None, "marks", "")
+    marks = iriftrace.MeasuredShift(cold, shifts, None, FileOrigin("marks", ""))
     fit = iriftrace.fit_members(attrs.evolve(scene, camera=camera), marks)
     assert fit.contained
     assert fit.weights.weights @ LEANS == pytest.approx(LEAN, abs=0.05)

@@ -19,20 +19,22 @@ class Table:
 
     def expected(self, name: str, values: ArrayLike, digits: int = 4) -> None:
         """A row of the solution's values."""
-        self._row(name, [f"{value:.{digits}g}" for value in np.asarray(values)])
+        self.row(name, [f"{value:.{digits}g}" for value in np.asarray(values)])
 
-    def difference(self, name: str, per_cent: ArrayLike, bound: float | None = None) -> None:
-        """A row of differences, per cent, with those beyond a bound in bold."""
+    def difference(self, name: str, per_cent: ArrayLike, bound: ArrayLike | None = None) -> None:
+        """A row of differences, per cent, with those beyond a bound, or that of each, in bold."""
         texts = []
-        for column, value in zip(self.columns, np.asarray(per_cent), strict=True):
+        bounds = np.broadcast_to(np.inf if bound is None else bound, len(self.columns))
+        for column, value, most in zip(self.columns, np.asarray(per_cent), bounds, strict=True):
             text = f"{round(float(value), 1) + 0.0:+.1f} %"
-            if bound is not None and not abs(value) <= bound:
-                self.beyond.append(f"{name}, {column}: {text}, at most {bound:g} %")
+            if not abs(value) <= most:
+                self.beyond.append(f"{name}, {column}: {text}, at most {most:g} %")
                 text = f"**{text}**"
             texts.append(text)
-        self._row(name, texts)
+        self.row(name, texts)
 
-    def _row(self, name: str, cells: Sequence[str]) -> None:
+    def row(self, name: str, cells: Sequence[str]) -> None:
+        """A row of texts."""
         self.rows.append(f"| {name} | {' | '.join(cells)} |")
 
     @property

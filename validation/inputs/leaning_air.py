@@ -10,6 +10,7 @@ from attrs import evolve
 
 from iriftrace.camera.pose import look_at
 from iriftrace.core.arrays import FloatArray
+from iriftrace.core.files import FileOrigin
 from iriftrace.io.field import read_field
 from iriftrace.io.measured_shift import MeasuredShift
 from iriftrace.medium.index_field import IndexField
@@ -92,7 +93,7 @@ def measured_shifts(
         seen = np.isfinite(hot).all(axis=1)
         cold, hot = cold[seen], hot[seen]
     noise = np.random.default_rng(seed).normal(0.0, noise_px, cold.shape)
-    return MeasuredShift(cold, hot - cold + noise, None, "twin", "")
+    return MeasuredShift(cold, hot - cold + noise, None, FileOrigin("twin", ""))
 
 
 def _around(cells: int) -> pv.UnstructuredGrid:

@@ -12,7 +12,7 @@ from attrs import evolve, frozen
 from cyclopts import App, CycloptsError, Group, Parameter
 
 from iriftrace.cli import checks
-from iriftrace.cli.console import drawn, pose_progress, say, working
+from iriftrace.cli.console import pose_progress, say, working, written_figure
 from iriftrace.cli.options import Flag, Output, Whole
 from iriftrace.cli.reading import (
     AirOptions,
@@ -26,10 +26,10 @@ from iriftrace.core.errors import InputError, IriftraceError
 from iriftrace.core.number_lists import Numbers
 from iriftrace.core.runtime import variant
 from iriftrace.io.field import read_field
-from iriftrace.io.reading import AS_DRAWN, AS_STATED
+from iriftrace.io.reading import AS_DRAWN, FIELD_AS_STATED
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.shells.options import Rule
-from iriftrace.tracing.camera_options import USUAL
+from iriftrace.tracing.camera_options import USUAL_CAMERA
 from iriftrace.tracing.hot_air import HotAir
 from iriftrace.tracing.scene import Scene
 from iriftrace.tracing.viewpoint import refuse_camera_inside
@@ -109,9 +109,9 @@ class StudyOptions:
     variant: str | None = None
     mode: ModeOptions = ModeOptions()
     air: AirOptions = Air()
-    field: FieldReading = AS_STATED
+    field: FieldReading = FIELD_AS_STATED
     part: PartReading = AS_DRAWN
-    camera: CameraDescription = USUAL
+    camera: CameraDescription = USUAL_CAMERA
 
 
 def whole_numbers(text: str, option: str) -> list[int]:
@@ -170,7 +170,7 @@ def _run(
     with pose_progress(output, "Cases") as report:
         dataset = run_study(described, output, report)
     (print_comparison if described.references else print_timing)(dataset)
-    picture = drawn(lambda: study_figure(dataset), output.with_suffix(".png"))
+    picture = written_figure(lambda: study_figure(dataset), output.with_suffix(".png"))
     say(f"Study in {output}, figure in {picture}")
 
 

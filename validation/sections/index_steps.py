@@ -23,7 +23,7 @@ from validation.paper.mode import OURS, through_shells
 from validation.paper.study import picture
 from validation.sections.exact_shells import cylinder_hits, displacements_um
 
-USUAL, FINEST = 13, 80
+USUAL_SHELLS, FINEST = 13, 80
 TRIMMED = 0.001
 TRIMMED_MEAN = "mean (without the largest 0.1 %)"
 """One ray that jumps from one side of a silhouette to the other changes the mean by per cents."""
@@ -37,11 +37,11 @@ def in_the_cylinder(folder: Path) -> list[Line]:
     """Errors of 13 shells where the air ends somewhere."""
     lines = []
     for rule in RULES:
-        hits = cylinder_hits(folder / rule, USUAL, rule, "layers")
+        hits = cylinder_hits(folder / rule, USUAL_SHELLS, rule, "layers")
         found = displacements_um(hits)
         lines += [
             Line(
-                f"hot cylinder, {USUAL} shells, {rule} rule, ray at {b:g} R: displacement",
+                f"hot cylinder, {USUAL_SHELLS} shells, {rule} rule, ray at {b:g} R: displacement",
                 f"{exact:.7g} µm",
                 f"{um:.7g} µm",
                 100 * (um / exact - 1),
@@ -65,7 +65,7 @@ def in_real_air() -> list[Line]:
             _statistics(
                 picture(through_shells(scene, contour_shells(field, count, rule=rule), mode))
             )
-            for count in (USUAL, FINEST)
+            for count in (USUAL_SHELLS, FINEST)
         ]
         for name in sizes[0]:
             usual, finest = (size[name] for size in sizes)
@@ -73,7 +73,7 @@ def in_real_air() -> list[Line]:
             bounded = name == TRIMMED_MEAN and rule == OURS.index_rule
             lines.append(
                 Line(
-                    f"bundled pose, {USUAL} shells, {rule} rule, against {FINEST}: "
+                    f"bundled pose, {USUAL_SHELLS} shells, {rule} rule, against {FINEST}: "
                     f"displacement, {name}",
                     f"{1e3 * finest:.4f} µm",
                     f"{1e3 * usual:.4f} µm",

@@ -22,7 +22,7 @@ from validation.inputs.solved_fields import SOLVED, VIEWS, Position, camera_at, 
 from validation.line import Line, Section
 
 LAYERS = (5, 9, 13, 20, 40)
-USUAL = 13
+USUAL_SHELLS = 13
 NORMALS = ("gradient", "facet")
 LIMITS = {"gradient": "recovered gradient", "facet": "constant gradient"}
 PICTURE = "engines.png"
@@ -149,11 +149,11 @@ def convergence(folder: Path) -> list[Line]:
 def of_one_view(case: str, images: Images) -> list[Line]:
     """Distances of shells from the engine, and of its two readings of the cells."""
     vectors, unmatched = displacements(images)
-    exact, shells = vectors["cells", "gradient"], vectors[USUAL, "gradient"]
+    exact, shells = vectors["cells", "gradient"], vectors[USUAL_SHELLS, "gradient"]
     size = np.quantile(np.linalg.norm(exact, axis=1), (0.5, 0.95))
     left_open = ratios_of_quantiles(vectors["cells", "facet"], exact)
     share = ratios_of_quantiles(shells, exact)
-    what = f"{case}: {USUAL} shells"
+    what = f"{case}: {USUAL_SHELLS} shells"
     return [
         Line(
             f"{case}: displacement, median / p95, of the rays good in all pictures (in some only)",
@@ -178,7 +178,7 @@ def _lines(folder: Path) -> list[Line]:
         place = folder / name
         place.mkdir()
         solved = SOLVED[name]
-        found = pictures(place, solved.field(place), solved.part, views, (USUAL,))
+        found = pictures(place, solved.field(place), solved.part, views, (USUAL_SHELLS,))
         for view, images in found.items():
             lines += of_one_view(f"{name.replace('_', ' ')}, {view}", images)
     return lines

@@ -17,7 +17,7 @@ from iriftrace.medium.index_field import IndexField
 from iriftrace.medium.shells.levels import index_levels
 from iriftrace.part.part import Part
 
-Verdict = Literal["good", "doubtful", "bad", "-"]
+Grade = Literal["good", "doubtful", "bad", "-"]
 
 SCHEMA = "iriftrace.field-check/1"
 SIDES = ("-x", "+x", "-y", "+y", "-z", "+z")
@@ -31,7 +31,7 @@ class Finding:
 
     name: str
     value: str  # the number with its unit
-    verdict: Verdict  # "-" if it is not judged
+    verdict: Grade  # "-" if it is not judged
     remark: str  # what it was compared with, and what follows
     numbers: JsonObject  # the same in machine-readable form
 
@@ -49,7 +49,7 @@ class FieldCheck:
         return float(next(one.numbers[key] for one in self.findings if one.name == name))
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> Grade:
         """The worst verdict of all findings."""
         found = {finding.verdict for finding in self.findings}
         return next((v for v in ("bad", "doubtful", "good") if v in found), "-")

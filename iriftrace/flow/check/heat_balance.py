@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import FloatArray, as_float64
 from iriftrace.core.units import parse_quantity
-from iriftrace.flow.check.finding import Finding, Verdict, outer_points
+from iriftrace.flow.check.finding import Finding, Grade, outer_points
 from iriftrace.flow.check.wall import WallState, conduction_potential
 from iriftrace.medium.air.thermophysics import heat_content
 from iriftrace.medium.flow import NO_VELOCITIES, SI, AirFlow
@@ -168,7 +168,7 @@ def balance_finding(field: IndexField, wall: WallState, covered: float, *, stead
     measured = bool(np.isfinite(balance.stored_w))
     known = measured or steady
     limit = OPEN if known else WRONG
-    verdict: Verdict = "good" if abs(off) <= CLOSED else "doubtful" if abs(off) <= limit else "bad"
+    verdict: Grade = "good" if abs(off) <= CLOSED else "doubtful" if abs(off) <= limit else "bad"
     low, high = min(balance.through_zones_w), max(balance.through_zones_w)
     unmeasured = "stored nothing, as the field is steady" if steady else "stored unknown"
     stored = f"stored {balance.stored_w:.3g}" if measured else unmeasured

@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline, interp1d
 
 from iriftrace.core.arrays import BoolArray, FloatArray, as_float64
 from iriftrace.core.errors import InputError
-from iriftrace.flow.check.finding import Finding, Verdict
+from iriftrace.flow.check.finding import Finding, Grade
 from iriftrace.flow.check.wall import WallState
 from iriftrace.medium.air import thermophysics as gas
 from iriftrace.medium.index_field import IndexField
@@ -19,9 +19,9 @@ RAYLEIGH_RANGE = (1e-6, 1e9)
 """Range of Churchill and Chu's laminar equation."""
 
 ANGLES_DEG = np.arange(0.0, 181.0, 15.0)
-"""Angles from the bottom of a horizontal cylinder, of `LOCAL`."""
+"""Angles from the bottom of a horizontal cylinder, of `LOCAL_NUSSELT`."""
 
-LOCAL = {
+LOCAL_NUSSELT = {
     1e3: (3.782, 3.772, 3.743, 3.692, 3.616, 3.51, 3.361, 3.152, 2.864, 2.473, 1.979, 1.466, 1.218),
     1e4: (5.961, 5.946, 5.901, 5.826, 5.718, 5.575, 5.384, 5.125, 4.75, 4.173, 3.315, 2.225, 1.536),
     4.1e4: (
@@ -116,16 +116,16 @@ def nusselt_horizontal_cylinder(
 def local_nusselt(angle_deg: ArrayLike, rayleigh: float) -> FloatArray:
     """Local Nusselt number of an isothermal horizontal cylinder at angles from its bottom, degrees.
 
-    Interpolated in `LOCAL`, linearly in the logarithms; raises InputError beyond it.
+    Interpolated in `LOCAL_NUSSELT`, linearly in the logarithms; raises InputError beyond it.
     """
-    known = np.log(list(LOCAL))
+    known = np.log(list(LOCAL_NUSSELT))
     if not known[0] <= np.log(rayleigh) <= known[-1]:
         raise InputError(
-            f"local Nusselt numbers are known for Rayleigh numbers from {min(LOCAL):g} to "
-            f"{max(LOCAL):g}, not for {rayleigh:.3g}.",
+            f"local Nusselt numbers are known for Rayleigh numbers from {min(LOCAL_NUSSELT):g} to "
+            f"{max(LOCAL_NUSSELT):g}, not for {rayleigh:.3g}.",
             code="cylinder.rayleigh_number",
         )
-    logarithms = np.log(list(LOCAL.values()))
+    logarithms = np.log(list(LOCAL_NUSSELT.values()))
     # Level at the bottom and the top, where the two sides meet.
     rows = CubicSpline(ANGLES_DEG, logarithms, axis=1, bc_type="clamped")(angle_deg)
     return np.asarray(np.exp(interp1d(known, rows, axis=0)(np.log(rayleigh))))
@@ -213,7 +213,7 @@ def _judged(
         return Finding("Nusselt number", value, "-", f"{error} {mean}", numbers)
     # In tolerances; bad if NaN, which happens if so few faces leave a sector empty.
     off = float(np.max(np.abs(ratios / expected - 1.0)[1:] / SECTOR_TOLERANCES))
-    verdict: Verdict = "good" if off <= 1.0 else "doubtful" if off <= 2.0 else "bad"
+    verdict: Grade = "good" if off <= 1.0 else "doubtful" if off <= 2.0 else "bad"
     side, top = SECTOR_TOLERANCES
     return Finding(
         "Nusselt number",

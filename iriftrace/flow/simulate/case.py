@@ -22,6 +22,7 @@ from iriftrace.flow.simulate.part_surface import (
     symmetric_axes,
 )
 from iriftrace.flow.simulate.times import Times, natural_times
+from iriftrace.io.refusals import damaged
 from iriftrace.medium.source import Variation
 from iriftrace.part.part import Part, refuse_unlikely_size
 from iriftrace.part.region_choice import values_by_region
@@ -35,7 +36,7 @@ UNFINISHED = "unfinished"
 _LEANS = (0.0, 0.25, 0.5)
 _SAME_MM = 1e-3
 
-STANDARD = SimulationOptions()
+STANDARD_SIMULATION = SimulationOptions()
 
 
 @frozen(eq=False)
@@ -46,7 +47,7 @@ class Case:
     wall: WallTemperatures
     size: MeshSize
     times: Times
-    options: SimulationOptions = STANDARD  # air, floor and processes
+    options: SimulationOptions = STANDARD_SIMULATION  # air, floor and processes
     mirrors: str = ""  # axes at whose centre plane the field is mirrored: "", "x", "y" or "xy"
     draught: Draught | None = None  # None in still air
     bodies: tuple[Body, ...] = ()
@@ -198,11 +199,7 @@ def read_record(file: Path) -> JsonObject:
     except ValueError as error:
         stored = error
     if not isinstance(stored, dict):
-        raise InputError(
-            f"{file}, which records the progress of the run, is damaged ({stored}); delete the "
-            "folder, or name another one.",
-            code="file.damaged",
-        )
+        raise damaged(file, stored, "delete the folder, or name another one")
     return stored
 
 

@@ -16,7 +16,7 @@ from scipy.special import erf
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.mesh.query import Surface
-from iriftrace.flow.synthetic.options import STANDARD, WALL
+from iriftrace.flow.synthetic.options import STANDARD_SYNTHETIC, WALL
 from iriftrace.medium.air.thermophysics import reference_temperature
 from iriftrace.part.part import Part, refuse_unlikely_size
 from iriftrace.part.region_choice import values_by_region
@@ -241,7 +241,7 @@ class SyntheticAir:
 
     part: Part
     wall_k: float = field(default=WALL, converter=float)
-    ambient_k: float = field(default=STANDARD.ambient, converter=float)
+    ambient_k: float = field(default=STANDARD_SYNTHETIC.ambient, converter=float)
     boundary_layer_mm: float = field(default=_KNOWN_LAYER_MM, converter=float)
     plume: Plume | None = None
     regions: dict[str, float] = field(factory=dict)
@@ -320,9 +320,9 @@ def synthetic_air(
     part: Part,
     *,
     wall_k: float = WALL,
-    ambient_k: float = STANDARD.ambient,
+    ambient_k: float = STANDARD_SYNTHETIC.ambient,
     boundary_layer_mm: float | None = None,
-    plume: float = STANDARD.plume,
+    plume: float = STANDARD_SYNTHETIC.plume,
     regions: Mapping[str, float] | None = None,
     transition_mm: float | None = None,
 ) -> SyntheticAir:

@@ -54,4 +54,4 @@ class SyntheticOptions:
     gradient: bool = False
 
 
-STANDARD = SyntheticOptions()
+STANDARD_SYNTHETIC = SyntheticOptions()

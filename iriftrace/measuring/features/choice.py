@@ -11,10 +11,10 @@ from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
-from iriftrace.measuring.features.fit import FEWEST, SAMPLE, Kind, check_kind, fit_feature
+from iriftrace.measuring.features.fit import FEWEST, SAMPLE, FeatureKind, check_kind, fit_feature
 from iriftrace.part.part import Part
 
-FOUND_KINDS: tuple[Kind, ...] = ("plane", "cylinder", "cone", "sphere")
+FOUND_KINDS: tuple[FeatureKind, ...] = ("plane", "cylinder", "cone", "sphere")
 """Surfaces that regions can be, in order of precedence: a plane fits as a wide cylinder too, a
 cylinder as a cone, and two rings of corners of any surface lie on a sphere."""
 
@@ -81,7 +81,7 @@ def checked_choices(
     chosen = tuple(map(FeatureChoice.of, choices))
     for choice in chosen:
         text = str(choice)
-        if text in part.region_names and choice.kind not in get_args(Kind):
+        if text in part.region_names and choice.kind not in get_args(FeatureKind):
             is_a = kind_of_region(part, text) or "cylinder"
             raise InputError(
                 f"A feature is a kind of surface and a region; give such as {is_a}:{text}.",

@@ -18,7 +18,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.measuring.features.feature import Feature
 
-Kind = Literal["plane", "line", "circle", "sphere", "cylinder", "cone"]
+FeatureKind = Literal["plane", "line", "circle", "sphere", "cylinder", "cone"]
 
 EXACT, ROUGH = 1e-13, 1e-4
 """Relative changes of residuals and parameters at which a search ends, and one that only chooses
@@ -108,10 +108,10 @@ def fit_feature(
 
 def check_kind(kind: str) -> None:
     """Raise InputError for an unknown kind of feature."""
-    if kind not in get_args(Kind):
+    if kind not in get_args(FeatureKind):
         raise InputError(
-            f"There is no feature {kind!r}; use one of {', '.join(get_args(Kind))}, of a region "
-            "such as cylinder:lateral.",
+            f"There is no feature {kind!r}; use one of {', '.join(get_args(FeatureKind))}, of "
+            "a region such as cylinder:lateral.",
             code="feature.unknown_kind",
             argument="feature",
         )

@@ -29,6 +29,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.mesh.transform import apply
 from iriftrace.core.plain import JsonObject
+from iriftrace.core.statistics import COVERAGE_FACTOR
 from iriftrace.image.aov_image import Status
 from iriftrace.measuring.camera_motion import interaction_matrix
 from iriftrace.measuring.features.choice import FeatureChoice
@@ -40,9 +41,6 @@ from iriftrace.part.board import Board
 from iriftrace.part.part import Part
 from iriftrace.tracing.engine import choose
 from iriftrace.tracing.scene import Scene, ready_scene
-
-K = 2.0
-"""Coverage factor."""
 
 DIRECTIONS = 8
 """Number of the standard places around a part."""
@@ -108,7 +106,9 @@ class BoardPlace:
     def expanded(self, pictures: float = 1.0) -> FloatArray:
         """Expanded uncertainty of each feature after the fit."""
         found = MemberWeights(np.ones(len(self._prior)), self.covariance(pictures))
-        return np.array([K * float(found.uncertainty(f.by_member)) for f in self.features])
+        return np.array(
+            [COVERAGE_FACTOR * float(found.uncertainty(f.by_member)) for f in self.features]
+        )
 
     def left(self, pictures: float = 1.0) -> float:
         """Largest uncertainty of a feature, as a fraction of that without a board."""
@@ -260,7 +260,7 @@ def _features(
         if not value.by_member or None in value.by_member:
             continue
         by_member = np.array(value.by_member, dtype=np.float64)[in_mean]
-        before = K * float(weights.uncertainty(by_member))
+        before = COVERAGE_FACTOR * float(weights.uncertainty(by_member))
         if before > 0.0:
             found.append(PlacedFeature(name, value.unit, by_member, before))
     if not found:

@@ -12,8 +12,9 @@ from attrs import evolve, field, frozen
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
+from iriftrace.core.files import FileOrigin
 from iriftrace.core.member_weights import MemberWeights
-from iriftrace.core.plain import JsonObject
+from iriftrace.core.plain import JsonObject, plain
 from iriftrace.core.statistics import rms
 from iriftrace.measuring.fit.next_members import members_to_solve
 from iriftrace.measuring.fit.shift_mixture import MOST_OUTLIERS, ShiftMixture
@@ -42,7 +43,7 @@ class FittedView:
 
     Attributes
     ----------
-    path, sha256 : str
+    origin : FileOrigin
         The file.
     residual, noise : float
         Root mean square of a component of the residual, and of its noise, px or K.
@@ -51,8 +52,7 @@ class FittedView:
         frame; None where it was not fitted.
     """
 
-    path: str
-    sha256: str
+    origin: FileOrigin
     residual: float
     noise: float
     motion: FloatArray | None = None
@@ -61,8 +61,7 @@ class FittedView:
         """Plain JSON values."""
         motion = None if self.motion is None else self.motion.tolist()
         return {
-            "path": self.path,
-            "sha256": self.sha256,
+            **plain(self.origin),
             "residual": self.residual,
             "noise": self.noise,
             "camera_motion": None

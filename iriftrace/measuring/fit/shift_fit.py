@@ -155,7 +155,7 @@ def _view(
         noise = shift_noise(places[alone.used], alone.left(alone.weights))
     _check_spread(rms((predicted - predicted.mean(axis=0)).ravel()), noise)
     warn_of_signs(
-        lambda signs: ShiftMixture(predicted, signs * measured, free).residual, shifts.path
+        lambda signs: ShiftMixture(predicted, signs * measured, free).residual, shifts.origin.path
     )
     return _View(traced, camera, shifts, places, predicted, measured, free, dots, noise)
 
@@ -173,8 +173,7 @@ def _fitted(found: ShiftMixture, views: Sequence[tuple[float, _View]]) -> tuple[
     motions = [None] * len(views) if found.motion is None else found.motion.reshape(-1, 6)
     return tuple(
         FittedView(
-            path=view.shifts.path,
-            sha256=view.shifts.sha256,
+            origin=view.shifts.origin,
             residual=rms((rest[used] / scale).ravel()),
             noise=view.noise,
             motion=motion,
@@ -202,9 +201,10 @@ def _check_in_picture(shifts: MeasuredShift, camera: Camera) -> None:
     outside = ~camera.holds(shifts.places)
     if outside.any():
         raise InputError(
-            f"{outside.sum():,} of {len(outside):,} dots in {shifts.path} lie outside the camera's "
-            f"picture of {width} x {height} px, so they are shifts from another camera or of a "
-            "scaled picture; give those of the camera in the scene, at its full resolution.",
+            f"{outside.sum():,} of {len(outside):,} dots in {shifts.origin.path} lie outside "
+            f"the camera's picture of {width} x {height} px, so they are shifts from "
+            "another camera or of a scaled picture; give those of the camera in the scene, at its "
+            "full resolution.",
             code="shifts.outside_picture",
         )
 

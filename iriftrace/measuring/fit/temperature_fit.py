@@ -47,9 +47,9 @@ def fit_temperatures(scene: Scene, temperatures: AirTemperatures) -> MemberFit:
     inside = loaded.part.surface.inside(temperatures.places)
     if inside.any():
         raise InputError(
-            f"{inside.sum()} of {len(inside)} thermocouples in {temperatures.path} lie inside the "
-            "part, where there is no air; give places in mm in the frame of the scene, or leave "
-            "them out.",
+            f"{inside.sum()} of {len(inside)} thermocouples in {temperatures.origin.path} lie "
+            "inside the part, where there is no air; give places in mm in the frame of "
+            "the scene, or leave them out.",
             code="thermocouples.inside_part",
         )
     states = [loaded.air.states[place].cells for place in fitted]
@@ -76,6 +76,6 @@ def fit_temperatures(scene: Scene, temperatures: AirTemperatures) -> MemberFit:
         unit="K",
         measured=rms(measured),
         dots={"measured": len(factor)},
-        views=(FittedView(temperatures.path, temperatures.sha256, found.residual, noise),),
+        views=(FittedView(temperatures.origin, found.residual, noise),),
         provenance=provenance(loaded, loaded.camera),
     )

@@ -38,7 +38,7 @@ SCRAMBLINGS, DRAWS, MOST_DRAWS = 8, 2**11, 2**15
 SEED = 20251663
 """Seed of the scramblings, so that the same inputs give the same digits."""
 
-Kind = Literal["A", "B"]
+EvaluationType = Literal["A", "B"]
 """Evaluation of an uncertainty: from statistics, or from other knowledge (GUM, 3.3.4)."""
 
 
@@ -52,7 +52,7 @@ class Contribution:
 
     group: str
     u: float = field(converter=_size)
-    kind: Kind = "B"
+    kind: EvaluationType = "B"
     source: str = ""
 
 

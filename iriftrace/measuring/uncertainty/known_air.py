@@ -56,7 +56,7 @@ shorter by over `STEEPEST` times the distance between both (79 degrees from the 
 
 
 @frozen
-class EngineError:
+class EngineDeviation:
     """Error of one engine's displacements in one class of pixels.
 
     Attributes
@@ -84,7 +84,7 @@ class KnownAir:
     """Errors by class of pixels and engine, and the number of shells."""
 
     layers: int
-    errors: tuple[EngineError, ...]
+    errors: tuple[EngineDeviation, ...]
 
     @property
     def numerics(self) -> dict[str, float]:
@@ -153,7 +153,7 @@ def known_air(
     edge = _at_silhouette(camera, places, hits) if len(places) else np.zeros(0, dtype=bool)
     bounds = np.reshape(field.grid.bounds, (3, 2)).T
     medium = index_of(temperature, field.air, bounds)
-    found: list[EngineError] = []
+    found: list[EngineDeviation] = []
     for name, chosen, count in (("inside", ~edge, rays), ("silhouettes", edge, rays // 4)):
         origin, direction = camera.rays(places[chosen][: 2 * count])
         if len(origin):
@@ -178,7 +178,7 @@ def _errors(
     enters: FloatArray,
     count: int,
     step_mm: float,
-) -> list[EngineError]:
+) -> list[EngineDeviation]:
     """Errors of at most `count` rays that are good by both engines and hit the part exactly."""
     traced = {name: trace_rays(scene, origin, direction) for name, scene in scenes.items()}
     good = np.all([one.status == Status.GOOD for one in traced.values()], axis=0)
@@ -196,7 +196,7 @@ def _errors(
         off = np.linalg.norm(one.displacement[chosen][bent] - exact[bent], axis=1)
         median, p95 = np.quantile(off, (0.5, 0.95)).tolist()
         numbers = (int(bent.sum()), usual, large, median / usual, p95 / large)
-        found.append(EngineError(name, pixels, *numbers))
+        found.append(EngineDeviation(name, pixels, *numbers))
     return found
 
 

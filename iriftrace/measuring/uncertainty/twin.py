@@ -22,12 +22,10 @@ from attrs import frozen
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject, plain
+from iriftrace.core.statistics import COVERAGE_FACTOR
 
 FEWEST = 3
 """Fewest repeats with a standard deviation that means something."""
-
-K = 2.0
-"""Coverage factor."""
 
 
 @frozen
@@ -46,7 +44,7 @@ class TwinResult:
     def e(self) -> float:
         """Normalised error E."""
         both = math.hypot(self.u_sim, self.u_cal, self.u_p, self.u_b)
-        return (self.simulated - self.real) / (K * both)
+        return (self.simulated - self.real) / (COVERAGE_FACTOR * both)
 
     @property
     def vagueness(self) -> float:
