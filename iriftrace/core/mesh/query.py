@@ -11,6 +11,7 @@ from attrs import field, frozen
 from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray, as_float64
+from iriftrace.core.blocks import blocks
 from iriftrace.core.mesh.triangles import area_vectors, polydata, unit_vectors, used_vertices
 from iriftrace.core.sampling import r2_sequence
 
@@ -119,10 +120,27 @@ class Surface:
         # VTK's own types of numbers that a call changes are unknown to its stubs.
         find: Any = self._locator.FindClosestPoint
         point, square, cell, piece = [0.0] * 3, mutable(0.0), mutable(0), mutable(0)
-        for i, place in enumerate(places.tolist()):
-            find(place, point, cell, piece, square)
-            foot[i], face[i] = point, int(cell)
+        for rows in blocks(len(places)):
+            feet, cells = [], []
+            for place in places[rows].tolist():
+                find(place, point, cell, piece, square)
+                feet += point
+                cells.append(cell.get())
+            foot[rows], face[rows] = np.reshape(feet, (-1, 3)), cells
         return foot, face
+
+    def within(self, points: FloatArray, limit: float, rows: IntArray) -> BoolArray:
+        """Mask (m,) of the rows (m,) of points, mm, that are at most a limit, mm, away."""
+        from vtkmodules.vtkCommonCore import mutable
+        from vtkmodules.vtkCommonDataModel import vtkGenericCell
+
+        find: Any = self._locator.FindClosestPointWithinRadius
+        rest = [0.0] * 3, vtkGenericCell(), mutable(0), mutable(0), mutable(0.0)
+        near = np.zeros(len(rows), dtype=bool)
+        for block in blocks(len(rows)):
+            places = points[rows[block]].tolist()
+            near[block] = [find(place, limit, *rest) for place in places]
+        return near
 
     def distance(self, points: ArrayLike) -> FloatArray:
         """Distance (k,), mm, of points (k, 3), mm, from the surface."""

@@ -54,7 +54,7 @@ def feature_budget(
         error=scan.error,
         status=np.full(len(scan.points), CorrectionStatus.CORRECTED, dtype=np.int64),
         face=scan.face,
-        normal=scan.normal,
+        face_normals=ready.part.surface.normals,
         system=scan.system,
         provenance=scan.provenance,
         inputs=inputs,
