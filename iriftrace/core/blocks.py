@@ -9,14 +9,15 @@ from attrs import frozen
 
 from iriftrace.core.arrays import AnyArray, FloatArray
 
-BLOCK = 1 << 17
-"""Rows of a block: its intermediate values are some tens of MB, and its rays fill a processor."""
+BLOCK = 1 << 15
+"""Rows of a block: a column is 256 kB, so that intermediate values stay in a processor's cache."""
 
 
-def blocks(count: int) -> Iterator[slice]:
-    """Consecutive slices of at most `BLOCK` of `count` rows."""
-    for start in range(0, count, BLOCK):
-        yield slice(start, min(start + BLOCK, count))
+def blocks(count: int, size: int | None = None) -> Iterator[slice]:
+    """Consecutive slices of `count` rows, each of at most `size`, by default `BLOCK`."""
+    step = size or BLOCK
+    for start in range(0, count, step):
+        yield slice(start, min(start + step, count))
 
 
 def by_block(count: int, values: Callable[[slice], FloatArray]) -> FloatArray:

@@ -173,7 +173,7 @@ def test_order_and_number_of_the_points_do_not_matter(
     """Large clouds are corrected piece by piece. Nothing but rounding may differ."""
     order = np.random.default_rng(2).permutation(len(scan.points))
     one = correct(scan.points, scene, *DEVICES, system=scan.system)
-    monkeypatch.setattr("iriftrace.core.blocks.BLOCK", 700)
+    monkeypatch.setattr(sys.modules[correct.__module__], "PIECE", 700)
     other = correct(scan.points[order], scene, *DEVICES, system=scan.system)
     np.testing.assert_array_equal(other.measured, scan.points[order])
     np.testing.assert_array_equal(other.status, one.status[order])

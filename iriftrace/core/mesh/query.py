@@ -122,7 +122,8 @@ class Surface:
         point, square, cell, piece = [0.0] * 3, mutable(0.0), mutable(0), mutable(0)
         for rows in blocks(len(places)):
             feet, cells = [], []
-            for place in places[rows].tolist():
+            # Coordinates by axis: a list for each point would be counted by the garbage collector.
+            for place in zip(*places[rows].T.tolist(), strict=True):
                 find(place, point, cell, piece, square)
                 feet += point
                 cells.append(cell.get())
@@ -138,7 +139,7 @@ class Surface:
         rest = [0.0] * 3, vtkGenericCell(), mutable(0), mutable(0), mutable(0.0)
         near = np.zeros(len(rows), dtype=bool)
         for block in blocks(len(rows)):
-            places = points[rows[block]].tolist()
+            places = zip(*points[rows[block]].T.tolist(), strict=True)
             near[block] = [find(place, limit, *rest) for place in places]
         return near
 

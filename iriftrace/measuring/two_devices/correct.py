@@ -55,6 +55,9 @@ ROUNDS = 20
 SAMPLE = 10_000
 """Number of sampled points whose distance from the part is computed."""
 
+PIECE = 1 << 16
+"""Number of points that are traced at a time: they fill a processor, and take 60 MB."""
+
 ON_PART_MM = 0.02
 """Median distance below which a cloud lies on the part, so that its size is not checked."""
 
@@ -143,7 +146,7 @@ def correct(
     outcomes = {place: np.where(in_view, *outside).astype(np.uint8) for place in places}
     face = np.full(len(measured), -1, dtype=np.int32)
     for place, member in zip(places, traced.alone(places), strict=True):
-        for block in blocks(len(order)):
+        for block in blocks(len(order), PIECE):
             rows = order[block]
             errors[place, rows], outcomes[place][rows], faces = _robust_error(
                 measured[rows], member, sensor
@@ -359,16 +362,19 @@ def _point_error(
     face = np.full(len(measured), -1)
     found, in_air, lost = np.zeros((3, len(measured)), dtype=bool)
     for _ in range(ROUNDS):
-        rows = np.flatnonzero(~found & ~lost)
-        if len(rows) == 0:
+        active = np.flatnonzero(~found & ~lost)
+        if len(active) == 0:
             break
+        # Not copied while all are active.
+        rows = slice(None) if len(active) == len(measured) else active
         one, other = (
             lines_of_sight(scene, device.origin, place[rows], offset[rows], rounds=1)
             for device, offset in zip(sensor.devices, offsets, strict=True)
         )
-        aimed = np.array((one.offset, other.offset))
-        moved = np.max([row_lengths(each) for each in aimed - offsets[:, rows]], axis=0)
-        offsets[:, rows] = aimed
+        moved = np.zeros(len(active))
+        for offset, line in zip(offsets, (one, other), strict=True):
+            moved = np.maximum(moved, row_lengths(line.offset - offset[rows]))
+            offset[rows] = line.offset
         residual[rows] = np.column_stack((one.residual, other.residual))
         face[rows] = one.face
         in_air[rows] = one.in_air | other.in_air
