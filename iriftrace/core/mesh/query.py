@@ -137,10 +137,15 @@ class Surface:
 
         find: Any = self._locator.FindClosestPointWithinRadius
         rest = [0.0] * 3, vtkGenericCell(), mutable(0), mutable(0), mutable(0.0)
+        low, high = self.corners.min(axis=0) - limit, self.corners.max(axis=0) + limit
         near = np.zeros(len(rows), dtype=bool)
         for block in blocks(len(rows)):
-            places = zip(*points[rows[block]].T.tolist(), strict=True)
-            near[block] = [find(place, limit, *rest) for place in places]
+            places = points[rows[block]]
+            in_box = ((places >= low) & (places <= high)).all(axis=1)
+            found = [
+                find(place, limit, *rest) for place in zip(*places[in_box].T.tolist(), strict=True)
+            ]
+            near[block][in_box] = found
         return near
 
     def distance(self, points: ArrayLike) -> FloatArray:

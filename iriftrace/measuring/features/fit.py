@@ -171,13 +171,12 @@ def _algebraic_sphere(points: Points, onto: FloatArray) -> tuple[FloatArray, flo
 
 
 _Of = Callable[[FloatArray, FloatArray], FloatArray]
-"""Function of points (n, 3) about 0 and a feature's parameters."""
+"""Function of points (n, 3) about 0 and a feature's p parameters."""
 
 
 def _solved(
     points: Points,
-    residuals: _Of,
-    slopes: _Of,
+    columns: _Of,
     start: Sequence[float],
     radius: int,
     exact: float = EXACT,
@@ -185,9 +184,9 @@ def _solved(
 ) -> tuple[FloatArray, float, float]:
     """Parameters of least squares, u of twice the radius, and the scatter that it is by.
 
-    `slopes` gives the derivatives of the residuals, of which each point has so many; `radius` is
-    the parameter's number. The search needs lengths and angles of slopes and residuals alone, so it
-    is given their triangular factor.
+    `columns` (m, p + 1) are the derivatives of the residuals and, last, the residuals, of which
+    each point has so many; `radius` is the parameter's number. The search needs only lengths and
+    angles of these columns, so it is given their triangular factor.
     """
     last: dict[bytes, FloatArray] = {}
 
@@ -195,9 +194,7 @@ def _solved(
         key = values.tobytes()
         if key not in last:
             last.clear()
-            last[key] = points.factor(
-                lambda p: np.column_stack((slopes(p, values), residuals(p, values)))
-            )
+            last[key] = points.factor(lambda p: columns(p, values))
         return last[key]
 
     found = least_squares(
@@ -221,14 +218,13 @@ def _variance(squares: float, freedom: int) -> float:
 def _sphere(points: Points, _: FloatArray) -> Feature:
     centre, radius = _algebraic_sphere(points, np.eye(3))
 
-    def residuals(block: FloatArray, values: FloatArray) -> FloatArray:
-        return row_lengths(block - values[:3]) - values[3]
+    def columns(block: FloatArray, values: FloatArray) -> FloatArray:
+        arm = block - values[:3]
+        outward, ones = unit_vectors(arm), np.ones(len(arm))
+        return np.column_stack((-outward, -ones, row_lengths(arm) - values[3]))
 
-    def slopes(block: FloatArray, values: FloatArray) -> FloatArray:
-        return np.column_stack((-unit_vectors(block - values[:3]), np.full(len(block), -1.0)))
-
-    best, doubt, s = _solved(points, residuals, slopes, (*centre, radius), radius=3)
-    off = points.each(lambda p: residuals(p, best))
+    best, doubt, s = _solved(points, columns, (*centre, radius), radius=3)
+    off = points.each(lambda p: row_lengths(p - best[:3]) - best[3])
     return Feature("sphere", best[:3], None, 2 * float(best[3]), doubt, None, off, scatter_mm=s)
 
 
@@ -250,32 +246,24 @@ def _circle(points: Points, axes: FloatArray) -> Feature:
     frame = _frame(axes[2])
     centre, radius = _algebraic_sphere(points, frame[:2])
 
-    def parts(block: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Heights (n,) above the plane, and vectors (n, 3) from the axis."""
+    def columns(block: FloatArray, values: FloatArray) -> FloatArray:
+        """Those of the distance from the axis above those of the height above the plane."""
         normal = _tilted(frame, values[3:5])
-        arm = block - values[:3]
-        height = arm @ normal
-        return height, arm - np.outer(height, normal)
-
-    def residuals(block: FloatArray, values: FloatArray) -> FloatArray:
-        height, across = parts(block, values)
-        return np.concatenate((row_lengths(across) - values[5], height))
-
-    def slopes(block: FloatArray, values: FloatArray) -> FloatArray:
-        height, across = parts(block, values)
-        normal, outward = _tilted(frame, values[3:5]), unit_vectors(across)
         length = np.linalg.norm(frame[2] + values[3:5] @ frame[:2])
         leaning = (frame[:2] - np.outer(frame[:2] @ normal, normal)) / length
-        radial = np.column_stack(
-            (-outward, -height[:, None] * (outward @ leaning.T), np.full(len(block), -1.0))
-        )
-        level = np.zeros_like(radial)
-        level[:, :3], level[:, 3:5] = -normal, across @ leaning.T
+        arm = block - values[:3]
+        height = arm @ normal
+        across = arm - np.outer(height, normal)
+        outward = unit_vectors(across)
+        radial, level = np.zeros((2, len(block), 7))
+        radial[:, :3], radial[:, 3:5] = -outward, -height[:, None] * (outward @ leaning.T)
+        radial[:, 5], radial[:, 6] = -1.0, row_lengths(across) - values[5]
+        level[:, :3], level[:, 3:5], level[:, 6] = -normal, across @ leaning.T, height
         return np.vstack((radial, level))
 
     start = (*(centre @ frame[:2]), 0.0, 0.0, radius)
-    best, doubt, s = _solved(points, residuals, slopes, start, radius=5, each=2)
-    off = points.each(lambda p: np.hypot(*np.split(residuals(p, best), 2)))
+    best, doubt, s = _solved(points, columns, start, radius=5, each=2)
+    off = points.each(lambda p: np.hypot(*np.split(columns(p, best)[:, 6], 2)))
     normal = _signed(_tilted(frame, best[3:5]))
     size = 2 * float(best[5])
     return Feature("circle", best[:3], normal, size, doubt, None, off, scatter_mm=s)
@@ -304,8 +292,8 @@ class _Round(NamedTuple):
         return np.asarray((self.distance - self.values[4]) * cosine - self.height * sine)
 
     @property
-    def slopes(self) -> FloatArray:
-        """Derivatives of the residuals by the parameters, (n, 5) or (n, 6)."""
+    def columns(self) -> FloatArray:
+        """Derivatives of the residuals by the 5 or 6 parameters, and the residuals."""
         cosine, sine = self.cosine_sine
         length = np.linalg.norm(self.axis)
         sides, along = self.frame[:2].T, self.axis @ self.frame[:2].T / length
@@ -317,7 +305,8 @@ class _Round(NamedTuple):
             np.full(len(rise), -cosine),
             -(self.distance - self.values[4]) * sine - self.height * cosine,
         )
-        return np.column_stack(columns)[:, : len(self.values)]
+        slopes = columns[: len(self.values) - 2]
+        return np.column_stack((*slopes, self.residuals))
 
 
 def _round_of(points: FloatArray, frame: FloatArray, values: FloatArray) -> _Round:
@@ -331,7 +320,7 @@ def _round_of(points: FloatArray, frame: FloatArray, values: FloatArray) -> _Rou
     arm = points - values[:2] @ frame[:2]
     height = arm @ unit
     across = arm - np.outer(height, unit)
-    return _Round(frame, axis, arm, height, across, np.linalg.norm(across, axis=1), values)
+    return _Round(frame, axis, arm, height, across, row_lengths(across), values)
 
 
 def _about_axis(points: Points, axis: FloatArray, opening: bool, exact: float = EXACT) -> Feature:
@@ -348,8 +337,7 @@ def _about_axis(points: Points, axis: FloatArray, opening: bool, exact: float = 
         start.append(float(np.arctan(_solution(points, opened)[0])))
     best, doubt, s = _solved(
         points,
-        lambda p, v: _round_of(p, frame, v).residuals,
-        lambda p, v: _round_of(p, frame, v).slopes,
+        lambda p, v: _round_of(p, frame, v).columns,
         start,
         radius=4,
         exact=exact,

@@ -211,8 +211,12 @@ def fit_features(
             chosen = chosen[inliers(gated, kind, gate, _beside(part, region), chosen)]
             if kind == "plane":
                 _refuse_strip(gated, chosen)
-            fits = {name: fit_feature(cloud, kind, rows=chosen) for name, cloud in clouds.items()}
-            same = [fit_feature(cloud, kind, rows=chosen) for cloud in members]
+            first = fit_feature(gated, kind, rows=chosen)
+            fits, same = {reference: first}, []
+            for cloud in members:
+                same.append(fit_feature(cloud, kind, near=first, rows=chosen))
+            for name, cloud in clouds.items():
+                fits[name] = fits.get(name) or fit_feature(cloud, kind, near=first, rows=chosen)
         except InputError as error:
             warn(f"{choice} is left out: {error}", argument=error.argument)
             continue
@@ -274,15 +278,16 @@ def _refuse_strip(points: FloatArray, rows: IntArray) -> None:
         )
 
 
-def _beside(part: Part, region: str | None) -> Surface | None:
-    """The faces of other regions that touch a region; None where there are none."""
+def _beside(part: Part, region: str | None) -> list[Surface]:
+    """The faces of other regions that touch a region, those of each by themselves."""
     if region is None:
-        return None
+        return []
     own = part.region_of_face == part.region_names.index(region)
     # Regions may have their own vertices along the edge between them.
     corners = weld(part.vertices)[part.faces]
-    touched = np.isin(corners, np.unique(corners[own])).any(axis=1) & ~own
-    return Surface(part.vertices, part.faces[touched]) if touched.any() else None
+    touched = np.flatnonzero(np.isin(corners, np.unique(corners[own])).any(axis=1) & ~own)
+    regions = part.region_of_face[touched]
+    return [Surface(part.vertices, part.faces[touched[regions == r]]) for r in np.unique(regions)]
 
 
 def _doubt(

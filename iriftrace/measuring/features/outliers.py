@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
@@ -25,7 +27,7 @@ def inliers(
     points: FloatArray,
     kind: str,
     gate: float | None,
-    nearby: Surface | None = None,
+    nearby: Sequence[Surface] = (),
     rows: IntArray | None = None,
 ) -> BoolArray:
     """Mask (n,) of the points (n, 3), mm, that are not outliers of a feature; all without a gate.
@@ -52,8 +54,9 @@ def inliers(
         if np.array_equal(kept, before):
             break
         found = fit_feature(points, kind, near=found, rows=chosen[kept])
-    if nearby is not None:
-        near = nearby.within(points, limit, chosen[kept])
+    if nearby:
+        rows = chosen[kept]
+        near = np.logical_or.reduce([each.within(points, limit, rows) for each in nearby])
         if near.mean() < 0.5:
             kept[kept] = ~near
     return kept
