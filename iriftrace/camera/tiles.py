@@ -40,7 +40,7 @@ def tile_numbers(places: FloatArray) -> IntArray:
     pixels = np.nan_to_num(places).clip(0, _WIDEST).astype(np.int64)
     column, row = (pixels // TILE).T
     inner = pixels % TILE
-    return (row * _WIDEST + column) * TILE**2 + inner[:, 1] * TILE + inner[:, 0]
+    return np.asarray((row * _WIDEST + column) * TILE**2 + inner[:, 1] * TILE + inner[:, 0])
 
 
 def within(places: FloatArray, low: FloatArray, high: FloatArray) -> BoolArray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import zlib
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
@@ -59,6 +60,9 @@ def write_vtp_blocks(path: Path, cloud: CloudBlocks, texts: Mapping[str, str]) -
         points = of(rows)[0]
         return np.where(np.isfinite(points), points, 0.0)
 
+    def column(name: str, rows: slice) -> AnyArray:
+        return of(rows)[1][name]
+
     # Each point is a cell of its own, so that programs draw it.
     corners = {
         "connectivity": lambda rows: np.arange(rows.start, rows.stop),
@@ -78,7 +82,7 @@ def write_vtp_blocks(path: Path, cloud: CloudBlocks, texts: Mapping[str, str]) -
             "<PointData>\n".encode()
         )
         for name in names:
-            _write_array(file, name, count, lambda rows, name=name: of(rows)[1][name])
+            _write_array(file, name, count, partial(column, name))
         file.write(b"</PointData>\n<Points>\n")
         _write_array(file, "Points", count, places)
         file.write(b"</Points>\n<Verts>\n")

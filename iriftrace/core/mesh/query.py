@@ -119,7 +119,8 @@ class Surface:
         face = np.empty(len(places), dtype=np.int64)
         # VTK's own types of numbers that a call changes are unknown to its stubs.
         find: Any = self._locator.FindClosestPoint
-        point, square, cell, piece = [0.0] * 3, mutable(0.0), mutable(0), mutable(0)
+        cell: Any = mutable(0)
+        point, square, piece = [0.0] * 3, mutable(0.0), mutable(0)
         for rows in blocks(len(places)):
             feet, cells = [], []
             # Coordinates by axis: a list for each point would be counted by the garbage collector.

@@ -14,7 +14,7 @@ from attrs import evolve
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError
 from iriftrace.core.mesh.triangles import row_lengths, unit_vectors
 from iriftrace.measuring.features.feature import Feature
@@ -152,7 +152,7 @@ def _line(points: Points, axes: FloatArray) -> Feature:
 def _solution(points: Points, columns: OfPoints) -> FloatArray:
     """Linear least squares: factors of all columns but the last, whose sum is nearest to it."""
     triangle = points.factor(columns)
-    return np.linalg.lstsq(triangle[:, :-1], triangle[:, -1], rcond=None)[0]
+    return as_float64(np.linalg.lstsq(triangle[:, :-1], triangle[:, -1], rcond=None)[0])
 
 
 def _algebraic_sphere(points: Points, onto: FloatArray) -> tuple[FloatArray, float]:

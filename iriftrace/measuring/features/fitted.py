@@ -10,7 +10,7 @@ import numpy as np
 from attrs import Factory, field, frozen
 from numpy.typing import ArrayLike
 
-from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
+from iriftrace.core.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.mesh.query import Surface
 from iriftrace.core.mesh.topology import weld
@@ -164,7 +164,7 @@ def _plain_fit(fit: Feature) -> JsonObject:
 
 def fit_features(
     clouds: Mapping[str, FloatArray],
-    face: IntArray,
+    face: AnyIntArray,
     part: Part,
     choices: Sequence[str | FeatureChoice] = (),
     by_member: Iterable[FloatArray] = (),

@@ -47,8 +47,7 @@ def inliers(
     found = _robust_fit(points[chosen[:: max(1, len(chosen) // SAMPLE)]], kind, least)
     kept = np.zeros(len(chosen), dtype=bool)
     for _ in range(ROUNDS):
-        off = by_block(len(chosen), lambda block, fit=found: fit.distances(points[chosen[block]]))
-        np.abs(off, out=off)
+        off = _distances(found, points, chosen)
         limit = max(gate * NORMAL_MAD * float(np.median(off)), least)
         before, kept = kept, off <= limit
         if np.array_equal(kept, before):
@@ -60,6 +59,11 @@ def inliers(
         if near.mean() < 0.5:
             kept[kept] = ~near
     return kept
+
+
+def _distances(feature: Feature, points: FloatArray, rows: IntArray) -> FloatArray:
+    """Distances (m,), mm, of the rows (m,) of points (n, 3) from a feature."""
+    return by_block(len(rows), lambda block: np.abs(feature.distances(points[rows[block]])))
 
 
 def _robust_fit(points: FloatArray, kind: str, least: float) -> Feature:

@@ -29,19 +29,21 @@ class Points:
         cls, places: FloatArray, rows: IntArray | None = None, root: FloatArray | None = None
     ) -> Points:
         """Points with their centre and size."""
-        raw = cls(places, rows, root, np.zeros(3), 1.0)
-        whole = sum(weight.sum() for weight in (r**2 for _, r in raw))
-        centre = np.asarray(sum((r**2) @ block for block, r in raw) / whole)
-        scale = max(float(np.abs(block - centre).max()) for block, _ in raw)
-        return cls(places, rows, root, centre, scale)
+        whole, moment, ends = 0.0, np.zeros(3), []
+        for block, part in _parts(places, rows):
+            weights = np.ones(len(part)) if root is None else root[block] ** 2
+            whole += weights.sum()
+            moment += weights @ part
+            ends += [part.min(axis=0), part.max(axis=0)]
+        centre = moment / whole
+        return cls(places, rows, root, centre, float(np.abs(ends - centre).max()))
 
     def __len__(self) -> int:
         return len(self.places) if self.rows is None else len(self.rows)
 
     def __iter__(self) -> Iterator[tuple[FloatArray, FloatArray]]:
         """Blocks of points and of the roots of their weights."""
-        for block in blocks(len(self)):
-            places = self.places[block if self.rows is None else self.rows[block]]
+        for block, places in _parts(self.places, self.rows):
             root = np.ones(len(places)) if self.root is None else self.root[block]
             yield (places - self.centre) / self.scale, root
 
@@ -59,7 +61,8 @@ class Points:
         for points, root in self:
             values = columns(points)
             values = values * np.resize(root, len(values))[:, None]
-            found = np.linalg.qr(values if found is None else np.vstack((found, values)), mode="r")
+            above = values if found is None else np.vstack((found, values))
+            found = np.asarray(np.linalg.qr(above, mode="r"))
         assert found is not None
         return found
 
@@ -76,10 +79,11 @@ class Points:
 
 def extent(places: FloatArray, rows: IntArray) -> FloatArray:
     """Extents (3,), mm, along the axes of those points (n, 3) that have the numbers `rows`."""
-    ends = np.array([[np.inf] * 3, [-np.inf] * 3])
-    for block in blocks(len(rows)):
-        part = places[rows[block]]
-        ends = np.array(
-            (np.minimum(ends[0], part.min(axis=0)), np.maximum(ends[1], part.max(axis=0)))
-        )
-    return np.asarray(ends[1] - ends[0])
+    ends = [limit(part, axis=0) for _, part in _parts(places, rows) for limit in (np.min, np.max)]
+    return np.asarray(np.ptp(ends, axis=0))
+
+
+def _parts(places: FloatArray, rows: IntArray | None) -> Iterator[tuple[slice, FloatArray]]:
+    """Blocks of the rows (m,), by default all, and the places (n, 3) that have their numbers."""
+    for block in blocks(len(places) if rows is None else len(rows)):
+        yield block, places[block if rows is None else rows[block]]

@@ -5,7 +5,7 @@ A measurement is simulated in the mean air, and corrected by it; what is left is
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from attrs import frozen
@@ -41,14 +41,15 @@ def feature_budget(
     gate: float | None = GATE,
     system: System | None = None,
     phase: Phase | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> FeatureBudget:
     """Simulate what two devices measure, and state the uncertainty of its corrected features.
 
     Costs as much as :func:`iriftrace.measure`, whose errors and warnings it has; `choices`,
-    `tolerances` and `gate` are those of `Correction.features`.
+    `tolerances` and `gate` are those of `Correction.features`, and `progress` that of `measure`.
     """
     ready = ready_scene(scene)
-    scan = measure(ready, system=system, phase=phase, varied=True)
+    scan = measure(ready, system=system, phase=phase, varied=True, progress=progress)
     correction = Correction(
         measured=scan.points,
         error=scan.error,

@@ -169,7 +169,7 @@ def correct(
     status[hidden[far]] = CorrectionStatus.FAR_FROM_PART
     _refuse_none(status, measured, loaded.part)
     errors[:, ~is_corrected(status)] = 0.0
-    error = errors[0] if weights is None else _mean(weights, errors)
+    error = errors[0] if weights is None else weights.mean(errors)
     larger = _larger(measured - error, loaded.part)
     _warn_of_doubtful(status, larger, loaded.part)
     if doubt := check_devices(measured, status, traced, sensor, seen_at).warning:
@@ -210,14 +210,6 @@ def _order(measured: FloatArray, near_box: BoolArray, sensor: Sensor) -> tuple[I
         numbers[rows] = tile_numbers(pixel)
     order = np.argsort(numbers)
     return order[(in_view & near_box)[order]], in_view
-
-
-def _mean(weights: MemberWeights, errors: FloatArray) -> FloatArray:
-    """Weighted mean (n, 3) of errors (k, n, 3)."""
-    mean = np.empty(errors.shape[1:])
-    for rows in blocks(len(mean)):
-        mean[rows] = weights.mean(errors[:, rows])
-    return mean
 
 
 def _checked(points: ArrayLike) -> FloatArray:

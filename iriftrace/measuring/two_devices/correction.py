@@ -11,7 +11,7 @@ import numpy as np
 from attrs import asdict, evolve, field, frozen
 from numpy.typing import NDArray
 
-from iriftrace.core.arrays import AnyArray, AnyIntArray, BoolArray, FloatArray
+from iriftrace.core.arrays import AnyArray, AnyIntArray, BoolArray, FloatArray, as_float64
 from iriftrace.core.blocks import CloudBlocks, by_block
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.mesh.transform import apply
@@ -145,7 +145,8 @@ class Correction:
 
     def _along_normal(self, errors: FloatArray, rows: slice) -> FloatArray:
         """Components (..., n) along the normal of errors (..., n, 3), mm, of a block of points."""
-        return np.einsum("...ij,ij->...i", errors, self.face_normals[self.face[rows]])
+        normal = self.face_normals[self.face[rows]]
+        return as_float64(np.einsum("...ij,ij->...i", errors, normal))
 
     @cached_property
     def u_normal(self) -> FloatArray | None:
@@ -284,6 +285,27 @@ class Correction:
         along = self.along_normal[good]
         return region_values(part, self.face[good], along, one_line=self.one_line)
 
+    def values(
+        self,
+        features: Sequence[FittedFeature] = (),
+        regions: Sequence[RegionValues] = (),
+        related: Sequence[Relation] = (),
+        *,
+        cloud: Cloud | None = None,
+        in_cloud_frame: bool = False,
+    ) -> JsonObject:
+        """Plain JSON values that `save` writes next to the cloud, whose parameters these are."""
+        unit = cloud.unit if cloud is not None and in_cloud_frame else "mm"
+        values = self.as_dict() | {
+            "features": [each.as_dict() for each in features],
+            "relations": [each.as_dict() for each in related],
+            "regions": plain(regions),
+            "cloud": {"frame": "cloud" if in_cloud_frame else "scene", "length_unit": unit},
+        }
+        if cloud is not None:
+            values["points"] |= {"not_measured": int((~cloud.measured).sum())}
+        return values
+
     def save(
         self,
         path: str | Path,
@@ -319,12 +341,7 @@ class Correction:
         unit = cloud.unit if cloud is not None and in_cloud_frame else "mm"
         back = np.asarray(np.linalg.inv(moved) if in_cloud_frame else np.eye(4), dtype=np.float64)
         factor = 1.0 / length_factor(unit)
-        values = self.as_dict() | {
-            "features": [each.as_dict() for each in features],
-            "relations": [each.as_dict() for each in related],
-            "regions": plain(regions),
-            "cloud": {"frame": "cloud" if in_cloud_frame else "scene", "length_unit": unit},
-        }
+        values = self.values(features, regions, related, cloud=cloud, in_cloud_frame=in_cloud_frame)
         u = {name: each for name in ("u_normal", "u") if (each := getattr(self, name)) is not None}
 
         def written(rows: slice) -> tuple[FloatArray, dict[str, AnyArray]]:
@@ -339,7 +356,6 @@ class Correction:
 
         if cloud is None:
             return save_blocks(path, CloudBlocks(len(self.status), written), values, unit=unit)
-        values["points"] |= {"not_measured": int((~cloud.measured).sum())}
         further = cloud.columns if in_cloud_frame else cloud.turned_columns(moved[:3, :3])
         unknown = {**dict.fromkeys(u, np.nan), "status": CorrectionStatus.NOT_MEASURED}
 
