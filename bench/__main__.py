@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from rich.console import Console
 from rich.table import Table
 
-from bench.measure import correction, measure_over_trace
+from bench.measure import budget_beyond_traces, bytes_a_point, correction, measure_over_trace
 from bench.pose import (
     cells_over_shells,
     kernels_of_second_pose,
@@ -17,6 +17,7 @@ from bench.pose import (
     shares,
 )
 from bench.queries import trace_over_queries
+from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.scenes import folder_of
 from iriftrace.tracing.load import load_scene
 
@@ -66,9 +67,18 @@ def main() -> None:
         f"{ratio:.2f}",
         "4",
     )
-    seconds, over_trace = correction(fine, scan, REPEATS)
+    seconds, over_trace, over_own = correction(fine, scan, REPEATS)
     table.add_row("correction of a point / refracted trace of a ray", f"{over_trace:.2f}", "")
+    table.add_row("correction / its tracing", f"{over_own:.2f}", "2")
     table.add_row("seconds to correct a million points", f"{seconds:.1f}", "10")
+    two = load_scene(folder_of("fringe_cylinder") / "scene.xml")
+    memory = bytes_a_point(measure(two), two.path)
+    table.add_row("bytes of `iriftrace correct` a further point", f"{memory:.0f}", "150")
+    table.add_row(
+        "budget of two members without its traces / refracted trace",
+        f"{budget_beyond_traces(two, REPEATS):.1f}",
+        "8",
+    )
     cells = load_scene(xml, engine="cells")
     traces, poses = cells_over_shells(cells, scene, REPEATS)
     table.add_row("refracted trace by the cells engine / by 13 shells", f"{traces:.2f}", "")

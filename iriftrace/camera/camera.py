@@ -295,7 +295,8 @@ class Camera:
             return origins, np.broadcast_to(self.forward, origins.shape).copy()
         local = np.full((len(on_sensor), 3), self.focal_length_mm)
         local[:, :2] = on_sensor
-        directions = unit_vectors(local) @ rotation.T
+        # Not by BLAS, as in `to_camera`.
+        directions = np.asarray(np.einsum("ij,kj->ik", unit_vectors(local), rotation))
         return np.broadcast_to(self.origin, directions.shape).copy(), directions
 
     def _without_distortion(self, position: FloatArray) -> FloatArray:

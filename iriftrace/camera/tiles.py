@@ -35,12 +35,12 @@ def pixels_in_tiles(width: int, height: int) -> NDArray[np.uint32]:
     return np.concatenate((ordered(bands), ordered(pixels[None, above:])))
 
 
-def tile_order(places: FloatArray) -> IntArray:
-    """Order of places (n, 2), px, tile by tile; what lies beyond the picture comes somewhere."""
+def tile_numbers(places: FloatArray) -> IntArray:
+    """Numbers (n,) that sort places (n, 2), px, tile by tile; what lies beyond comes somewhere."""
     pixels = np.nan_to_num(places).clip(0, _WIDEST).astype(np.int64)
     column, row = (pixels // TILE).T
     inner = pixels % TILE
-    return np.argsort((row * _WIDEST + column) * TILE**2 + inner[:, 1] * TILE + inner[:, 0])
+    return np.asarray((row * _WIDEST + column) * TILE**2 + inner[:, 1] * TILE + inner[:, 0])
 
 
 def within(places: FloatArray, low: FloatArray, high: FloatArray) -> BoolArray:

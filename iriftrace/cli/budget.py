@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from iriftrace.cli import checks
 from iriftrace.cli.answer import Answers, print_groups, say_pose, say_results
-from iriftrace.cli.console import say, working
+from iriftrace.cli.console import field_progress, say, working
 from iriftrace.cli.measure import Devices
 from iriftrace.cli.options import Output
 from iriftrace.cli.trace_options import Tracing, load
@@ -70,7 +70,7 @@ def _of_features(scene: Scene, answers: AnswerOptions, devices: MeasureOptions) 
 
     inputs, tolerances = answers.inputs, answers.tolerances
     chosen = checked_choices(devices.feature or (), scene.part)
-    with working("Measuring"):
+    with field_progress() as progress:
         found = feature_budget(
             scene,
             inputs,
@@ -79,6 +79,7 @@ def _of_features(scene: Scene, answers: AnswerOptions, devices: MeasureOptions) 
             gate=devices.gate,
             system=devices.system,
             phase=devices.phase,
+            progress=progress,
         )
     values = {
         **found.correction.as_dict(),

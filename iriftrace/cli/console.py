@@ -14,7 +14,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from subprocess import list2cmdline
 from types import FrameType
@@ -138,6 +138,11 @@ def late_bar(*columns: str | ProgressColumn, transient: bool) -> Iterator[Callab
     finally:
         if bar.live.is_started:
             bar.stop()
+
+
+def field_progress() -> AbstractContextManager[Callable[..., None]]:
+    """Show a bar of the fields of an ensemble that are finished, and of all."""
+    return late_bar("Fields", BarColumn(), MofNCompleteColumn(), transient=True)
 
 
 @contextmanager

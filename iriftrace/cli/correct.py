@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -118,7 +117,8 @@ def correct(
 
         figure = partial(correction_figure, found, loaded.part, loaded.camera)
         files.append(written_figure(figure, output.with_suffix(".png")))
-    rows = describe(json.loads(numbers.read_text(encoding="utf-8")), placed_names(loaded.part))
+    values = found.values(features, regions, related, cloud=read, in_cloud_frame=in_cloud_frame)
+    rows = describe(values, placed_names(loaded.part))
     say_group(rows, "points moved")
     say_results(rows)
     say_group(rows, "warning")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -125,7 +124,7 @@ def write_scan(
         )
     files += write_rays(output, scan.lost_rays)
     names = placed_names(loaded.part)
-    rows = describe(json.loads(numbers.read_text(encoding="utf-8")), names)
+    rows = describe(scan.values(features, errors, regions, related), names)
     say_points(rows)
     say_group(rows, "field")
     say("Files: " + ", ".join(map(str, files)))

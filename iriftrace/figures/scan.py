@@ -22,6 +22,9 @@ from iriftrace.medium.source import stated_source, synthetic_mark
 from iriftrace.part.part import Part
 from iriftrace.sweep.measures import Limits
 
+MOST_POINTS = 300_000
+"""Largest number of points that the figure of a correction draws."""
+
 
 def scan_figure(scan: Scan, part: Part) -> Figure:
     """Draw the error along the part's normal, in the camera's picture and as a histogram.
@@ -58,21 +61,23 @@ def correction_figure(found: Correction, part: Part, camera: Camera) -> Figure:
     """Draw the removed errors along the part's normal, and the deviation from the part.
 
     The errors that the corrections remove are drawn in the camera's picture, the deviations of the
-    points as measured and corrected as histograms. Points without a correction are dark grey.
+    points as measured and corrected as histograms. Points without a correction are dark grey. Of a
+    larger cloud one of every so many points is drawn, at most `MOST_POINTS`.
     """
-    good = found.corrected
-    normal, face = found.normal[good], found.face[good]
-    along = 1e3 * np.einsum("ij,ij->i", found.error[good], normal)
+    rows = slice(None, None, 1 + len(found.status) // MOST_POINTS)
+    measured, error, face = found.measured[rows], found.error[rows], found.face[rows]
+    good, normal = found.corrected[rows], found.face_normals[face]
+    along = 1e3 * np.einsum("ij,ij->i", error, normal)[good]
     title = "What hot air added to the measured points"
     figure, body, (left, right) = _panels(title, found.provenance, _spread(along), "corrected")
     scale = _scale(along, max(float(np.percentile(np.abs(along), 99)), 1e-6))
-    place = camera.project(found.measured)
+    place = camera.project(measured)
     _draw_part(left, part, camera, place[good])
     left.plot(*place[~good].T, "o", markersize=0.6, color="0.5", scalex=False, scaley=False)
     _draw_points(left, body, place[good], scale)
     deviations = {
-        name: 1e3 * (np.einsum("ij,ij->i", points[good], normal) - part.face_offsets[face])
-        for name, points in (("as measured", found.measured), ("corrected", found.points))
+        name: 1e3 * (np.einsum("ij,ij->i", points, normal) - part.face_offsets[face])[good]
+        for name, points in (("as measured", measured), ("corrected", measured - error))
     }
     low, high = np.percentile(np.concatenate(list(deviations.values())), (1, 99))
     _draw_histogram(right, deviations, (low, high), "deviation from the part (µm)")

@@ -11,14 +11,15 @@ from pathlib import Path
 import numpy as np
 
 from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray
+from iriftrace.core.blocks import CloudBlocks, blocks
 from iriftrace.core.files import whole_file
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import length_factor
 from iriftrace.io.e57 import check_e57, write_e57
-from iriftrace.io.ply import write_ply_points
+from iriftrace.io.ply import write_ply_blocks
 from iriftrace.io.refusals import check_ending
 from iriftrace.io.table import AXES
-from iriftrace.io.vtk_write import write_vtk
+from iriftrace.io.vtk_write import write_vtp_blocks
 
 TEXT_WRITTEN = (".asc", ".xyz", ".txt", ".csv")
 
@@ -44,11 +45,22 @@ def save_cloud(
     columns: Mapping[str, AnyArray],
     values: JsonObject,
     *,
+    remarks: Sequence[str] = (),
+) -> tuple[Path, Path]:
+    """Write points (n, 3), mm, with columns (n,) as `save_blocks`."""
+    return save_blocks(path, CloudBlocks.of_arrays(points, columns), values, remarks=remarks)
+
+
+def save_blocks(
+    path: str | Path,
+    rows: CloudBlocks,
+    values: JsonObject,
+    *,
     unit: str = "mm",
     measured: BoolArray | None = None,
     remarks: Sequence[str] = (),
 ) -> tuple[Path, Path]:
-    """Write points (n, 3) with columns (n,) and, next to them, plain JSON values in a JSON file.
+    """Write the rows of a cloud and, next to them, plain JSON values in a JSON file.
 
     In a .vtp, with 0 for coordinates that are not finite; in a .ply with the same names as
     properties and the remarks as lines ``obj_info``; as text, whose first line has the names; or in
@@ -62,47 +74,36 @@ def save_cloud(
     field = f"field: {values['assumptions']['field_origin']}"
     if kind == ".ply":
         comments = f"{values['schema']}; x, y, z, lengths: {unit}, angles: rad", field
-        write_ply_points(cloud, points, columns, comments=comments, remarks=remarks)
+        write_ply_blocks(cloud, rows, comments=comments, remarks=remarks)
     elif kind in TEXT_WRITTEN:
-        _write_text(cloud, points, columns)
+        _write_text(cloud, rows)
     elif kind == ".e57":
-        valid = np.ones(len(points), dtype=bool) if measured is None else measured
+        valid = np.ones(rows.count, dtype=bool) if measured is None else measured
+        points, columns = rows.of(slice(0, rows.count))
         write_e57(cloud, points * length_factor(unit) / length_factor("m"), valid, columns)
     else:
-        import pyvista as pv
-
-        # ParaView, and this program, take coordinates that are not finite for damage.
-        data = pv.PolyData(np.where(np.isfinite(points), points, 0.0))
-        for name, column in columns.items():
-            data.point_data[name] = column
-        data.field_data["field"] = [field]
-        write_vtk(cloud, data)
+        write_vtp_blocks(cloud, rows, {"field": field})
     numbers = cloud.with_suffix(".json")
     with whole_file(numbers) as partial:
         partial.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
     return cloud, numbers
 
 
-def _write_text(path: Path, points: FloatArray, columns: Mapping[str, AnyArray]) -> None:
+def _write_text(path: Path, rows: CloudBlocks) -> None:
     """A line of names, a comment but for .csv, and a row for each point."""
     comma = path.suffix.lower() == ".csv"
-    named = dict(zip(AXES, points.T, strict=True)) | dict(columns)
+    names = [*AXES, *rows.of(slice(0, 0))[1]]
     if comma:
         line = io.StringIO()
-        csv.writer(line, lineterminator="").writerow(named)
+        csv.writer(line, lineterminator="").writerow(names)
         header = line.getvalue()
     else:
-        header = "# " + " ".join("_".join(name.split()) for name in named)
-    table = np.rec.fromarrays(list(named.values()))
-    # A thousandth of a nanometre next to a metre.
-    kinds = ["%d" if column.dtype.kind in "iub" else "%.12g" for column in named.values()]
-    with whole_file(path) as partial:
-        np.savetxt(
-            partial,
-            table,
-            kinds,
-            "," if comma else " ",
-            header=header,
-            comments="",
-            encoding="utf-8",
-        )
+        header = "# " + " ".join("_".join(name.split()) for name in names)
+    with whole_file(path) as partial, partial.open("w", encoding="utf-8") as file:
+        file.write(header + "\n")
+        for block in blocks(rows.count):
+            points, columns = rows.of(block)
+            listed = [*points.T, *columns.values()]
+            # A thousandth of a nanometre next to a metre.
+            kinds = ["%d" if column.dtype.kind in "iub" else "%.12g" for column in listed]
+            np.savetxt(file, np.rec.fromarrays(listed), kinds, "," if comma else " ")

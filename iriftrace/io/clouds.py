@@ -11,6 +11,7 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray
+from iriftrace.core.blocks import blocks
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import text_in
 from iriftrace.core.units import length_factor, length_unit_of
@@ -68,7 +69,9 @@ class Cloud:
     @property
     def points(self) -> FloatArray:
         """(n, 3) array, mm: the measured points."""
-        return self.rows[self.measured] * length_factor(self.unit)
+        rows = self.rows if self.measured.all() else self.rows[self.measured]
+        factor = length_factor(self.unit)
+        return rows if factor == 1.0 else rows * factor
 
     @property
     def pixels(self) -> FloatArray | None:
@@ -128,16 +131,22 @@ def read_cloud(
         further = {name: one for name, one in further.items() if not _SIMULATED.fullmatch(name)}
     measured = _measured(rows, further, file)
     # Coordinates of what was not measured would be written again, in another frame.
-    rows = np.where((measured | ~rows.any(axis=1))[:, None], rows, np.nan)
+    other = ~measured & rows.any(axis=1)
+    if other.any():
+        rows = rows.copy()
+        rows[other] = np.nan
     cloud = Cloud(rows, measured, unit, further, remarks)
     _warn_of_rounding(cloud.points, file)
     return cloud
 
 
 def _warn_of_rounding(points: FloatArray, file: Path) -> None:
-    # Next to what single precision leaves of a rounded number.
-    allowed = 1e-9 + np.minimum(np.finfo(np.float32).eps * np.abs(points), 1e-4)
-    if (np.abs(points - points.round(COARSE_DECIMALS)) <= allowed).all():
+    def rounded(points: FloatArray) -> bool:
+        # Next to what single precision leaves of a rounded number.
+        allowed = 1e-9 + np.minimum(np.finfo(np.float32).eps * np.abs(points), 1e-4)
+        return bool((np.abs(points - points.round(COARSE_DECIMALS)) <= allowed).all())
+
+    if all(rounded(points[block]) for block in blocks(len(points))):
         warn(
             f"All coordinates in {file.name} are rounded to {10.0**-COARSE_DECIMALS:g} mm or "
             "coarser, which may be as much as hot air displaces them; export more decimals."
@@ -146,7 +155,7 @@ def _warn_of_rounding(points: FloatArray, file: Path) -> None:
 
 def _measured(rows: FloatArray, columns: Columns, file: Path) -> BoolArray:
     """Mask of the rows (m, 3) that were measured: finite, not all 0, and valid by columns."""
-    finite = (np.abs(rows) < _LARGEST).all(axis=1)
+    finite = ((rows > -_LARGEST) & (rows < _LARGEST)).all(axis=1)
     wrong = {"not finite": ~finite, "exactly (0, 0, 0)": ~rows.any(axis=1)}
     for name, values in columns.items():
         if found := _VALIDITY.fullmatch(name.casefold()):

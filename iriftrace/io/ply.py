@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from attrs import frozen
 from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import AnyArray, AnyIntArray, FloatArray, IntArray
+from iriftrace.core.blocks import CloudBlocks, blocks
 from iriftrace.core.files import whole_file
 from iriftrace.core.plain import JsonObject
 from iriftrace.io.refusals import damaged
@@ -62,7 +64,7 @@ def read_ply(path: Path) -> PlyMesh:
         )
     raw = mesh.metadata.get("_ply_raw", {})
     # A file of no vertices is an empty scene to trimesh.
-    vertices = np.array(getattr(mesh, "vertices", ()), dtype=np.float64).reshape(-1, 3)
+    vertices = np.asarray(getattr(mesh, "vertices", ()), dtype=np.float64).reshape(-1, 3)
     stated = rows.get(b"vertex", 0)
     if len(vertices) != stated:
         raise ValueError(f"its header states {stated:,} vertices, and it has {len(vertices):,}")
@@ -175,7 +177,8 @@ def write_ply(
     rows["count"], rows["corners"] = 3, faces
     for name, column in further.items():
         rows[name] = column
-    _write(path, header, np.column_stack(list(points.values())).astype("<f4"), rows)
+    places = np.column_stack(list(points.values())).astype("<f4")
+    _write(path, header, lambda: places, lambda: rows)
 
 
 def write_ply_points(
@@ -192,28 +195,49 @@ def write_ply_points(
     numbers ``int``; blanks in their names become ``_``, and what is not ASCII question marks.
     `remarks` are whole lines of the header, as `PlyMesh` has them.
     """
-    columns = {"_".join(name.split()): values for name, values in columns.items()}
-    named = dict(zip("xyz", np.transpose(points), strict=True)) | dict(columns)
-    kinds = {name: _kind(values) for name, values in named.items()}
+    rows = CloudBlocks.of_arrays(points, columns)
+    write_ply_blocks(path, rows, comments=comments, remarks=remarks)
+
+
+def write_ply_blocks(
+    path: str | Path,
+    cloud: CloudBlocks,
+    *,
+    comments: Sequence[str] = (),
+    remarks: Sequence[str] = (),
+) -> None:
+    """Write the rows of a cloud in the same way."""
+
+    def named(rows: slice) -> dict[str, AnyArray]:
+        points, columns = cloud.of(rows)
+        further = {"_".join(name.split()): values for name, values in columns.items()}
+        return dict(zip("xyz", np.transpose(points), strict=True)) | further
+
+    kinds = {name: _kind(values) for name, values in named(slice(0, 0)).items()}
     header = [
         *(f"comment {comment}" for comment in comments),
         *remarks,
-        f"element vertex {len(points)}",
+        f"element vertex {cloud.count}",
         *(f"property {_PROPERTY[kind]} {name}" for name, kind in kinds.items()),
     ]
-    rows = np.empty(len(points), dtype=list(kinds.items()))
-    for name, values in named.items():
-        rows[name] = values
+
+    def table(rows: slice) -> AnyArray:
+        values = named(rows)
+        found = np.empty(rows.stop - rows.start, dtype=list(kinds.items()))
+        for name, column in values.items():
+            found[name] = column
+        return found
+
     header = [line.encode("ascii", "replace").decode() for line in header]
-    _write(path, header, rows)
+    _write(path, header, *(partial(table, rows) for rows in blocks(cloud.count)))
 
 
-def _write(path: str | Path, header: Sequence[str], *tables: AnyArray) -> None:
+def _write(path: str | Path, header: Sequence[str], *tables: Callable[[], AnyArray]) -> None:
     lines = ("ply", "format binary_little_endian 1.0", *header, "end_header\n")
     with whole_file(path) as temporary, temporary.open("wb") as file:
         file.write("\n".join(lines).encode())
         for table in tables:
-            file.write(table.tobytes())
+            file.write(table().tobytes())
 
 
 _PROPERTY = {"<f8": "double", "<f4": "float", "<i4": "int", "u1": "uchar"}

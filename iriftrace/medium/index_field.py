@@ -93,7 +93,7 @@ class IndexField:
         cells = cells_at(self.grid, points_of(self.grid, cells))
         if cells.all():
             return self
-        grid = self.grid.extract_cells(np.flatnonzero(cells))
+        grid = self.grid.extract_cells(np.flatnonzero(cells).astype(int))
         return evolve(self, grid=grid, refractivity=grid["refractivity"], flow=None)
 
     @cached_property

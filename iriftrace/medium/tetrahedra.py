@@ -137,7 +137,7 @@ def _faces(corners: NumberArray) -> NumberArray:
     return corners[:, OPPOSITE].reshape(-1, 3)
 
 
-def _without_caps(corners: NumberArray, crowded: IntArray, points: FloatArray) -> NumberArray:
+def _without_caps(corners: NumberArray, crowded: AnyIntArray, points: FloatArray) -> NumberArray:
     """The tetrahedra without slivers that lie on a face between two others.
 
     Filters that split each polyhedron separately cover warped faces with them. `crowded` are the

@@ -131,3 +131,13 @@ def test_inside_of_a_torus_against_the_winding_number(seed):
     angle = 2 * np.arctan2(top, la * lb * lc + dots[0] * lc + dots[1] * lb + dots[2] * la)
     winding = np.abs(angle.sum(axis=1)) / (4 * np.pi)
     assert_array_equal(Surface(vertices, faces).inside(points), winding > 0.5)
+
+
+def test_within_a_limit_are_those_at_no_larger_distance() -> None:
+    surface = cube(4.0)
+    points = np.random.default_rng(4).normal(scale=3.0, size=(500, 3))
+    rows = np.arange(0, 500, 3)
+    distance = surface.distance(points[rows])
+    for limit in (0.1, 1.0, 4.0):
+        assert 0 < (distance <= limit).sum()
+        np.testing.assert_array_equal(surface.within(points, limit, rows), distance <= limit)

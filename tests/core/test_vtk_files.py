@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from iriftrace.io.vtk_write import write_vtk
+from iriftrace.core.blocks import CloudBlocks
+from iriftrace.io.vtk_write import write_vtk, write_vtp_blocks
 
 FULL = """
 import resource, sys
@@ -41,3 +42,30 @@ def test_a_full_disk_is_one_sentence(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith(f"cannot write {tmp_path / 'a.vtp'}: ")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_cloud_in_blocks_is_read_by_vtk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each kind of column, also with a last block that is shorter or as long as the others."""
+    random = np.random.default_rng(0)
+    places = random.random((1000, 3))
+    places[3] = np.nan, np.inf, 1.0
+    columns = {
+        'far & "near" <x>': random.random(1000),
+        "single": random.random(1000).astype(np.float32),
+        "byte": random.integers(0, 255, 1000).astype(np.uint8),
+        "number": random.integers(-9, 9, 1000).astype(np.int32),
+        "flag": random.random(1000) < 0.5,
+    }
+    for size in (64, 100, 5000):
+        monkeypatch.setattr("iriftrace.core.blocks.BLOCK", size)
+        path = tmp_path / "cloud.vtp"
+        cloud = CloudBlocks.of_arrays(places, columns)
+        write_vtp_blocks(path, cloud, {"field": "flow of Ångström & Co."})
+        found = pv.read(path)
+        np.testing.assert_array_equal(found.points[4:], places[4:])
+        np.testing.assert_array_equal(found.points[3], (0.0, 0.0, 1.0))
+        assert found.n_verts == len(places)
+        assert list(found.field_data["field"]) == ["flow of Ångström & Co."]
+        for name, column in columns.items():
+            np.testing.assert_array_equal(found.point_data[name], column)
+            assert found.point_data[name].dtype == (column + np.uint8(0)).dtype

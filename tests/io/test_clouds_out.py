@@ -46,7 +46,7 @@ def correction(points: np.ndarray) -> Correction:
         error=error,
         status=status,
         face=np.zeros(len(points), dtype=np.int64),
-        normal=np.tile((0.0, 0.0, 1.0), (len(points), 1)),
+        face_normals=np.array([[0.0, 0.0, 1.0]]),
         system="stereo",
         provenance={"assumptions": {"field_origin": "none"}},
     )

@@ -54,7 +54,7 @@ def corrected(part: Part, points: FloatArray, face: IntArray) -> Correction:
     """What `correct` gives for points in air without an effect."""
     return Correction(
         *(points, np.zeros_like(points), np.zeros(len(points), dtype=np.int64), face),
-        *(part.face_normals[face], "fringe"),
+        *(part.face_normals, "fringe"),
         provenance={},
         growth=part.growth,
     )

@@ -292,11 +292,11 @@ def test_points_as_near_to_another_surface_are_left_out() -> None:
     points = np.column_stack((rng.uniform(0, 20, (4000, 2)), rng.normal(0, 0.01, 4000)))
     points[:200, 0] = rng.uniform(0, 0.03, 200)
     wall = Surface([(0, -1, -1), (0, 21, -1), (0, 21, 1), (0, -1, 1)], [(0, 1, 2), (0, 2, 3)])
-    kept = inliers(points, "plane", 3.5, wall)
+    kept = inliers(points, "plane", 3.5, [wall])
     assert not kept[:200].any()
     assert kept[200:].mean() > 0.99
     # Where that is most of them, nothing would be left to fit.
-    assert inliers(points[:300], "plane", 3.5, wall).mean() > 0.99
+    assert inliers(points[:300], "plane", 3.5, [wall]).mean() > 0.99
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -228,18 +228,18 @@ def quantity_of(scene: Scene) -> str:
 
 def test_only_a_budget_traces_the_variations(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, traced = varied_slab(monkeypatch), []
-    scan_of, of_one_field = measure_room._scan, correct_room._in_one_field
+    scan_of, of_one_field = measure_room._scan, correct_room._robust_error
 
     def scanned(one: Scene, *given: object) -> Scan:
         traced.append(quantity_of(one))
         return scan_of(one, *given)
 
-    def corrected(measured: object, *given: Any) -> object:
-        traced.append(quantity_of(given[2]))
-        return of_one_field(measured, *given)
+    def corrected(measured: object, one: Scene, *given: Any) -> object:
+        traced.append(quantity_of(one))
+        return of_one_field(measured, one, *given)
 
     monkeypatch.setattr(measure_room, "_scan", scanned)
-    monkeypatch.setattr(correct_room, "_in_one_field", corrected)
+    monkeypatch.setattr(correct_room, "_robust_error", corrected)
     scan = measure(scene)
     assert traced == [""]
     traced.clear()

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray, as_float64
+from iriftrace.core.blocks import blocks
 from iriftrace.core.mesh.triangles import area_vectors, polydata, unit_vectors, used_vertices
 from iriftrace.core.sampling import r2_sequence
 
@@ -119,11 +120,35 @@ class Surface:
         face = np.empty(len(places), dtype=np.int64)
         # VTK's own types of numbers that a call changes are unknown to its stubs.
         find: Any = self._locator.FindClosestPoint
-        point, square, cell, piece = [0.0] * 3, mutable(0.0), mutable(0), mutable(0)
-        for i, place in enumerate(places.tolist()):
-            find(place, point, cell, piece, square)
-            foot[i], face[i] = point, int(cell)
+        cell: Any = mutable(0)
+        point, square, piece = [0.0] * 3, mutable(0.0), mutable(0)
+        for rows in blocks(len(places)):
+            feet, cells = [], []
+            # Coordinates by axis: a list for each point would be counted by the garbage collector.
+            for place in zip(*places[rows].T.tolist(), strict=True):
+                find(place, point, cell, piece, square)
+                feet += point
+                cells.append(cell.get())
+            foot[rows], face[rows] = np.reshape(feet, (-1, 3)), cells
         return foot, face
+
+    def within(self, points: FloatArray, limit: float, rows: IntArray) -> BoolArray:
+        """Mask (m,) of the rows (m,) of points, mm, that are at most a limit, mm, away."""
+        from vtkmodules.vtkCommonCore import mutable
+        from vtkmodules.vtkCommonDataModel import vtkGenericCell
+
+        find: Any = self._locator.FindClosestPointWithinRadius
+        rest = [0.0] * 3, vtkGenericCell(), mutable(0), mutable(0), mutable(0.0)
+        low, high = self.corners.min(axis=0) - limit, self.corners.max(axis=0) + limit
+        near = np.zeros(len(rows), dtype=bool)
+        for block in blocks(len(rows)):
+            places = points[rows[block]]
+            in_box = ((places >= low) & (places <= high)).all(axis=1)
+            found = [
+                find(place, limit, *rest) for place in zip(*places[in_box].T.tolist(), strict=True)
+            ]
+            near[block][in_box] = found
+        return near
 
     def distance(self, points: ArrayLike) -> FloatArray:
         """Distance (k,), mm, of points (k, 3), mm, from the surface."""

@@ -96,7 +96,7 @@ def connected(pairs: IntArray, count: int) -> IntArray:
 
 
 def cells_to_flip(
-    pairs: IntArray, opposed: BoolArray, weights: FloatArray
+    pairs: AnyIntArray, opposed: BoolArray, weights: FloatArray
 ) -> tuple[BoolArray, BoolArray]:
     """Cells, triangles or tetrahedra, that must be turned so that neighbours agree, (m,) mask.
 

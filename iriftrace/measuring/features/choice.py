@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from attrs import frozen
 
-from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
+from iriftrace.core.arrays import AnyIntArray, BoolArray, FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.measuring.features.fit import FEWEST, SAMPLE, FeatureKind, check_kind, fit_feature
 from iriftrace.part.part import Part
@@ -57,7 +57,7 @@ class FeatureChoice:
         return self.kind if self.region is None else f"{self.kind}:{self.region}"
 
 
-def on_region(region: str | None, face: IntArray, part: Part) -> BoolArray:
+def on_region(region: str | None, face: AnyIntArray, part: Part) -> BoolArray:
     """Mask (n,) of the points of a region, all without one, that lie on faces (n,) of the part.
 
     Raises InputError for an unknown region.
@@ -105,7 +105,7 @@ def checked_choices(
     return chosen
 
 
-def found_features(part: Part, face: IntArray) -> tuple[FeatureChoice, ...]:
+def found_features(part: Part, face: AnyIntArray) -> tuple[FeatureChoice, ...]:
     """Features that regions of a part are.
 
     Regions on whose faces (n,) fewer than `FEWEST_MEASURED` points were measured are omitted.

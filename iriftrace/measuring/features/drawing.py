@@ -11,7 +11,8 @@ import math
 
 import numpy as np
 
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import AnyIntArray, FloatArray
+from iriftrace.core.blocks import blocks
 from iriftrace.measuring.features.quantity import DRAWING
 from iriftrace.measuring.uncertainty.inputs import Inputs
 from iriftrace.part.growth import Growth
@@ -33,7 +34,7 @@ def u_of_growth(
     return math.hypot((hot - drawn) * inputs.expansion, by_temperature) / growth.factor
 
 
-def drawing_cloud(points: FloatArray, face: IntArray, part: Part) -> dict[str, FloatArray]:
+def drawing_cloud(points: FloatArray, face: AnyIntArray, part: Part) -> dict[str, FloatArray]:
     """The cloud `DRAWING` of points of a hot part; no cloud if it has not grown.
 
     Parameters
@@ -49,10 +50,14 @@ def drawing_cloud(points: FloatArray, face: IntArray, part: Part) -> dict[str, F
     if part.drawing is None:
         return {DRAWING: points / part.growth.factor}
     hot, drawn = part.vertices[part.faces], part.drawing[part.faces]
-    places = _barycentric(points, hot[face])
-    foot, drawn_foot = (np.einsum("ij,ijk->ik", places, mesh[face]) for mesh in (hot, drawn))
-    stretch = (_perimeters(hot) / _perimeters(drawn))[face]
-    return {DRAWING: drawn_foot + (points - foot) / stretch[:, None]}
+    stretch = _perimeters(hot) / _perimeters(drawn)
+    found = np.empty(points.shape)
+    for rows in blocks(len(points)):
+        block, on = points[rows], face[rows]
+        places = _barycentric(block, hot[on])
+        foot, drawn_foot = (np.einsum("ij,ijk->ik", places, mesh[on]) for mesh in (hot, drawn))
+        found[rows] = drawn_foot + (block - foot) / stretch[on, None]
+    return {DRAWING: found}
 
 
 def _barycentric(points: FloatArray, corners: FloatArray) -> FloatArray:

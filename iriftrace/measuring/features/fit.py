@@ -14,9 +14,11 @@ from attrs import evolve
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError
+from iriftrace.core.mesh.triangles import row_lengths, unit_vectors
 from iriftrace.measuring.features.feature import Feature
+from iriftrace.measuring.features.points import OfPoints, Points
 
 FeatureKind = Literal["plane", "line", "circle", "sphere", "cylinder", "cone"]
 
@@ -42,6 +44,7 @@ def fit_feature(
     kind: str,
     weights: FloatArray | None = None,
     near: Feature | None = None,
+    rows: IntArray | None = None,
 ) -> Feature:
     """Fit a feature to points by least squares.
 
@@ -50,10 +53,12 @@ def fit_feature(
     points : (n, 3) array, mm
     kind : str
         ``"plane"``, ``"line"``, ``"circle"``, ``"sphere"``, ``"cylinder"`` or ``"cone"``.
-    weights : (n,) array, optional
+    weights : (m,) array, optional
         Weights of the squared distances; `u_size_mm` is right for equal ones, the default.
     near : Feature, optional
         A fit to nearly the same points; the search for an axis starts from its own.
+    rows : (m,) array of int, optional
+        Numbers of the points that are fitted; all by default.
 
     Raises
     ------
@@ -67,41 +72,38 @@ def fit_feature(
             f"The points are an array of shape {places.shape}; give (n, 3), mm.",
             code="points.shape",
         )
-    if len(places) < FEWEST[kind]:
+    count = len(places) if rows is None else len(rows)
+    if count < FEWEST[kind]:
         raise InputError(
-            f"{len(places)} points do not determine a {kind}; at least {FEWEST[kind]} points do.",
+            f"{count} points do not determine a {kind}; at least {FEWEST[kind]} points do.",
             code="feature.too_few_points",
         )
-    root = np.ones(len(places)) if weights is None else np.sqrt(weights)
-    centre = np.average(places, axis=0, weights=root**2)
-    scale = float(np.abs(places - centre).max())
+    unit = Points.of(places, rows, None if weights is None else np.sqrt(weights))
+    scale = unit.scale
     if not scale > 0.0:
         raise InputError(
             f"All points are the same, so no {kind} fits; give others.", code="feature.one_point"
         )
-    # About their centre and of size 1, so that all parameters weigh alike.
-    unit = (places - centre) / scale
-    extents = np.linalg.svd(root[:, None] * unit, compute_uv=False)
+    extents, axes = unit.principal
     if not extents[DIMENSIONS[kind] - 1] > FLAT * extents[0]:
         lying = "plane" if DIMENSIONS[kind] == 3 else "line"
         raise InputError(
-            f"The {len(places):,} points lie on a {lying} and so do not determine a {kind}; give "
+            f"The {count:,} points lie on a {lying} and so do not determine a {kind}; give "
             "others, or another feature.",
             code="feature.undetermined",
         )
     if kind in ("cylinder", "cone"):
         known = None if near is None else near.direction
-        axes = _axes(unit, root) if known is None else known[None]
-        found = _round(unit, root, axes, opening=kind == "cone")
+        found = _round(unit, axes if known is None else known[None], opening=kind == "cone")
     else:
-        found = _FITS[kind](unit, root)
+        found = _FITS[kind](unit, axes)
+    found.residuals[:] *= scale
     return evolve(
         found,
-        position=centre + scale * found.position,
+        position=unit.centre + scale * found.position,
         size_mm=None if found.size_mm is None else scale * found.size_mm,
         u_size_mm=None if found.u_size_mm is None else scale * found.u_size_mm,
         u_position_mm=None if found.u_position_mm is None else scale * found.u_position_mm,
-        residuals=scale * found.residuals,
         scatter_mm=None if found.scatter_mm is None else scale * found.scatter_mm,
     )
 
@@ -117,25 +119,16 @@ def check_kind(kind: str) -> None:
         )
 
 
-def _axes(points: FloatArray, root: FloatArray) -> FloatArray:
-    """Principal axes of points about 0, as rows, that of the largest extent first.
-
-    Here and below `root` (n,) has the roots of the points' weights.
-    """
-    return np.linalg.svd(root[:, None] * points, full_matrices=False)[2]
-
-
 def _signed(direction: FloatArray) -> FloatArray:
     signed: FloatArray = direction * np.sign(direction[np.argmax(np.abs(direction))])
     return signed
 
 
-def _plane(points: FloatArray, root: FloatArray) -> Feature:
-    axes = _axes(points, root)
+def _plane(points: Points, axes: FloatArray) -> Feature:
     normal = _signed(axes[2])
-    heights = points @ normal
-    variance = _variance(float(np.sum((root * heights) ** 2)), len(points) - 3)
-    spread = np.sum((root[:, None] * points @ axes[:2].T) ** 2, axis=0)
+    spread = np.square(points.factor(lambda p: p @ axes.T)).sum(axis=0)
+    variance = _variance(float(spread[2]), len(points) - 3)
+    weight = sum(float(np.sum(root**2)) for _, root in points)
     return Feature(
         kind="plane",
         position=np.zeros(3),
@@ -143,48 +136,76 @@ def _plane(points: FloatArray, root: FloatArray) -> Feature:
         size_mm=None,
         u_size_mm=None,
         half_angle=None,
-        residuals=heights,
-        u_position_mm=float(np.sqrt(variance / np.sum(root**2))),
-        normal_covariance=variance * (axes[:2].T / spread) @ axes[:2],
+        residuals=points.each(lambda p: p @ normal),
+        u_position_mm=float(np.sqrt(variance / weight)),
+        normal_covariance=variance * (axes[:2].T / spread[:2]) @ axes[:2],
         scatter_mm=float(np.sqrt(variance)),
     )
 
 
-def _line(points: FloatArray, root: FloatArray) -> Feature:
-    axis = _signed(_axes(points, root)[0])
-    off = np.linalg.norm(np.cross(points, axis), axis=1)
+def _line(points: Points, axes: FloatArray) -> Feature:
+    axis = _signed(axes[0])
+    off = points.each(lambda p: row_lengths(np.cross(p, axis)))
     return Feature("line", np.zeros(3), axis, None, None, None, off)
 
 
-def _algebraic_sphere(points: FloatArray, root: FloatArray) -> tuple[FloatArray, float]:
-    """Centre and radius by linear least squares of x^2 = 2 c x + r^2 - c^2, in any dimension."""
-    squares = np.einsum("ij,ij->i", points, points)
-    system = np.column_stack((2 * points, np.ones(len(points))))
-    found = np.linalg.lstsq(root[:, None] * system, root * squares, rcond=None)[0]
+def _solution(points: Points, columns: OfPoints) -> FloatArray:
+    """Linear least squares: factors of all columns but the last, whose sum is nearest to it."""
+    triangle = points.factor(columns)
+    return as_float64(np.linalg.lstsq(triangle[:, :-1], triangle[:, -1], rcond=None)[0])
+
+
+def _algebraic_sphere(points: Points, onto: FloatArray) -> tuple[FloatArray, float]:
+    """Centre and radius by linear least squares of x^2 = 2 c x + r^2 - c^2.
+
+    The points have the coordinates x along the (k, 3) directions `onto`.
+    """
+
+    def columns(block: FloatArray) -> FloatArray:
+        x = block @ onto.T
+        return np.column_stack((2 * x, np.ones(len(x)), np.einsum("ij,ij->i", x, x)))
+
+    found = _solution(points, columns)
     centre, rest = found[:-1], found[-1]
     return centre, float(np.sqrt(max(rest + centre @ centre, 0.0)))
 
 
-_Of = Callable[[FloatArray], FloatArray]
-"""Function of a feature's parameters."""
+_Of = Callable[[FloatArray, FloatArray], FloatArray]
+"""Function of points (n, 3) about 0 and a feature's p parameters."""
 
 
 def _solved(
-    residuals: _Of,
-    slopes: _Of | Literal["2-point"],
+    points: Points,
+    columns: _Of,
     start: Sequence[float],
     radius: int,
     exact: float = EXACT,
+    each: int = 1,
 ) -> tuple[FloatArray, float, float]:
     """Parameters of least squares, u of twice the radius, and the scatter that it is by.
 
-    `slopes` gives the derivatives of the residuals; `radius` is the parameter's number.
+    `columns` (m, p + 1) are the derivatives of the residuals and, last, the residuals, of which
+    each point has so many; `radius` is the parameter's number. The search needs only lengths and
+    angles of these columns, so it is given their triangular factor.
     """
+    last: dict[bytes, FloatArray] = {}
+
+    def factor(values: FloatArray) -> FloatArray:
+        key = values.tobytes()
+        if key not in last:
+            last.clear()
+            last[key] = points.factor(lambda p: columns(p, values))
+        return last[key]
+
     found = least_squares(
-        residuals, start, jac=slopes, method="lm", xtol=exact, ftol=exact, gtol=exact
+        lambda v: factor(v)[:, -1],
+        start,
+        jac=lambda v: factor(v)[:, :-1],
+        method="lm",
+        **dict.fromkeys(("xtol", "ftol", "gtol"), exact),
     )
-    scatter = float(np.sqrt(_variance(2 * found.cost, len(found.fun) - len(start))))
-    inverse = np.linalg.pinv(np.linalg.qr(found.jac, mode="r"))[radius]
+    scatter = float(np.sqrt(_variance(2 * found.cost, each * len(points) - len(start))))
+    inverse = np.linalg.pinv(found.jac)[radius]
     doubt = 2 * scatter * float(np.linalg.norm(inverse))
     return np.asarray(found.x, dtype=np.float64), doubt, scatter
 
@@ -194,16 +215,17 @@ def _variance(squares: float, freedom: int) -> float:
     return max(squares / max(freedom, 1), 1e-40)
 
 
-def _sphere(points: FloatArray, root: FloatArray) -> Feature:
-    centre, radius = _algebraic_sphere(points, root)
+def _sphere(points: Points, _: FloatArray) -> Feature:
+    centre, radius = _algebraic_sphere(points, np.eye(3))
 
-    def residuals(values: FloatArray) -> FloatArray:
-        return np.asarray(np.linalg.norm(points - values[:3], axis=1) - values[3])
+    def columns(block: FloatArray, values: FloatArray) -> FloatArray:
+        arm = block - values[:3]
+        outward, ones = unit_vectors(arm), np.ones(len(arm))
+        return np.column_stack((-outward, -ones, row_lengths(arm) - values[3]))
 
-    start = (*centre, radius)
-    best, doubt, s = _solved(lambda v: root * residuals(v), "2-point", start, radius=3)
-    size, off = 2 * float(best[3]), residuals(best)
-    return Feature("sphere", best[:3], None, size, doubt, None, off, scatter_mm=s)
+    best, doubt, s = _solved(points, columns, (*centre, radius), radius=3)
+    off = points.each(lambda p: row_lengths(p - best[:3]) - best[3])
+    return Feature("sphere", best[:3], None, 2 * float(best[3]), doubt, None, off, scatter_mm=s)
 
 
 def _frame(axis: FloatArray) -> FloatArray:
@@ -220,20 +242,28 @@ def _tilted(frame: FloatArray, tilt: FloatArray) -> FloatArray:
     return axis / np.linalg.norm(axis)
 
 
-def _circle(points: FloatArray, root: FloatArray) -> Feature:
-    frame = _frame(_axes(points, root)[2])
-    centre, radius = _algebraic_sphere(points @ frame[:2].T, root)
+def _circle(points: Points, axes: FloatArray) -> Feature:
+    frame = _frame(axes[2])
+    centre, radius = _algebraic_sphere(points, frame[:2])
 
-    def parts(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def columns(block: FloatArray, values: FloatArray) -> FloatArray:
+        """Those of the distance from the axis above those of the height above the plane."""
         normal = _tilted(frame, values[3:5])
-        arm = points - values[:3]
+        length = np.linalg.norm(frame[2] + values[3:5] @ frame[:2])
+        leaning = (frame[:2] - np.outer(frame[:2] @ normal, normal)) / length
+        arm = block - values[:3]
         height = arm @ normal
-        return np.linalg.norm(arm - np.outer(height, normal), axis=1) - values[5], height
+        across = arm - np.outer(height, normal)
+        outward = unit_vectors(across)
+        radial, level = np.zeros((2, len(block), 7))
+        radial[:, :3], radial[:, 3:5] = -outward, -height[:, None] * (outward @ leaning.T)
+        radial[:, 5], radial[:, 6] = -1.0, row_lengths(across) - values[5]
+        level[:, :3], level[:, 3:5], level[:, 6] = -normal, across @ leaning.T, height
+        return np.vstack((radial, level))
 
     start = (*(centre @ frame[:2]), 0.0, 0.0, radius)
-    twice = np.tile(root, 2)
-    best, doubt, s = _solved(lambda v: twice * np.concatenate(parts(v)), "2-point", start, radius=5)
-    off = np.hypot(*parts(best))
+    best, doubt, s = _solved(points, columns, start, radius=5, each=2)
+    off = points.each(lambda p: np.hypot(*np.split(columns(p, best)[:, 6], 2)))
     normal = _signed(_tilted(frame, best[3:5]))
     size = 2 * float(best[5])
     return Feature("circle", best[:3], normal, size, doubt, None, off, scatter_mm=s)
@@ -262,8 +292,8 @@ class _Round(NamedTuple):
         return np.asarray((self.distance - self.values[4]) * cosine - self.height * sine)
 
     @property
-    def slopes(self) -> FloatArray:
-        """Derivatives of the residuals by the parameters, (n, 5) or (n, 6)."""
+    def columns(self) -> FloatArray:
+        """Derivatives of the residuals by the 5 or 6 parameters, and the residuals."""
         cosine, sine = self.cosine_sine
         length = np.linalg.norm(self.axis)
         sides, along = self.frame[:2].T, self.axis @ self.frame[:2].T / length
@@ -275,7 +305,8 @@ class _Round(NamedTuple):
             np.full(len(rise), -cosine),
             -(self.distance - self.values[4]) * sine - self.height * cosine,
         )
-        return np.column_stack(columns)[:, : len(self.values)]
+        slopes = columns[: len(self.values) - 2]
+        return np.column_stack((*slopes, self.residuals))
 
 
 def _round_of(points: FloatArray, frame: FloatArray, values: FloatArray) -> _Round:
@@ -289,22 +320,24 @@ def _round_of(points: FloatArray, frame: FloatArray, values: FloatArray) -> _Rou
     arm = points - values[:2] @ frame[:2]
     height = arm @ unit
     across = arm - np.outer(height, unit)
-    return _Round(frame, axis, arm, height, across, np.linalg.norm(across, axis=1), values)
+    return _Round(frame, axis, arm, height, across, row_lengths(across), values)
 
 
-def _about_axis(
-    points: FloatArray, root: FloatArray, axis: FloatArray, opening: bool, exact: float = EXACT
-) -> Feature:
+def _about_axis(points: Points, axis: FloatArray, opening: bool, exact: float = EXACT) -> Feature:
     """Cylinder or cone from a first guess of its axis."""
     frame = _frame(axis)
-    across = points @ frame[:2].T
-    centre, radius = _algebraic_sphere(across, root)
-    slope = np.polyfit(points @ axis, np.linalg.norm(across - centre, axis=1), 1, w=root)[0]
+    centre, radius = _algebraic_sphere(points, frame[:2])
 
-    start = [*centre, 0.0, 0.0, radius, *([float(np.arctan(slope))] if opening else [])]
+    def opened(block: FloatArray) -> FloatArray:
+        across = block @ frame[:2].T - centre
+        return np.column_stack((block @ axis, np.ones(len(block)), row_lengths(across)))
+
+    start = [*centre, 0.0, 0.0, radius]
+    if opening:
+        start.append(float(np.arctan(_solution(points, opened)[0])))
     best, doubt, s = _solved(
-        lambda v: root * _round_of(points, frame, v).residuals,
-        lambda v: root[:, None] * _round_of(points, frame, v).slopes,
+        points,
+        lambda p, v: _round_of(p, frame, v).columns,
         start,
         radius=4,
         exact=exact,
@@ -315,7 +348,7 @@ def _about_axis(
     position = foot - (foot @ direction) * direction
     angle = float(best[5]) if opening else 0.0
     size = 2 * float(best[4] + np.tan(angle) * float((position - foot) @ direction))
-    off = _round_of(points, frame, best).residuals
+    off = points.each(lambda p: _round_of(p, frame, best).residuals)
     if not opening:
         signed = _signed(direction)
         return Feature("cylinder", position, signed, size, doubt, None, off, scatter_mm=s)
@@ -323,19 +356,19 @@ def _about_axis(
     return Feature("cone", position, wide, size, doubt, abs(angle), off, scatter_mm=s)
 
 
-def _round(points: FloatArray, root: FloatArray, axes: FloatArray, opening: bool) -> Feature:
+def _round(points: Points, axes: FloatArray, opening: bool) -> Feature:
     """Fit from the axis, of some (k, 3), along which a sample of the points fits best."""
     axis = axes[0]
     if len(axes) > 1:
-        step = max(1, len(points) // SAMPLE)
-        sample, weight = points[::step], root[::step] ** 2
-        fits = [_about_axis(sample, root[::step], axis, opening, ROUGH) for axis in axes]
+        sample = points.every(max(1, len(points) // SAMPLE))
+        weight = np.concatenate([root**2 for _, root in sample])
+        fits = [_about_axis(sample, axis, opening, ROUGH) for axis in axes]
         best = min(fits, key=lambda fit: float(weight @ fit.residuals**2))
         axis = axes[0] if best.direction is None else best.direction
-    return _about_axis(points, root, axis, opening)
+    return _about_axis(points, axis, opening)
 
 
-_FITS: dict[str, Callable[[FloatArray, FloatArray], Feature]] = {
+_FITS: dict[str, Callable[[Points, FloatArray], Feature]] = {
     "plane": _plane,
     "line": _line,
     "circle": _circle,

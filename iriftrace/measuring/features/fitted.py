@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import chain
 
@@ -9,7 +10,7 @@ import numpy as np
 from attrs import Factory, evolve, field, frozen
 from numpy.typing import ArrayLike
 
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.mesh.query import Surface
 from iriftrace.core.mesh.topology import weld
@@ -26,6 +27,7 @@ from iriftrace.measuring.features.choice import (
 from iriftrace.measuring.features.feature import Feature
 from iriftrace.measuring.features.fit import FEWEST, fit_feature
 from iriftrace.measuring.features.outliers import inliers
+from iriftrace.measuring.features.points import Points, extent
 from iriftrace.measuring.features.quantity import DRAWING, Quantity
 from iriftrace.measuring.options import GATE, check_gate
 from iriftrace.part.part import Part
@@ -170,7 +172,7 @@ def _plain_fit(fit: Feature) -> JsonObject:
 
 def fit_features(
     clouds: Mapping[str, FloatArray],
-    face: IntArray,
+    face: AnyIntArray,
     part: Part,
     choices: Sequence[str | FeatureChoice] = (),
     by_member: Iterable[FloatArray] = (),
@@ -178,6 +180,7 @@ def fit_features(
     *,
     one_line: bool = False,
     scatter_mm: float | None = None,
+    among: BoolArray | None = None,
 ) -> tuple[FittedFeature, ...]:
     """Fit features to the same (n, 3) points, mm, in several clouds, by name.
 
@@ -185,7 +188,8 @@ def fit_features(
     member of an ensemble. The default choice is `found_features`. Warns of points that do not fit
     the feature or leave its diameter uncertain, and omits what they do not determine, as those of
     `one_line` of a laser do not determine a surface. Uncertainties are by the scatter of the points
-    about the feature, or by `scatter_mm`, the known standard deviation of each.
+    about the feature, or by `scatter_mm`, the known standard deviation of each. Only points of the
+    mask `among` (n,) are fitted, by default all.
 
     Outliers of the cloud ``"corrected"`` (else of the first), which hot air does not move, and
     points as near to other regions, by `inliers`, are removed from all. The diameters of a cone are
@@ -197,11 +201,12 @@ def fit_features(
     reference = _reference(clouds)
     gated = clouds[reference]
     members = list(by_member)
-    found = found_features(part, face)
+    taken = np.ones(len(face), dtype=bool) if among is None else among
+    found = found_features(part, face[taken])
     features = []
     for choice in chain.from_iterable(_regions_of(choice, found) for choice in wanted or found):
         kind, region = choice.kind, choice.region or None
-        chosen = np.flatnonzero(on_region(region, face, part))
+        chosen = np.flatnonzero(on_region(region, face, part) & taken)
         count = len(chosen)
         try:
             _refuse_unmeasured(choice, count, part, found)
@@ -211,15 +216,20 @@ def fit_features(
                     "lines of a whole scan.",
                     code="feature.one_line",
                 )
-            chosen = chosen[inliers(gated[chosen], kind, gate, _beside(part, region))]
-            _refuse_strip(gated[chosen], kind)
-            fits = {name: fit_feature(cloud[chosen], kind) for name, cloud in clouds.items()}
-            same = [fit_feature(cloud[chosen], kind) for cloud in members]
+            chosen = chosen[inliers(gated, kind, gate, _beside(part, region), chosen)]
+            if kind == "plane":
+                _refuse_strip(gated, chosen)
+            first = fit_feature(gated, kind, rows=chosen)
+            fits, same = {reference: first}, []
+            for cloud in members:
+                same.append(fit_feature(cloud, kind, near=first, rows=chosen))
+            for name, cloud in clouds.items():
+                fits[name] = fits.get(name) or fit_feature(cloud, kind, near=first, rows=chosen)
         except InputError as error:
             warn(f"{choice} is left out: {error}", argument=error.argument)
             continue
         doubts = (
-            _doubt(fit, np.ptp(clouds[name][chosen], axis=0).max(), region, found)
+            _doubt(fit, extent(clouds[name], chosen).max(), region, found)
             for name, fit in fits.items()
         )
         doubt = other_surface(part, kind, region) or next(filter(None, doubts), None)
@@ -263,10 +273,11 @@ def _refuse_unmeasured(
         )
 
 
-def _refuse_strip(points: FloatArray, kind: str) -> None:
+def _refuse_strip(points: FloatArray, rows: IntArray) -> None:
     """Refuse a plane whose points are those of an edge: hot air turns it by more than a degree."""
-    moments = np.linalg.eigvalsh(np.cov(points.T)) if kind == "plane" else np.ones(3)
-    across, along = np.sqrt(12.0 * np.maximum(moments[1:], 0.0))
+    unit = Points.of(points, rows)
+    deviations = unit.scale * unit.principal[0] / math.sqrt(len(unit) - 1)
+    along, across = math.sqrt(12.0) * deviations[:2]
     if across < NARROW * along:
         raise InputError(
             f"its points lie in a strip {along:.3g} mm long and {across:.2g} mm wide, which "
@@ -275,15 +286,16 @@ def _refuse_strip(points: FloatArray, kind: str) -> None:
         )
 
 
-def _beside(part: Part, region: str | None) -> Surface | None:
-    """The faces of other regions that touch a region; None where there are none."""
+def _beside(part: Part, region: str | None) -> list[Surface]:
+    """The faces of other regions that touch a region, those of each by themselves."""
     if region is None:
-        return None
+        return []
     own = part.region_of_face == part.region_names.index(region)
     # Regions may have their own vertices along the edge between them.
     corners = weld(part.vertices)[part.faces]
-    touched = np.isin(corners, np.unique(corners[own])).any(axis=1) & ~own
-    return Surface(part.vertices, part.faces[touched]) if touched.any() else None
+    touched = np.flatnonzero(np.isin(corners, np.unique(corners[own])).any(axis=1) & ~own)
+    regions = part.region_of_face[touched]
+    return [Surface(part.vertices, part.faces[touched[regions == r]]) for r in np.unique(regions)]
 
 
 def _doubt(

@@ -5,7 +5,7 @@ A measurement is simulated in the mean air, and corrected by it; what is left is
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from attrs import frozen
@@ -46,15 +46,16 @@ def feature_budget(
     gate: float | None = GATE,
     system: System | None = None,
     phase: Phase | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> FeatureBudget:
     """Simulate what two devices measure, and state the uncertainty of its corrected features.
 
     Costs as much as :func:`iriftrace.measure`, whose errors and warnings it has, and traces a
     sample of the points in mixed air and with moved devices. `choices`, `tolerances` and `gate` are
-    those of `Correction.features`.
+    those of `Correction.features`, and `progress` that of `measure`.
     """
     ready = ready_scene(scene)
-    scan = measure(ready, system=system, phase=phase, varied=True)
+    scan = measure(ready, system=system, phase=phase, varied=True, progress=progress)
     _, sensor = sensor_of(ready, None, None, system, phase)
     with without_warnings():  # which `measure` has issued
         traced = choose(ready, *sensor.devices).scene
@@ -70,7 +71,7 @@ def feature_budget(
         error=scan.error,
         status=np.full(len(scan.points), CorrectionStatus.CORRECTED, dtype=np.int64),
         face=scan.face,
-        normal=scan.normal,
+        face_normals=ready.part.surface.normals,
         system=scan.system,
         provenance=scan.provenance,
         inputs=inputs,

@@ -8,18 +8,16 @@ them again and moves the point. A round reduces the residual as one of `lines_of
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from iriftrace.camera.camera import Camera
-from iriftrace.camera.tiles import tile_order
-from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
+from iriftrace.camera.tiles import tile_numbers
+from iriftrace.core.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
+from iriftrace.core.blocks import blocks, by_block
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.member_weights import MemberWeights
-from iriftrace.core.mesh.triangles import unit_vectors
+from iriftrace.core.mesh.triangles import row_lengths
 from iriftrace.measuring.options import Phase
 from iriftrace.measuring.two_devices.changes import pose_changes
 from iriftrace.measuring.two_devices.correction import (
@@ -58,8 +56,8 @@ ROUNDS = 20
 SAMPLE = 10_000
 """Number of sampled points whose distance from the part is computed."""
 
-PIECE = 1_000_000
-"""Number of points that are corrected at a time: 0.6 GB of rays."""
+PIECE = 1 << 16
+"""Number of points that are traced at a time: they fill a processor, and take 60 MB."""
 
 ON_PART_MM = 0.02
 """Median distance below which a cloud lies on the part, so that its size is not checked."""
@@ -141,30 +139,37 @@ def correct(
     traced = choose(loaded, *sensor.devices).scene
     groups = AirGroups.of(traced, inputs)
     # Clouds come in any order; neighbouring rays are traced faster.
-    with np.errstate(divide="ignore", invalid="ignore"):
-        pixel, second_pixel = (device.project(measured) for device in sensor.devices)
-    in_view = np.asarray(np.isfinite(np.hstack((pixel, second_pixel))).all(axis=1))
-    order = tile_order(pixel)
-    order = order[(in_view & near_box)[order]]
+    order, in_view = _order(measured, near_box, sensor)
     varied = {place for one in groups.varied.values() for place in (one.member, one.base)}
     places = sorted({*traced.counted, *varied})
-    found = {
-        place: _in_one_field(measured, in_view, order, member, sensor)
-        for place, member in zip(places, traced.alone(places), strict=True)
-    }
-    face = found[traced.counted[0]][2]
+    errors = np.zeros((max(len(traced.members), 1), *measured.shape))
+    outside = (CorrectionStatus.FAR_FROM_PART, CorrectionStatus.OUTSIDE_VIEW)
+    outcomes = {place: np.where(in_view, *outside).astype(np.uint8) for place in places}
+    face = np.full(len(measured), -1, dtype=np.int32)
+    for place, member in zip(places, traced.alone(places), strict=True):
+        for block in blocks(len(order), PIECE):
+            rows = order[block]
+            errors[place, rows], outcomes[place][rows], faces = _robust_error(
+                measured[rows], member, sensor
+            )
+            if place == traced.counted[0]:
+                face[rows] = faces
     weights = groups.weights
-    by_member = found[traced.counted[0]][0][None]
+    status = np.max([outcomes[place] for place in traced.counted], axis=0)
     if weights is not None:
-        known = {place: (e, is_corrected(outcome)) for place, (e, outcome, _) in found.items()}
-        by_member = completed(known, traced.members, weights)
-    status = _common_status([found[place][1] for place in traced.counted], by_member, weights)
+        for block in blocks(len(measured)):
+            known = {
+                place: (errors[place, block], is_corrected(outcome[block]))
+                for place, outcome in outcomes.items()
+            }
+            errors[:, block] = completed(known, traced.members, weights)
+            status[block] = _with_doubt(status[block], errors[:, block], weights)
     # What stands behind the part, such as a table, is hidden and does not belong to it.
     hidden = np.flatnonzero(status == CorrectionStatus.HIDDEN)
-    far = loaded.part.surface.distance(measured[hidden]) > REACH_MM
+    far = ~loaded.part.surface.within(measured, REACH_MM, hidden)
     status[hidden[far]] = CorrectionStatus.FAR_FROM_PART
     _refuse_none(status, measured, loaded.part)
-    errors = np.where(is_corrected(status)[:, None], by_member, 0.0)
+    errors[:, ~is_corrected(status)] = 0.0
     error = errors[0] if weights is None else weights.mean(errors)
     sampled = np.where(is_corrected(status), face, -1)
     larger = _larger(measured - error, loaded.part)
@@ -175,14 +180,14 @@ def correct(
     one_line = sensor.system == "laser"
     if one_line:
         provenance["assumptions"]["sheet"] = "through each point, turned about the laser"
-        off = sensor.off_sheet(measured[is_corrected(status)])
-        one_line = not _warn_of_other_sheets(off)
+        off = by_block(len(measured), lambda rows: sensor.off_sheet(measured[rows]))
+        one_line = not _warn_of_other_sheets(off[is_corrected(status)])
     return Correction(
         measured=measured,
         error=error,
         status=status,
         face=face,
-        normal=loaded.part.surface.normals[face],
+        face_normals=loaded.part.surface.normals,
         system=sensor.system,
         provenance=provenance,
         inputs=inputs,
@@ -196,26 +201,23 @@ def correct(
     )
 
 
-def _in_one_field(
-    measured: FloatArray,
-    in_view: BoolArray,
-    order: IntArray,
-    scene: Scene,
-    sensor: Sensor,
-) -> tuple[FloatArray, IntArray, IntArray]:
-    """`_robust_error` of the points whose rows are in `order`, and outcomes of all others."""
-    error = np.zeros_like(measured)
-    outside = (CorrectionStatus.FAR_FROM_PART, CorrectionStatus.OUTSIDE_VIEW)
-    status = np.where(in_view, *outside).astype(np.int64)
-    face = np.full(len(measured), -1)
-    for rows in np.array_split(order, math.ceil(len(order) / PIECE)) if len(order) else ():
-        error[rows], status[rows], face[rows] = _robust_error(measured[rows], scene, sensor)
-    return error, status, face
+def _order(measured: FloatArray, near_box: BoolArray, sensor: Sensor) -> tuple[IntArray, BoolArray]:
+    """Numbers of the points that are traced, neighbours together, and mask of those in view."""
+    # Clouds come in any order; neighbouring rays are traced faster.
+    in_view = np.zeros(len(measured), dtype=bool)
+    numbers = np.empty(len(measured), dtype=np.int64)
+    for rows in blocks(len(measured)):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            pixel, second = (device.project(measured[rows]) for device in sensor.devices)
+        in_view[rows] = np.isfinite(np.hstack((pixel, second))).all(axis=1)
+        numbers[rows] = tile_numbers(pixel)
+    order = np.argsort(numbers)
+    return order[(in_view & near_box)[order]], in_view
 
 
 def _checked(points: ArrayLike) -> FloatArray:
     """The points (n, 3) of a cloud that can be corrected."""
-    measured = np.array(points, dtype=np.float64)
+    measured = np.asarray(points, dtype=np.float64)
     if measured.ndim != 2 or measured.shape[1:] != (3,) or len(measured) == 0:
         raise InputError(
             f"The cloud is an array of shape {measured.shape}; give n > 0 points, (n, 3), in mm.",
@@ -233,7 +235,7 @@ def _near_part(measured: FloatArray, part: Part) -> tuple[BoolArray, FloatArray]
     not lie on the part.
     """
     near_box = in_box(measured, part, 2.0 * REACH_MM)
-    to_part = part.surface.distance(sample_of(measured[near_box], SAMPLE))
+    to_part = part.surface.distance(sample_of(measured, SAMPLE, near_box))
     near = int((to_part <= REACH_MM).sum())
     next_to_it = int((to_part <= 2 * REACH_MM).sum()) - near
     if near <= 0.5 * len(to_part) and near <= MOSTLY_PART * next_to_it:
@@ -256,12 +258,12 @@ def _larger(points: FloatArray, part: Part) -> Larger | None:
 
     On a strip of a surface refraction alone looks like another size, by as much as 2 %.
     """
-    near = points[in_box(points, part, 2.0 * REACH_MM)]
-    to_part = part.surface.distance(sample_of(near, SAMPLE))
+    near = in_box(points, part, 2.0 * REACH_MM)
+    to_part = part.surface.distance(sample_of(points, SAMPLE, near))
     return larger_than(points, part) if np.median(to_part) > ON_PART_MM else None
 
 
-def _warn_of_doubtful(status: IntArray, larger: Larger | None, part: Part) -> None:
+def _warn_of_doubtful(status: AnyIntArray, larger: Larger | None, part: Part) -> None:
     """Warn of a cloud of another size, and of many points that cannot belong to this part."""
     if larger is not None:
         text, argument = larger.remark(part.growth)
@@ -289,19 +291,15 @@ def _warn_of_other_sheets(off: FloatArray) -> bool:
     return several
 
 
-def _common_status(
-    statuses: Sequence[IntArray], by_member: FloatArray, weights: MemberWeights | None
-) -> IntArray:
-    """Outcome (n,) of each point from its outcomes in the air of the members that count."""
-    status = np.max(statuses, axis=0)
-    if weights is not None:
-        scatter, mean = weights.uncertainty(by_member), weights.mean(by_member)
-        vague = np.linalg.norm(scatter, axis=1) > np.linalg.norm(mean, axis=1)
-        status[vague & (status == CorrectionStatus.CORRECTED)] = CorrectionStatus.UNCERTAIN
-    return np.asarray(status)
+def _with_doubt(status: AnyIntArray, errors: FloatArray, weights: MemberWeights) -> AnyIntArray:
+    """Outcomes (n,) in the air of the members that count, uncertain where these scatter by more."""
+    scatter, mean = weights.uncertainty(errors), weights.mean(errors)
+    vague = np.linalg.norm(scatter, axis=1) > np.linalg.norm(mean, axis=1)
+    doubtful = vague & (status == CorrectionStatus.CORRECTED)
+    return np.where(doubtful, np.uint8(CorrectionStatus.UNCERTAIN), status)
 
 
-def _refuse_none(status: IntArray, measured: FloatArray, part: Part) -> None:
+def _refuse_none(status: AnyIntArray, measured: FloatArray, part: Part) -> None:
     """Raise InputError if no point can be corrected."""
     if is_corrected(status).any():
         return
@@ -335,7 +333,7 @@ def _robust_error(
     error, status, face = _point_error(measured, scene, sensor, REACH_MM)
     place = measured - error
     foot, nearest = part.surface.nearest(place)
-    near = np.linalg.norm(foot - place, axis=1) <= REACH_MM
+    near = row_lengths(foot - place) <= REACH_MM
     region = part.region_of_face
     doubtful = np.isin(status, (CorrectionStatus.HIDDEN, CorrectionStatus.FAR_FROM_PART))
     rows = np.flatnonzero(near & (doubtful | (region[face] != region[nearest])))
@@ -359,28 +357,27 @@ def _point_error(
     face = np.full(len(measured), -1)
     found, in_air, lost = np.zeros((3, len(measured)), dtype=bool)
     for _ in range(ROUNDS):
-        rows = np.flatnonzero(~found & ~lost)
-        if len(rows) == 0:
+        active = np.flatnonzero(~found & ~lost)
+        if len(active) == 0:
             break
+        # Not copied while all are active.
+        rows = slice(None) if len(active) == len(measured) else active
         one, other = (
             lines_of_sight(scene, device.origin, place[rows], offset[rows], rounds=1)
             for device, offset in zip(sensor.devices, offsets, strict=True)
         )
-        aimed = np.array((one.offset, other.offset))
-        moved = np.linalg.norm(aimed - offsets[:, rows], axis=2).max(axis=0)
-        offsets[:, rows] = aimed
+        moved = np.zeros(len(active))
+        for offset, line in zip(offsets, (one, other), strict=True):
+            moved = np.maximum(moved, row_lengths(line.offset - offset[rows]))
+            offset[rows] = line.offset
         residual[rows] = np.column_stack((one.residual, other.residual))
         face[rows] = one.face
         in_air[rows] = one.in_air | other.in_air
         lost[rows] = one.lost | other.lost
-        a, b = (
-            unit_vectors(place[rows] + offset - device.origin)
-            for device, offset in zip(sensor.devices, aimed, strict=True)
-        )
-        seen, _ = sensor.triangulated(a, b)
+        seen, _ = sensor.triangulated(one.direction, other.direction)
         step = measured[rows] - seen
         place[rows] += step
-        moved = np.maximum(moved, np.linalg.norm(step, axis=1))
+        moved = np.maximum(moved, row_lengths(step))
         found[rows] = moved <= SETTLED_MM
     with np.errstate(invalid="ignore"):
         # NaN where a ray misses the part.

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from attrs import asdict, evolve, field, frozen
 from numpy.typing import NDArray
 
-from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from iriftrace.core.arrays import AnyArray, AnyIntArray, BoolArray, FloatArray, as_float64
+from iriftrace.core.blocks import CloudBlocks, by_block
 from iriftrace.core.errors import without_warnings
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.mesh.transform import apply
+from iriftrace.core.mesh.triangles import row_lengths
 from iriftrace.core.plain import JsonObject, plain
 from iriftrace.core.statistics import spread
 from iriftrace.core.units import length_factor
-from iriftrace.io.cloud_write import by_axis, save_cloud
+from iriftrace.io.cloud_write import by_axis, save_blocks
 from iriftrace.io.clouds import Cloud
 from iriftrace.measuring.features.choice import FeatureChoice, on_region
 from iriftrace.measuring.features.drawing import drawing_cloud, u_of_growth
@@ -31,7 +34,6 @@ from iriftrace.measuring.two_devices.larger import Larger
 from iriftrace.measuring.two_devices.statistics import (
     PointStatus,
     RegionValues,
-    each_along,
     region_values,
     worst_member,
 )
@@ -67,7 +69,7 @@ class CorrectionStatus(PointStatus):
     NOT_MEASURED = 8
 
 
-def is_corrected(status: IntArray) -> BoolArray:
+def is_corrected(status: AnyIntArray) -> BoolArray:
     """Mask (n,) of the points whose outcome (n,) is a correction."""
     return np.isin(status, (CorrectionStatus.CORRECTED, CorrectionStatus.UNCERTAIN))
 
@@ -85,8 +87,8 @@ class Correction:
         `CorrectionStatus`; see `corrected`.
     face : (n,) array of int
         Of the part; -1 where the camera's line meets none.
-    normal : (n, 3) array
-        The part's outward unit normal there.
+    face_normals : (m, 3) array
+        Outward unit normals of the part's faces; see `normal`.
     system : str
     provenance : dict
         As in `iriftrace.Scan`.
@@ -113,9 +115,9 @@ class Correction:
 
     measured: FloatArray
     error: FloatArray
-    status: NDArray[np.int64]
-    face: IntArray
-    normal: FloatArray
+    status: NDArray[np.integer[Any]]
+    face: AnyIntArray
+    face_normals: FloatArray
     system: str
     provenance: JsonObject
     inputs: Inputs = NOTHING_STATED
@@ -137,6 +139,21 @@ class Correction:
         """Weights of an ensemble's members; None for one field."""
         return self.groups.weights
 
+    @property
+    def normal(self) -> FloatArray:
+        """(n, 3) array: the part's outward unit normal at each point."""
+        return self.face_normals[self.face]
+
+    @property
+    def along_normal(self) -> FloatArray:
+        """(n,) array, mm: the error along the normal."""
+        return by_block(len(self.face), lambda rows: self._along_normal(self.error[rows], rows))
+
+    def _along_normal(self, errors: FloatArray, rows: slice) -> FloatArray:
+        """Components (..., n) along the normal of errors (..., n, 3), mm, of a block of points."""
+        normal = self.face_normals[self.face[rows]]
+        return as_float64(np.einsum("...ij,ij->...i", errors, normal))
+
     @cached_property
     def u_normal(self) -> FloatArray | None:
         """(n,) array, mm: standard uncertainty of each point along the normal.
@@ -144,23 +161,25 @@ class Correction:
         By the groups of the air and that of the sensor. NaN for points without a correction; None
         where nothing is known of the air.
         """
-        if not self.groups.known:
-            return None
-        along = np.einsum("ij,ij->i", self.error, self.normal)
-        by_member = None if self.errors is None else each_along(self.errors, self.normal)
-        found = np.hypot(self.groups.total(along, by_member), self.inputs.sensor_mm or 0.0)
-        return np.where(self.corrected, found, np.nan)
+        return self._by_groups(lambda errors, rows: self._along_normal(errors, rows)[..., None])
 
     @cached_property
     def u(self) -> FloatArray | None:
         """(n,) array, mm: that of the place, the root of the sum of the variances of x, y and z."""
+        return self._by_groups(lambda errors, _: errors)
+
+    def _by_groups(self, parts: Callable[[FloatArray, slice], FloatArray]) -> FloatArray | None:
+        """Standard uncertainty (n,), mm, of components (..., n, c) of errors (..., n, 3)."""
         if not self.groups.known:
             return None
-        axes = range(3)
-        errors = [None if self.errors is None else self.errors[..., axis] for axis in axes]
-        totals = [self.groups.total(self.error[:, a], errors[a]) for a in axes]
-        found = np.hypot(np.linalg.norm(totals, axis=0), self.inputs.sensor_mm or 0.0)
-        return np.where(self.corrected, found, np.nan)
+
+        def values(rows: slice) -> FloatArray:
+            by_member = None if self.errors is None else parts(self.errors[:, rows], rows)
+            totals = self.groups.total(parts(self.error[rows], rows), by_member)
+            found = np.hypot(np.linalg.norm(totals, axis=1), self.inputs.sensor_mm or 0.0)
+            return np.where(is_corrected(self.status[rows]), found, np.nan)
+
+        return by_block(len(self.status), values)
 
     @property
     def points(self) -> FloatArray:
@@ -183,15 +202,15 @@ class Correction:
         farthest from the mean, and the verdict on those of `tolerances`, by the names of features,
         such as "cylinder:bore". Raises InputError for a tolerance of no fitted feature.
         """
-        good = self.corrected
-        measured, face, points = self.measured[good], self.face[good], self.points[good]
-        clouds = {"measured": measured, "corrected": points, **drawing_cloud(points, face, part)}
-        by_member = () if self.errors is None else measured - self.errors[:, good]
-        line = self.one_line
+        good, points = self.corrected, self.points
+        drawn = drawing_cloud(points, self.face, part)
+        clouds = {"measured": self.measured, "corrected": points, **drawn}
+        by_member = () if self.errors is None else self.measured - self.errors
         fitted = fit_features(
-            *(clouds, face, part, choices, by_member, gate),
-            one_line=line,
+            *(clouds, self.face, part, choices, by_member, gate),
+            one_line=self.one_line,
             scatter_mm=self.inputs.sensor_mm,
+            among=good,
         )
         refits = {one.group: self._refitted(one, part, fitted, gate) for one in self.changes}
         fitted = tuple(
@@ -285,7 +304,7 @@ class Correction:
                 **CorrectionStatus.counts(self.status),
                 CorrectionStatus.CORRECTED.key: int(corrected.sum()),
             },
-            "error_mm": spread(np.linalg.norm(self.error[corrected], axis=1)),
+            "error_mm": spread(row_lengths(self.error)[corrected]),
             **({} if u is None else {"u_normal_mm": spread(u[corrected])}),
             **({} if self.to_part is None else {"to_part_mm": spread(self.to_part)}),
             **({} if self.larger is None else {"larger": asdict(self.larger)}),
@@ -296,8 +315,29 @@ class Correction:
     def regions(self, part: Part) -> tuple[RegionValues, ...]:
         """Corrections along the normal by region of the part."""
         good = self.corrected
-        along = np.einsum("ij,ij->i", self.error, self.normal)
-        return region_values(part, self.face[good], along[good], one_line=self.one_line)
+        along = self.along_normal[good]
+        return region_values(part, self.face[good], along, one_line=self.one_line)
+
+    def values(
+        self,
+        features: Sequence[FittedFeature] = (),
+        regions: Sequence[RegionValues] = (),
+        related: Sequence[Relation] = (),
+        *,
+        cloud: Cloud | None = None,
+        in_cloud_frame: bool = False,
+    ) -> JsonObject:
+        """Plain JSON values that `save` writes next to the cloud, whose parameters these are."""
+        unit = cloud.unit if cloud is not None and in_cloud_frame else "mm"
+        values = self.as_dict() | {
+            "features": [each.as_dict() for each in features],
+            "relations": [each.as_dict() for each in related],
+            "regions": plain(regions),
+            "cloud": {"frame": "cloud" if in_cloud_frame else "scene", "length_unit": unit},
+        }
+        if cloud is not None:
+            values["points"] |= {"not_measured": int((~cloud.measured).sum())}
+        return values
 
     def save(
         self,
@@ -334,30 +374,40 @@ class Correction:
         unit = cloud.unit if cloud is not None and in_cloud_frame else "mm"
         back = np.asarray(np.linalg.inv(moved) if in_cloud_frame else np.eye(4), dtype=np.float64)
         factor = 1.0 / length_factor(unit)
-        u = {}
-        if self.u_normal is not None and self.u is not None:
-            u = {"u_normal": factor * self.u_normal, "u": factor * self.u}
-        added = {**by_axis("correction", factor * (-self.error @ back[:3, :3].T)), **u}
-        points, status = factor * apply(back, self.points), self.status.astype(np.int32)
-        values = self.as_dict() | {
-            "features": [each.as_dict() for each in features],
-            "relations": [each.as_dict() for each in related],
-            "regions": plain(regions),
-            "cloud": {"frame": "cloud" if in_cloud_frame else "scene", "length_unit": unit},
-        }
+        values = self.values(features, regions, related, cloud=cloud, in_cloud_frame=in_cloud_frame)
+        u = {name: each for name in ("u_normal", "u") if (each := getattr(self, name)) is not None}
+
+        def written(rows: slice) -> tuple[FloatArray, dict[str, AnyArray]]:
+            """Places and added columns of a block of points."""
+            measured, error = self.measured[rows], self.error[rows]
+            added: dict[str, AnyArray] = {
+                **by_axis("correction", factor * (-error @ back[:3, :3].T)),
+                **{name: factor * each[rows] for name, each in u.items()},
+                "status": self.status[rows].astype(np.int32),
+            }
+            return factor * apply(back, measured - error), added
+
         if cloud is None:
-            columns: dict[str, AnyArray] = {**added, "status": status}
-            return save_cloud(path, points, columns, values, unit=unit)
-        values["points"] |= {"not_measured": int((~cloud.measured).sum())}
-        rows = cloud.rows.copy()
-        rows[cloud.measured] = points
+            return save_blocks(path, CloudBlocks(len(self.status), written), values, unit=unit)
         further = cloud.columns if in_cloud_frame else cloud.turned_columns(moved[:3, :3])
-        columns = dict(further)
-        for name, column in added.items():
-            columns[name] = np.full(len(rows), np.nan if name in u else 0.0)
-            columns[name][cloud.measured] = column
-        columns["status"] = np.full(len(rows), CorrectionStatus.NOT_MEASURED, dtype=np.int32)
-        columns["status"][cloud.measured] = status
-        return save_cloud(
-            path, rows, columns, values, unit=unit, measured=cloud.measured, remarks=cloud.remarks
+        unknown = {**dict.fromkeys(u, np.nan), "status": CorrectionStatus.NOT_MEASURED}
+
+        def completed(rows: slice) -> tuple[FloatArray, dict[str, AnyArray]]:
+            """Places and columns of a block of the cloud's rows."""
+            there, places = cloud.measured[rows], cloud.rows[rows].copy()
+            first = int(np.count_nonzero(cloud.measured[: rows.start]))
+            places[there], added = written(slice(first, first + int(there.sum())))
+            columns = {name: column[rows] for name, column in further.items()}
+            for name, column in added.items():
+                columns[name] = np.full(len(there), unknown.get(name, 0.0), dtype=column.dtype)
+                columns[name][there] = column
+            return places, columns
+
+        return save_blocks(
+            path,
+            CloudBlocks(len(cloud.rows), completed),
+            values,
+            unit=unit,
+            measured=cloud.measured,
+            remarks=cloud.remarks,
         )

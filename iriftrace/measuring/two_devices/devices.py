@@ -114,6 +114,9 @@ def phase_planes(projector: Camera, direction: FloatArray, phase: str) -> FloatA
     A laser's sheet is a column. Lines of sight beside it turn the sheet about the laser.
     With a distorting lens a column is not a plane; the plane through its tangent is used instead.
     """
+    if projector.distortion is None:
+        axis = projector.matrix[:3, 1 if phase == "columns" else 0]
+        return unit_vectors(cross_rows(direction, np.broadcast_to(axis, direction.shape)))
     place = projector.project(projector.origin + direction)
     along = np.array((0.0, 0.5) if phase == "columns" else (0.5, 0.0))
     (_, before), (_, after) = projector.rays(place - along), projector.rays(place + along)

@@ -7,6 +7,7 @@ from attrs import frozen
 from scipy.spatial.transform import Rotation
 
 from iriftrace.core.arrays import BoolArray, FloatArray
+from iriftrace.core.blocks import blocks
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
@@ -74,13 +75,20 @@ def _celsius(kelvin: float) -> str:
 def in_box(points: FloatArray, part: Part, margin_mm: float) -> BoolArray:
     """Mask (n,) of the points (n, 3), mm, that lie at most so far outside the part's box."""
     low, high = part.bounds + np.array([[-margin_mm], [margin_mm]])
-    return np.asarray(((points >= low) & (points <= high)).all(axis=1))
+    inside = np.empty(len(points), dtype=bool)
+    for rows in blocks(len(points)):
+        inside[rows] = ((points[rows] >= low) & (points[rows] <= high)).all(axis=1)
+    return inside
 
 
-def sample_of(points: FloatArray, count: int) -> FloatArray:
-    """At most so many random points of the (n, 3): sensors may write equal rows periodically."""
-    rows = np.random.default_rng(0).choice(len(points), min(count, len(points)), False)
-    return points[rows]
+def sample_of(points: FloatArray, count: int, among: BoolArray | None = None) -> FloatArray:
+    """At most so many random points of the (n, 3), or among those of a mask (n,).
+
+    Sensors may write equal rows periodically.
+    """
+    whole = len(points) if among is None else int(np.count_nonzero(among))
+    rows = np.random.default_rng(0).choice(whole, min(count, whole), False)
+    return points[rows if among is None else np.flatnonzero(among)[rows]]
 
 
 def larger_than(points: FloatArray, part: Part) -> Larger | None:
@@ -90,10 +98,10 @@ def larger_than(points: FloatArray, part: Part) -> Larger | None:
     small or does not explain most of the distance that remains after the rigid motion.
     """
     margin = BOX * float(np.linalg.norm(np.ptp(part.bounds, axis=0)))
-    near = points[in_box(points, part, margin)]
-    if len(near) < 100:
+    among = in_box(points, part, margin)
+    if np.count_nonzero(among) < 100:
         return None
-    near = sample_of(near, SAMPLE)
+    near = sample_of(points, SAMPLE, among)
     scale, doubt, left = _aligned(near, part, scaling=True)
     _, _, rigid = _aligned(near, part, scaling=False)
     by = scale - 1.0

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -53,6 +53,7 @@ def measure(
     system: System | None = None,
     phase: Phase | None = None,
     varied: bool = False,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Scan:
     """Simulate a measurement with two devices in hot air.
 
@@ -85,6 +86,8 @@ def measure(
         Trace also members without weight: fields that were solved again with one input changed.
         Where such a member alone measures no point, its error is that of the field it varies, as if
         the input had no effect there.
+    progress : callable, optional
+        Called with the numbers of fields that are measured and of all.
 
     Raises
     ------
@@ -105,10 +108,11 @@ def measure(
     else:
         places = range(len(chosen.members)) if varied else chosen.counted
         members = [chosen.members[place] for place in places]
-        scans = [
-            _scan_of(listed, member, sensor)
-            for listed, member in zip(members, chosen.alone(places), strict=True)
-        ]
+        scans: list[Scan | None] = []
+        for listed, member in zip(members, chosen.alone(places), strict=True):
+            if progress is not None:
+                progress(len(scans), len(members))
+            scans.append(_scan_of(listed, member, sensor))
         together = _together(scans, members, chosen.weights.of_places(places))
         found = evolve(together, provenance=provenance_of_two(chosen, sensor.camera))
     measure_s = time.perf_counter() - started

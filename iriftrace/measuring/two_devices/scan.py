@@ -287,6 +287,22 @@ class Scan:
         """Errors along the normal by region of the part."""
         return region_values(part, self.face, self.error_normal, one_line=self.one_line)
 
+    def values(
+        self,
+        features: Sequence[FittedFeature] = (),
+        acceptance: Sequence[AcceptanceError] = (),
+        regions: Sequence[RegionValues] = (),
+        related: Sequence[Relation] = (),
+    ) -> JsonObject:
+        """Plain JSON values that `save` writes next to the cloud, whose parameters these are."""
+        return {
+            **self.as_dict(),
+            "features": [each.as_dict() for each in features],
+            "relations": [each.as_dict() for each in related],
+            "regions": plain(regions),
+            **({"acceptance": plain(acceptance)} if acceptance else {}),
+        }
+
     def save(
         self,
         path: str | Path,
@@ -308,13 +324,7 @@ class Scan:
         InputError
             If the name ends in none of `iriftrace.io.cloud_write.WRITTEN`.
         """
-        values = self.as_dict() | {
-            "features": [each.as_dict() for each in features],
-            "relations": [each.as_dict() for each in related],
-            "regions": plain(regions),
-        }
-        if acceptance:
-            values["acceptance"] = plain(acceptance)
+        values = self.values(features, acceptance, regions, related)
         scatter, worst = self.scatter_normal, self.worst_member
         columns: dict[str, AnyArray] = {
             **by_axis("true", self.true),

@@ -7,9 +7,8 @@ from enum import IntEnum
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 
-from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
+from iriftrace.core.arrays import AnyIntArray, BoolArray, FloatArray
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.statistics import spread
 from iriftrace.measuring.features.quantity import WorstMember
@@ -26,7 +25,7 @@ class PointStatus(IntEnum):
         return self.name.lower()
 
     @classmethod
-    def counts(cls, status: NDArray[np.int64]) -> dict[str, int]:
+    def counts(cls, status: AnyIntArray) -> dict[str, int]:
         """How many points have each status, by key."""
         return {one.key: int((status == one).sum()) for one in cls}
 
@@ -81,7 +80,7 @@ class RegionValues:
 
 
 def region_values(
-    part: Part, face: IntArray, along_normal: FloatArray, *, one_line: bool = False
+    part: Part, face: AnyIntArray, along_normal: FloatArray, *, one_line: bool = False
 ) -> tuple[RegionValues, ...]:
     """Values (n,), mm, of points on the faces (n,) of a part by its regions, in their order."""
     hit = np.zeros(len(part.faces))

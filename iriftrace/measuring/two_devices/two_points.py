@@ -74,21 +74,23 @@ def lines_of_sight(
     for _ in range(rounds):
         if len(active) == 0:
             break
-        last_point, last_direction, face[active], crossings, lost[active] = refracted_hits(
-            scene, origin, direction[active]
+        # Not copied while all are active.
+        rays = slice(None) if len(active) == len(points) else active
+        last_point, last_direction, face[rays], crossings, lost[rays] = refracted_hits(
+            scene, origin, direction[rays]
         )
-        beyond = points[active] - last_point
+        beyond = points[rays] - last_point
         along = np.einsum("ij,ij->i", beyond, last_direction)
         off = along[:, None] * last_direction - beyond
-        residual[active] = np.where(face[active] >= 0, along, np.nan)
-        in_air[active] = crossings > 0
+        residual[rays] = np.where(face[rays] >= 0, along, np.nan)
+        in_air[rays] = crossings > 0
         now = row_lengths(off)
-        foretold = MARGIN * now**2 / miss[active]
-        corrected = ~(now <= MISS_MM) & ~lost[active]
-        miss[active] = np.where(corrected & (foretold <= MISS_MM), foretold, now)
-        active = active[corrected]
-        aim[active] -= off[corrected]
-        direction[active] = unit_vectors(aim[active] - origin)
-        active = active[~(miss[active] <= MISS_MM)]
+        foretold = MARGIN * now**2 / miss[rays]
+        corrected = ~(now <= MISS_MM) & ~lost[rays]
+        miss[rays] = np.where(corrected & (foretold <= MISS_MM), foretold, now)
+        off[~corrected] = 0.0
+        aim[rays] -= off
+        direction[rays] = unit_vectors(aim[rays] - origin)
+        active = active[corrected & ~(miss[rays] <= MISS_MM)]
     found = (miss <= MISS_MM) & ~lost
     return LinesOfSight(direction, aim - points, found, residual, face, in_air, lost)

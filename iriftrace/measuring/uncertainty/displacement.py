@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from attrs import evolve, frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import BoolArray, Float32Array, FloatArray
+from iriftrace.core.blocks import blocks
 from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import U_CHANNEL, AovImage
 from iriftrace.image.displacement import good_mask
@@ -20,6 +21,9 @@ from iriftrace.tracing.scene import Scene, ready_scene
 
 _AXES = tuple(f"displacement.{axis}" for axis in "XYZ")
 _SHIFT = ("shift.px.X", "shift.px.Y")
+
+_VECTORS = slice(0, 3), slice(3, 5)
+"""Rows of the displacement's axes and of the shift's among the channels."""
 
 STATISTICS = {"median": 50.0, "95th percentile": 95.0}
 """Percentiles of a pose that have an uncertainty."""
@@ -81,30 +85,35 @@ def render_with_uncertainty(
             "see which rays are lost in a picture of one member.",
             code="uncertainty.no_pixel",
         )
-    values = np.array([planes[:, good] for _, planes in images], dtype=np.float64)
-    weights = groups.weights
-    mean = values[0] if weights is None else weights.mean(values)
-    members = None if weights is None else values
-    u = np.linalg.norm(groups.total(mean[:3], None if members is None else members[:, :3]), axis=0)
+    values = np.stack([planes[:, good] for _, planes in images])
+    images.clear()
+    u, lengths = np.empty(values.shape[2], dtype=np.float32), np.empty((2, values.shape[2]))
+    for pixels in blocks(len(u)):
+        block = values[..., pixels].astype(np.float64)
+        members = None if groups.weights is None else block[:, :3]
+        mean = block[0] if groups.weights is None else groups.weights.mean(block)
+        u[pixels] = np.linalg.norm(groups.total(mean[:3], members), axis=0)
+        lengths[:, pixels] = [np.linalg.norm(mean[rows], axis=0) for rows in _VECTORS]
     plane = np.zeros(good.shape, dtype=np.float32)
     plane[good] = u
     image = evolve(rendering.image, channels={**rendering.image.channels, U_CHANNEL: plane})
-    lengths = [np.linalg.norm(values[:, rows], axis=1) for rows in (slice(0, 3), slice(3, 5))]
-    means = [np.linalg.norm(mean[rows], axis=0) for rows in (slice(0, 3), slice(3, 5))]
-    displacement, shift = (_statistics(groups, *pair) for pair in zip(means, lengths, strict=True))
+    displacement, shift = (
+        _statistics(groups, mean, [one[rows] for one in values])
+        for mean, rows in zip(lengths, _VECTORS, strict=True)
+    )
     return PoseUncertainty(evolve(rendering, image=image), displacement, shift)
 
 
 def _statistics(
-    groups: AirGroups, mean: FloatArray, by_member: FloatArray
+    groups: AirGroups, mean: FloatArray, by_member: Sequence[Float32Array]
 ) -> dict[str, Uncertainty]:
-    """Percentiles of the lengths (n,) of the mean and (k, n) of members, with uncertainties."""
+    """Percentiles, with uncertainties, of the mean's lengths (n,), by vectors (c, n) of members."""
     sources, found = groups.sources(), {}
-    for name, percentile in STATISTICS.items():
+    percentiles = list(STATISTICS.values())
+    rows = [np.percentile(np.linalg.norm(v.astype(float), axis=0), percentiles) for v in by_member]
+    for number, (name, percentile) in enumerate(STATISTICS.items()):
         value = float(np.percentile(mean, percentile))
-        members = None
-        if groups.weights is not None:
-            members = np.percentile(by_member, percentile, axis=1)
+        members = None if groups.weights is None else np.array(rows)[:, number]
         parts = groups.parts(value, members)
         listed = [Contribution(group, float(u), "B", sources[group]) for group, u in parts.items()]
         found[name] = uncertainty_of(value, listed, groups.mixture(members), groups.missing)
