@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
-from iriftrace.core.arrays import FloatArray, Int32Array, IntArray
+from iriftrace.core.arrays import AnyIntArray, FloatArray, Int32Array, IntArray
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -156,7 +156,7 @@ def blocks(count: int) -> list[slice]:
     return [slice(start, start + size) for start in range(0, count, size)]
 
 
-def _add(sums: FloatArray, index: IntArray, terms: FloatArray) -> None:
+def _add(sums: FloatArray, index: AnyIntArray, terms: FloatArray) -> None:
     """Add terms to the sums (n,) with their index, in place."""
     low, high = int(index.min()), int(index.max()) + 1
     sums[low:high] += np.bincount(index - low, terms, minlength=high - low)

@@ -134,7 +134,7 @@ def write_ensemble_scene(
     with written_together(scene.parent) as building:
         (building / FOLDER).mkdir()
         placed = _save_bodies(building, part, settings.blockers)
-        members = []
+        members: list[FieldMember] = []
         remaining = iter(states)
         while (state := next(remaining, None)) is not None:
             number = len(members) + 1
