@@ -137,12 +137,14 @@ def on_another_mesh(folder: Path, count: int, rng: np.random.Generator) -> list[
 
 
 def difference(one: IndexField, other: IndexField, part: iriftrace.Part) -> float:
-    """What the errors of points in two meshes differ by, over what they are, root mean squares."""
-    scan = iriftrace.measure(scene_in(iriftrace.HotAir(other), part))
-    fixed = iriftrace.correct(scan.points, scene_in(iriftrace.HotAir(one), part))
-    good = fixed.corrected
-    left, error = (fixed.points - scan.true)[good], (scan.points - scan.true)[good]
-    return float(np.linalg.norm(left) / np.linalg.norm(error))
+    """What the error of the diameter differs by in another mesh, as a fraction of that in one."""
+    errors = []
+    for field in (one, other):
+        scan = iriftrace.measure(scene_in(iriftrace.HotAir(field), part))
+        (feature,) = scan.features(part, ["cylinder"], gate=None)
+        diameters = [feature.fits[name].size_mm or np.nan for name in ("measured", "cold")]
+        errors.append(diameters[0] - diameters[1])
+    return abs(errors[1] / errors[0] - 1.0)
 
 
 def with_a_board(folder: Path, count: int, rng: np.random.Generator) -> list[Held]:

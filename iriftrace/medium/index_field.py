@@ -16,6 +16,7 @@ from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.ambient import cells_at, not_ambient, points_of
 from iriftrace.medium.flow import AirFlow
 from iriftrace.medium.gradient import CORNERS, consistent_gradient, point_gradient
+from iriftrace.medium.marked import chosen_cells
 from iriftrace.medium.source import FieldSource
 from iriftrace.medium.tetrahedra import tetrahedra_of
 from iriftrace.medium.wall import inner_wall
@@ -93,7 +94,7 @@ class IndexField:
         cells = cells_at(self.grid, points_of(self.grid, cells))
         if cells.all():
             return self
-        grid = self.grid.extract_cells(np.flatnonzero(cells).astype(int))
+        grid = chosen_cells(self.grid, np.flatnonzero(cells))
         return evolve(self, grid=grid, refractivity=grid["refractivity"], flow=None)
 
     @cached_property

@@ -137,7 +137,7 @@ def _faces(corners: NumberArray) -> NumberArray:
     return corners[:, OPPOSITE].reshape(-1, 3)
 
 
-def _without_caps(corners: NumberArray, crowded: AnyIntArray, points: FloatArray) -> NumberArray:
+def _without_caps(corners: NumberArray, crowded: NumberArray, points: FloatArray) -> NumberArray:
     """The tetrahedra without slivers that lie on a face between two others.
 
     Filters that split each polyhedron separately cover warped faces with them. `crowded` are the
@@ -186,7 +186,8 @@ def _of_one_orientation(
     volume = _volumes(corners, points)
     mixed = -volume[volume < 0].sum() > MIXED_SHARE * np.abs(volume).sum()
     if mixed or not opposed.all():
-        turned, one_sided = cells_to_flip(np.stack((first, second), axis=1) // 4, opposed, volume)
+        pairs = np.stack((first, second), axis=1).astype(np.int64) // 4
+        turned, one_sided = cells_to_flip(pairs, opposed, volume)
         turned &= ~one_sided
         corners = np.where(turned[:, None], corners[:, _MIRRORED], corners)
         first, second, alone = (

@@ -102,7 +102,8 @@ def test_a_correction_is_the_mean_of_the_members(three: Scene) -> None:
     np.testing.assert_allclose(found.error, found.errors.mean(axis=0), atol=1e-15)
     along = np.einsum("kij,ij->ki", found.errors, found.normal)
     # Any state like three members or between: their variance times (3 - 1) / (3 + 1).
-    expected = np.hypot(along.std(axis=0) / np.sqrt(2.0), 0.05 * along.mean(axis=0))
+    air = along.std(axis=0) / np.sqrt(2.0)
+    expected = np.hypot(air, 0.05 * np.hypot(along.mean(axis=0), air))
     assert found.u_normal is not None
     np.testing.assert_allclose(found.u_normal[good], expected[good], rtol=1e-9)
     assert np.isnan(found.u_normal[~good]).all()

@@ -212,3 +212,11 @@ def test_constant_field_and_repeated_points_give_zero_and_no_nan() -> None:
     first, second = corrected(grid, np.full(grid.n_points, 2e-4))
     np.testing.assert_array_equal(first, 0)
     np.testing.assert_array_equal(second, 0)
+
+
+def test_sums_over_many_blocks_are_those_over_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    grid, values, _ = graded_layers()
+    whole = corrected(grid, values)
+    monkeypatch.setattr("iriftrace.medium.gradient.SMALLEST_BLOCK", 3)
+    for blocks, one in zip(corrected(grid, values), whole, strict=True):
+        assert_allclose(blocks, one, rtol=0, atol=1e-13 * np.abs(one).max())

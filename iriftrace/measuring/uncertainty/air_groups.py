@@ -100,15 +100,17 @@ class AirGroups:
         by_member : (k, ...) array or None
             That in the air of each member.
         """
-        effect = np.asarray(mean, dtype=np.float64)
-        found = {name: np.abs(one.relative * effect) for name, one in self.scaled.items()}
+        found: dict[str, FloatArray] = {}
+        largest = np.abs(np.asarray(mean, dtype=np.float64))
         if by_member is not None and self.weights is not None:
             for name, one in self.varied.items():
                 step = by_member[one.member] - by_member[one.base]
                 found[name] = np.abs(one.factor * step)
             if self.source:
                 found[AIR] = self.weights.uncertainty(by_member)
-        return found
+                # The variance of a product: what scales the effect scales that of the real air.
+                largest = np.hypot(largest, found[AIR])
+        return found | {name: one.relative * largest for name, one in self.scaled.items()}
 
     def mixture(self, by_member: FloatArray | None) -> Mixture | None:
         """Distribution of the effect (k,) over all mixtures of members that were not fitted."""
