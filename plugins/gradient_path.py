@@ -18,7 +18,7 @@ from iriftrace.plugins.kernels.prepared import PreparedScene
 from iriftrace.plugins.kernels.queries import HIT_PART, counted
 from iriftrace.plugins.kernels.tetrahedra import TetrahedralAir
 from iriftrace.plugins.picture import PixelRays
-from iriftrace.plugins.properties import choice, file_beside, flag, whole_number
+from iriftrace.plugins.properties import choice, file_beside, flag, passes, whole_number
 
 GRADIENTS = ("recovered", "constant")
 
@@ -30,19 +30,22 @@ def plugin_class(variant: str) -> type:
     class GradientPath(integrator_class(variant)):  # type: ignore[misc]
         r"""First hits, straight and along the curved path (``gradient_path``).
 
-        =================  =======  ==================================================  =========
-        Parameter          Type     Meaning                                             Default
-        =================  =======  ==================================================  =========
-        ``field``          string   field file that ``iriftrace scene`` writes, as      field.npz
-                                    seen from the scene's file
-        ``gradient``       string   gradient of the index: its direction ``recovered``  recovered
-                                    at the cells' corners and interpolated, or
-                                    ``constant`` in each tetrahedron
-        ``max_steps``      integer  a ray with more steps, or that gets lost 20         100000
-                                    times, gives up (status 6)
-        ``trace_all``      boolean  bend also the rays whose straight twin misses the   false
-                                    part (then status 4 exists)
-        =================  =======  ==================================================  =========
+        ==================  =======  ==================================================  =========
+        Parameter           Type     Meaning                                             Default
+        ==================  =======  ==================================================  =========
+        ``field``           string   field file that ``iriftrace scene`` writes, as      field.npz
+                                     seen from the scene's file
+        ``gradient``        string   gradient of the index: its direction ``recovered``  recovered
+                                     at the cells' corners and interpolated, or
+                                     ``constant`` in each tetrahedron
+        ``max_steps``       integer  a ray with more steps, or that gets lost 20         100000
+                                     times, gives up (status 6)
+        ``trace_all``       boolean  bend also the rays whose straight twin misses the   false
+                                     part (then status 4 exists)
+        ``reverse_passes``  integer  passes of the loop (a step each, mostly) that       1000
+                                     ``dr.backward`` can go back through; a ray with
+                                     more is an error then, and at most 65536
+        ==================  =======  ==================================================  =========
 
         Solves the ray equation d/ds (n dr/ds) = grad n from cell to cell of the solver's own mesh,
         one step of order 4 in each tetrahedron; shells in the scene are not looked at. The shape
@@ -79,6 +82,7 @@ def plugin_class(variant: str) -> type:
             self.gradient = choice(props, "gradient", GRADIENTS)
             self.max_steps = whole_number(props, "max_steps", 100_000)
             self.trace_all = flag(props, "trace_all", False)
+            self.reverse_passes = passes(props, "reverse_passes", 1000)
             self.wavelength_nm: float | None = None
             self._air: TetrahedralAir | None = None
 
@@ -130,7 +134,13 @@ def plugin_class(variant: str) -> type:
         def bender(self, prepared: PreparedScene, coherent: bool) -> dt.Bend:
             """The ray equation."""
             return lambda origin, direction: curved_hits(
-                prepared, self.air, origin, direction, coherent=coherent, max_steps=self.max_steps
+                prepared,
+                self.air,
+                origin,
+                direction,
+                coherent=coherent,
+                max_steps=self.max_steps,
+                reverse_passes=self.reverse_passes,
             )
 
         def checking(self, prepared: PreparedScene) -> dt.Check:
