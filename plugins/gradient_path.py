@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 
+import drjit as dr
 import mitsuba as mi
 
 from iriftrace.core.arrays import FloatArray
@@ -17,6 +19,7 @@ from iriftrace.plugins.kernels.curve import curved_hits
 from iriftrace.plugins.kernels.prepared import PreparedScene
 from iriftrace.plugins.kernels.queries import HIT_PART, counted
 from iriftrace.plugins.kernels.tetrahedra import TetrahedralAir
+from iriftrace.plugins.kernels.vertex_table import aligned
 from iriftrace.plugins.picture import PixelRays
 from iriftrace.plugins.properties import choice, file_beside, flag, passes, whole_number
 
@@ -62,6 +65,13 @@ def plugin_class(variant: str) -> type:
 
         Limits: as for ``first_hit``; the index between the corners of a tetrahedron is linear.
 
+        ``mi.traverse(integrator)`` has ``field.temperature`` (K, at the field's points) and
+        ``field.contrast`` (1, a factor on n less that of the ambient air). Both are differentiable:
+        hits of `iriftrace.hits` and pictures depend on them through the index and its recovered
+        gradient. A change replaces the table of the points alone. Derivatives leave out what jumps:
+        rays that begin or cease to hit, or hit another face, and points in ambient air, through
+        which rays run straight.
+
         .. code-block:: xml
 
             <integrator type="gradient_path">
@@ -85,6 +95,7 @@ def plugin_class(variant: str) -> type:
             self.reverse_passes = passes(props, "reverse_passes", 1000)
             self.wavelength_nm: float | None = None
             self._air: TetrahedralAir | None = None
+            self._parameters: dict[str, dt.Float64] = {}
 
         def aov_names(self) -> list[str]:
             return [*CHANNELS, ERROR_CHANNEL]
@@ -106,6 +117,22 @@ def plugin_class(variant: str) -> type:
         def use(self, cells: FieldCells) -> None:
             """Trace through these cells, in place of the file's."""
             self._air = TetrahedralAir(cells, recovered=self.gradient == "recovered")
+            self._parameters = {}
+
+        def traverse(self, callback: mi.TraversalCallback) -> None:
+            super().traverse(callback)
+            cells = self.air.cells
+            if not self._parameters:
+                kelvin = cells.air.temperature(cells.refractivity)
+                self._parameters = {
+                    "field.temperature": mi.Float64(aligned(kelvin)),
+                    "field.contrast": mi.Float64(1.0),
+                }
+            for name, value in self._parameters.items():
+                callback.put(name, value, mi.ParamFlags.Differentiable)
+
+        def parameters_changed(self, keys: Sequence[str] = ()) -> None:
+            self._air = self.air.changed(*self._parameters.values())
 
         def forget_scene(self) -> None:
             """Let go of the scene, which the field's boundary knows too."""
@@ -133,9 +160,12 @@ def plugin_class(variant: str) -> type:
 
         def bender(self, prepared: PreparedScene, coherent: bool) -> dt.Bend:
             """The ray equation."""
+            air, parameters = self.air, tuple(self._parameters.values())
+            if dr.grad_enabled(parameters):
+                air = air.attached(*parameters)
             return lambda origin, direction: curved_hits(
                 prepared,
-                self.air,
+                air,
                 origin,
                 direction,
                 coherent=coherent,

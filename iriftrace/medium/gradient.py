@@ -34,9 +34,7 @@ MIRRORED_CORNERS = {
 }
 """Order of a cell's corners that reverses its orientation, as a mirror does."""
 
-# Each cell is split in two mirrored ways with weights of 1/2. A single split would favour one
-# diagonal of every quadrilateral and leave a first-order error even on regular hexahedra.
-_SPLITS: dict[int, tuple[tuple[int, int, int, int], ...]] = {
+SPLITS: dict[int, tuple[tuple[int, int, int, int], ...]] = {
     TETRAHEDRON: ((0, 1, 2, 3),),
     HEXAHEDRON: (
         *((0, 1, 3, 4), (1, 2, 3, 6), (1, 5, 4, 6), (3, 7, 6, 4), (1, 3, 4, 6)),
@@ -48,7 +46,14 @@ _SPLITS: dict[int, tuple[tuple[int, int, int, int], ...]] = {
     ),
     PYRAMID: ((0, 1, 3, 4), (1, 2, 3, 4), (0, 1, 2, 4), (0, 2, 3, 4)),
 }
-_WAYS = {TETRAHEDRON: 1, HEXAHEDRON: 2, WEDGE: 2, PYRAMID: 2}
+"""Tetrahedra of each cell type, by their corners.
+
+Each cell is split in two mirrored ways with weights of 1/2. A single split would favour one
+diagonal of every quadrilateral and leave a first-order error even on regular hexahedra.
+"""
+
+SPLIT_WAYS = {TETRAHEDRON: 1, HEXAHEDRON: 2, WEDGE: 2, PYRAMID: 2}
+"""Number of ways in which `SPLITS` splits a cell."""
 
 ROUNDS = 3
 """Iterations of `consistent_gradient`; with more the residual along the edges hardly falls."""
@@ -132,7 +137,7 @@ def cell_centroids(grid: pv.UnstructuredGrid) -> FloatArray:
     for kind, (cells, corners) in cell_corners(grid).items():
         at = points[:, corners.T]
         weight, moment = np.zeros(len(cells)), np.zeros((3, len(cells)))
-        for tet in _SPLITS[kind]:
+        for tet in SPLITS[kind]:
             volume = np.abs(_cofactors(at, tet)[3])
             weight += volume
             moment += volume * at[:, tet].mean(axis=1)
@@ -158,7 +163,7 @@ def _gradient_sums(
     at = points[:, corners.T]
     value = columns[:, corners.T]
     sums = np.zeros((3 * len(columns) + 1, *value.shape[1:]))
-    for tet in _SPLITS[kind]:
+    for tet in SPLITS[kind]:
         first, second, third, volume = _cofactors(at, tet)
         o, a, b, c = tet
         sign = np.sign(volume)
@@ -172,7 +177,7 @@ def _gradient_sums(
         np.abs(volume, out=volume)
         for corner in tet:
             sums[-1, corner] += volume
-    sums /= _WAYS[kind]
+    sums /= SPLIT_WAYS[kind]
     return sums
 
 
@@ -212,7 +217,7 @@ def consistent_gradient(
     everywhere: at the wall the error of the length falls from 7.0 % (median; 95th percentile 14.7)
     to 2.4 (4.8) %.
     """
-    start, end = _edges(corners, len(points))
+    start, end = edges_of(corners, len(points))
     edge = np.asarray(points[end], dtype=np.float64) - points[start]
     change = values[end] - values[start]
     squared = np.einsum("ij,ij->i", edge, edge)
@@ -230,7 +235,7 @@ def consistent_gradient(
     return gradient
 
 
-def _edges(corners: NDArray[np.integer], count: int) -> tuple[IntArray, IntArray]:
+def edges_of(corners: NDArray[np.integer], count: int) -> tuple[IntArray, IntArray]:
     """Point numbers at both ends of all edges of tetrahedra, each edge once."""
     first, second = np.moveaxis(corners.astype(np.int64)[:, TETRAHEDRON_EDGES], 2, 0)
     keys = (np.minimum(first, second) * count + np.maximum(first, second)).ravel()

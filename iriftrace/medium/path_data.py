@@ -50,16 +50,19 @@ class FieldCells:
 
     def without_ambient_air(self) -> FieldCells:
         """Without the cells of ambient air alone, where rays are straight: most of a large flow."""
-        contrast = np.abs(self.refractivity - self.ambient)
-        offsets = self.cell_offsets
-        highest = np.maximum.reduceat(contrast[self.cell_connectivity], offsets[:-1])
-        kept = highest >= AMBIENT_SHARE * contrast.max()
-        corners = np.repeat(kept, np.diff(offsets))
+        kept = self.hot_cells()
+        corners = np.repeat(kept, np.diff(self.cell_offsets))
         return evolve(
             self,
             celltypes=self.celltypes[kept],
             cell_connectivity=self.cell_connectivity[corners],
         )
+
+    def hot_cells(self, factor: float = 1.0) -> BoolArray:
+        """Mask (m,) of the cells that `without_ambient_air` keeps, at a multiple of its limit."""
+        contrast = np.abs(self.refractivity - self.ambient)
+        highest = np.maximum.reduceat(contrast[self.cell_connectivity], self.cell_offsets[:-1])
+        return np.asarray(highest >= factor * AMBIENT_SHARE * contrast.max())
 
     def temperature_at(self, places: FloatArray) -> FloatArray:
         """Temperatures (m,), K, at points (m, 3), mm, world; ambient outside the data."""
