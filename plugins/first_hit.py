@@ -119,6 +119,7 @@ def plugin_class(variant: str) -> type:
 
         def bender(self, prepared: PreparedScene, coherent: bool) -> dt.Bend:
             """Refraction by the scene's shells."""
+            prepared = prepared.attached()
             rule = self.rule(prepared.tables)
             return lambda origin, direction: refracted_hits(
                 prepared,
