@@ -65,8 +65,9 @@ def plugin_class(variant: str) -> type:
         without any makes rays bend at the shells alone. The text of the integrator (``str``)
         states the bending in force once it has rendered.
 
-        Limits: geometrical optics, one ray a pixel, no moving shapes, no instances; not
-        differentiable, use central differences of ``iriftrace.trace_rays``. ``gradient``
+        Hits depend differentiably on the shells' indices and on the camera; see `iriftrace.hits`.
+
+        Limits: geometrical optics, one ray a pixel, no moving shapes, no instances. ``gradient``
         needs vertex normals in the shells' files: Mitsuba invents its own for a PLY without.
 
         .. code-block:: xml
