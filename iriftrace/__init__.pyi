@@ -135,6 +135,8 @@ from .sweep.workers import pose_workers as pose_workers
 from .tracing.aperture import ApertureEffect as ApertureEffect
 from .tracing.aperture import aperture_effect as aperture_effect
 from .tracing.from_mitsuba import from_mitsuba as from_mitsuba
+from .tracing.hits import Hits as Hits
+from .tracing.hits import hits as hits
 from .tracing.hot_air import HotAir as HotAir
 from .tracing.load import load_scene as load_scene
 from .tracing.rays import RayHits as RayHits

@@ -31,7 +31,7 @@ from iriftrace.plugins.scene_state import same_state, scene_state
 from iriftrace.plugins.stock_sensor import StockSensor
 
 _RENDERED: list[Any] = []
-"""The integrator of the latest `mi.render`, which alone keeps what it has prepared."""
+"""The integrator of the latest picture or hits, which alone keeps what it has prepared."""
 
 
 @cache
@@ -65,6 +65,16 @@ def integrator_class(variant: str) -> type:
             if self._prepared is not None and self._prepared.scene is scene:
                 if not same_state(self._state, scene_state(scene, sensors=False)):
                     self.forget_scene()
+
+        def begin(self, scene: mi.Scene) -> None:
+            """Prepare a scene of the user's as it is now, and let go of the one before it."""
+            self.refresh(scene)
+            for other in _RENDERED:
+                if other is not self:
+                    other.forget_scene()
+            _RENDERED[:] = [self]
+            if self._prepared is None or self._prepared.scene is not scene:
+                self.warn_of_missing_air(self.prepare(scene))
 
         def prepare_as(self, other: AovIntegrator) -> None:
             """Take over what another integrator has prepared, for the same scene."""
@@ -100,6 +110,23 @@ def integrator_class(variant: str) -> type:
                 check=self.checking(prepared),
                 coherent=coherent,
                 **options,
+            )
+
+        def trace_pixels(
+            self, scene: mi.Scene, sensor: mi.Sensor, straight: StraightHits | None = None
+        ) -> tuple[PixelRays, Bundle]:
+            """Trace the rays of a sensor's picture; `straight` is that of `image`."""
+            self._refuse_clipped_air(scene, sensor)
+            rays = PixelRays(sensor, len(self.aov_names()))
+            near, far = rays.camera.description()["focus_mm"]
+            return rays, self.trace(
+                scene,
+                rays,
+                len(rays),
+                focus=(near, float("inf") if far is None else far),
+                coherent=True,
+                trace_all=self.trace_all,
+                straight=straight,
             )
 
         def bender(self, prepared: PreparedScene, coherent: bool) -> dt.Bend:
@@ -148,21 +175,10 @@ def integrator_class(variant: str) -> type:
             where shells bend), ``camera`` of the crop window (as of ``iriftrace.Camera.as_dict``)
             and ``straight`` (StraightHits).
             """
-            self._refuse_clipped_air(scene, sensor)
             names = self.aov_names()
-            rays = PixelRays(sensor, len(names))
+            rays, bundle = self.trace_pixels(scene, sensor, straight)
             (left, top), (width, height) = rays.corner, rays.size
             description = rays.camera.description()
-            near, far = description["focus_mm"]
-            bundle = self.trace(
-                scene,
-                rays,
-                len(rays),
-                focus=(near, float("inf") if far is None else far),
-                coherent=True,
-                trace_all=self.trace_all,
-                straight=straight,
-            )
             started = time.perf_counter()
             trace = bundle.trace
             values = [] if trace is None else self.channel_values(trace, rays.camera)
@@ -222,19 +238,11 @@ def integrator_class(variant: str) -> type:
         ) -> dt.TensorXf:
             """Picture of all channels, for ``mi.render``; the film keeps the channels' names."""
             refuse_shared_films(scene.sensors())
-            self.refresh(scene)
-            known = self._prepared
-            for other in _RENDERED:
-                if other is not self:
-                    other.forget_scene()
-            _RENDERED[:] = [self]
+            self.begin(scene)
             sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
             film = sensor.film()
             with full_precision():
                 channels, _ = self.image(scene, sensor)
-            prepared = self.prepare(scene)
-            if prepared is not known:
-                self.warn_of_missing_air(prepared)
             count, height, width = channels.shape
             base = film.prepare(self.aov_names()) - count
             block = film.create_block()

@@ -9,8 +9,10 @@ from functools import cache
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from attrs import evolve
 
 from iriftrace.camera.camera import Camera
+from iriftrace.camera.distortion import ORDER, Distortion
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
 from iriftrace.plugins.film import check_film_size
@@ -49,6 +51,18 @@ def sensor_of(camera: Camera) -> dt.Sensor:
             },
         }
     )
+
+
+def _values_of(camera: Camera) -> dict[str, float]:
+    """Numbers of a camera that `mi.traverse` shows, as the plugin's parameters have them."""
+    x, y = camera.principal_point_px
+    lens = Distortion() if camera.distortion is None else camera.distortion
+    return {
+        "focal_length": camera.focal_length_mm,
+        "principal_point_x": x + 0.5,
+        "principal_point_y": y + 0.5,
+        **lens.as_dict(),
+    }
 
 
 @cache
@@ -100,6 +114,11 @@ def plugin_class(variant: str) -> type:
         (in a calibration file it is as OpenCV counts). ``first_hit`` asks for rays in double
         precision (``rays64``); other integrators get the same in single precision. No aperture.
 
+        ``mi.traverse`` shows ``to_world``, ``focal_length``, the principal point and the eight
+        coefficients of the lens. All are differentiable: rays and image positions of
+        `iriftrace.hits` depend on them, but hits that jump to another face, appear or vanish as
+        the camera changes are left out of derivatives.
+
         .. code-block:: xml
 
             <sensor type="calibrated_camera">
@@ -142,8 +161,9 @@ def plugin_class(variant: str) -> type:
             film = self.film()
             width, height = (int(n) for n in film.size())
             self._full = full = (width, height)
-            described = camera_of(props, full)
-            self._camera = described.scaled(number(props, "scale", 1.0))
+            self._described = described = camera_of(props, full)
+            self._scale = number(props, "scale", 1.0)
+            self._camera = described.scaled(self._scale)
             if self._camera.resolution != full:
                 if tuple(film.crop_size()) != full:
                     raise InputError(
@@ -155,6 +175,8 @@ def plugin_class(variant: str) -> type:
                 parameters["size"] = list(self._camera.resolution)
                 parameters.update()
             self.to_world = mi.Transform4d(flip_axes(described.matrix))
+            self._values = _values_of(described)
+            self._parameters = {name: mi.Float64(value) for name, value in self._values.items()}
             self._projection = Projection(self._camera)
 
         def description(self) -> JsonObject:
@@ -167,29 +189,38 @@ def plugin_class(variant: str) -> type:
 
         def rays64(self, x: dt.Float64, y: dt.Float64) -> tuple[dt.Point3d, dt.Vector3d]:
             """Origins and directions through image positions, double precision, world, mm."""
-            return self._projection.rays64(x, y)
+            return self._attached().rays64(x, y)
 
         def project64(self, point: dt.Point3d) -> tuple[dt.Float64, dt.Float64, dt.Bool]:
             """Image position in pixels of points of the world, and whether they are in front."""
-            return self._projection.project64(point)
+            return self._attached().project64(point)
+
+        def _attached(self) -> Projection:
+            """The projection; as a function of parameters if a gradient of one is requested."""
+            matrix: dt.Array = self.to_world.matrix
+            if not dr.grad_enabled(matrix, self._parameters):
+                return self._projection
+            pairs = zip(self._camera.resolution, self._full, strict=True)
+            across, down = (size / full for size, full in pairs)
+            return self._projection.attached(matrix, self._parameters, (across, down))
 
         def sample_ray(
             self,
             time: dt.Float,
-            wavelength_sample: dt.Float,
-            position_sample: dt.Point2f,
-            aperture_sample: dt.Point2f,
+            sample1: dt.Float,
+            sample2: dt.Point2f,
+            sample3: dt.Point2f,
             active: dt.Bool = True,
         ) -> tuple[dt.Ray3f, dt.Spectrum]:
             film = self.film()
             check_film_size(film, self._camera.resolution)
             size, offset = film.crop_size(), film.crop_offset()
             origin, direction = self.rays64(
-                mi.Float64(position_sample.x) * size.x + offset.x,
-                mi.Float64(position_sample.y) * size.y + offset.y,
+                mi.Float64(sample2.x) * size.x + offset.x,
+                mi.Float64(sample2.y) * size.y + offset.y,
             )
             wavelengths, weight = self.sample_wavelengths(
-                dr.zeros(mi.SurfaceInteraction3f), wavelength_sample, active
+                dr.zeros(mi.SurfaceInteraction3f), sample1, active
             )
             ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction), time, wavelengths)
             return ray, weight
@@ -197,25 +228,39 @@ def plugin_class(variant: str) -> type:
         def sample_ray_differential(
             self,
             time: dt.Float,
-            wavelength_sample: dt.Float,
-            position_sample: dt.Point2f,
-            aperture_sample: dt.Point2f,
+            sample1: dt.Float,
+            sample2: dt.Point2f,
+            sample3: dt.Point2f,
             active: dt.Bool = True,
         ) -> tuple[dt.RayDifferential3f, dt.Spectrum]:
-            ray, weight = self.sample_ray(
-                time, wavelength_sample, position_sample, aperture_sample, active
-            )
+            ray, weight = self.sample_ray(time, sample1, sample2, sample3, active)
             return mi.RayDifferential3f(ray), weight
 
         def traverse(self, callback: mi.TraversalCallback) -> None:
             super().traverse(callback)
-            callback.put("to_world", self.to_world, mi.ParamFlags.NonDifferentiable)
+            flags = mi.ParamFlags.Differentiable | mi.ParamFlags.Discontinuous
+            callback.put("to_world", self.to_world, flags)
+            for name, value in self._parameters.items():
+                callback.put(name, value, flags)
 
         def parameters_changed(self, keys: Sequence[str] = ()) -> None:
             # Entry by entry: a conversion as a whole would compile a kernel for each pose.
-            matrix: dt.Array = self.to_world.matrix
+            matrix: dt.Array = dr.detach(self.to_world.matrix)
             pose = np.array([[float(matrix[i, j][0]) for j in range(4)] for i in range(4)])
-            self._camera = self._camera.at(flip_axes(pose))
+            described = self._described.at(flip_axes(pose))
+            values = {name: float(dr.detach(x)[0]) for name, x in self._parameters.items()}
+            if values != self._values:
+                described = evolve(
+                    described,
+                    focal_length_mm=values["focal_length"],
+                    principal_point_px=(
+                        values["principal_point_x"] - 0.5,
+                        values["principal_point_y"] - 0.5,
+                    ),
+                    distortion=Distortion(**{name: values[name] for name in ORDER}),
+                )
+            self._camera = described.scaled(self._scale)
+            self._described, self._values = described, values
             self._projection = Projection(self._camera)
 
         def to_string(self) -> str:

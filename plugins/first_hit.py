@@ -16,7 +16,7 @@ from iriftrace.plugins.kernels.march import refracted_hits
 from iriftrace.plugins.kernels.prepared import PreparedScene, with_every_second_shell
 from iriftrace.plugins.kernels.queries import HIT_PART
 from iriftrace.plugins.kernels.tables import SceneTables
-from iriftrace.plugins.properties import choice, flag, whole_number
+from iriftrace.plugins.properties import choice, flag, passes, whole_number
 
 NORMALS = ("gradient", "facet")
 BENDING = ("layers", "shells")
@@ -30,22 +30,25 @@ def plugin_class(variant: str) -> type:
     class FirstHit(integrator_class(variant)):  # type: ignore[misc]
         r"""First hits, straight and refracted (``first_hit``).
 
-        =================  =======  ==================================================  ========
-        Parameter          Type     Meaning                                             Default
-        =================  =======  ==================================================  ========
-        ``normals``        string   refract at normals interpolated from grad(n)        gradient
-                                    (``gradient``) or at the triangles' (``facet``)
-        ``bending``        string   turn rays all along the layers (``layers``; only    layers
-                                    with gradient normals, and if every shell's file
-                                    has the index's derivatives), or at the shells
-                                    alone, by Snell's law (``shells``)
-        ``max_crossings``  integer  a ray with that many crossings gives up (status 6)  1000
-        ``trace_all``      boolean  refract also the rays whose straight twin misses    false
-                                    the part (then status 4 exists)
-        ``inside_hit``     string   ``drop`` gives a ray up (status 6) that meets a     refract
-                                    shell from its inside, as Kern et al. (2025)
-                                    do; for studies only
-        =================  =======  ==================================================  ========
+        ==================  =======  ==================================================  ========
+        Parameter           Type     Meaning                                             Default
+        ==================  =======  ==================================================  ========
+        ``normals``         string   refract at normals interpolated from grad(n)        gradient
+                                     (``gradient``) or at the triangles' (``facet``)
+        ``bending``         string   turn rays all along the layers (``layers``; only    layers
+                                     with gradient normals, and if every shell's file
+                                     has the index's derivatives), or at the shells
+                                     alone, by Snell's law (``shells``)
+        ``max_crossings``   integer  a ray with that many crossings gives up (status 6)  1000
+        ``trace_all``       boolean  refract also the rays whose straight twin misses    false
+                                     the part (then status 4 exists)
+        ``reverse_passes``  integer  passes of the loop (a crossing each, mostly) that   1000
+                                     ``dr.backward`` can go back through; a ray with
+                                     more is an error then, and at most 65536
+        ``inside_hit``      string   ``drop`` gives a ray up (status 6) that meets a     refract
+                                     shell from its inside, as Kern et al. (2025)
+                                     do; for studies only
+        ==================  =======  ==================================================  ========
 
         One ray through every pixel's centre. A shape with an ``iso_shell`` bsdf (or Mitsuba's
         ``dielectric``, with the loss of its single precision) is a shell, the shape with id
@@ -62,8 +65,9 @@ def plugin_class(variant: str) -> type:
         without any makes rays bend at the shells alone. The text of the integrator (``str``)
         states the bending in force once it has rendered.
 
-        Limits: geometrical optics, one ray a pixel, no moving shapes, no instances; not
-        differentiable, use central differences of ``iriftrace.trace_rays``. ``gradient``
+        Hits depend differentiably on the shells' indices and on the camera; see `iriftrace.hits`.
+
+        Limits: geometrical optics, one ray a pixel, no moving shapes, no instances. ``gradient``
         needs vertex normals in the shells' files: Mitsuba invents its own for a PLY without.
 
         .. code-block:: xml
@@ -83,6 +87,7 @@ def plugin_class(variant: str) -> type:
             self.bending = choice(props, "bending", BENDING)
             self.max_crossings = whole_number(props, "max_crossings", 1000)
             self.trace_all = flag(props, "trace_all", False)
+            self.reverse_passes = passes(props, "reverse_passes", 1000)
             self.inside_hit = choice(props, "inside_hit", INSIDE_HITS)
             self._fewer: tuple[PreparedScene, PreparedScene | None] | None = None
 
@@ -115,6 +120,7 @@ def plugin_class(variant: str) -> type:
 
         def bender(self, prepared: PreparedScene, coherent: bool) -> dt.Bend:
             """Refraction by the scene's shells."""
+            prepared = prepared.attached()
             rule = self.rule(prepared.tables)
             return lambda origin, direction: refracted_hits(
                 prepared,
@@ -123,6 +129,7 @@ def plugin_class(variant: str) -> type:
                 coherent=coherent,
                 bending=rule,
                 max_crossings=self.max_crossings,
+                reverse_passes=self.reverse_passes,
                 drop_inside_hits=self.inside_hit == "drop",
             )
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 
+import drjit as dr
 import mitsuba as mi
 
 from iriftrace.core.arrays import FloatArray
@@ -17,8 +19,9 @@ from iriftrace.plugins.kernels.curve import curved_hits
 from iriftrace.plugins.kernels.prepared import PreparedScene
 from iriftrace.plugins.kernels.queries import HIT_PART, counted
 from iriftrace.plugins.kernels.tetrahedra import TetrahedralAir
+from iriftrace.plugins.kernels.vertex_table import aligned
 from iriftrace.plugins.picture import PixelRays
-from iriftrace.plugins.properties import choice, file_beside, flag, whole_number
+from iriftrace.plugins.properties import choice, file_beside, flag, passes, whole_number
 
 GRADIENTS = ("recovered", "constant")
 
@@ -30,19 +33,22 @@ def plugin_class(variant: str) -> type:
     class GradientPath(integrator_class(variant)):  # type: ignore[misc]
         r"""First hits, straight and along the curved path (``gradient_path``).
 
-        =================  =======  ==================================================  =========
-        Parameter          Type     Meaning                                             Default
-        =================  =======  ==================================================  =========
-        ``field``          string   field file that ``iriftrace scene`` writes, as      field.npz
-                                    seen from the scene's file
-        ``gradient``       string   gradient of the index: its direction ``recovered``  recovered
-                                    at the cells' corners and interpolated, or
-                                    ``constant`` in each tetrahedron
-        ``max_steps``      integer  a ray with more steps, or that gets lost 20         100000
-                                    times, gives up (status 6)
-        ``trace_all``      boolean  bend also the rays whose straight twin misses the   false
-                                    part (then status 4 exists)
-        =================  =======  ==================================================  =========
+        ==================  =======  ==================================================  =========
+        Parameter           Type     Meaning                                             Default
+        ==================  =======  ==================================================  =========
+        ``field``           string   field file that ``iriftrace scene`` writes, as      field.npz
+                                     seen from the scene's file
+        ``gradient``        string   gradient of the index: its direction ``recovered``  recovered
+                                     at the cells' corners and interpolated, or
+                                     ``constant`` in each tetrahedron
+        ``max_steps``       integer  a ray with more steps, or that gets lost 20         100000
+                                     times, gives up (status 6)
+        ``trace_all``       boolean  bend also the rays whose straight twin misses the   false
+                                     part (then status 4 exists)
+        ``reverse_passes``  integer  passes of the loop (a step each, mostly) that       1000
+                                     ``dr.backward`` can go back through; a ray with
+                                     more is an error then, and at most 65536
+        ==================  =======  ==================================================  =========
 
         Solves the ray equation d/ds (n dr/ds) = grad n from cell to cell of the solver's own mesh,
         one step of order 4 in each tetrahedron; shells in the scene are not looked at. The shape
@@ -58,6 +64,13 @@ def plugin_class(variant: str) -> type:
         and the part, it runs straight too.
 
         Limits: as for ``first_hit``; the index between the corners of a tetrahedron is linear.
+
+        ``mi.traverse(integrator)`` has ``field.temperature`` (K, at the field's points) and
+        ``field.contrast`` (1, a factor on n less that of the ambient air). Both are differentiable:
+        hits of `iriftrace.hits` and pictures depend on them through the index and its recovered
+        gradient. A change replaces the table of the points alone. Derivatives leave out what jumps:
+        rays that begin or cease to hit, or hit another face, and points in ambient air, through
+        which rays run straight.
 
         .. code-block:: xml
 
@@ -79,8 +92,10 @@ def plugin_class(variant: str) -> type:
             self.gradient = choice(props, "gradient", GRADIENTS)
             self.max_steps = whole_number(props, "max_steps", 100_000)
             self.trace_all = flag(props, "trace_all", False)
+            self.reverse_passes = passes(props, "reverse_passes", 1000)
             self.wavelength_nm: float | None = None
             self._air: TetrahedralAir | None = None
+            self._parameters: dict[str, dt.Float64] = {}
 
         def aov_names(self) -> list[str]:
             return [*CHANNELS, ERROR_CHANNEL]
@@ -102,6 +117,22 @@ def plugin_class(variant: str) -> type:
         def use(self, cells: FieldCells) -> None:
             """Trace through these cells, in place of the file's."""
             self._air = TetrahedralAir(cells, recovered=self.gradient == "recovered")
+            self._parameters = {}
+
+        def traverse(self, callback: mi.TraversalCallback) -> None:
+            super().traverse(callback)
+            cells = self.air.cells
+            if not self._parameters:
+                kelvin = cells.air.temperature(cells.refractivity)
+                self._parameters = {
+                    "field.temperature": mi.Float64(aligned(kelvin)),
+                    "field.contrast": mi.Float64(1.0),
+                }
+            for name, value in self._parameters.items():
+                callback.put(name, value, mi.ParamFlags.Differentiable)
+
+        def parameters_changed(self, keys: Sequence[str] = ()) -> None:
+            self._air = self.air.changed(*self._parameters.values())
 
         def forget_scene(self) -> None:
             """Let go of the scene, which the field's boundary knows too."""
@@ -129,8 +160,17 @@ def plugin_class(variant: str) -> type:
 
         def bender(self, prepared: PreparedScene, coherent: bool) -> dt.Bend:
             """The ray equation."""
+            air, parameters = self.air, tuple(self._parameters.values())
+            if dr.grad_enabled(parameters):
+                air = air.attached(*parameters)
             return lambda origin, direction: curved_hits(
-                prepared, self.air, origin, direction, coherent=coherent, max_steps=self.max_steps
+                prepared,
+                air,
+                origin,
+                direction,
+                coherent=coherent,
+                max_steps=self.max_steps,
+                reverse_passes=self.reverse_passes,
             )
 
         def checking(self, prepared: PreparedScene) -> dt.Check:

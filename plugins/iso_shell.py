@@ -47,7 +47,8 @@ def plugin_class(variant: str) -> type:
 
         Bends a ray by Snell's law and lets all of it pass: neighbouring layers of air differ by
         1e-5, so the reflected fraction (below 1e-10) is ignored. The indices are kept in double
-        precision, also those that ``mi.traverse`` sets; a mean follows both sides. ``first_hit``
+        precision, also those that ``mi.traverse`` sets; a mean follows both sides. Hits depend on
+        all three differentiably (`iriftrace.hits`), but not on the shell's vertices. ``first_hit``
         takes them directly, and bends rays at the shell or, where its file has the index's
         derivatives, all along the layers (only then is ``iso_ior`` used).
 
@@ -105,15 +106,24 @@ def plugin_class(variant: str) -> type:
         def _show_indices(self) -> None:
             """Give the parameters of `mi.traverse` the indices in force."""
             for name, parameter in self._parameters.items():
-                # In place: who has traversed the scene holds these arrays.
-                parameter[:] = getattr(self, name)
+                # In place: who has traversed the scene holds these arrays. Values that are in
+                # force already may be attached to what they were computed from.
+                if float(dr.detach(parameter)[0]) != getattr(self, name):
+                    parameter[:] = getattr(self, name)
+
+        def attached_indices(self) -> tuple[dt.Float64, dt.Float64, dt.Float64] | None:
+            """The three indices (Float64) if the gradient of one is requested, else None."""
+            ext, inner, on_it = self._parameters.values()
+            if not dr.grad_enabled(ext, inner, on_it):
+                return None
+            return ext, inner, 0.5 * (ext + inner) if self._in_the_middle else on_it
 
         def traverse(self, callback: mi.TraversalCallback) -> None:
             for name, parameter in self._parameters.items():
-                callback.put(name, parameter, mi.ParamFlags.NonDifferentiable)
+                callback.put(name, parameter, mi.ParamFlags.Differentiable)
 
         def parameters_changed(self, keys: Sequence[str] = ()) -> None:
-            ext, inner, on_it = (float(value[0]) for value in self._parameters.values())
+            ext, inner, on_it = (float(dr.detach(x)[0]) for x in self._parameters.values())
             self._in_the_middle &= "iso_ior" not in keys
             try:
                 middle = 0.5 * (ext + inner)

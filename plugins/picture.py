@@ -83,21 +83,14 @@ def channel_values(trace: Trace, camera: dt.RayCamera) -> list[tuple[dt.Array, d
     bent_hit = trace.refracted.outcome == HIT_PART
     both = straight_hit & bent_hit
     point = trace.refracted.point
-    displacement = point - trace.straight
-    # A point of the straight ray at the depth of the refracted hit appears at the pixel's centre;
-    # projecting it too cancels what rounding the projection has.
-    unbent = trace.origin + trace.direction * dr.dot(point - trace.origin, trace.direction)
-    x_unbent, y_unbent, _ = camera.project64(unbent)
-    x, y, in_front = camera.project64(point)
-    visible = bent_hit & in_front
+    displacement, shift = trace.displacement, trace.shift_px(camera)
     always = mi.Bool(True)
     return [
         *((value, straight_hit) for value in trace.straight),
         *((value, bent_hit) for value in point),
         *((value, both) for value in displacement),
         (dr.norm(displacement), both),
-        (x_unbent - x, visible),
-        (y_unbent - y, visible),
+        *((value, bent_hit) for value in shift),
         (trace.incidence, straight_hit),
         (trace.refracted.path_length, bent_hit),
         (trace.refracted.crossings, always),

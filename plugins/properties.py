@@ -54,6 +54,22 @@ def whole_number(props: mi.Properties, name: str, default: int) -> int:
     return int(value)
 
 
+MOST_REVERSE_PASSES = 65_536
+"""Entries of an array that Dr.Jit keeps for each ray."""
+
+
+def passes(props: mi.Properties, name: str, default: int) -> int:
+    """Read the passes of a tracing loop that derivatives in reverse mode go back through."""
+    value = whole_number(props, name, default)
+    if value > MOST_REVERSE_PASSES:
+        raise InputError(
+            f'"{name}" is {value:,}, but Dr.Jit stores at most {MOST_REVERSE_PASSES:,} states of a '
+            "ray; give fewer, as a ray through a fine mesh takes some thousand.",
+            code="scene.wrong_property",
+        )
+    return value
+
+
 def flag(props: mi.Properties, name: str, default: bool) -> bool:
     """Read a boolean from plugin properties."""
     value = props.get(name, default)

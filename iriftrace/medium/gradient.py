@@ -35,9 +35,7 @@ MIRRORED_CORNERS = {
 }
 """Order of a cell's corners that reverses its orientation, as a mirror does."""
 
-# Each cell is split in two mirrored ways with weights of 1/2. A single split would favour one
-# diagonal of every quadrilateral and leave a first-order error even on regular hexahedra.
-_SPLITS: dict[int, tuple[tuple[int, int, int, int], ...]] = {
+SPLITS: dict[int, tuple[tuple[int, int, int, int], ...]] = {
     TETRAHEDRON: ((0, 1, 2, 3),),
     HEXAHEDRON: (
         *((0, 1, 3, 4), (1, 2, 3, 6), (1, 5, 4, 6), (3, 7, 6, 4), (1, 3, 4, 6)),
@@ -49,7 +47,14 @@ _SPLITS: dict[int, tuple[tuple[int, int, int, int], ...]] = {
     ),
     PYRAMID: ((0, 1, 3, 4), (1, 2, 3, 4), (0, 1, 2, 4), (0, 2, 3, 4)),
 }
-_WAYS = {TETRAHEDRON: 1, HEXAHEDRON: 2, WEDGE: 2, PYRAMID: 2}
+"""Tetrahedra of each cell type, by their corners.
+
+Each cell is split in two mirrored ways with weights of 1/2. A single split would favour one
+diagonal of every quadrilateral and leave a first-order error even on regular hexahedra.
+"""
+
+SPLIT_WAYS = {TETRAHEDRON: 1, HEXAHEDRON: 2, WEDGE: 2, PYRAMID: 2}
+"""Number of ways in which `SPLITS` splits a cell."""
 
 ROUNDS = 3
 """Iterations of `consistent_gradient`; with more the residual along the edges hardly falls."""
@@ -139,7 +144,7 @@ def cell_centroids(grid: pv.UnstructuredGrid) -> FloatArray:
     for kind, (cells, corners) in cell_corners(grid).items():
         at = points[:, corners.T]
         weight, moment = np.zeros(len(cells)), np.zeros((3, len(cells)))
-        for tet in _SPLITS[kind]:
+        for tet in SPLITS[kind]:
             volume = np.abs(_cofactors(at, tet)[3])
             weight += volume
             moment += volume * at[:, tet].mean(axis=1)
@@ -177,7 +182,7 @@ def _gradient_sums(
     at = points[:, corners.T]
     value = columns[:, corners.T]
     sums = np.zeros((3 * len(columns) + 1, *value.shape[1:]))
-    for tet in _SPLITS[kind]:
+    for tet in SPLITS[kind]:
         first, second, third, volume = _cofactors(at, tet)
         o, a, b, c = tet
         sign = np.sign(volume)
@@ -191,7 +196,7 @@ def _gradient_sums(
         np.abs(volume, out=volume)
         for corner in tet:
             sums[-1, corner] += volume
-    sums /= _WAYS[kind]
+    sums /= SPLIT_WAYS[kind]
     return sums
 
 
@@ -231,7 +236,7 @@ def consistent_gradient(
     everywhere: at the wall the error of the length falls from 7.0 % (median; 95th percentile 14.7)
     to 2.4 (4.8) %.
     """
-    start, end = _edges(corners, len(points))
+    start, end = edges_of(corners, len(points))
     for _ in range(ROUNDS):
         # Least squares for the factor of a point's own gradient, from its normal equation.
         right, left = np.zeros((2, len(points)))
@@ -251,7 +256,7 @@ def consistent_gradient(
     return gradient
 
 
-def _edges(corners: NDArray[np.integer], count: int) -> tuple[Int32Array, Int32Array]:
+def edges_of(corners: NDArray[np.integer], count: int) -> tuple[Int32Array, Int32Array]:
     """Point numbers at both ends of all edges of tetrahedra, each edge once."""
     found = []
     for block in blocks(len(corners)):

@@ -220,20 +220,13 @@ def _lost_fraction(scene: Scene, samples: list[_Sample]) -> float:
 
 def _lost_of(scene: Scene, origin: mi.Point3d, direction: mi.Vector3d) -> float:
     import drjit as dr
-    import mitsuba as mi
 
-    count = dr.width(origin, direction)
-    # A camera's rays all have the same origin, which is a single number for each axis.
-    starts, headings = (
-        [axis + dr.zeros(mi.Float64, count) for axis in vector] for vector in (origin, direction)
-    )
+    from iriftrace.plugins.kernels.bundle import rays_of
+
     trace = scene.compiled.integrator.trace(
         scene.compiled.mitsuba_scene,
-        lambda ray: (
-            mi.Point3d(*(dr.gather(mi.Float64, axis, ray) for axis in starts)),
-            mi.Vector3d(*(dr.gather(mi.Float64, axis, ray) for axis in headings)),
-        ),
-        count,
+        rays_of(origin, direction),
+        dr.width(origin, direction),
         focus=(0.0, float("inf")),
         coherent=False,
         trace_all=True,

@@ -78,7 +78,7 @@ def trace_rays(
 
     Those of a camera come from `Camera.rays`.
     The engine is chosen by :func:`iriftrace.tracing.engine.choose`, unless one was requested.
-    Request one to compare bundles, as for derivatives by finite differences.
+    Request one to compare bundles, as for finite differences; `hits` has derivatives.
 
     Parameters
     ----------

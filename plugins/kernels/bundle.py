@@ -41,13 +41,33 @@ class Trace(NamedTuple):
     ray: dt.UInt32  # number of the ray in the bundle
     origin: dt.Point3d
     direction: dt.Vector3d
-    straight: dt.Point3d
+    straight: dt.Point3d  # mm, world; 0 where there is no hit on the part
     straight_outcome: dt.UInt32
     straight_face: dt.UInt32  # face of the part
     incidence: dt.Float64  # rad
     refracted: dt.Hits
     status: dt.UInt32
     open_boundary: dt.Bool
+
+    @property
+    def displacement(self) -> dt.Vector3d:
+        """Refracted minus straight hit (Vector3d, mm, world); 0 where one does not exist."""
+        both = (self.straight_outcome == HIT_PART) & (self.refracted.outcome == HIT_PART)
+        moved: dt.Vector3d = dr.select(both, self.refracted.point - self.straight, 0)
+        return moved
+
+    def shift_px(self, camera: dt.RayCamera) -> tuple[dt.Float64, dt.Float64]:
+        """Shift of the refracted hit's image (Float64, px), right and down; 0 where there is none.
+
+        A point of the straight ray at the depth of the refracted hit appears at the pixel's centre;
+        projecting it too cancels what rounding the projection has.
+        """
+        point = self.refracted.point
+        along = dr.dot(point - self.origin, self.direction)
+        x_unbent, y_unbent, _ = camera.project64(self.origin + self.direction * along)
+        x, y, in_front = camera.project64(point)
+        visible = in_front & (self.refracted.outcome == HIT_PART)
+        return dr.select(visible, x_unbent - x, 0), dr.select(visible, y_unbent - y, 0)
 
 
 class Bundle(NamedTuple):
@@ -79,6 +99,7 @@ def trace_bundle(
     of the data that is open.
 
     `focus` is the nearest and farthest length of a straight ray, mm, that counts as sharp.
+    Hits are attached to the parameters whose gradients are requested; statuses are constants.
     Neighbouring rays that run alike are `coherent`. Only rays whose straight twin hits the part are
     bent, unless `trace_all`. `straight` are hits of the same bundle in another scene with the same
     opaque shapes, such as the same part in other air; then straight rays are not traced again.
@@ -103,6 +124,18 @@ def trace_bundle(
     time_s["refracted"] = time.perf_counter() - straight_done
     trace = _judged(prepared, chosen, origin, direction, straight, refracted, check, focus)
     return Bundle(trace, untraced, time_s, straight)
+
+
+def rays_of(origin: dt.Point3d, direction: dt.Vector3d) -> dt.Rays:
+    """Rays by their numbers, from origins and directions, one each or the same for all."""
+    count = dr.width(origin, direction)
+    starts, headings = (
+        [axis + dr.zeros(mi.Float64, count) for axis in vector] for vector in (origin, direction)
+    )
+    return lambda ray: (
+        mi.Point3d(*(dr.gather(mi.Float64, axis, ray) for axis in starts)),
+        mi.Vector3d(*(dr.gather(mi.Float64, axis, ray) for axis in headings)),
+    )
 
 
 def paired_straight_rays(
@@ -165,8 +198,10 @@ def _judged(
     incidence = dr.atan2(sine, dr.abs(dr.dot(direction, normal)))
 
     bent_hit = refracted.outcome == HIT_PART
-    consistent, from_outside = check(refracted)
-    too_bent = _bent_too_much(direction, refracted)
+    frozen = refracted._replace(**dr.detach(refracted._asdict()))
+    consistent, from_outside = check(frozen)
+    too_bent = _bent_too_much(dr.detach(direction), frozen)
+    distance = dr.detach(length)
 
     near, far = (dr.opaque(mi.Float64, limit) for limit in focus)
     status = mi.UInt32(int(Status.GOOD))
@@ -177,7 +212,7 @@ def _judged(
         (Status.INDEX_MISMATCH, too_bent),
         (Status.GAVE_UP, refracted.outcome == GAVE_UP),
         (Status.BLOCKED, (outcome == HIT_BLOCKER) | (refracted.outcome == HIT_BLOCKER)),
-        (Status.OUT_OF_FOCUS, on_part & ((length < near) | (length > far))),
+        (Status.OUT_OF_FOCUS, on_part & ((distance < near) | (distance > far))),
         (Status.MISSED, ~too_bent & ((outcome + refracted.outcome) == 0)),
     ):
         status = dr.select(applies, mi.UInt32(int(code)), status)

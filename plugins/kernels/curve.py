@@ -50,14 +50,16 @@ def curved_hits(
     *,
     coherent: bool,
     max_steps: int,
+    reverse_passes: int | None = None,
 ) -> CurvedHits:
     """Ends of rays that follow the ray equation through a medium to a scene's opaque shapes.
 
     A medium is TetrahedralAir, or anything else with its methods. Rays have origins (Point3d, mm)
     and unit directions (Vector3d), world; those with more than `max_steps`, or that get lost more
-    than `MOST_RELOCATIONS` times, give up. `coherent` is a hint to the ray query.
+    than `MOST_RELOCATIONS` times, give up. `coherent` is a hint to the ray query; `reverse_passes`
+    is that of :func:`iriftrace.plugins.kernels.queries.advanced`.
     """
-    walk = Walk(prepared, medium, coherent, max_steps)
+    walk = Walk(prepared, medium, coherent, max_steps, reverse_passes)
     end = walk.to_the_end(origin, direction)
     return _ended(prepared.tables, medium, end, query_error(end.point, walk.smallest_step))
 

@@ -72,16 +72,18 @@ def refracted_hits(
     coherent: bool,
     bending: AtShells | InLayers,
     max_crossings: int,
+    reverse_passes: int | None = None,
     drop_inside_hits: bool = False,
 ) -> RefractedHits:
     """Ends of rays that are bent by shells or by the layers between them.
 
     Rays have origins (Point3d, mm) and unit directions (Vector3d), world; those with more than
     `max_crossings` give up, and with `drop_inside_hits` those that meet a shell from its inside.
-    `bending` is AtShells or InLayers; `coherent` as for `straight_hits`.
+    `bending` is AtShells or InLayers; `coherent` as for `straight_hits`, `reverse_passes` as for
+    `advanced`.
     """
     tables = prepared.tables
-    march = _March(prepared, bending, coherent, max_crossings, drop_inside_hits)
+    march = _March(prepared, bending, coherent, max_crossings, reverse_passes, drop_inside_hits)
     end = march.to_the_end(origin, direction)
     marched = march.hits(end)
     hits = _back_on_front(prepared, marched, end.segment, coherent)
@@ -108,6 +110,7 @@ class _State(NamedTuple):
     outward: Bool  # and whether it was from its inside
     start: Point3d  # of the next query
     memory: tuple[Array, ...]  # of the rule that bends
+    count: UInt32
     active: Bool
 
 
@@ -136,8 +139,10 @@ class _March:
         bending: AtShells | InLayers,
         coherent: bool,
         max_crossings: int,
+        reverse_passes: int | None,
         drop_inside_hits: bool,
     ) -> None:
+        self.reverse_passes = reverse_passes
         self.scene, self.tables, self.bending = prepared.scene, prepared.tables, bending
         self.coherent, self.drop_inside_hits = coherent, drop_inside_hits
         self.smallest_step = dr.opaque(mi.Float64, prepared.step)
@@ -146,7 +151,7 @@ class _March:
 
     def to_the_end(self, origin: Point3d, direction: Vector3d) -> _State:
         """Advance rays, (Point3d, mm) and (Vector3d), until all have ended."""
-        return advanced(self._start(origin, direction), self._advance, "march")
+        return advanced(self._start(origin, direction), self._advance, "march", self.reverse_passes)
 
     def hits(self, end: _State) -> RefractedHits:
         """Ends as the march left them, before `_back_on_front` and `_fix_transitions`."""
@@ -159,7 +164,7 @@ class _March:
             width,
             Float64="path_length entry_index index_sum segment",
             Float="contrast",
-            UInt32="crossings",
+            UInt32="crossings count",
             Bool="outward",
         )
         nothing = mi.UInt32(0xFFFFFFFF)
@@ -254,6 +259,7 @@ class _March:
             outward=dr.select(crossed, met.outward, s.outward),
             start=self._next_start(s, met, crossed, point, bent, reflected),
             memory=memory,
+            count=s.count + 1,
             active=met.on_shell & ~gave_up,
         )
 

@@ -76,6 +76,15 @@ class PreparedScene:
         else:
             self.opaque = scene
 
+    def attached(self) -> PreparedScene:
+        """The same scene as a function of its shells' indices whose gradients are requested."""
+        tables = self.tables.attached()
+        if tables is self.tables:
+            return self
+        other = copy(self)
+        other.tables = tables
+        return other
+
     def surroundings(self, point: FloatArray) -> str | None:
         """``"part"`` or ``"hot air"`` around a point (3,), mm, world; None for outside.
 

@@ -7,13 +7,16 @@ the one place that converts.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from copy import copy
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import ArrayLike
 
 from iriftrace.camera.camera import Camera
-from iriftrace.camera.distortion import distorted, fold_radius, newton_step
+from iriftrace.camera.distortion import ORDER, distorted, fold_radius, newton_step
 from iriftrace.core.arrays import FloatArray
 from iriftrace.plugins.kernels import types as dt
 
@@ -49,6 +52,31 @@ class Projection:
             self.coefficients = [opaque(value) for value in camera.distortion.coefficients]
             self.rounds = camera.newton_steps
             self.fold_radius = opaque(fold_radius(camera.distortion))
+
+    def attached(
+        self, to_world: dt.Array, values: Mapping[str, dt.Float64], scale: tuple[float, float]
+    ) -> Projection:
+        """The same projection as a function of the pose and numbers that it was made of.
+
+        The pose is in Mitsuba's convention (Matrix4d); `values` are those of `CalibratedCamera`,
+        and `scale` is the width and height of the picture over those its principal point is for.
+        """
+        other = copy(self)
+        right, down, forward, origin = (
+            [to_world[row, column] for row in range(3)] for column in range(4)
+        )
+        other.right, other.down = -mi.Vector3d(*right), -mi.Vector3d(*down)
+        other.forward, other.origin = mi.Vector3d(*forward), mi.Point3d(*origin)
+        other.focal_length = values["focal_length"]
+        other.centre_x = values["principal_point_x"] * scale[0]
+        other.centre_y = values["principal_point_y"] * scale[1]
+        coefficients = [values[name] for name in ORDER]
+        if self.coefficients is None and dr.grad_enabled(coefficients):
+            # Newton's method starts at the solution: one step is the derivative.
+            other.rounds, other.fold_radius = 1, mi.Float64(dr.inf)
+        if self.coefficients is not None or dr.grad_enabled(coefficients):
+            other.coefficients = coefficients
+        return other
 
     def rays64(self, x: dt.Float64, y: dt.Float64) -> tuple[dt.Point3d, dt.Vector3d]:
         """Origins (Point3d, mm) and unit directions (Vector3d) through image positions, world."""

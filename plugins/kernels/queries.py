@@ -7,11 +7,12 @@ triangle's plane is computed in double precision.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import drjit as dr
 import mitsuba as mi
 
+from iriftrace.core.errors import InputError
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.edges import settle
 from iriftrace.plugins.kernels.tables import SceneTables
@@ -19,7 +20,8 @@ from iriftrace.plugins.kernels.tables import SceneTables
 ESCAPED, HIT_PART, HIT_BLOCKER, GAVE_UP = range(4)
 
 S = TypeVar("S", bound=tuple[dt.Struct, ...])
-"""State of rays, a NamedTuple whose last field is the mask of those that are active."""
+"""State of rays, a NamedTuple whose last fields are the passes of each ray and the mask of active
+ones."""
 
 SAME_CROSSING_STEPS = 20
 """Within this many steps, a second crossing of one shell in one direction is the same crossing."""
@@ -48,18 +50,47 @@ def zeros(width: int, **names: str) -> dict[str, dt.Array]:
     }
 
 
-def advanced(start: S, advance: Callable[[S], S], label: str) -> S:
-    """Advance rays until none is active."""
-    kind = type(start)
+def advanced(
+    start: S, advance: Callable[[S], S], label: str, reverse_passes: int | None = None
+) -> S:
+    """Advance rays until none is active.
+
+    With `reverse_passes`, ``dr.backward`` can go back through that many passes of the loop. It
+    would silently leave out further ones, so an InputError is raised if a ray took more and the
+    rays depend on a parameter whose gradient is requested.
+    """
+    kind, types = type(start), [type(value) for value in start]
+    # Dr.Jit 1.5 cannot store masks for `dr.backward`: its LLVM code mixes i8 and i1.
+    stored = [mi.UInt32 if each is mi.Bool and reverse_passes else each for each in types]
+
+    def cast(to: list[Any], state: dt.Struct) -> tuple[dt.Struct, ...]:
+        return tuple(each(value) for each, value in zip(to, state, strict=True))
+
     end = dr.while_loop(
-        tuple(start),
-        lambda *s: s[-1],
-        lambda *s: tuple(advance(kind(*s))),
+        cast(stored, start),
+        lambda *s: mi.Bool(s[-1]),
+        lambda *s: cast(stored, advance(kind(*cast(types, s)))),
         labels=start._fields,  # type: ignore[attr-defined]
         compress=False,
         label=label,
+        max_iterations=reverse_passes,
     )
-    return kind(*end)
+    state = kind(*cast(types, end))
+    if reverse_passes and dr.grad_enabled(end):
+        _check_passes(state[-2], reverse_passes)
+    return state
+
+
+def _check_passes(count: dt.UInt32, reverse_passes: int) -> None:
+    """Refuse rays with more passes than a derivative in reverse mode can go back through."""
+    most: dt.UInt32 = dr.max(count)
+    if int(most[0]) > reverse_passes:
+        raise InputError(
+            f"A ray takes {int(most[0]):,} passes of the tracing loop, but reverse_passes of the "
+            f"integrator is {reverse_passes:,}, and dr.backward would leave out the others; set "
+            f"reverse_passes to at least {int(most[0]):,}.",
+            code="derivative.passes",
+        )
 
 
 def counted(mask: dt.Bool) -> int:

@@ -194,6 +194,7 @@ class SceneTables:
         first_face = np.cumsum([0, *(row.face_count for row in rows)])
         self.part_first_face = int(first_face[place])
         self.shell_shapes = [row.shape for row in shells]
+        self._shells = [n for n, row in enumerate(rows) if row.kind == SHELL]  # in the scene's list
         self.stock_shells = sum(not hasattr(row.shape.bsdf(), "ext_ior") for row in shells)
         self.index_pairs = [row.sides for row in shells]
         self.has_normals = any(row.smooth for row in shells)
@@ -206,8 +207,7 @@ class SceneTables:
         known = bool(shells) and all(row.derived for row in shells)
         # Mitsuba's dielectric has a ratio of indices, which cannot join layers.
         self.knows_derivatives = known and not self.stock_shells
-        meshes = [row for row in rows if row.kind != BLOCKER]
-        self.vertices = VertexTable(meshes, self.knows_derivatives)
+        self.vertices = VertexTable(rows, self.knows_derivatives)
         self._first_face = mi.UInt32(first_face[:-1])
         self._kind = mi.UInt32([row.kind for row in rows])
         self._outside = mi.Float64([row.sides[0] for row in rows])
@@ -249,6 +249,30 @@ class SceneTables:
         other = copy(self)
         outside, inside = zip(*pairs, strict=True)
         other._outside, other._inside = mi.Float64(outside), mi.Float64(inside)
+        return other
+
+    def attached(self) -> SceneTables:
+        """The same tables as functions of the shells' indices whose gradients are requested."""
+        found = {
+            number: indices
+            for number, shape in zip(self._shells, self.shell_shapes, strict=True)
+            if hasattr(bsdf := shape.bsdf(), "attached_indices")
+            and (indices := bsdf.attached_indices()) is not None
+        }
+        if not found:
+            return self
+        other, steps = copy(self), {}
+        other._outside, other._inside, other._level = (
+            mi.Float64(column) for column in (self._outside, self._inside, self._level)
+        )
+        columns = other._outside, other._inside, other._level
+        for number, indices in found.items():
+            for column, index in zip(columns, indices, strict=True):
+                dr.scatter(column, index, mi.UInt32(number))
+            step = indices[0] - indices[1]
+            steps[number] = dr.select(dr.detach(step) != 0, step / dr.detach(step), 1)
+        if self.knows_derivatives:
+            other.vertices = self.vertices.with_steps(steps)
         return other
 
     def face(self, shape: dt.UInt32, primitive: dt.UInt32, active: dt.Bool) -> dt.UInt32:

@@ -7,6 +7,7 @@ which is of higher order, and n along the ray still changes as the corners say.
 
 from __future__ import annotations
 
+from copy import copy
 from functools import cached_property
 from itertools import combinations, product
 from typing import NamedTuple
@@ -14,13 +15,16 @@ from typing import NamedTuple
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from attrs import evolve
 from scipy.spatial import KDTree
 
 from iriftrace.core.arrays import Float32Array, FloatArray, NumberArray
+from iriftrace.core.errors import InputError
 from iriftrace.medium.gradient import consistent_gradient, point_gradient
 from iriftrace.medium.path_data import FieldCells
 from iriftrace.medium.tetrahedra import BOUNDARY, OPPOSITE, tetrahedra_of
 from iriftrace.plugins.kernels import types as dt
+from iriftrace.plugins.kernels.air_table import AirTable
 from iriftrace.plugins.kernels.between import length_gain
 from iriftrace.plugins.kernels.prepared import scene_beside
 from iriftrace.plugins.kernels.vertex_table import aligned, aligned_rows
@@ -242,15 +246,15 @@ class TetrahedralAir:
     """A field's tetrahedra in tables for a kernel, and their boundary for ray queries.
 
     Where the air is ambient there are none (`FieldCells`). Gradients are the ones recovered at the
-    points, interpolated; or each tetrahedron has its own.
+    points, interpolated; or each tetrahedron has its own. `changed` and `attached` give the same
+    tetrahedra with other air in them.
     """
 
     def __init__(self, cells: FieldCells, recovered: bool) -> None:
         tetrahedra = tetrahedra_of(cells)
-        self.cells = cells
+        self._hold(cells)
         self.ambient = cells.ambient
         self.ambient_air = dr.opaque(mi.Float64, cells.ambient)
-        self.open_step = OPEN_SHARE * abs(cells.ambient - float(cells.refractivity.min()))
         # Four corners and the four neighbours behind the faces opposite to them.
         rows = np.concatenate((tetrahedra.corners, tetrahedra.neighbours), axis=1)
         self.tetrahedra = mi.UInt32(aligned(rows.ravel()))
@@ -269,17 +273,56 @@ class TetrahedralAir:
         self.boundary_place = mi.UInt32(aligned(tetrahedra.boundary_place))
         self._boundary_faces = tetrahedra.boundary
         self._boundary_mesh = _mesh(cells.points, tetrahedra.boundary)
-        self._boundary: tuple[mi.Scene, mi.Scene] | None = None
+        # Shared by all air in these tetrahedra: the latest other scene, and that next to it.
+        self._boundary: list[mi.Scene] = []
+
+    @cached_property
+    def table(self) -> AirTable:
+        """The table of points as a function of their temperatures."""
+        corners = np.array(self.tetrahedra).reshape(-1, 8)[:, :4]
+        return AirTable(self.cells, corners)
+
+    def changed(self, temperature: dt.Float64, contrast: dt.Float64) -> TetrahedralAir:
+        """The same cells with other temperatures at their points (Float64, K).
+
+        `contrast` is a factor on n - n_ambient (Float64). InputError if a temperature is not
+        positive, or of another number of points.
+        """
+        kelvin, factor = np.array(dr.detach(temperature)), float(dr.detach(contrast)[0])
+        if len(kelvin) != len(self.cells.points):
+            raise InputError(
+                f"field.temperature has {len(kelvin):,} values, but the field has "
+                f"{len(self.cells.points):,} points; give one for each.",
+                code="field.temperature_count",
+            )
+        excess = factor * (self.cells.air.refractivity(kelvin) - self.ambient)
+        cells = evolve(self.cells, refractivity=self.ambient + excess)
+        other = self.attached(dr.detach(temperature), dr.detach(contrast))
+        other._hold(cells)
+        dr.eval(other.points)
+        return other
+
+    def _hold(self, cells: FieldCells) -> None:
+        """State the air as it is in cells."""
+        self.cells = cells
+        self.open_step = OPEN_SHARE * abs(cells.ambient - float(cells.refractivity.min()))
+
+    def attached(self, temperature: dt.Float64, contrast: dt.Float64) -> TetrahedralAir:
+        """The same air as a function of its temperatures, which it has already."""
+        _ = self.table
+        other = copy(self)
+        other.points = self.table.rows(temperature, contrast)
+        return other
 
     def boundary_beside(self, scene: mi.Scene) -> mi.Scene:
         """The data's boundary, as a scene that kernels may query together with another one."""
-        if self._boundary is None or self._boundary[0] is not scene:
-            self._boundary = scene, scene_beside(scene, [self._boundary_mesh])
+        if not self._boundary or self._boundary[0] is not scene:
+            self._boundary[:] = scene, scene_beside(scene, [self._boundary_mesh])
         return self._boundary[1]
 
     def forget_scene(self) -> None:
         """Let go of the scene of `boundary_beside`."""
-        self._boundary = None
+        self._boundary.clear()
 
     def is_hot(self, point: FloatArray, scene: mi.Scene) -> bool:
         """True if a point (3,), mm, world, lies in the data where the air is not ambient."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from typing import NamedTuple
 
 import drjit as dr
@@ -174,7 +175,8 @@ class VertexTable:
     xy, 0, 0 of the Hessian. Without ``derivatives`` there are the first two.
     """
 
-    def __init__(self, meshes: list[DescribedShape], derivatives: bool) -> None:
+    def __init__(self, shapes: list[DescribedShape], derivatives: bool) -> None:
+        meshes = [shape for shape in shapes if shape.kind != BLOCKER]
         per_vertex = _WITH_DERIVATIVES if derivatives else _PLAIN
         vertices = sum(mesh.shape.vertex_count() for mesh in meshes)
         self.face_count = sum(mesh.face_count for mesh in meshes)
@@ -202,8 +204,27 @@ class VertexTable:
             faces_left = faces_left[mesh.face_count :]
             first_vertex += count
         check_lengths(derived)
+        counts = [0 if s.kind == BLOCKER else s.shape.vertex_count() for s in shapes]
+        self._vertices_before = np.cumsum([0, *counts]).tolist()
         self._rows = mi.Float(rows)
         self._corners = mi.UInt32(corners)
+
+    def with_steps(self, factors: dict[int, dt.Float64]) -> VertexTable:
+        """The same table with other steps of the index, in which files give its derivatives.
+
+        Factors (Float64) on the steps of some shapes, by their places in the scene's list.
+        """
+        other, width = copy(self), 4 * _WITH_DERIVATIVES
+        other._rows = mi.Float(self._rows)
+        for number, factor in factors.items():
+            first, end = self._vertices_before[number : number + 2]
+            place = dr.arange(mi.UInt32, width * (end - first)) + dr.opaque(
+                mi.UInt32, width * first
+            )
+            derived = (place % width >= 7) & (place % width < 14)
+            value = dr.gather(mi.Float, self._rows, place) * mi.Float(factor)
+            dr.scatter(other._rows, value, place, derived)
+        return other
 
     def triangle(self, face: dt.UInt32, active: dt.Bool) -> Triangle:
         """Corners of triangles (Point3d, mm)."""

@@ -134,8 +134,14 @@ class Walk:
     """Rays in a medium between opaque shapes."""
 
     def __init__(
-        self, prepared: PreparedScene, medium: dt.Medium, coherent: bool, most: int
+        self,
+        prepared: PreparedScene,
+        medium: dt.Medium,
+        coherent: bool,
+        most: int,
+        reverse_passes: int | None,
     ) -> None:
+        self.reverse_passes = reverse_passes
         self.opaque, self.tables = prepared.opaque, prepared.tables
         self.medium, self.coherent = medium, coherent
         self.smallest_step = dr.opaque(mi.Float64, prepared.step)
@@ -146,7 +152,7 @@ class Walk:
 
     def to_the_end(self, origin: dt.Point3d, direction: dt.Vector3d) -> WalkState:
         """Advance rays, (Point3d, mm) and (Vector3d), until all have ended."""
-        return advanced(self._start(origin, direction), self._advance, "curve")
+        return advanced(self._start(origin, direction), self._advance, "curve", self.reverse_passes)
 
     def _start(self, origin: dt.Point3d, direction: dt.Vector3d) -> WalkState:
         width = dr.width(origin, direction)

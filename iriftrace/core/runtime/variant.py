@@ -25,7 +25,7 @@ from iriftrace.core.runtime.llvm import (
     run_probe,
 )
 
-#: Single-channel, as a ray has one wavelength. "ad" is not needed, but no wheel comes without.
+#: Single-channel, as a ray has one wavelength; "ad" is what derivatives need.
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
 DEFAULT_VARIANT = "llvm_ad_mono"
 VARIANT_VARIABLE = "IRIFTRACE_VARIANT"
