@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
 from cyclopts import App, CycloptsError, MissingArgumentError, Parameter
 from cyclopts.exceptions import UnusedCliTokensError
 
-from iriftrace.cli.console import notes, raise_if_noticed, say, say_finding, show_warning
+from iriftrace.cli.console import (
+    PROJECT_FILE,
+    notes,
+    raise_if_noticed,
+    say,
+    say_finding,
+    show_warning,
+)
 from iriftrace.core.errors import InputError, IriftraceError, IriftraceWarning
 
 app = App(
@@ -38,6 +45,7 @@ def run(arguments: list[str]) -> int:
         )
         try:
             _import_listed(arguments)
+            app.config = _defaults_here()
             passed = app(
                 with_negative_values(arguments),
                 exit_on_error=False,
@@ -54,6 +62,15 @@ def run(arguments: list[str]) -> int:
                 raise
             return _refused(_out_of_memory(arguments))
     return 1 if passed is False else 0
+
+
+def _defaults_here() -> tuple[Callable[..., None], ...]:
+    """The values of this folder's project file as defaults of the options, if there is one."""
+    if not Path(PROJECT_FILE).is_file():
+        return ()
+    from iriftrace.cli.project_file import Defaults
+
+    return (Defaults(Path(PROJECT_FILE), app, say=say),)
 
 
 def _refused(text: str) -> int:

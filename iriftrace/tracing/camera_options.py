@@ -79,6 +79,10 @@ class CameraOptions:
     target: Vector | None = field(default=None, converter=optional(Vector))
     up: Vector = field(default=Vector((0.0, 0.0, 1.0)), converter=Vector)
 
+    def __attrs_post_init__(self) -> None:
+        if self.calibration is not None:
+            self.refuse_intrinsics()
+
     def camera(self, part: Part, field: IndexField | None, stack: ShellStack) -> Camera:
         """The camera that these options describe, at its full resolution."""
         calibration = self._calibration()
@@ -137,7 +141,6 @@ class CameraOptions:
 
         if self.calibration is None:
             return None
-        self.refuse_intrinsics()
         given = self.calibration_length_unit
         try:
             unit = None if given is None else length_factor(given)

@@ -1,0 +1,257 @@
+"""A project's file, iriftrace.toml: its keys checked, and its values as defaults of commands."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Collection, Iterable, Mapping
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+from attrs import frozen
+from cyclopts import App, CycloptsError, Token
+from cyclopts.argument import Argument, ArgumentCollection
+
+from iriftrace.cli.sections import COMMANDS, FEATURE_KEYS, SECTIONS, keyed
+from iriftrace.core.errors import InputError
+from iriftrace.core.files import text_in
+from iriftrace.measuring.uncertainty.inputs import NAMES
+from iriftrace.measuring.uncertainty.options import AnswerOptions
+
+PLANNED = "plan"
+"""Value of [camera] pose for the best pose of a sweep."""
+
+Values = Mapping[str, Any]
+
+
+@frozen
+class ProjectFile:
+    """Values of a project's file.
+
+    Attributes
+    ----------
+    path : Path
+    sections : mapping
+        Values by section and key, as the file has them.
+    features : tuple of mapping
+        Each ``[[feature]]``.
+    uncertainty : mapping
+        Texts by the name of the input.
+    example : tuple of str
+        Sections, and keys such as "part.hot_temperature", whose values are examples.
+    """
+
+    path: Path
+    sections: Mapping[str, Values]
+    features: tuple[Values, ...] = ()
+    uncertainty: Values = {}
+    example: tuple[str, ...] = ()
+
+    def get(self, section: str, key: str) -> Any:
+        """Value of a key; None if the file does not have it."""
+        return self.sections.get(section, {}).get(key)
+
+    def texts(self, section: str, key: str, argument: Argument | None = None) -> list[str]:
+        """A value as words of the command line; empty if the file does not have it."""
+        if section == "feature":
+            return [text for one in self.features for text in _feature(one, key)]
+        if section == "uncertainty":
+            stated = ", ".join(f"{name} {value}" for name, value in self.uncertainty.items())
+            return [stated] if stated else []
+        value = self.get(section, key)
+        if value is None:
+            return []
+        listed = [_text(one) for one in value] if isinstance(value, list) else [_text(value)]
+        several = argument is None or argument.token_count()[1]
+        return listed if several else [",".join(listed)]
+
+    def fault(self, text: str, section: str, key: str = "", *, code: str) -> InputError:
+        """The error of a key, whose sentence follows file and key."""
+        where = f"[{section}] {key}".rstrip()
+        return InputError(f"{self.path}, {where}: {text}", code=code)
+
+
+def _feature(values: Values, key: str) -> list[str]:
+    kind, region = values.get("kind", "cylinder"), values.get("region")
+    name = kind if region is None else f"{kind}:{region}"
+    if key == "feature":
+        return [name]
+    if "tolerance" not in values:
+        return []
+    number, _, unit = str(values["nominal"]).partition(" ")
+    limits = str(values["tolerance"]).removesuffix(unit).strip()
+    return [f"{name}={number} {limits} {unit}"]
+
+
+def _text(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def read_project_file(path: Path, app: App) -> ProjectFile:
+    """Read a project's file, and check keys and values on the options of the program `app`.
+
+    Raises InputError, one sentence with file and key, for what is not TOML, an unknown key, a value
+    that its option cannot have, and values that contradict each other.
+    """
+    try:
+        content = tomllib.loads(text_in(path))
+    except FileNotFoundError:
+        raise InputError(
+            f"There is no {path}; write one with `iriftrace new`, or change to its folder.",
+            code="project.missing",
+        ) from None
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(
+            f"{path} cannot be read as TOML: {error}; quote texts, and write each key once.",
+            code="project.no_toml",
+        ) from error
+    sections = {name: value for name, value in content.items() if name in SECTIONS}
+    for outer in [name for name in SECTIONS if "." in name]:
+        name, _, inner = outer.partition(".")
+        if isinstance(sections.get(name), dict) and inner in sections[name]:
+            sections[name] = dict(sections[name])
+            sections[outer] = sections[name].pop(inner)
+    features, uncertainty = content.get("feature", []), content.get("uncertainty", {})
+    example = content.get("example", [])
+    file = ProjectFile(path, sections, tuple(features), uncertainty, tuple(example))
+    known = (*SECTIONS, "feature", "uncertainty", "example")
+    _refuse_unknown(file, content, known, "")
+    for name, values in (*sections.items(), ("uncertainty", uncertainty)):
+        if not isinstance(values, dict):
+            raise file.fault(
+                "this is a section, not a value; write its keys below it.",
+                name,
+                code="project.no_section",
+            )
+    _check_answers(file)
+    _check_options(file, app)
+    return file
+
+
+def _refuse_unknown(
+    file: ProjectFile, keys: Iterable[str], known: Collection[str], of: str
+) -> None:
+    for key in keys:
+        if key in known:
+            continue
+        near = get_close_matches(key, known, 1, 0.5)
+        remedy = f"did you mean {near[0]}?" if near else f"the keys are {', '.join(sorted(known))}."
+        where = f"[{of}]" if of else "it"
+        raise InputError(
+            f"{file.path}: {where} has no key {key}; {remedy}", code="project.unknown_key"
+        )
+
+
+def _check_answers(file: ProjectFile) -> None:
+    """Check features, and the names of uncertainties and examples."""
+    for feature in file.features:
+        _refuse_unknown(file, feature, FEATURE_KEYS, "feature")
+        if ("nominal" in feature) != ("tolerance" in feature):
+            raise file.fault(
+                'a tolerance needs both, such as nominal = "20.22 mm" and tolerance = "-0.02 0.02 '
+                'mm".',
+                "feature",
+                "nominal" if "tolerance" in feature else "tolerance",
+                code="project.half_tolerance",
+            )
+    _refuse_unknown(file, file.uncertainty, NAMES, "uncertainty")
+    stated = AnswerOptions(
+        " ".join(file.texts("uncertainty", "")), file.texts("feature", "tolerance")
+    )
+    for section in ("uncertainty", "feature"):
+        try:
+            _ = stated.inputs if section == "uncertainty" else stated.tolerances
+        except InputError as error:
+            raise file.fault(str(error), section, code=error.code) from None
+    for name in file.example:
+        section, _, key = name.rpartition(".")
+        there = name in file.sections or file.get(section, key) is not None
+        if not there and name not in ("feature", "uncertainty", "air"):
+            raise InputError(
+                f"{file.path}: example names {name}, which the file does not have; remove it.",
+                code="project.no_example",
+            )
+
+
+def _check_options(file: ProjectFile, app: App) -> None:
+    """Check the keys of all sections, their values, and that those of a class go together."""
+    known = {name: set(section.own) for name, section in SECTIONS.items()}
+    for command in COMMANDS:
+        called = app
+        for word in command.split():
+            called = called[word]
+        arguments = called.assemble_argument_collection()
+        groups: dict[int, tuple[str, Argument]] = {}
+        for section, key, argument, group in keyed(command, arguments):
+            known.setdefault(section, set()).add(key)
+            if not _fill(file, section, key, argument):
+                continue
+            _convert(file, section, key, argument)
+            if group is not None:
+                groups[id(group)] = section, group
+        for section, group in groups.values():
+            _convert(file, section, "", group)
+    for name, values in file.sections.items():
+        _refuse_unknown(file, values, known[name], name)
+
+
+def _fill(file: ProjectFile, section: str, key: str, argument: Argument) -> bool:
+    """Give an option the value of the file; False if there is none."""
+    if section == "camera" and key == "pose" and file.get(section, key) == PLANNED:
+        return False
+    texts = file.texts(section, key, argument)
+    for number, text in enumerate(texts):
+        argument.append(Token(keyword=key, value=text, source=str(file.path), index=number))
+    return bool(texts)
+
+
+def _convert(file: ProjectFile, section: str, key: str, argument: Argument) -> None:
+    try:
+        argument.convert_and_validate()
+    except (InputError, CycloptsError) as error:
+        fault: BaseException = error
+        if isinstance(error, CycloptsError) and isinstance(error.__cause__, ValueError):
+            fault = error.__cause__
+        named = key or str(getattr(fault, "argument", None) or "")
+        code = fault.code if isinstance(fault, InputError) else "project.wrong_value"
+        text = " ".join(str(fault).replace("`", "").split())
+        raise file.fault(text, section, named, code=code) from None
+
+
+class Defaults:
+    """The values of a project's file as defaults of the options of a program's commands.
+
+    Parameters
+    ----------
+    path
+        The file, which is read for the first command that has options in it.
+    app
+        The program.
+    without
+        Sections, and keys such as "feature.tolerance", that are not used.
+    say
+        Called with a line about the keys whose values are used.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        app: App,
+        without: Collection[str] = (),
+        say: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        self.path, self.app, self.without, self.say = path, app, without, say
+
+    def __call__(self, app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:
+        """Fill the options that the command line does not give."""
+        options = list(keyed(" ".join(commands), arguments))
+        if not options or not self.path.is_file():
+            return
+        file, used = read_project_file(self.path, self.app), dict[str, list[str]]()
+        for section, key, argument, _ in options:
+            left_out = section in self.without or f"{section}.{key}" in self.without
+            if not left_out and not argument.tokens and _fill(file, section, key, argument):
+                used.setdefault(section, []).append(key)
+        if used:
+            listed = (f"[{section}] {', '.join(keys)}" for section, keys in used.items())
+            self.say(f"From {self.path}: {'; '.join(listed)}.")
