@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from attrs import frozen
+from attrs import Factory, frozen
 from cyclopts import App, CycloptsError, Token
 from cyclopts.argument import Argument, ArgumentCollection
 
@@ -44,7 +44,7 @@ class ProjectFile:
     path: Path
     sections: Mapping[str, Values]
     features: tuple[Values, ...] = ()
-    uncertainty: Values = {}
+    uncertainty: Values = Factory(dict)
     example: tuple[str, ...] = ()
 
     def get(self, section: str, key: str) -> Any:

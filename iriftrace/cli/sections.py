@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, get_args
 
-from attrs import frozen
+from attrs import Factory, frozen
 from cyclopts.argument import Argument, ArgumentCollection
 
 from iriftrace.flow.simulate.options import DraughtOptions, SimulationOptions
@@ -27,7 +27,7 @@ class Section:
     """Keys of a section: options of classes and of single commands, and those of the file alone."""
 
     classes: tuple[type[Any], ...] = ()
-    options: Mapping[str, tuple[str, ...]] = {}
+    options: Mapping[str, tuple[str, ...]] = Factory(dict)
     own: tuple[str, ...] = ()
 
 

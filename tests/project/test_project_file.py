@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from iriftrace.cli import main
-from iriftrace.cli.project_file import read_project_file
 from iriftrace.cli.program import app
+from iriftrace.cli.project_file import read_project_file
 from iriftrace.core.errors import InputError
 from validation.inputs import hot_block
 
