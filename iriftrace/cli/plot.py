@@ -195,6 +195,7 @@ def report(
     top: Whole = SHOWN,
     wavelength: LightOf = None,
     views: Several = None,
+    tolerance: list[str] | None = None,
 ) -> None:
     """Write a sweep, a measurement or a correction as one HTML page that works offline.
 
@@ -209,6 +210,9 @@ def report(
         The HTML file.
     top
         Rows of the ranking.
+    tolerance
+        Tolerance of a diameter of a correction, "cylinder:bore=20.22 -0.02 +0.02 mm", by which it
+        is accepted or rejected without correcting again; repeatable.
     """
     checks.output(output, "report.html")
     checks.inputs(file)
@@ -226,6 +230,7 @@ def report(
         from iriftrace.figures.report import write_scan_report
 
         numbers, values = _numbers(file)
+        values = _decided(numbers, values, tolerance)
         picture = numbers.with_suffix(".png")
         png = picture.read_bytes() if picture.is_file() else b""
         write_scan_report(output, values, FileOrigin.of(numbers), png)
@@ -240,6 +245,24 @@ def report(
         )
     _print_missing(missing)
     say(f"Report in {output}")
+
+
+def _decided(file: Path, values: JsonObject, tolerance: list[str] | None) -> JsonObject:
+    """The values with the verdicts on tolerances, if there are any, which are printed."""
+    from iriftrace.figures.describe_scan import describe, sentences
+    from iriftrace.measuring.two_devices.correction import SCHEMA
+    from iriftrace.measuring.two_devices.decided import decided
+    from iriftrace.measuring.uncertainty.tolerances import tolerances_of
+
+    if tolerance is None:
+        return values
+    if values["schema"] != SCHEMA:
+        say(f"No verdict: {file} holds sizes of a simulated measurement.")
+        return values
+    values = decided(values, tolerances_of(tolerance))
+    for text in sentences(describe(values), "verdict"):
+        say(text)
+    return values
 
 
 def _numbers(path: Path) -> tuple[Path, JsonObject]:

@@ -69,9 +69,10 @@ FEATURE_KEYS = ("kind", "region", "nominal", "tolerance")
 _SHARED = ("ambient", "pressure")
 """Options of a simulation that [air] states for all commands."""
 
-_ANSWERS = {
+_ANSWERS: dict[tuple[object, str], tuple[str, str]] = {
     (MeasureOptions, "feature"): ("feature", "feature"),
     (AnswerOptions, "tolerance"): ("feature", "tolerance"),
+    ("report", "tolerance"): ("feature", "tolerance"),
     (AnswerOptions, "uncertainty"): ("uncertainty", "uncertainty"),
 }
 """Options whose values are put together from several keys."""
@@ -98,7 +99,7 @@ def keyed(
             kinds = get_args(group.hint) or (group.hint,)
             owner = kinds[0]
         key = key_of(argument)
-        place = _ANSWERS.get((owner, key)) or _place(command, owner, key)
+        place = _ANSWERS.get((owner or command, key)) or _place(command, owner, key)
         if place is not None:
             yield *place, argument, group if owner is not None else None
 

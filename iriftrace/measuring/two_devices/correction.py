@@ -188,7 +188,7 @@ class Correction:
             scatter_mm=self.inputs.sensor_mm,
         )
         stays = self.face[~good & (self.face >= 0)]
-        check_names(tolerances, fitted)
+        check_names(tolerances, [one.name for one in fitted if one.size.answer is not None])
         return tuple(
             evolve(
                 each,
@@ -237,7 +237,7 @@ class Correction:
             found.append(Contribution("other", self.inputs.other_mm, "B", "stated"))
         mixture = self.groups.mixture(effect)
         u = uncertainty_of(corrected if drawn is None else drawn, found, mixture, missing)
-        decision = None if tolerance is None else decide(tolerance, u, measured, mixture)
+        decision = None if tolerance is None else decide(tolerance, u, measured)
         return evolve(value, uncertainty=u, decision=decision, worst=worst)
 
     def as_dict(self) -> JsonObject:
