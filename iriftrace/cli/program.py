@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Callable, Sequence
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
@@ -68,9 +69,9 @@ def _defaults_here() -> tuple[Callable[..., None], ...]:
     """The values of this folder's project file as defaults of the options, if there is one."""
     if not Path(PROJECT_FILE).is_file():
         return ()
-    from iriftrace.cli.project_file import Defaults
+    from iriftrace.cli.project_file import Defaults, read_project_file
 
-    return (Defaults(Path(PROJECT_FILE), app, say=say),)
+    return (Defaults(partial(read_project_file, Path(PROJECT_FILE), app), say=say),)
 
 
 def _refused(text: str) -> int:
@@ -235,22 +236,23 @@ def doctor() -> None:
 # By name, so that the program starts fast: a module is imported when its command is called or
 # listed.
 for _module, _names in {
-    "scene": ("shells", "scene"),
-    "render": ("render", "metrics", "demo"),
-    "sweep": ("sweep",),
-    "plan": ("plan",),
-    "plot": ("plot", "view", "report"),
-    "measure": ("measure",),
-    "correct": ("correct",),
-    "budget": ("budget",),
-    "twin": ("twin",),
-    "qualify": ("qualify",),
-    "ray": ("ray",),
-    "compare": ("compare",),
-    "board": ("board",),
-    "fit": ("fit",),
-    "field": ("field",),
-    "part": ("part",),
+    "project.commands": ("new", "run", "status"),
+    "cli.scene": ("shells", "scene"),
+    "cli.render": ("render", "metrics", "demo"),
+    "cli.sweep": ("sweep",),
+    "cli.plan": ("plan",),
+    "cli.plot": ("plot", "view", "report"),
+    "cli.measure": ("measure",),
+    "cli.correct": ("correct",),
+    "cli.budget": ("budget",),
+    "cli.twin": ("twin",),
+    "cli.qualify": ("qualify",),
+    "cli.ray": ("ray",),
+    "cli.compare": ("compare",),
+    "cli.board": ("board",),
+    "cli.fit": ("fit",),
+    "cli.field": ("field",),
+    "cli.part": ("part",),
 }.items():
     for _name in _names:
-        app.command(f"iriftrace.cli.{_module}:{_name}", name=_name)
+        app.command(f"iriftrace.{_module}:{_name}", name=_name)

@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from attrs import Factory, frozen
+from attrs import Factory, evolve, frozen
 from cyclopts import App, CycloptsError, Token
 from cyclopts.argument import Argument, ArgumentCollection
 
@@ -39,6 +39,8 @@ class ProjectFile:
         Texts by the name of the input.
     example : tuple of str
         Sections, and keys such as "part.hot_temperature", whose values are examples.
+    options : mapping
+        Section and key of the options of each command that the file has.
     """
 
     path: Path
@@ -46,6 +48,7 @@ class ProjectFile:
     features: tuple[Values, ...] = ()
     uncertainty: Values = Factory(dict)
     example: tuple[str, ...] = ()
+    options: Mapping[str, tuple[tuple[str, str], ...]] = Factory(dict)
 
     def get(self, section: str, key: str) -> Any:
         """Value of a key; None if the file does not have it."""
@@ -124,8 +127,7 @@ def read_project_file(path: Path, app: App) -> ProjectFile:
                 code="project.no_section",
             )
     _check_answers(file)
-    _check_options(file, app)
-    return file
+    return evolve(file, options=_check_options(file, app))
 
 
 def _refuse_unknown(
@@ -173,8 +175,12 @@ def _check_answers(file: ProjectFile) -> None:
             )
 
 
-def _check_options(file: ProjectFile, app: App) -> None:
-    """Check the keys of all sections, their values, and that those of a class go together."""
+def _check_options(file: ProjectFile, app: App) -> dict[str, tuple[tuple[str, str], ...]]:
+    """Check the keys of all sections, their values, and that those of a class go together.
+
+    Returns section and key of the options of each command that the file has.
+    """
+    found: dict[str, tuple[tuple[str, str], ...]] = {}
     known = {name: set(section.own) for name, section in SECTIONS.items()}
     for command in COMMANDS:
         called = app
@@ -187,18 +193,18 @@ def _check_options(file: ProjectFile, app: App) -> None:
             if not _fill(file, section, key, argument):
                 continue
             _convert(file, section, key, argument)
+            found[command] = (*found.get(command, ()), (section, key))
             if group is not None:
                 groups[id(group)] = section, group
         for section, group in groups.values():
             _convert(file, section, "", group)
     for name, values in file.sections.items():
         _refuse_unknown(file, values, known[name], name)
+    return found
 
 
 def _fill(file: ProjectFile, section: str, key: str, argument: Argument) -> bool:
     """Give an option the value of the file; False if there is none."""
-    if section == "camera" and key == "pose" and file.get(section, key) == PLANNED:
-        return False
     texts = file.texts(section, key, argument)
     for number, text in enumerate(texts):
         argument.append(Token(keyword=key, value=text, source=str(file.path), index=number))
@@ -218,15 +224,18 @@ def _convert(file: ProjectFile, section: str, key: str, argument: Argument) -> N
         raise file.fault(text, section, named, code=code) from None
 
 
+def is_among(section: str, key: str, listed: Collection[str]) -> bool:
+    """True if a list of sections and keys, such as "feature.tolerance", has a key."""
+    return section in listed or f"{section}.{key}" in listed
+
+
 class Defaults:
     """The values of a project's file as defaults of the options of a program's commands.
 
     Parameters
     ----------
-    path
-        The file, which is read for the first command that has options in it.
-    app
-        The program.
+    read
+        Reads the file, if a command has options in it.
     without
         Sections, and keys such as "feature.tolerance", that are not used.
     say
@@ -235,23 +244,23 @@ class Defaults:
 
     def __init__(
         self,
-        path: Path,
-        app: App,
+        read: Callable[[], ProjectFile],
         without: Collection[str] = (),
         say: Callable[[str], None] = lambda text: None,
     ) -> None:
-        self.path, self.app, self.without, self.say = path, app, without, say
+        self.read, self.without, self.say = read, without, say
 
     def __call__(self, app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:
         """Fill the options that the command line does not give."""
         options = list(keyed(" ".join(commands), arguments))
-        if not options or not self.path.is_file():
+        if not options:
             return
-        file, used = read_project_file(self.path, self.app), dict[str, list[str]]()
+        file, used = self.read(), dict[str, list[str]]()
         for section, key, argument, _ in options:
-            left_out = section in self.without or f"{section}.{key}" in self.without
+            planned = (section, key) == ("camera", "pose") and file.get(section, key) == PLANNED
+            left_out = planned or is_among(section, key, self.without)
             if not left_out and not argument.tokens and _fill(file, section, key, argument):
                 used.setdefault(section, []).append(key)
         if used:
             listed = (f"[{section}] {', '.join(keys)}" for section, keys in used.items())
-            self.say(f"From {self.path}: {'; '.join(listed)}.")
+            self.say(f"From {file.path}: {'; '.join(listed)}.")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from attrs import field, frozen
 from attrs.converters import optional
 
-from iriftrace.core.errors import InputError, warn
+from iriftrace.core.errors import InputError, changed, refuse_given, warn
 from iriftrace.core.number_lists import Interval, Numbers, Pair, Size, Vector
 from iriftrace.core.units import Length
 
@@ -64,6 +64,9 @@ class CameraOptions:
         Point that the camera looks at; by default the part's centre.
     up
         Direction that is up in the picture.
+    pose
+        File with poses, as ``iriftrace plan`` saves them; the first one is the camera's, and a
+        second device moves with it as on a rigid frame.
     """
 
     focal_length: Length = field(default=Length(10.0), converter=Length)
@@ -78,10 +81,14 @@ class CameraOptions:
     origin: Vector | None = field(default=None, converter=optional(Vector))
     target: Vector | None = field(default=None, converter=optional(Vector))
     up: Vector = field(default=Vector((0.0, 0.0, 1.0)), converter=Vector)
+    pose: Path | None = None
 
     def __attrs_post_init__(self) -> None:
         if self.calibration is not None:
             self.refuse_intrinsics()
+        if self.pose is not None:
+            reason = f"is given, but {self.pose} places the camera; leave one of them out."
+            refuse_given(changed(self, ("origin", "target")), reason, "camera.placed_twice")
 
     def camera(self, part: Part, field: IndexField | None, stack: ShellStack) -> Camera:
         """The camera that these options describe, at its full resolution."""

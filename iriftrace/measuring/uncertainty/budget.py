@@ -22,7 +22,6 @@ from typing import Literal
 import numpy as np
 from attrs import field, frozen
 from scipy.special import gammaincinv, ndtri
-from scipy.stats import qmc
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.plain import JsonObject
@@ -218,6 +217,8 @@ def drawn(normal: float, mixture: Mixture, draws: int) -> FloatArray:
 @lru_cache(maxsize=8)
 def _unit_draws(weights: tuple[float, ...], draws: int) -> tuple[FloatArray, FloatArray]:
     """A normal variable (s, draws) and Dirichlet's weights (s, draws, n) of n E w = `weights`."""
+    from scipy.stats import qmc  # half a second, which reading of tolerances need not take
+
     shape = len(weights) * np.array(weights)
     generators = np.random.default_rng(SEED).spawn(SCRAMBLINGS)
     units = np.array(
