@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib.metadata import version
+from itertools import takewhile
 from pathlib import Path
 
 from cyclopts import App, CycloptsError, MissingArgumentError, Parameter
@@ -47,6 +48,7 @@ def run(arguments: list[str]) -> int:
         try:
             _import_listed(arguments)
             app.config = _defaults_here()
+            arguments = _with_help(arguments)
             passed = app(
                 with_negative_values(arguments),
                 exit_on_error=False,
@@ -63,6 +65,26 @@ def run(arguments: list[str]) -> int:
                 raise
             return _refused(_out_of_memory(arguments))
     return 1 if passed is False else 0
+
+
+HELP, HELP_ALL = "--help", "--help-all"
+
+
+def _with_help(arguments: list[str]) -> list[str]:
+    """The arguments with ``--help`` for ``--help-all``, and the help laid out for which it was."""
+    app.help_formatter, app.help_epilogue = None, None
+    if HELP_ALL in arguments:
+        return [HELP if word == HELP_ALL else word for word in arguments]
+    if not {HELP, "-h"} & set(arguments):
+        return arguments
+    from iriftrace.cli.help_all import COMMON, CommonOptions
+
+    name = " ".join(takewhile(lambda word: not word.startswith("-"), arguments[:2]))
+    name = name if name in COMMON else "".join(arguments[:1])
+    if name in COMMON:
+        app.help_formatter = CommonOptions(COMMON[name])
+        app.help_epilogue = f"More options: ``iriftrace {name} {HELP_ALL}``"
+    return arguments
 
 
 def _defaults_here() -> tuple[Callable[..., None], ...]:

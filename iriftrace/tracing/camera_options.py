@@ -46,8 +46,9 @@ class CameraOptions:
     distortion
         Lens distortion in OpenCV's order k1,k2,p1,p2[,k3[,k4,k5,k6]].
     calibration
-        Calibration of OpenCV, ROS, Kalibr or MATLAB (.yaml, .xml or .json) instead of the five
-        options above; its pose, if it has one, is used unless origin or target is given.
+        Calibration of OpenCV, ROS, Kalibr or MATLAB (.yaml, .xml or .json) instead of focal length,
+        sensor, resolution, principal point and distortion; its pose, if it has one, is used unless
+        origin or target is given.
     pixel_size
         Width of a pixel, "2.74 um". A calibration, which is in pixels only, needs it for the
         lengths in mm that results state; no ray depends on it.
