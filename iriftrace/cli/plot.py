@@ -259,8 +259,17 @@ def _decided(file: Path, values: JsonObject, tolerance: list[str] | None) -> Jso
     if values["schema"] != SCHEMA:
         say(f"No verdict: {file} holds sizes of a simulated measurement.")
         return values
-    values = decided(values, tolerances_of(tolerance))
-    for text in sentences(describe(values), "verdict"):
+    stated = tolerances_of(tolerance)
+    try:
+        values = decided(values, stated)
+        verdicts = sentences(describe(values), "verdict")
+    except InputError:
+        raise
+    except (LookupError, TypeError, ValueError) as error:
+        raise InputError(
+            f"{file} is damaged ({error!r}); correct the cloud again.", code="file.damaged"
+        ) from error
+    for text in verdicts:
         say(text)
     return values
 

@@ -12,7 +12,7 @@ from iriftrace.figures.describe_scan import describe, sentences, um
 from iriftrace.measuring.features.quantity import Quantity
 from iriftrace.measuring.two_devices.decided import decided
 from iriftrace.measuring.uncertainty.tolerances import tolerances_of
-from iriftrace.project.steps import BUILD, Step
+from iriftrace.project.steps import BUILD, ProjectStep
 
 
 def corrected_values(file: ProjectFile, without: tuple[str, ...] = ()) -> JsonObject:
@@ -22,7 +22,7 @@ def corrected_values(file: ProjectFile, without: tuple[str, ...] = ()) -> JsonOb
     return decided(values, tolerances_of(texts))
 
 
-def result_of(file: ProjectFile, step: Step) -> str:
+def result_of(file: ProjectFile, step: ProjectStep) -> str:
     """The main number of a step that has been done; "" if it has none."""
     if step.name == "report" and step.after == ("correct",):
         return _first(corrected_values(file, step.without))

@@ -13,7 +13,7 @@ from iriftrace.cli.project_file import ProjectFile, is_among
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of, write_json
 from iriftrace.core.plain import JsonObject
-from iriftrace.project.steps import Step, steps_of
+from iriftrace.project.steps import ProjectStep, steps_of
 
 STAMP = "step.json"
 """File next to the product of each step."""
@@ -27,7 +27,7 @@ class StepState:
 
     Attributes
     ----------
-    step : Step
+    step : ProjectStep
     inputs : mapping
         Values by the name of each input: a key of the file, a file, a step before, the version.
     files : mapping
@@ -38,7 +38,7 @@ class StepState:
         Why it has to be done; "" if it is up to date.
     """
 
-    step: Step
+    step: ProjectStep
     inputs: Mapping[str, str]
     files: Mapping[str, list[int | str]]
     stamp: JsonObject
@@ -60,7 +60,7 @@ def states_of(file: ProjectFile) -> dict[str, StepState]:
     return found
 
 
-def _state(step: Step, file: ProjectFile, before: Mapping[str, StepState]) -> StepState:
+def _state(step: ProjectStep, file: ProjectFile, before: Mapping[str, StepState]) -> StepState:
     stamp = _stamp(step.product.with_name(STAMP))
     files: dict[str, list[int | str]] = {}
     inputs = {"version": version("iriftrace"), "command": step.command}
@@ -90,7 +90,9 @@ def _state(step: Step, file: ProjectFile, before: Mapping[str, StepState]) -> St
     return StepState(step, inputs, files, stamp, _reason(step, inputs, stamp, waits))
 
 
-def _reason(step: Step, inputs: Mapping[str, str], stamp: JsonObject, waits: str | None) -> str:
+def _reason(
+    step: ProjectStep, inputs: Mapping[str, str], stamp: JsonObject, waits: str | None
+) -> str:
     if not stamp:
         return "not done yet"
     past = stamp["inputs"]

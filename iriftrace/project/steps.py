@@ -22,7 +22,7 @@ _BOARD_KEYS = {"length_unit": "--length-unit", "transform": "--part-transform"}
 
 
 @frozen
-class Step:
+class ProjectStep:
     """A step: a command, and its main product.
 
     Attributes
@@ -56,7 +56,7 @@ def example_air(file: ProjectFile) -> bool:
     return not file.texts("air", "fields") and "air.simulate" not in file.sections
 
 
-def steps_of(file: ProjectFile) -> dict[str, Step]:
+def steps_of(file: ProjectFile) -> dict[str, ProjectStep]:
     """The steps for which a project's file has what they need, by name, in their order.
 
     Raises InputError if it has no part.
@@ -64,7 +64,7 @@ def steps_of(file: ProjectFile) -> dict[str, Step]:
     return {step.name: step for step in _steps(file)}
 
 
-def _steps(file: ProjectFile) -> Iterator[Step]:
+def _steps(file: ProjectFile) -> Iterator[ProjectStep]:
     mesh = file.get("part", "mesh")
     if mesh is None:
         raise file.fault(
@@ -85,7 +85,7 @@ def _steps(file: ProjectFile) -> Iterator[Step]:
         words: Sequence[str] = (),
         after: tuple[str, ...] = (),
         without: tuple[str, ...] = (),
-    ) -> Step:
+    ) -> ProjectStep:
         product = BUILD / name / SCENE.name
         pose = [f"--pose={POSES}"] if planned else []
 
@@ -95,21 +95,21 @@ def _steps(file: ProjectFile) -> Iterator[Step]:
             return [first, part, f"--output={product}", *members, *pose, *words]
 
         needs, files = (*air, *planned, *after), (part, *given)
-        return Step(name, "scene", called, product, needs, files, without)
+        return ProjectStep(name, "scene", called, product, needs, files, without)
 
     if file.get("camera", "pose") == PLANNED:
         yield scene("first_scene", mesh)
         first, sweep = BUILD / "first_scene" / "scene.xml", BUILD / "sweep" / "sweep.nc"
         words = [str(first), f"--output={sweep}"]
-        yield Step("sweep", "sweep", lambda: words, sweep, ("first_scene",), resumes=True)
+        yield ProjectStep("sweep", "sweep", lambda: words, sweep, ("first_scene",), resumes=True)
         ranked = [str(sweep), f"--save-poses={POSES}"]
-        yield Step("plan", "plan", lambda: ranked, POSES, ("sweep",))
+        yield ProjectStep("plan", "plan", lambda: ranked, POSES, ("sweep",))
         planned = ("plan",)
     yield scene("scene", mesh)
     yield from _measured(file, scene)
 
 
-def _measured(file: ProjectFile, scene: Callable[..., Step]) -> Iterator[Step]:
+def _measured(file: ProjectFile, scene: Callable[..., ProjectStep]) -> Iterator[ProjectStep]:
     """Steps from the scene on."""
     best, after = SCENE, ("scene",)
     two = any(
@@ -118,11 +118,11 @@ def _measured(file: ProjectFile, scene: Callable[..., Step]) -> Iterator[Step]:
     if two:
         scan = BUILD / "measure" / "scan.vtp"
         words = [str(SCENE), f"--output={scan}"]
-        yield Step("measure", "measure", lambda: words, scan, after)
+        yield ProjectStep("measure", "measure", lambda: words, scan, after)
     else:
         picture = BUILD / "render" / "picture.exr"
         drawn = [str(SCENE), f"--output={picture}"]
-        yield Step("render", "render", lambda: drawn, picture, after)
+        yield ProjectStep("render", "render", lambda: drawn, picture, after)
     board, shifts = file.get("board", "mesh"), file.get("board", "shifts")
     if board is not None:
         more = [
@@ -136,39 +136,41 @@ def _measured(file: ProjectFile, scene: Callable[..., Step]) -> Iterator[Step]:
             best = BUILD / "fit" / "scene.xml"
             fitted = [str(BUILD / "board" / "scene.xml"), shifts, f"--output={best}"]
             fitted.append(f"--scene={SCENE}")
-            yield Step("fit", "fit", lambda: fitted, best, ("scene", "board"), (shifts,))
+            yield ProjectStep("fit", "fit", lambda: fitted, best, ("scene", "board"), (shifts,))
             after = ("fit",)
     result, cloud = BUILD / "measure" / "scan.vtp", file.get("scan", "cloud")
     if cloud is not None:
         result = BUILD / "correct" / "corrected.vtp"
         corrected = [cloud, str(best), f"--output={result}"]
-        yield Step(
+        yield ProjectStep(
             *("correct", "correct", lambda: corrected, result, after, (cloud,)), without=NO_VERDICT
         )
     budget = BUILD / "budget" / "budget.json"
     stated = [str(best), f"--output={budget}"]
-    yield Step("budget", "budget", lambda: stated, budget, after, without=NO_VERDICT)
+    yield ProjectStep("budget", "budget", lambda: stated, budget, after, without=NO_VERDICT)
     if two:
         page = BUILD / "report" / "report.html"
         made = [str(result), f"--output={page}"]
         doubtful = bool(file.example) or cloud is None
         needs = ("measure",) if cloud is None else ("correct",)
-        yield Step(
+        yield ProjectStep(
             *("report", "report", lambda: made, page, needs),
             without=NO_VERDICT if doubtful else (),
         )
 
 
-def _field(file: ProjectFile, mesh: str) -> Step:
+def _field(file: ProjectFile, mesh: str) -> ProjectStep:
     folder = BUILD / "field"
     if example_air(file):
         product = folder / "field.vtu"
         words = [mesh, f"--output={product}"]
-        return Step("field", "field synthetic", lambda: words, product, files=(mesh,))
+        return ProjectStep("field", "field synthetic", lambda: words, product, files=(mesh,))
     simulate = file.sections["air.simulate"]
     product = folder / ("family.json" if "draughts" in simulate else "field.vtu")
     words = [mesh, f"--output={folder}"]
-    return Step(*("field", "field simulate", lambda: words, product), files=(mesh,), resumes=True)
+    return ProjectStep(
+        *("field", "field simulate", lambda: words, product), files=(mesh,), resumes=True
+    )
 
 
 def _fields_made() -> list[str]:

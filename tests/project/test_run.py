@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import iriftrace
 from iriftrace.camera.pose import look_at
 from iriftrace.camera.pose_set import PoseSet
 from iriftrace.cli import main
@@ -44,7 +45,7 @@ def example(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = folder / FILE
     text = file.read_text().replace("scale = 0.25", "scale = 0.06")
     file.write_text(
-        text.replace("[air.synthetic]", "[shells]\nlayers = 3\n[air.synthetic]\ncell_size = '6 mm'")
+        text.replace("[air.synthetic]", "[shells]\nlayers = 3\n[air.synthetic]\ncell_size = '4 mm'")
     )
     return folder
 
@@ -143,6 +144,12 @@ def test_a_scan_is_corrected_and_decided(
     replaced("-0.05 0.05", "0.05 0.06")
     assert main(["run"]) == 0
     assert "rejected" in capsys.readouterr().out
+    found = iriftrace.Project.read()
+    assert any("rejected" in sentence for sentence in found.sentences)
+    assert "of U" in found.correction._repr_html_()
+    (row,) = json.loads(Path("build/correct/corrected.json").read_text())["features"]
+    (feature,) = found.correction.features(found.scene.part, ["cylinder:lateral"])
+    assert feature.size.answer == pytest.approx(row["size_mm"]["corrected"], abs=1e-9)
     words = ["correct", "scan.vtp", "build/scene/scene.xml", "-o", "again.vtp", "--no-figures"]
     assert main(words) == 0
     said = capsys.readouterr().out
@@ -170,7 +177,7 @@ def test_a_second_device_moves_with_the_pose(project: Path) -> None:
     FILE.unlink()
     pose = look_at((0.0, -300.0, 150.0), (0.0, 0.0, 0.0))
     write_poses("pose.json", PoseSet([pose]), "opencv")
-    assert main(["field", "synthetic", "part.stl", "-o", "field.vtu", "--cell-size=6 mm"]) == 0
+    assert main(["field", "synthetic", "part.stl", "-o", "field.vtu", "--cell-size=4 mm"]) == 0
     words = ["scene", "field.vtu", "part.stl", "--second=300,-100,100", "--focus=50:600"]
     words += ["--layers=2", "--scale=0.05"]
     between = []
@@ -206,3 +213,30 @@ def test_a_flow_is_solved_again_for_another_wall_and_for_nothing_else(project: P
     replaced('"1040 degC"', '"1050 degC"')
     replaced('ambient = "20 degC"', 'ambient = "21 degC"')
     assert reasons()["field"] == "[air] ambient changed"
+
+
+@pytest.mark.usefixtures("variant")
+def test_a_project_in_python_has_the_values_of_its_products(
+    project: Path, monkeypatch: pytest.MonkeyPatch, capsys: Printed
+) -> None:
+    monkeypatch.chdir(project.parent)
+    found = iriftrace.Project.read(project / FILE)
+    assert found.status["scene"] == "not done yet"
+    assert found.scan.points.shape[1] == 3
+    assert found.status["scene"] == ""
+    assert found.temperatures == {}
+    assert found.report() == project / "build" / "report" / "report.html"
+    assert capsys.readouterr().out == ""
+    assert Path.cwd() == project.parent
+    values = json.loads((project / "build" / "measure" / "scan.json").read_text())
+    assert values["points"]["measured"] == len(found.scan.points)
+    (first, *_) = found.sentences
+    assert first.startswith(f"Error of {len(found.scan.points):,} points")
+    assert [one.name for one in found.budget.features] == ["cylinder:lateral"]
+    assert found.budget.features[0].size.decision is None
+    assert found.figure().axes
+    for value in (found, found.scene, found.scan):
+        assert value._repr_html_().startswith("<table><caption>")
+    assert "data:image/png;base64," in found._repr_html_()
+    with pytest.raises(iriftrace.InputError, match=r"\[scan\] cloud: it is missing"):
+        _ = found.correction

@@ -11,6 +11,7 @@ from attrs import asdict, evolve, field, frozen
 from numpy.typing import NDArray
 
 from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from iriftrace.core.html import html_table
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.mesh.transform import apply
 from iriftrace.core.plain import JsonObject, plain
@@ -120,6 +121,17 @@ class Correction:
     larger: Larger | None = None
     growth: Growth | None = None
     one_line: bool = False
+
+    def _repr_html_(self) -> str:
+        """The numbers of the correction, for notebooks."""
+        moved = np.linalg.norm(self.error[self.corrected], axis=1)
+        rows = {
+            "points": f"{int(self.corrected.sum()):,} of {len(self.measured):,} corrected",
+            "refraction error, median": f"{1e3 * np.median(moved):.3g} um",
+            "95th percentile": f"{1e3 * np.quantile(moved, 0.95):.3g} um",
+            "not known of U": ", ".join(self.groups.missing) or "nothing",
+        }
+        return html_table(f"Corrected {self.system} measurement", rows)
 
     @property
     def corrected(self) -> BoolArray:
