@@ -127,6 +127,7 @@ def read_project_file(path: Path, app: App) -> ProjectFile:
                 code="project.no_section",
             )
     _check_answers(file)
+    _check_air(file)
     return evolve(file, options=_check_options(file, app))
 
 
@@ -173,6 +174,19 @@ def _check_answers(file: ProjectFile) -> None:
                 f"{file.path}: example names {name}, which the file does not have; remove it.",
                 code="project.no_example",
             )
+
+
+def _check_air(file: ProjectFile) -> None:
+    """Check that the air has one source."""
+    named = [f"[{name}]" for name in ("air.simulate", "air.synthetic") if name in file.sections]
+    if file.get("air", "fields") is not None:
+        named.insert(0, "fields")
+    if len(named) > 1:
+        raise file.fault(
+            f"{' and '.join(named)} are given, but the air has one source; remove the other.",
+            "air",
+            code="project.two_airs",
+        )
 
 
 def _check_options(file: ProjectFile, app: App) -> dict[str, tuple[tuple[str, str], ...]]:

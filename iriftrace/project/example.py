@@ -43,7 +43,7 @@ ambient = "20 degC"  # EXAMPLE
 # pressure = "1013 hPa"
 {fields}
 {synthetic}
-# [air.simulate]  # solve the air with OpenFOAM instead (iriftrace field doctor)
+# [air.simulate]  # solve the air with OpenFOAM (iriftrace field doctor) {instead}
 # wall_temperature = "1050 degC"
 # resolution = "coarse"
 # draughts = "0:0.2:0.1"
@@ -125,8 +125,11 @@ def write_example(folder: Path, part: Part, mesh: Path, fields: Sequence[Path]) 
         unit=part.length_unit,
         size=f"{sides} mm; not your size: change length_unit",
         regions=", ".join(part.region_names[:12]),
-        fields=f"fields = [{listed}]" if fields else '# fields = ["field.vtu"]  # of your solver',
+        fields=f"fields = [{listed}]"
+        if fields
+        else '# fields = ["field.vtu"]  # of your solver, instead of [air.synthetic]',
         synthetic="" if fields else _SYNTHETIC,
+        instead="instead of fields" if fields else "instead of [air.synthetic]",
         feature=feature,
         **_devices(part),
     )

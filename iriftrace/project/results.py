@@ -34,17 +34,18 @@ def result_of(file: ProjectFile, step: ProjectStep) -> str:
     if step.name == "budget":
         rows = values.get("features", ())
         lines = [answer(str(row["region"] or row["kind"]), Quantity.of(row)) for row in rows]
-        return _short(next(filter(None, lines), [""]))
+        return _short(next(filter(None, lines), [])[:1])
     return _first(values)
 
 
 def _first(values: JsonObject) -> str:
     """The verdict, or the first answer."""
     rows = describe(values)
-    groups = ("verdict", "result", "answer")
-    return _short(next((found for group in groups if (found := sentences(rows, group))), [""]))
+    if verdicts := sentences(rows, "verdict"):
+        return _short(verdicts[:2])
+    return _short([*sentences(rows, "result"), *sentences(rows, "answer")][:1])
 
 
 def _short(lines: Sequence[str]) -> str:
     """Value and verdict without what follows them."""
-    return "; ".join(line.split(" (")[0].split("; ")[0] for line in lines[:2])
+    return "; ".join(line.split(" (")[0].split("; ")[0] for line in lines)

@@ -125,6 +125,7 @@ def _measured(file: ProjectFile, scene: Callable[..., ProjectStep]) -> Iterator[
         yield ProjectStep("render", "render", lambda: drawn, picture, after)
     board, shifts = file.get("board", "mesh"), file.get("board", "shifts")
     if board is not None:
+        _check_place(file)
         more = [
             f"{option}={text}"
             for key, option in _BOARD_KEYS.items()
@@ -156,6 +157,18 @@ def _measured(file: ProjectFile, scene: Callable[..., ProjectStep]) -> Iterator[
         yield ProjectStep(
             *("report", "report", lambda: made, page, needs),
             without=NO_VERDICT if doubtful else (),
+        )
+
+
+def _check_place(file: ProjectFile) -> None:
+    """Refuse a board whose camera would stand where it sees all of the board."""
+    placed = [file.get("camera", key) for key in ("origin", "pose", "calibration")]
+    if not any([*placed, file.get("second", "stereo_calibration")]):
+        raise file.fault(
+            "it is missing, so the camera that sees the board has no place; give origin, pose or a "
+            "calibration with its pose.",
+            *("camera", "origin"),
+            code="project.no_place",
         )
 
 

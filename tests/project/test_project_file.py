@@ -66,6 +66,11 @@ def test_values_are_those_of_the_options(tmp_path: Path) -> None:
         ('floor = "-16 mm"', 'draught_from = "90"', ", [air.simulate] draught_from: "),
         ('tolerance = "-0.02 0.02 mm"', "", ", [feature] tolerance: a tolerance needs both"),
         ("part.hot", "part.hott", ": example names part.hott_temperature"),
+        (
+            "[camera]",
+            "[air.synthetic]\n[camera]",
+            ", [air]: [air.simulate] and [air.synthetic] are",
+        ),
         ('"22 degC"', "22 degC", " cannot be read as TOML"),
     ],
 )
