@@ -128,6 +128,7 @@ from .planning.pose_plan import PosePlan as PosePlan
 from .planning.pose_plan import plan as plan
 from .planning.refine import Refinement as Refinement
 from .planning.summary import SweepSummary as SweepSummary
+from .project.project import Project as Project
 from .sweep.store import read_sweep as read_sweep
 from .sweep.sweep import SweepOptions as SweepOptions
 from .sweep.sweep import run_sweep as run_sweep

@@ -35,6 +35,9 @@ from rich.table import Table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+PROJECT_FILE = "iriftrace.toml"
+"""Name of a project's file."""
+
 out = Console(highlight=False)
 notes = Console(stderr=True, highlight=False)
 

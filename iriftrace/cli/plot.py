@@ -190,6 +190,7 @@ def report(
     top: Whole = SHOWN,
     wavelength: LightOf = None,
     views: Several = None,
+    tolerance: list[str] | None = None,
 ) -> None:
     """Write a sweep, a measurement or a correction as one HTML page that works offline.
 
@@ -204,6 +205,9 @@ def report(
         The HTML file.
     top
         Rows of the ranking.
+    tolerance
+        Tolerance of a diameter of a correction, "cylinder:bore=20.22 -0.02 +0.02 mm", by which it
+        is accepted or rejected without correcting again; repeatable.
     """
     checks.output(output, "report.html")
     checks.inputs(file)
@@ -221,6 +225,7 @@ def report(
         from iriftrace.figures.report import write_scan_report
 
         numbers, values = _numbers(file)
+        values = _decided(numbers, values, tolerance)
         picture = numbers.with_suffix(".png")
         png = picture.read_bytes() if picture.is_file() else b""
         write_scan_report(output, values, FileOrigin.of(numbers), png)
@@ -235,6 +240,33 @@ def report(
         )
     _print_missing(missing)
     say(f"Report in {output}")
+
+
+def _decided(file: Path, values: JsonObject, tolerance: list[str] | None) -> JsonObject:
+    """The values with the verdicts on tolerances, if there are any, which are printed."""
+    from iriftrace.figures.describe_scan import describe, sentences
+    from iriftrace.measuring.two_devices.correction import SCHEMA
+    from iriftrace.measuring.two_devices.decided import decided
+    from iriftrace.measuring.uncertainty.tolerances import tolerances_of
+
+    if tolerance is None:
+        return values
+    if values["schema"] != SCHEMA:
+        say(f"No verdict: {file} holds sizes of a simulated measurement.")
+        return values
+    stated = tolerances_of(tolerance)
+    try:
+        values = decided(values, stated)
+        verdicts = sentences(describe(values), "verdict")
+    except InputError:
+        raise
+    except (LookupError, TypeError, ValueError) as error:
+        raise InputError(
+            f"{file} is damaged ({error!r}); correct the cloud again.", code="file.damaged"
+        ) from error
+    for text in verdicts:
+        say(text)
+    return values
 
 
 def _numbers(path: Path) -> tuple[Path, JsonObject]:

@@ -4,14 +4,23 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from importlib.metadata import version
+from itertools import takewhile
 from pathlib import Path
 
 from cyclopts import App, CycloptsError, MissingArgumentError, Parameter
 from cyclopts.exceptions import UnusedCliTokensError
 
-from iriftrace.cli.console import notes, raise_if_noticed, say, say_finding, show_warning
+from iriftrace.cli.console import (
+    PROJECT_FILE,
+    notes,
+    raise_if_noticed,
+    say,
+    say_finding,
+    show_warning,
+)
 from iriftrace.core.errors import InputError, IriftraceError, IriftraceWarning
 
 app = App(
@@ -38,6 +47,8 @@ def run(arguments: list[str]) -> int:
         )
         try:
             _import_listed(arguments)
+            app.config = _defaults_here()
+            arguments = _with_help(arguments)
             passed = app(
                 with_negative_values(arguments),
                 exit_on_error=False,
@@ -54,6 +65,35 @@ def run(arguments: list[str]) -> int:
                 raise
             return _refused(_out_of_memory(arguments))
     return 1 if passed is False else 0
+
+
+HELP, HELP_ALL = "--help", "--help-all"
+
+
+def _with_help(arguments: list[str]) -> list[str]:
+    """The arguments with ``--help`` for ``--help-all``, and the help laid out for which it was."""
+    app.help_formatter, app.help_epilogue = None, None
+    if HELP_ALL in arguments:
+        return [HELP if word == HELP_ALL else word for word in arguments]
+    if not {HELP, "-h"} & set(arguments):
+        return arguments
+    from iriftrace.cli.help_all import COMMON, CommonOptions
+
+    name = " ".join(takewhile(lambda word: not word.startswith("-"), arguments[:2]))
+    name = name if name in COMMON else "".join(arguments[:1])
+    if name in COMMON:
+        app.help_formatter = CommonOptions(COMMON[name])
+        app.help_epilogue = f"More options: ``iriftrace {name} {HELP_ALL}``"
+    return arguments
+
+
+def _defaults_here() -> tuple[Callable[..., None], ...]:
+    """The values of this folder's project file as defaults of the options, if there is one."""
+    if not Path(PROJECT_FILE).is_file():
+        return ()
+    from iriftrace.cli.project_file import Defaults, read_project_file
+
+    return (Defaults(partial(read_project_file, Path(PROJECT_FILE), app), say=say),)
 
 
 def _refused(text: str) -> int:
@@ -218,22 +258,23 @@ def doctor() -> None:
 # By name, so that the program starts fast: a module is imported when its command is called or
 # listed.
 for _module, _names in {
-    "scene": ("shells", "scene"),
-    "render": ("render", "metrics", "demo"),
-    "sweep": ("sweep",),
-    "plan": ("plan",),
-    "plot": ("plot", "view", "report"),
-    "measure": ("measure",),
-    "correct": ("correct",),
-    "budget": ("budget",),
-    "twin": ("twin",),
-    "qualify": ("qualify",),
-    "ray": ("ray",),
-    "compare": ("compare",),
-    "board": ("board",),
-    "fit": ("fit",),
-    "field": ("field",),
-    "part": ("part",),
+    "project.commands": ("new", "run", "status"),
+    "cli.scene": ("shells", "scene"),
+    "cli.render": ("render", "metrics", "demo"),
+    "cli.sweep": ("sweep",),
+    "cli.plan": ("plan",),
+    "cli.plot": ("plot", "view", "report"),
+    "cli.measure": ("measure",),
+    "cli.correct": ("correct",),
+    "cli.budget": ("budget",),
+    "cli.twin": ("twin",),
+    "cli.qualify": ("qualify",),
+    "cli.ray": ("ray",),
+    "cli.compare": ("compare",),
+    "cli.board": ("board",),
+    "cli.fit": ("fit",),
+    "cli.field": ("field",),
+    "cli.part": ("part",),
 }.items():
     for _name in _names:
-        app.command(f"iriftrace.cli.{_module}:{_name}", name=_name)
+        app.command(f"iriftrace.{_module}:{_name}", name=_name)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from attrs import field, frozen
 from attrs.converters import optional
 
-from iriftrace.core.errors import InputError, warn
+from iriftrace.core.errors import InputError, changed, refuse_given, warn
 from iriftrace.core.number_lists import Interval, Numbers, Pair, Size, Vector
 from iriftrace.core.units import Length
 
@@ -46,8 +46,9 @@ class CameraOptions:
     distortion
         Lens distortion in OpenCV's order k1,k2,p1,p2[,k3[,k4,k5,k6]].
     calibration
-        Calibration of OpenCV, ROS, Kalibr or MATLAB (.yaml, .xml or .json) instead of the five
-        options above; its pose, if it has one, is used unless origin or target is given.
+        Calibration of OpenCV, ROS, Kalibr or MATLAB (.yaml, .xml or .json) instead of focal length,
+        sensor, resolution, principal point and distortion; its pose, if it has one, is used unless
+        origin or target is given.
     pixel_size
         Width of a pixel, "2.74 um". A calibration, which is in pixels only, needs it for the
         lengths in mm that results state; no ray depends on it.
@@ -64,6 +65,9 @@ class CameraOptions:
         Point that the camera looks at; by default the part's centre.
     up
         Direction that is up in the picture.
+    pose
+        File with poses, as ``iriftrace plan`` saves them; the first one is the camera's, and a
+        second device moves with it as on a rigid frame.
     """
 
     focal_length: Length = field(default=Length(10.0), converter=Length)
@@ -78,6 +82,14 @@ class CameraOptions:
     origin: Vector | None = field(default=None, converter=optional(Vector))
     target: Vector | None = field(default=None, converter=optional(Vector))
     up: Vector = field(default=Vector((0.0, 0.0, 1.0)), converter=Vector)
+    pose: Path | None = None
+
+    def __attrs_post_init__(self) -> None:
+        if self.calibration is not None:
+            self.refuse_intrinsics()
+        if self.pose is not None:
+            reason = f"is given, but {self.pose} places the camera; leave one of them out."
+            refuse_given(changed(self, ("origin", "target")), reason, "camera.placed_twice")
 
     def camera(self, part: Part, field: IndexField | None, stack: ShellStack) -> Camera:
         """The camera that these options describe, at its full resolution."""
@@ -137,7 +149,6 @@ class CameraOptions:
 
         if self.calibration is None:
             return None
-        self.refuse_intrinsics()
         given = self.calibration_length_unit
         try:
             unit = None if given is None else length_factor(given)

@@ -16,6 +16,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.engines import Bending, Engine, engine_named
 from iriftrace.core.errors import InputError, warn, without_warnings
+from iriftrace.core.html import html_table
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.runtime import variant as runtime
 from iriftrace.part.part import Part
@@ -106,10 +107,13 @@ class Scene:
     def __repr__(self) -> str:
         width, height = self.camera.resolution
         fields = f", {len(self.members)} fields" if self.members else ""
-        return (
-            f"Scene({self.name}: {self.part!r}, {width} x {height} px, engine {self.engine}"
-            f"{fields})"
-        )
+        seen = f"{width} x {height} px, engine {self.engine}"
+        return f"Scene({self.name}: {self.part!r}, {seen}{fields})"
+
+    def _repr_html_(self) -> str:
+        """Part, air and devices, for notebooks."""
+        second = "none" if self.second is None else self.second_id
+        return html_table(self.name, {"scene": repr(self), "second device": second})
 
     @property
     def name(self) -> str:
@@ -202,10 +206,7 @@ class Scene:
             return self.ready.compiled
         held = self._held
         if held.compiled is None:
-            if self.members:
-                held.compiled = next(self.alone()).compiled
-            else:
-                held.compiled = self._compile()
+            held.compiled = next(self.alone()).compiled if self.members else self._compile()
         return held.compiled
 
     def _compile(self) -> Compiled:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -217,6 +217,22 @@ class StereoOptions:
         return place
 
 
+def moved(first: CameraOptions, part: Part, devices: Sequence[Camera]) -> Sequence[Camera]:
+    """The devices as one rigid frame, the first of them at the pose of the options' file."""
+    import numpy as np
+
+    from iriftrace.io.poses import read_poses
+
+    if first.pose is None:
+        return devices
+    pose = read_poses(first.pose).matrices[0]
+    motion = pose @ np.linalg.inv(devices[0].matrix)
+    found = [device.at(motion @ device.matrix) for device in devices]
+    if first.focus is None:
+        found = [with_all_in_focus(device, device, part) for device in found]
+    return found
+
+
 Placing = Callable[
     ["SceneSettings", "IndexField | None", "ShellStack"], tuple["Camera", "SceneSettings"]
 ]
@@ -241,12 +257,13 @@ def devices_of(
         settings: SceneSettings, field: IndexField | None, stack: ShellStack
     ) -> tuple[Camera, SceneSettings]:
         if not two_devices:
-            return first.camera(part, field, stack), settings
+            return moved(first, part, [first.camera(part, field, stack)])[0], settings
         if place_both is not None:
-            camera, device = place_both(part, field, stack)
+            devices = place_both(part, field, stack)
         else:
             camera = first.camera(part, field, stack)
-            device = second.device(first, camera, part, field, stack)
+            devices = camera, second.device(first, camera, part, field, stack)
+        camera, device = moved(first, part, devices)
         system = second.system or ("fringe" if place_both is None else "stereo")
         return camera, evolve(settings, second=device, second_id=DEVICE_OF_SYSTEM[system])
 

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import GTC
 import numpy as np
 import pytest
+from attrs import evolve
 from scipy.special import gammaincinv
 from scipy.stats import norm, sobol_indices
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.member_weights import MemberWeights
+from iriftrace.measuring.features.quantity import Quantity
+from iriftrace.measuring.two_devices.decided import decided
 from iriftrace.measuring.uncertainty.air_groups import AIR, AirGroups, Scaled, SolvedAgain
 from iriftrace.measuring.uncertainty.budget import (
     COVERED,
@@ -21,7 +25,7 @@ from iriftrace.measuring.uncertainty.budget import (
     half_a_digit,
     uncertainty_of,
 )
-from iriftrace.measuring.uncertainty.decision import Tolerance, decide
+from iriftrace.measuring.uncertainty.decision import Decision, Tolerance, decide
 from iriftrace.measuring.uncertainty.inputs import Inputs
 from iriftrace.measuring.uncertainty.similarity import humidity_effect, relative_effects
 from iriftrace.medium.air.refractivity import Air
@@ -179,8 +183,30 @@ def test_the_probability_of_a_mixture_is_that_of_its_own_distribution() -> None:
     """Uniform between 0 and 10: a tenth lies above 9, and a normal one has 8 %."""
     mixture = Mixture(AIR, np.array((0.5, 0.5)), np.array((0.0, 10.0)))
     value = uncertainty_of(5.0, [Contribution(AIR, 10.0 / math.sqrt(12.0))], mixture)
-    found = decide(Tolerance(5.0, -6.0, 4.0), value, mixture=mixture)
+    found = decide(Tolerance(5.0, -6.0, 4.0), value)
     assert found.outside == pytest.approx(0.1, abs=2e-3)
+
+
+def test_a_saved_correction_is_decided_as_the_value_was() -> None:
+    """Also by the distribution of the air, of which half of U does not know."""
+    mixture = Mixture(AIR, np.array((0.5, 0.0, 0.5)), np.array((0.0, 7.0, 10.0)))
+    u = uncertainty_of(5.0, [Contribution(AIR, 10.0 / math.sqrt(12.0))], mixture)
+    size = Quantity("mm", {"measured": 4.0, "corrected": 5.0}, {"measured": 0.1, "corrected": 0.1})
+    row = {
+        "kind": "cylinder",
+        "region": "bore",
+        "size_mm": size.by_cloud,
+        "u_size_mm": size.u,
+        **evolve(size, uncertainty=u).statements(),
+    }
+    values = json.loads(json.dumps({"features": [row]}))
+    tolerance = Tolerance(5.0, -6.0, 4.6)
+    (found,) = decided(values, {"cylinder:bore": tolerance})["features"]
+    assert Decision.of(found["decision"]) == decide(tolerance, u, 4.0)
+    assert found["decision"]["verdict"] == "accepted"
+    assert "decision" not in decided({"features": [found]}, {})["features"][0]
+    with pytest.raises(InputError, match="bolt"):
+        decided(values, {"cylinder:bolt": tolerance})
 
 
 def test_nothing_is_decided_with_a_lower_bound() -> None:

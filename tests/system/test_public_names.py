@@ -17,7 +17,7 @@ CHECKOUT = Path(__file__).parents[2]
 EXPORTS = set(iriftrace.__all__) - {"__version__"}
 # Neither a schema (iriftrace.pose/2, or "iriftrace.pose" in code) nor a file or an address.
 DOTTED = re.compile(r"(?<![\w\"/.-])iriftrace(?:\.[A-Za-z_]\w*)+(?![\w/-])")
-KEYS_OF_FILES = {"iriftrace.rgb"}
+KEYS_OF_FILES = {"iriftrace.rgb", "iriftrace.toml"}
 TEXTS = sorted(
     path
     for pattern in ("*.md", "docs/*.md", "docs/examples/*", "iriftrace/**/*.py", "plugins/**/*.py")
@@ -70,7 +70,7 @@ def test_what_traces_takes_a_scene_and_no_path() -> None:
 
 
 PATH = re.compile(r"\b(Path|PathLike)\b")
-OF_FILES = re.compile(r"(read|load|import)_|save|write")
+OF_FILES = re.compile(r"(read|load|import)(_|$)|save|write")
 ASKING = re.compile(r'"""(What|How|Which|Where|When|Why)\b')
 DESTINATIONS = {"view.picture", "run_sweep.path"}
 COMPUTE = ("camera", "figures", "image", "measuring", "medium", "part", "planning")

@@ -2,6 +2,7 @@
 
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -25,9 +26,12 @@ COMMANDS = {
     "README.md": ["doctor", "demo", "part", "field", "scene", "render", "metrics"],
     "camera_position.md": ["sweep", "plan", "plan", "plan", "plot", "report", "plan"],
     "fields.md": ["field", "field"],
+    "project.md": ["demo", "new", "run", "run"],
     "tutorial_scanner.md": ["part", "field", "scene", "measure", "correct"],
 }
 """What each page runs; all other pages run nothing."""
+WITH_FILES = {"project.md", "tutorial_scanner.md"}
+"""Pages whose commands need files that they show."""
 PYTHON_EXAMPLES = {"README.md": 1, "mitsuba.md": 3, "python.md": 6, "triangulation.md": 1}
 
 
@@ -75,7 +79,7 @@ def test_commands_of_the_readme_run_as_they_stand(folder: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", sorted(COMMANDS.keys() - {"README.md", "tutorial_scanner.md"}))
+@pytest.mark.parametrize("page", sorted(COMMANDS.keys() - {"README.md", *WITH_FILES}))
 def test_commands_of_the_pages_run_as_they_stand(page: str, folder: Path) -> None:
     for command in commands(page):
         run(["-m", "iriftrace", *command[1:]], folder)
@@ -93,6 +97,24 @@ def test_the_tutorial_ends_with_the_sentence_that_it_quotes(tmp_path: Path) -> N
     assert re.sub(number, "#", found) == re.sub(number, "#", quoted)
     pairs = zip(re.findall(number, found), re.findall(number, quoted), strict=True)
     assert all(float(one) == pytest.approx(float(other), rel=0.02) for one, other in pairs)
+
+
+@pytest.mark.slow
+def test_the_project_ends_with_the_verdict_that_its_page_quotes(tmp_path: Path) -> None:
+    page = "project.md"
+    demo, new, first, last = commands(page)
+    folder = tmp_path / new[2]
+    run(["-m", "iriftrace", *demo[1:]], tmp_path)
+    run(["-m", "iriftrace", *new[1:]], tmp_path)
+    assert "nothing is decided" in run(["-m", "iriftrace", *first[1:]], folder)
+    (text,) = blocks(page, "toml")
+    (folder / "iriftrace.toml").write_text(text.replace('cloud = "scan.vtp"', ""))
+    run(["-m", "iriftrace", "run", "measure"], folder)
+    shutil.copy(folder / "build" / "measure" / "scan.vtp", folder)
+    (folder / "iriftrace.toml").write_text(text)
+    said = " ".join(run(["-m", "iriftrace", *last[1:]], folder).split())
+    (quoted,) = re.findall(r"^> (.*)$", PAGES[page], re.MULTILINE)
+    assert quoted in said
 
 
 @pytest.mark.slow

@@ -118,9 +118,8 @@ class FittedFeature:
         }
 
 
-def check_names(names: Iterable[str], features: Sequence[FittedFeature]) -> None:
-    """Raise InputError for a name that is not that of a fitted feature with a size."""
-    known = [feature.name for feature in features if feature.size.answer is not None]
+def check_names(names: Iterable[str], known: Sequence[str]) -> None:
+    """Raise InputError for a name that is not among those of the fitted features with a size."""
     for name in names:
         if name not in known:
             raise InputError(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from iriftrace.core.arrays import AnyArray, AnyIntArray, BoolArray, FloatArray, as_float64
 from iriftrace.core.blocks import CloudBlocks, by_block
 from iriftrace.core.errors import without_warnings
+from iriftrace.core.html import html_table
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.mesh.transform import apply
 from iriftrace.core.mesh.triangles import row_lengths
@@ -129,6 +130,17 @@ class Correction:
     one_line: bool = False
     changes: tuple[Changes, ...] = ()
 
+    def _repr_html_(self) -> str:
+        """The numbers of the correction, for notebooks."""
+        moved = np.linalg.norm(self.error[self.corrected], axis=1)
+        rows = {
+            "points": f"{int(self.corrected.sum()):,} of {len(self.measured):,} corrected",
+            "refraction error, median": f"{1e3 * np.median(moved):.3g} um",
+            "95th percentile": f"{1e3 * np.quantile(moved, 0.95):.3g} um",
+            "not known of U": ", ".join(self.groups.missing) or "nothing",
+        }
+        return html_table(f"Corrected {self.system} measurement", rows)
+
     @property
     def corrected(self) -> BoolArray:
         """(n,) mask of the points that are corrected, uncertain ones too."""
@@ -220,7 +232,7 @@ class Correction:
             for each in fitted
         )
         stays = self.face[~good & (self.face >= 0)]
-        check_names(tolerances, fitted)
+        check_names(tolerances, [one.name for one in fitted if one.size.answer is not None])
         return tuple(
             evolve(
                 each,
@@ -289,7 +301,7 @@ class Correction:
             found.append(Contribution("other", self.inputs.other_mm, "B", "stated"))
         mixture = self.groups.mixture(effect)
         u = uncertainty_of(corrected if drawn is None else drawn, found, mixture, missing)
-        decision = None if tolerance is None else decide(tolerance, u, measured, mixture)
+        decision = None if tolerance is None else decide(tolerance, u, measured)
         return evolve(value, uncertainty=u, decision=decision, worst=worst)
 
     def as_dict(self) -> JsonObject:

@@ -23,7 +23,6 @@ from typing import Literal
 import numpy as np
 from attrs import field, frozen
 from scipy.special import gammaincinv, gammaln, ndtri
-from scipy.stats import qmc
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.member_weights import concentration
@@ -64,6 +63,18 @@ class Mixture:
     weights: FloatArray  # (k,) of the mean; those of members that it does not have are 0
     values: FloatArray  # (k,)
 
+    def as_dict(self, unit: str) -> JsonObject:
+        """Plain JSON values, of the members that the mean has."""
+        used = self.weights > 0.0
+        weights, values = self.weights[used].tolist(), self.values[used].tolist()
+        return {"group": self.group, "weights": weights, f"values_{unit}": values}
+
+    @classmethod
+    def of(cls, row: JsonObject, unit: str) -> Mixture:
+        """The mixture that plain JSON values state; LookupError, TypeError or ValueError else."""
+        values = np.array(row[f"values_{unit}"], dtype=np.float64)
+        return cls(row["group"], np.array(row["weights"], dtype=np.float64), values)
+
 
 @frozen
 class Uncertainty:
@@ -79,12 +90,15 @@ class Uncertainty:
         Ends between which the true value lies with the probability `COVERED`.
     missing : tuple of str
         Groups that are not known, so that U is a lower bound.
+    mixture : Mixture or None
+        Distribution of the contribution that is not normal.
     """
 
     value: float
     contributions: tuple[Contribution, ...]
     interval: tuple[float, float]
     missing: tuple[str, ...] = ()
+    mixture: Mixture | None = field(default=None, eq=False)
 
     @property
     def parts(self) -> dict[str, float]:
@@ -133,6 +147,7 @@ class Uncertainty:
             f"interval_{unit}": list(self.interval),
             "contributions": rows,
             "not_covered": list(self.missing),
+            **({} if self.mixture is None else {"mixture": self.mixture.as_dict(unit)}),
         }
 
     @classmethod
@@ -143,7 +158,9 @@ class Uncertainty:
             for one in row["contributions"]
         )
         low, high = row[f"interval_{unit}"]
-        return cls(row[f"value_{unit}"], contributions, (low, high), tuple(row["not_covered"]))
+        mixture = Mixture.of(row["mixture"], unit) if "mixture" in row else None
+        missing = tuple(row["not_covered"])
+        return cls(row[f"value_{unit}"], contributions, (low, high), missing, mixture)
 
 
 def uncertainty_of(
@@ -170,7 +187,7 @@ def uncertainty_of(
     else:
         normal = math.hypot(*(one.u for one in listed if one.group != mixture.group))
         low, high = _interval(normal, mixture)
-    return Uncertainty(value, tuple(listed), (value + low, value + high), tuple(missing))
+    return Uncertainty(value, tuple(listed), (value + low, value + high), tuple(missing), mixture)
 
 
 def _interval(normal: float, mixture: Mixture) -> tuple[float, float]:
@@ -202,6 +219,8 @@ def drawn(normal: float, mixture: Mixture, draws: int) -> FloatArray:
 @lru_cache(maxsize=8)
 def _unit_draws(weights: tuple[float, ...], draws: int) -> tuple[FloatArray, FloatArray]:
     """A normal variable (s, draws) and Dirichlet's weights (s, draws, n) of the mean `weights`."""
+    from scipy.stats import qmc  # half a second, which reading of tolerances need not take
+
     generators = np.random.default_rng(SEED).spawn(SCRAMBLINGS)
     units = np.array(
         [qmc.Sobol(len(weights) + 1, rng=generator).random(draws) for generator in generators]

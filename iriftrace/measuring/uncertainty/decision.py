@@ -16,7 +16,7 @@ from scipy.special import ndtr
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
-from iriftrace.measuring.uncertainty.budget import DRAWS, Mixture, Uncertainty, drawn
+from iriftrace.measuring.uncertainty.budget import DRAWS, Uncertainty, drawn
 
 RISK = 0.05
 """Largest probability of a wrong acceptance or rejection."""
@@ -60,8 +60,9 @@ class Tolerance:
         return low <= value <= high
 
 
-def _outside(tolerance: Tolerance, uncertainty: Uncertainty, mixture: Mixture | None) -> float:
+def _outside(tolerance: Tolerance, uncertainty: Uncertainty) -> float:
     """Probability that the true value does not conform."""
+    mixture = uncertainty.mixture
     low, high = tolerance.limits
     places, normal = np.array([uncertainty.value]), uncertainty.standard
     if mixture is not None:
@@ -126,18 +127,15 @@ class Decision:
 
 
 def decide(
-    tolerance: Tolerance,
-    uncertainty: Uncertainty,
-    measured: float | None = None,
-    mixture: Mixture | None = None,
+    tolerance: Tolerance, uncertainty: Uncertainty, measured: float | None = None
 ) -> Decision:
     """The verdict on a value with an uncertainty.
 
     An uncertainty of which a group is not known is a lower bound, with which nothing is decided.
-    `measured` is the value in hot air, `mixture` the one of its groups that is not normal.
+    `measured` is the value in hot air.
     """
     inside = None if measured is None else tolerance.holds(measured)
-    outside = _outside(tolerance, uncertainty, mixture)
+    outside = _outside(tolerance, uncertainty)
     if uncertainty.missing:
         reason = f"not known: {', '.join(uncertainty.missing)}"
         return Decision(tolerance, "not decided", outside, reason, inside)

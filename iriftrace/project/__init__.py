@@ -1,0 +1,1 @@
+"""Projects: one file of declarations, and the steps that make what is missing or has changed."""

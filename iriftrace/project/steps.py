@@ -1,0 +1,197 @@
+"""Steps of a project, from its file to the report, each a command with one product."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from attrs import frozen
+
+from iriftrace.cli.project_file import PLANNED, ProjectFile
+
+BUILD = Path("build")
+"""Folder of the products, in that of the project."""
+
+SCENE, POSES = BUILD / "scene" / "scene.xml", BUILD / "plan" / "poses.json"
+
+NO_VERDICT = ("feature.tolerance",)
+"""What the step that corrects leaves to the report, which decides without correcting again."""
+
+_BOARD_KEYS = {"length_unit": "--length-unit", "transform": "--part-transform"}
+
+
+@frozen
+class ProjectStep:
+    """A step: a command, and its main product.
+
+    Attributes
+    ----------
+    name, command : str
+    words : callable
+        Words of the command without what the project's file has, once the steps before are done.
+    product : Path
+    after : tuple of str
+        Steps that it needs.
+    files : tuple of str
+        Files that it reads besides.
+    without : tuple of str
+        Sections and keys that the command does not take from the file.
+    resumes : bool
+        The command continues what it began, so products of other inputs are removed before.
+    """
+
+    name: str
+    command: str
+    words: Callable[[], list[str]]
+    product: Path
+    after: tuple[str, ...] = ()
+    files: tuple[str, ...] = ()
+    without: tuple[str, ...] = ()
+    resumes: bool = False
+
+
+def example_air(file: ProjectFile) -> bool:
+    """True if the air is that of formulas."""
+    return not file.texts("air", "fields") and "air.simulate" not in file.sections
+
+
+def steps_of(file: ProjectFile) -> dict[str, ProjectStep]:
+    """The steps for which a project's file has what they need, by name, in their order.
+
+    Raises InputError if it has no part.
+    """
+    return {step.name: step for step in _steps(file)}
+
+
+def _steps(file: ProjectFile) -> Iterator[ProjectStep]:
+    mesh = file.get("part", "mesh")
+    if mesh is None:
+        raise file.fault(
+            'it is missing, but a project needs a part; write mesh = "part.stl".',
+            *("part", "mesh"),
+            code="project.no_part",
+        )
+    given = file.texts("air", "fields")
+    air = () if given else ("field",)
+    if not given:
+        yield _field(file, mesh)
+
+    planned: tuple[str, ...] = ()
+
+    def scene(
+        name: str,
+        part: str,
+        words: Sequence[str] = (),
+        after: tuple[str, ...] = (),
+        without: tuple[str, ...] = (),
+    ) -> ProjectStep:
+        product = BUILD / name / SCENE.name
+        pose = [f"--pose={POSES}"] if planned else []
+
+        def called() -> list[str]:
+            first, *others = given or _fields_made()
+            members = [f"--member={one}" for one in others]
+            return [first, part, f"--output={product}", *members, *pose, *words]
+
+        needs, files = (*air, *planned, *after), (part, *given)
+        return ProjectStep(name, "scene", called, product, needs, files, without)
+
+    if file.get("camera", "pose") == PLANNED:
+        yield scene("first_scene", mesh)
+        first, sweep = BUILD / "first_scene" / "scene.xml", BUILD / "sweep" / "sweep.nc"
+        words = [str(first), f"--output={sweep}"]
+        yield ProjectStep("sweep", "sweep", lambda: words, sweep, ("first_scene",), resumes=True)
+        ranked = [str(sweep), f"--save-poses={POSES}"]
+        yield ProjectStep("plan", "plan", lambda: ranked, POSES, ("sweep",))
+        planned = ("plan",)
+    yield scene("scene", mesh)
+    yield from _measured(file, scene)
+
+
+def _measured(file: ProjectFile, scene: Callable[..., ProjectStep]) -> Iterator[ProjectStep]:
+    """Steps from the scene on."""
+    best, after = SCENE, ("scene",)
+    two = any(
+        key != "system" and not key.endswith("size") for key in file.sections.get("second", {})
+    )
+    if two:
+        scan = BUILD / "measure" / "scan.vtp"
+        words = [str(SCENE), f"--output={scan}"]
+        yield ProjectStep("measure", "measure", lambda: words, scan, after)
+    else:
+        picture = BUILD / "render" / "picture.exr"
+        drawn = [str(SCENE), f"--output={picture}"]
+        yield ProjectStep("render", "render", lambda: drawn, picture, after)
+    board, shifts = file.get("board", "mesh"), file.get("board", "shifts")
+    if board is not None:
+        _check_place(file)
+        more = [
+            f"{option}={text}"
+            for key, option in _BOARD_KEYS.items()
+            for text in file.texts("board", key)
+        ]
+        more.append(f"--blocker={SCENE.with_name('part.ply')}")
+        yield scene("board", board, more, after=after, without=("part", "second"))
+        if shifts is not None:
+            best = BUILD / "fit" / "scene.xml"
+            fitted = [str(BUILD / "board" / "scene.xml"), shifts, f"--output={best}"]
+            fitted.append(f"--scene={SCENE}")
+            yield ProjectStep("fit", "fit", lambda: fitted, best, ("scene", "board"), (shifts,))
+            after = ("fit",)
+    result, cloud = BUILD / "measure" / "scan.vtp", file.get("scan", "cloud")
+    if cloud is not None:
+        result = BUILD / "correct" / "corrected.vtp"
+        corrected = [cloud, str(best), f"--output={result}"]
+        yield ProjectStep(
+            *("correct", "correct", lambda: corrected, result, after, (cloud,)), without=NO_VERDICT
+        )
+    budget = BUILD / "budget" / "budget.json"
+    stated = [str(best), f"--output={budget}"]
+    yield ProjectStep("budget", "budget", lambda: stated, budget, after, without=NO_VERDICT)
+    if two:
+        page = BUILD / "report" / "report.html"
+        made = [str(result), f"--output={page}"]
+        doubtful = bool(file.example) or cloud is None
+        needs = ("measure",) if cloud is None else ("correct",)
+        yield ProjectStep(
+            *("report", "report", lambda: made, page, needs),
+            without=NO_VERDICT if doubtful else (),
+        )
+
+
+def _check_place(file: ProjectFile) -> None:
+    """Refuse a board whose camera would stand where it sees all of the board."""
+    placed = [file.get("camera", key) for key in ("origin", "pose", "calibration")]
+    if not any([*placed, file.get("second", "stereo_calibration")]):
+        raise file.fault(
+            "it is missing, so the camera that sees the board has no place; give origin, pose or a "
+            "calibration with its pose.",
+            *("camera", "origin"),
+            code="project.no_place",
+        )
+
+
+def _field(file: ProjectFile, mesh: str) -> ProjectStep:
+    folder = BUILD / "field"
+    if example_air(file):
+        product = folder / "field.vtu"
+        words = [mesh, f"--output={product}"]
+        return ProjectStep("field", "field synthetic", lambda: words, product, files=(mesh,))
+    simulate = file.sections["air.simulate"]
+    product = folder / ("family.json" if "draughts" in simulate else "field.vtu")
+    words = [mesh, f"--output={folder}"]
+    return ProjectStep(
+        *("field", "field simulate", lambda: words, product), files=(mesh,), resumes=True
+    )
+
+
+def _fields_made() -> list[str]:
+    """The fields of the step before: those of a family, or one and those that vary it."""
+    folder = BUILD / "field"
+    family = folder / "family.json"
+    if family.is_file():
+        members = json.loads(family.read_text(encoding="utf-8"))["members"]
+        return [str(folder / one["field"]) for one in members]
+    varied = [folder / f"field_{name}.vtu" for name in ("wall", "ambient", "pressure")]
+    return [str(folder / "field.vtu"), *(str(one) for one in varied if one.is_file())]

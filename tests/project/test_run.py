@@ -1,0 +1,273 @@
+"""Steps of a project: what is done, what is left, and what they find, at a small scale."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import iriftrace
+from iriftrace.camera.pose import look_at
+from iriftrace.camera.pose_set import PoseSet
+from iriftrace.cli import main
+from iriftrace.cli.program import app
+from iriftrace.cli.project_file import read_project_file
+from iriftrace.core.errors import InputError
+from iriftrace.io.poses import write_poses
+from iriftrace.project import stamps
+from iriftrace.project.stamps import states_of
+from iriftrace.scenes import folder_of
+from iriftrace.tracing.load import load_scene
+
+Printed = pytest.CaptureFixture[str]
+FILE = Path("iriftrace.toml")
+
+
+def replaced(right: str, other: str) -> None:
+    text = FILE.read_text(encoding="utf-8")
+    assert right in text
+    FILE.write_text(text.replace(right, other), encoding="utf-8")
+
+
+def reasons() -> dict[str, str]:
+    """Why each step has to be done, of those that have."""
+    states = states_of(read_project_file(FILE, app))
+    return {name: state.reason for name, state in states.items() if state.reason}
+
+
+@pytest.fixture(scope="module")
+def example(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project as it is written for a part, at a small scale."""
+    folder = tmp_path_factory.mktemp("lab") / "my part"
+    folder.mkdir()
+    assert main(["part", "cylinder", "-o", str(folder / "part.stl"), "--segments=40"]) == 0
+    assert main(["new", str(folder), "--part", str(folder / "part.stl")]) == 0
+    file = folder / FILE
+    text = file.read_text().replace("scale = 0.25", "scale = 0.06")
+    file.write_text(
+        text.replace(
+            "\n[air.synthetic]", "[shells]\nlayers = 3\n[air.synthetic]\ncell_size = '4 mm'"
+        )
+    )
+    return folder
+
+
+@pytest.fixture
+def project(example: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of it, as the current folder."""
+    folder = shutil.copytree(example, tmp_path / "project")
+    monkeypatch.chdir(folder)
+    return folder
+
+
+def test_the_file_of_a_part_has_every_key_in_place(project: Path) -> None:
+    file = read_project_file(FILE, app)
+    assert file.get("part", "mesh") == "part.stl"
+    assert file.features[0]["nominal"] == "27.0000 mm"
+    assert set(reasons()) == {"field", "scene", "measure", "budget", "report"}
+    assert main(["new", ".", "--part", "part.stl"]) == 2
+    assert main(["run", "scenes"]) == 2
+
+
+@pytest.mark.usefixtures("variant")
+def test_an_example_runs_at_once_and_decides_nothing(
+    project: Path, capsys: Printed, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert main(["run"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Example air: from formulas, not of your hall" in said
+    assert "accepted" not in said
+    assert reasons() == {}
+    page = Path("build/report/report.html")
+    assert "accepted" not in page.read_text(encoding="utf-8")
+
+    def read(path: Path) -> str:
+        raise AssertionError(f"{path} was read again")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(stamps, "sha256_of", read)
+        assert main(["run"]) == 0
+    assert "All is up to date." in capsys.readouterr().out
+    # The content counts, not the time.
+    part = Path("part.stl")
+    part.touch()
+    assert reasons() == {}
+    replaced('"1050 degC"  # EXAMPLE', '"950 degC"  # EXAMPLE')
+    assert reasons()["field"] == "[air.synthetic] wall_temperature changed"
+    assert reasons()["scene"] == "after field"
+    replaced('"950 degC"', '"1050 degC"')
+    replaced("-0.02 0.02", "-0.03 0.03")
+    assert reasons() == {}  # as examples decide nothing
+    replaced('sensor = "8 um"', 'sensor = "9 um"')
+    assert reasons() == {"budget": "[uncertainty] uncertainty changed"}
+    assert main(["run", "--dry-run"]) == 0
+    assert "[uncertainty] uncertainty changed" in capsys.readouterr().out
+    stamp = Path("build/scene/step.json")
+    values = json.loads(stamp.read_text())
+    stamp.write_text(json.dumps({**values, "done": False}))
+    assert reasons()["scene"] == "interrupted"
+    stamp.write_text(json.dumps(values))
+    page.unlink()
+    assert reasons()["report"] == f"{page} is missing"
+    part.write_bytes(part.read_bytes()[:-1] + b"1")
+    assert reasons()["field"] == "part.stl changed"
+    stamp.unlink()
+    assert main(["run", "scene"]) == 2
+    assert "holds files that no step has made" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("variant")
+def test_a_scan_is_corrected_and_decided(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Printed
+) -> None:
+    """A changed tolerance is decided without correcting again, as `correct` decides."""
+    monkeypatch.chdir(tmp_path)
+    bundled = folder_of("cylinder")
+    field, part = bundled / "field.vtu", bundled / "part.ply"
+    assert main(["new", ".", "--part", str(part), "--field", str(field)]) == 0
+    replaced("scale = 0.25", "scale = 0.06")
+    replaced("[camera]", "[shells]\nlayers = 3\n[camera]")
+    replaced('wall = "10 K"', 'air = "5 %"')
+    assert main(["run", "measure"]) == 0
+    shutil.copy("build/measure/scan.vtp", "scan.vtp")
+    FILE.write_text(FILE.read_text() + '\n[scan]\ncloud = "scan.vtp"\n')
+    capsys.readouterr()
+    assert main(["run"]) == 0
+    said = capsys.readouterr().out
+    assert "Tolerance" not in said
+    assert "Example values, with which nothing is decided: air.ambient" in said
+    examples = next(line for line in FILE.read_text().splitlines() if line.startswith("example"))
+    replaced(examples, "")
+    replaced("-0.02 0.02", "-0.05 0.05")
+    assert reasons() == {"report": "[feature] tolerance changed"}
+    assert main(["run"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "accepted, risk of a wrong verdict below 0.01 %" in said
+    replaced("-0.05 0.05", "0.05 0.06")
+    assert main(["run"]) == 0
+    assert "rejected" in capsys.readouterr().out
+    found = iriftrace.Project.read()
+    assert any("rejected" in sentence for sentence in found.sentences)
+    assert "of U" in found.correction._repr_html_()
+    (row,) = json.loads(Path("build/correct/corrected.json").read_text())["features"]
+    (feature,) = found.correction.features(found.scene.part, ["cylinder:lateral"])
+    assert feature.size.answer == pytest.approx(row["size_mm"]["corrected"], abs=1e-9)
+    words = ["correct", "scan.vtp", "build/scene/scene.xml", "-o", "again.vtp", "--no-figures"]
+    assert main(words) == 0
+    said = capsys.readouterr().out
+    assert "[uncertainty] uncertainty" in said
+    assert "rejected" in said
+
+
+@pytest.mark.usefixtures("variant")
+def test_the_pose_of_a_plan_is_that_of_the_scene(project: Path) -> None:
+    text = FILE.read_text()
+    lines = [line for line in text.splitlines() if not line.startswith(("origin", "target"))]
+    FILE.write_text("\n".join(lines).replace("# pose", "pose") + "\n[sweep]\nfibonacci = 4\n")
+    assert main(["run", "scene"]) == 0
+    assert reasons().keys() == {"measure", "budget", "report"}
+    poses = json.loads(Path("build/plan/poses.json").read_text())
+    scene = load_scene(Path("build/scene/scene.xml"))
+    np.testing.assert_allclose(scene.camera.matrix, poses["matrices"][0], atol=1e-9)
+    FILE.write_text(FILE.read_text().replace("pose =", 'origin = "1,2,300"\npose ='))
+    assert main(["run"]) == 2
+
+
+@pytest.mark.usefixtures("variant")
+def test_a_second_device_moves_with_the_pose(project: Path) -> None:
+    """As on a rigid frame: the pose of one in the other's frame stays."""
+    FILE.unlink()
+    pose = look_at((0.0, -300.0, 150.0), (0.0, 0.0, 0.0))
+    write_poses("pose.json", PoseSet([pose]), "opencv")
+    assert main(["field", "synthetic", "part.stl", "-o", "field.vtu", "--cell-size=4 mm"]) == 0
+    words = ["scene", "field.vtu", "part.stl", "--second=300,-100,100", "--focus=50:600"]
+    words += ["--layers=2", "--scale=0.05"]
+    between = []
+    for name, more in (("usual", []), ("posed", ["--pose=pose.json"])):
+        assert main([*words, *more, "-o", f"{name}/scene.xml"]) == 0
+        scene = load_scene(Path(name) / "scene.xml")
+        assert scene.second is not None
+        between.append(np.linalg.inv(scene.camera.matrix) @ scene.second.matrix)
+    np.testing.assert_allclose(scene.camera.matrix, pose, atol=1e-9)
+    np.testing.assert_allclose(between[1], between[0], atol=1e-9)
+    assert main([*words, "--pose=pose.json", "--origin=1,2,300", "-o", "c/scene.xml"]) == 2
+
+
+def test_a_flow_is_solved_again_for_another_wall_and_for_nothing_else(project: Path) -> None:
+    replaced(', "air.synthetic.wall_temperature"', "")
+    text = FILE.read_text()
+    begin, end = text.index("\n[air.synthetic]"), text.index("# [air.simulate]")
+    text = (text[:begin] + "\n" + text[end:]).replace("# [air.simulate]", "[air.simulate]")
+    FILE.write_text(text.replace("# wall_t", "wall_t"))
+    file = read_project_file(FILE, app)
+    field = states_of(file)["field"]
+    assert field.step.command == "field simulate"
+    assert field.step.words() == ["part.stl", "--output=build/field"]
+    field.step.product.parent.mkdir(parents=True)
+    field.step.product.write_text("solved")
+    field.write(done=True)
+    assert "field" not in reasons()
+    replaced("-0.02 0.02", "-0.03 0.03")
+    replaced("scale = 0.06", "scale = 0.07")
+    replaced("layers = 3", "layers = 4")
+    assert "field" not in reasons()
+    replaced('wall_temperature = "1050 degC"\n', 'wall_temperature = "1040 degC"\n')
+    assert reasons()["field"] == "[air.simulate] wall_temperature changed"
+    replaced('"1040 degC"', '"1050 degC"')
+    replaced('ambient = "20 degC"', 'ambient = "21 degC"')
+    assert reasons()["field"] == "[air] ambient changed"
+
+
+@pytest.mark.usefixtures("variant")
+def test_a_project_in_python_has_the_values_of_its_products(
+    project: Path, monkeypatch: pytest.MonkeyPatch, capsys: Printed
+) -> None:
+    monkeypatch.chdir(project.parent)
+    found = iriftrace.Project.read(project / FILE)
+    assert found.status["scene"] == "not done yet"
+    assert found.scan.points.shape[1] == 3
+    assert found.status["scene"] == ""
+    assert found.temperatures == {}
+    assert found.report() == project / "build" / "report" / "report.html"
+    assert capsys.readouterr().out == ""
+    assert Path.cwd() == project.parent
+    values = json.loads((project / "build" / "measure" / "scan.json").read_text())
+    assert values["points"]["measured"] == len(found.scan.points)
+    (first, *_) = found.sentences
+    assert first.startswith(f"Error of {len(found.scan.points):,} points")
+    assert [one.name for one in found.budget.features] == ["cylinder:lateral"]
+    assert found.budget.features[0].size.decision is None
+    assert found.figure().axes
+    for value in (found, found.scene, found.scan):
+        assert value._repr_html_().startswith("<table><caption>")
+    assert "data:image/png;base64," in found._repr_html_()
+    with pytest.raises(iriftrace.InputError, match=r"\[scan\] cloud: it is missing"):
+        _ = found.correction
+
+
+def test_a_board_is_fitted_before_a_scan_is_corrected(project: Path) -> None:
+    """The steps and their words; the commands themselves have tests of their own."""
+    text = FILE.read_text().replace("# [board]", "[board]").replace("# [scan]", "[scan]")
+    for key in ('mesh = "board', "transform", "shifts", 'cloud = "scan'):
+        text = text.replace(f"# {key}", key)
+    FILE.write_text(text)
+    for name in ("board.stl", "shifts.csv", "scan.ply"):
+        Path(name).touch()
+    states = states_of(read_project_file(FILE, app))
+    assert [*states] == [
+        *("field", "scene", "measure", "board", "fit", "correct", "budget", "report")
+    ]
+    words = states["fit"].step.words()
+    assert words[:2] == ["build/board/scene.xml", "shifts.csv"]
+    assert words[3] == "--scene=build/scene/scene.xml"
+    words = states["board"].step.words()
+    assert words[:2] == ["build/field/field.vtu", "board.stl"]
+    assert words[-2:] == ["--part-transform=board_pose.txt", "--blocker=build/scene/part.ply"]
+    assert states["correct"].step.words()[1] == "build/fit/scene.xml"
+    assert "[second] second" not in states["board"].inputs
+    assert "[feature] tolerance" not in states["correct"].inputs
+    lines = [line for line in text.splitlines() if not line.startswith("origin")]
+    FILE.write_text("\n".join(lines))
+    with pytest.raises(InputError, match=r"\[camera\] origin: it is missing"):
+        states_of(read_project_file(FILE, app))
