@@ -1,7 +1,9 @@
 """Going on with a run, and judging whether it stands still; the solver here only writes files."""
 
+import os
 import shutil
 import stat
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +16,7 @@ from iriftrace.flow.simulate.case import Case
 from iriftrace.flow.simulate.case_files import write_case
 from iriftrace.flow.simulate.domain import mesh_size
 from iriftrace.flow.simulate.options import SimulationOptions
-from iriftrace.flow.simulate.programs import Installation, OpenFoamError
+from iriftrace.flow.simulate.programs import Installation, OpenFoamError, run_program
 from iriftrace.flow.simulate.run import expected_seconds, judge_steadiness, last_time, solve
 from iriftrace.flow.simulate.times import Times
 from iriftrace.io.part_files import read_part
@@ -28,6 +30,7 @@ FILES = (
 )
 # Notes when it starts and whether it averages, and writes the state at the end time.
 SOLVER = """#!/bin/sh
+cd case
 end=$(sed -n 's/^endTime *\\([^;]*\\);/\\1/p' system/controlDict)
 start=$(sed -n 's/^startTime *\\([^;]*\\);/\\1/p' system/controlDict)
 grep -q fieldAverage system/controlDict && kind=mean || kind=plain
@@ -75,6 +78,30 @@ def foam(tmp_path: Path) -> Installation:
 
 def runs(folder: Path) -> list[str]:
     return (folder / "runs").read_text().splitlines()
+
+
+def test_programs_see_a_path_that_openfoam_accepts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It refuses blanks and quotation marks in -case, in its folder, and in the shell's PWD."""
+    folder = tmp_path / 'Kern\'s "heißer" teil'
+    folder.mkdir()
+    monkeypatch.setenv("PWD", str(folder))
+    program = tmp_path / "blockMesh"
+    program.write_text(
+        f"#!{sys.executable}\nimport os, sys\n"
+        "open('case/written', 'w')\n"
+        "print(os.environ['PWD'], os.getcwd(), os.path.abspath(sys.argv[-1]), sep='|')\n"
+    )
+    program.chmod(program.stat().st_mode | stat.S_IXUSR)
+    environment = {**os.environ, "PATH": f"{tmp_path}:/usr/bin:/bin"}
+    log = run_program(Installation("", "", "", environment), folder, "blockMesh")
+    assert log.parent == folder
+    assert (folder / "written").is_file()
+    assert not set(" '\"ß") & set(log.read_text())
+    shell, own, case = log.read_text().strip().split("|")
+    assert shell == own == str(Path(case).parent)
+    assert not Path(case).exists(), "the link is temporary"
 
 
 def test_settles_first_and_averages_then(case: Case, folder: Path, foam: Installation) -> None:
