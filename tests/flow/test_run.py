@@ -9,15 +9,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from attrs import evolve
+from attrs import astuple, evolve
 
 from iriftrace.core.errors import InputError
 from iriftrace.flow.simulate.case import Case
 from iriftrace.flow.simulate.case_files import write_case
-from iriftrace.flow.simulate.domain import mesh_size
+from iriftrace.flow.simulate.domain import MeshSize, mesh_size
 from iriftrace.flow.simulate.options import SimulationOptions
 from iriftrace.flow.simulate.programs import Installation, OpenFoamError, run_program
-from iriftrace.flow.simulate.run import expected_seconds, judge_steadiness, last_time, solve
+from iriftrace.flow.simulate.run import (
+    cost_of,
+    expected_seconds,
+    judge_steadiness,
+    last_time,
+    solve,
+)
 from iriftrace.flow.simulate.times import Times
 from iriftrace.io.part_files import read_part
 from iriftrace.part.part import part_of_mesh
@@ -59,6 +65,25 @@ def test_the_expected_time_is_that_of_three_runs_to_a_factor_of_two(case: Case) 
     assert expected_seconds(
         evolve(hot, options=SimulationOptions(processes=2)), 93_108
     ) == pytest.approx(found / 2)
+
+
+def test_a_long_run_has_a_coarser_mesh_of_ten_minutes(case: Case) -> None:
+    """Eight times as long as 10 minutes: cells twice as large, a quarter of their number."""
+    fine = evolve(case, size=MeshSize("fine", 10.0))
+    cost = cost_of(fine, 400_000, 4800.0)
+    assert cost.coarser is not None
+    assert astuple(cost.coarser) == pytest.approx((20.0, 100_000, 600.0, None))
+    assert cost_of(fine, 400_000, 900.0).coarser is None, "short enough"
+    assert cost_of(fine, 400_000, 4800.0, continued=True).coarser is None, "it has begun"
+
+
+def test_a_coarser_mesh_is_still_a_useful_one(case: Case) -> None:
+    """Twice the coarse resolution at most, whose cells are 22 mm; then the run takes longer."""
+    coarse = evolve(case, size=MeshSize("coarse (A)", 22.0))
+    cost = cost_of(coarse, 400_000, 48_000.0)
+    assert cost.coarser is not None
+    assert astuple(cost.coarser) == pytest.approx((44.0, 100_000, 6000.0, None))
+    assert cost_of(evolve(case, size=MeshSize("", 42.0)), 400_000, 48_000.0).coarser is None
 
 
 @pytest.fixture
