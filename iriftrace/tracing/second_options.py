@@ -13,11 +13,9 @@ from iriftrace.core.errors import InputError, changed, refuse_given
 from iriftrace.core.number_lists import Vector
 from iriftrace.core.units import Length
 from iriftrace.tracing.camera_options import (
-    FOCUS_MM,
     CameraOptions,
     needed_pixel_size,
     refuse_unseen_part,
-    with_all_in_focus,
 )
 
 if TYPE_CHECKING:
@@ -98,7 +96,7 @@ class SecondOptions:
         else:
             target = part.centre if first.target is None else first.target
             device = camera.at(look_at(self.second, target, first.up))
-        return device if first.focus is not None else with_all_in_focus(device, camera, part)
+        return device
 
     def _calibrated(self, first: CameraOptions) -> CameraOptions:
         """Options of the second device, if its calibration is given."""
@@ -183,7 +181,6 @@ class StereoOptions:
         files = " and ".join(map(str, self.stereo_calibration))
         size = needed_pixel_size(first.pixel_size, files)
         sizes = (size, second.second_pixel_size or size)
-        focus = first.focus or FOCUS_MM
         motion = None if self.cloud_to_part is None else read_motion(self.cloud_to_part)
         stereo = read_stereo_calibration(
             *self.stereo_calibration, length_unit=first.calibration_length_unit
@@ -192,11 +189,13 @@ class StereoOptions:
         def place(part: Part, field: IndexField | None, stack: ShellStack) -> tuple[Camera, Camera]:
             matrix = motion
             if matrix is None:
-                camera = stereo.first.camera(pixel_size_mm=size, focus_mm=focus, matrix=np.eye(4))
+                camera = stereo.first.camera(
+                    pixel_size_mm=size, focus_mm=first.focus, matrix=np.eye(4)
+                )
                 matrix = first.placed(camera, part, field, stack).matrix
             cameras = []
             for calibration, width in zip(stereo.placed(matrix), sizes, strict=True):
-                camera = calibration.camera(pixel_size_mm=width, focus_mm=focus)
+                camera = calibration.camera(pixel_size_mm=width, focus_mm=first.focus)
                 refuse_unseen_part(
                     camera,
                     part,
@@ -204,8 +203,6 @@ class StereoOptions:
                     "give the unit of T, or another motion from the cloud to the part (in mm, from "
                     "camera 1 to the part; R and T lead from camera 1 to 2).",
                 )
-                if first.focus is None:
-                    camera = with_all_in_focus(camera, camera, part)
                 cameras.append(camera)
             say(
                 f"Stereo calibration: baseline {stereo.baseline_mm:.5g} mm (T read in "
