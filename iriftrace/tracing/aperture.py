@@ -119,7 +119,7 @@ def aperture_effect(
     Raises
     ------
     InputError
-        A value is out of range, the camera has no lens, its focus interval has no middle, no pixel
+        A value is out of range, the camera has no lens, no pixel
         sees the part over the whole lens, or the scene is an ensemble.
     """
     loaded = ready_scene(scene)
