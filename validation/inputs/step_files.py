@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 SIDES_MM, RADIUS_MM = (40.0, 30.0, 20.0), 7.5
 """Extents of the block, centred at the origin, and radius of its bore along z."""
 
@@ -79,14 +81,20 @@ def bored_block(unit: str = "mm") -> str:
             curve = add.line(corners[low], vector)
             ends = f"{vertices[low]},{vertices[high]}"
             edges[low, high] = add(f"EDGE_CURVE('',{ends},{curve},.T.)")
-    rims, seams = {}, {}
+    # The bore's wall has two halves, as most CAD programs write it.
+    rims, ends = {}, {}
     for k in (-1, 1):
+        ends[k] = [add.vertex((x, 0.0, k * half[2])) for x in (radius, -radius)]
         centre = (0.0, 0.0, k * half[2])
-        seams[k] = add.vertex((radius, 0.0, k * half[2]))
         circle = add(f"CIRCLE('',{add.axes(centre, (0, 0, 1), (1, 0, 0))},{radius:.9f})")
-        rims[k] = add(f"EDGE_CURVE('',{seams[k]},{seams[k]},{circle},.T.)")
-    upward = add.line((radius, 0.0, -half[2]), (0.0, 0.0, 1.0))
-    seam = add(f"EDGE_CURVE('',{seams[-1]},{seams[1]},{upward},.T.)")
+        rims[k] = [
+            add(f"EDGE_CURVE('',{first},{second},{circle},.T.)")
+            for first, second in (ends[k], ends[k][::-1])
+        ]
+    seams = []
+    for number, x in enumerate((radius, -radius)):
+        upward = add.line((x, 0.0, -half[2]), (0.0, 0.0, 1.0))
+        seams.append(add(f"EDGE_CURVE('',{ends[-1][number]},{ends[1][number]},{upward},.T.)"))
     faces = []
     for axis in range(3):
         for side in (-1, 1):
@@ -94,26 +102,25 @@ def bored_block(unit: str = "mm") -> str:
             across = [1.0 if a == (axis + 1) % 3 else 0.0 for a in range(3)]
             # Counter-clockwise as seen from outside.
             turns = [(-1, -1), (1, -1), (1, 1), (-1, 1)][::side]
-            keys = []
-            for u, v in turns:
-                key = [side, 0, 0]
-                key[0], key[1], key[2] = (0, 0, 0)
-                key[axis], key[(axis + 1) % 3], key[(axis + 2) % 3] = side, u, v
-                keys.append(tuple(key))
+            keys = [tuple(np.roll((side, u, v), axis).tolist()) for u, v in turns]
             around = []
             for first, second in zip(keys, [*keys[1:], keys[0]], strict=True):
                 same = (first, second) in edges
                 around.append((edges[(first, second) if same else (second, first)], same))
             bounds = [add(f"FACE_OUTER_BOUND('',{add.loop(around)},.T.)")]
             if axis == 2:
-                bounds.append(add(f"FACE_BOUND('',{add.loop([(rims[side], side < 0)])},.T.)"))
+                rim = [(edge, side < 0) for edge in rims[side][::-side]]
+                bounds.append(add(f"FACE_BOUND('',{add.loop(rim)},.T.)"))
             place = [side * half[axis] if axis == a else 0.0 for a in range(3)]
             plane = add(f"PLANE('',{add.axes(place, normal, across)})")
             faces.append(add(f"ADVANCED_FACE('',({','.join(bounds)}),{plane},.T.)"))
-    wall = [(rims[-1], True), (seam, True), (rims[1], False), (seam, False)]
-    bound = add(f"FACE_OUTER_BOUND('',{add.loop(wall)},.F.)")
-    bore = add(f"CYLINDRICAL_SURFACE('',{add.axes((0, 0, 0), (0, 0, 1), (1, 0, 0))},{radius:.9f})")
-    faces.append(add(f"ADVANCED_FACE('',({bound}),{bore},.F.)"))
+    for number in range(2):
+        up, down = seams[1 - number], seams[number]
+        wall = [(rims[-1][number], True), (up, True), (rims[1][number], False), (down, False)]
+        bound = add(f"FACE_OUTER_BOUND('',{add.loop(wall)},.F.)")
+        axes = add.axes((0, 0, 0), (0, 0, 1), (1, 0, 0))
+        bore = add(f"CYLINDRICAL_SURFACE('',{axes},{radius:.9f})")
+        faces.append(add(f"ADVANCED_FACE('',({bound}),{bore},.F.)"))
     shell = add(f"CLOSED_SHELL('',({','.join(faces)}))")
     solid = add(f"MANIFOLD_SOLID_BREP('block',{shell})")
     length = add(_UNITS[unit])
