@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -15,7 +16,13 @@ from iriftrace.io.refusals import damaged
 
 SUFFIXES = (".step", ".stp")
 
-_KINDS = {"plane", "cylinder", "cone", "sphere", "torus"}
+_KINDS: set[Literal["plane", "cylinder", "cone", "sphere", "torus"]] = {
+    "plane",
+    "cylinder",
+    "cone",
+    "sphere",
+    "torus",
+}
 _SMALLEST, _WORK = 60_000_000, 50
 """Bytes of a mesh that take as long as meshing any STEP file, and each byte of one."""
 _MM = 1000.0

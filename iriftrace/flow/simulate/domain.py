@@ -133,12 +133,12 @@ def coarsest_useful(extents: FloatArray) -> float:
 
 def _growth(extents: FloatArray) -> float:
     """Thickness of the boundary layer relative to that of the paper's cylinder."""
-    return float(extents[2] / _REFERENCE_HEIGHT) ** 0.25
+    return float((extents[2] / _REFERENCE_HEIGHT) ** 0.25)
 
 
 def _coarsest_for_shape(extents: FloatArray) -> float:
     """Largest background cells, mm, that resolve the thinnest extent of the part."""
-    return float(min(extents)) / _CELLS_ACROSS * 2**WALL_LEVEL
+    return float(min(extents) / _CELLS_ACROSS * 2**WALL_LEVEL)
 
 
 @frozen
