@@ -19,7 +19,7 @@ help:
 	@echo 'make bench-gpu  print the times of poses on a CUDA device, as a table to send in'
 	@echo 'make bench-scaling  draw the time over rays, triangles and cells: docs/scaling.png'
 	@echo 'make accuracy  compute docs/accuracy.md anew; PARTS="exact noise" computes some sections'
-	@echo 'make validation  compare flows with solutions: docs/validation.md; an hour; PARTS="plate" computes some sections'
+	@echo 'make validation  compare flows with solutions: docs/validation.md; two hours; PARTS="plate" computes some sections'
 	@echo 'make openfoam  install OpenFOAM, which iriftrace field simulate runs, and repair it where needed'
 	@echo 'make statements  compute docs/parts.md anew: what the paper says of its components'
 	@echo 'make attack  damage files of every format and count what readers make of them: docs/reliability.md'

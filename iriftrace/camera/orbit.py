@@ -14,6 +14,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
+    from iriftrace.camera.camera import Camera
     from iriftrace.part.part import Part
 
 
@@ -247,13 +248,16 @@ def semi_axes(part: Part, stand_off_mm: float) -> FloatArray:
     return np.asarray(0.5 * np.ptp(part.bounds, axis=0) + stand_off_mm)
 
 
-def default_stand_off(part: Part, focus_mm: tuple[float, float]) -> float:
-    """Stand-off, whole mm, at which cameras have all of a part in focus, finite (near, far), mm.
+def default_stand_off(part: Part, camera: Camera) -> float:
+    """Stand-off, whole mm, at which cameras like this one have all of a part in focus.
 
     From every direction the part ends before the far end of the focus. If that needs cameras
     nearer than the middle of the focus, as for a part about as long as the focus, it is the middle.
+    Without a far end it is the distance of the `camera` from the part.
     """
-    near, far = focus_mm
+    near, far = camera.focus_mm
+    if not np.isfinite(far):
+        return float(np.ceil(part.surface.distance(camera.origin[None])[0]))
     half = 0.5 * np.ptp(part.bounds, axis=0)
     whole = far - float(half.max() + np.linalg.norm(half))
     return float(round(max(whole, 0.5 * (near + far))))

@@ -29,7 +29,7 @@ _COMMON = {
     "length-unit robot focal-length define engine export surface scheduler workers",
     "plan": "sweep statistic region criterion outside min-hits min-coverage top views "
     "max-displacement max-incidence refine evaluations output pairs system angle feature "
-    "save-poses convention",
+    "save convention",
 }
 
 COMMON: Mapping[str, frozenset[str]] = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Group, Parameter
 
@@ -23,12 +23,6 @@ from iriftrace.planning.criteria import (
     Pairing,
     Views,
 )
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from iriftrace.core.arrays import IntArray
-
 
 Ranking = Annotated[Criteria, group(Criteria, "Ranking", 1)]
 """Options of the ranking of poses: the same for plan, plot and report."""
@@ -55,7 +49,7 @@ def plan(
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], group=REFINE)] = None,
     pairs: Annotated[Flag, Parameter(group=PAIRS)] = False,
     pairing: InPairs = None,
-    save_poses: Annotated[Path | None, Parameter(group=POSES)] = None,
+    save: Annotated[Path | None, Parameter(group=POSES)] = None,
     convention: Annotated[Convention | None, Parameter(group=POSES)] = None,
 ) -> None:
     """Rank the poses of a sweep by the combined metric and print the best one.
@@ -86,19 +80,22 @@ def plan(
         Rank pairs of poses for two devices, such as a camera and a projector, by their predicted
         error, the area that both see, and the angle between them; the best three are
         measured (``iriftrace measure``), unless --no-confirm is given.
-    save_poses
-        Write the poses of the printed ranking, best first, to this .csv, .json or .npy file.
+    save
+        Write the chosen poses to this .json, .csv or .npy file, which scene and sweep read: the
+        refined pose, the poses of --views, or those of the printed ranking, best first. A .json
+        also states the distance in focus of each, and the motion between two devices.
     convention
         Camera axes in that file, opencv (x right, y down, z forward) by default.
     """
     from iriftrace.cli import plan_text
     from iriftrace.measuring.uncertainty.inputs import Inputs
+    from iriftrace.planning.chosen import write_chosen
     from iriftrace.planning.pose_plan import plan as plan_poses
     from iriftrace.planning.refine import EVALUATIONS, check_evaluations, write_refined
     from iriftrace.planning.texts import indistinct_text, ranking_table
     from iriftrace.sweep.store import read_sweep
 
-    _refuse_without("--save-poses", save_poses is not None, {"convention": convention})
+    _refuse_without("--save", save is not None, {"convention": convention})
     _refuse_without("--refine", refine, {"evaluations": evaluations, "output": output})
     if pairing is not None and not pairs:
         raise InputError(
@@ -111,7 +108,7 @@ def plan(
         check_evaluations(count)
     if pairs:
         refuse_given(
-            {"views": views, "save_poses": save_poses, "uncertainty": uncertainty or None},
+            {"views": views, "save": save, "uncertainty": uncertainty or None},
             "is about single poses; leave it out, or --pairs.",
             "options.not_together",
         )
@@ -145,8 +142,9 @@ def plan(
     summary = found.summary
     table = ranking_table(summary, top)
     indistinct = indistinct_text(summary, inputs)
-    if save_poses is not None:
-        _save(save_poses, dataset, summary.plan.order[:top], convention or OPENCV)
+    if save is not None:
+        checks.parent(save)
+        write_chosen(save, found, top, convention or OPENCV)
     # All errors have been raised by now, so that nothing is printed in vain.
     plan_text.print_plan(summary, table, indistinct)
     if views is not None and found.views is not None:
@@ -156,18 +154,8 @@ def plan(
         if output is not None:
             write_refined(output, found.refined, summary.plan, dataset)
             say(f"Refined pose in {output}")
-    if save_poses is not None:
-        say(f"Ranked poses in {save_poses}")
-
-
-def _save(path: Path, dataset: xr.Dataset, ranked: IntArray, convention: str) -> None:
-    from iriftrace.camera.pose_set import PoseSet
-    from iriftrace.io.poses import write_poses
-
-    checks.parent(path)
-    chosen = dataset.isel(pose=ranked)
-    poses = PoseSet(chosen["matrix"].values, chosen["azimuth"].values, chosen["elevation"].values)
-    write_poses(path, poses, convention)
+    if save is not None:
+        say(f"Chosen poses in {save}")
 
 
 def _refuse_without(needed: str, there: bool, options: Mapping[str, object]) -> None:

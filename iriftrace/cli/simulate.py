@@ -16,7 +16,7 @@ from iriftrace.cli.field import scene_command
 from iriftrace.cli.groups import group
 from iriftrace.cli.options import Flag, Output, read_as_word
 from iriftrace.cli.reading import PartReading, read_part
-from iriftrace.cli.simulation_progress import duration, simulation_progress
+from iriftrace.cli.simulation_progress import say_cost, simulation_progress
 from iriftrace.core.errors import InputError, SetupError, refuse_given, warn
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K, Temperature
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from iriftrace.flow.simulate.case import Case
     from iriftrace.flow.simulate.draught import Draught
     from iriftrace.flow.simulate.family import FamilyMember
-    from iriftrace.flow.simulate.family_run import Cost, Solve, Task
+    from iriftrace.flow.simulate.family_run import Remaining, Solve, Task
     from iriftrace.flow.simulate.programs import Installation
     from iriftrace.flow.simulate.simulate import Simulation
     from iriftrace.part.part import Part
@@ -166,7 +166,7 @@ def _vary(
     for one in varied:
         with simulation_progress() as display:
             # Mesh and cost are those of the first one.
-            quiet = evolve(display, expect=lambda cells, seconds: None)
+            quiet = evolve(display, expect=lambda cost: None)
             result = solve_varied(one, folder, first.field, installation, quiet)
         results.append(result)
         text = "" if one.variation is None else one.variation.text
@@ -336,10 +336,10 @@ def simulate_family(
             solve = partial(run_tasks, client, solve_elsewhere)
         status = stack.enter_context(notes.status("Mesh"))
 
-        def expect(cost: Cost) -> None:
+        def expect(remaining: Remaining) -> None:
             # The next step has its own display.
             status.stop()
-            _say_cost(cost)
+            _say_remaining(remaining)
 
         running = run_family(
             members, cases, folder, installation, solve, say=status.update, expect=expect
@@ -354,24 +354,21 @@ def _solve_here(installation: Installation, tasks: Sequence[Task]) -> Iterator[J
     for task in tasks:
         with simulation_progress() as display:
             # Cost and mesh are those of the family, printed before.
-            quiet = evolve(display, expect=lambda cells, seconds: None)
+            quiet = evolve(display, expect=lambda cost: None)
             entry = solve_member(task, installation, quiet)
         yield entry
 
 
-def _say_cost(cost: Cost) -> None:
+def _say_remaining(work: Remaining) -> None:
     """Print the cost of the family before the first solver starts."""
-    total = cost.finished + cost.mirrored + cost.between + cost.solved
-    words = [f"{cost.solved} to solve"]
-    words += [f"{cost.mirrored} mirror images"] if cost.mirrored else []
-    words += [f"{cost.between} between others"] if cost.between else []
-    words += [f"{cost.finished} already finished"] if cost.finished else []
+    total = work.finished + work.mirrored + work.between + work.solved
+    words = [f"{work.solved} to solve"]
+    words += [f"{work.mirrored} mirror images"] if work.mirrored else []
+    words += [f"{work.between} between others"] if work.between else []
+    words += [f"{work.finished} already finished"] if work.finished else []
     say(f"{total} members: {', '.join(words)}")
-    if cost.solved:
-        say(
-            f"{cost.cells:,} cells; all solvers, one after another, take "
-            f"{duration(cost.seconds)} (right to a factor of two)."
-        )
+    if work.cost is not None:
+        say_cost(work.cost, "all solvers, one after another, take")
 
 
 def _finished(entry: JsonObject) -> str:

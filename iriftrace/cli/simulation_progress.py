@@ -12,7 +12,7 @@ from rich.progress import BarColumn, Progress, TimeElapsedColumn
 from iriftrace.cli.console import notes, say, stating_kept
 
 if TYPE_CHECKING:
-    from iriftrace.flow.simulate.run import State
+    from iriftrace.flow.simulate.run import Cost, State
     from iriftrace.flow.simulate.simulate import Display
 
 
@@ -35,16 +35,23 @@ def simulation_progress() -> Iterator[Display]:
             )
             bar.update(task, total=state.end, completed=state.time, flow=flow_text(state))
 
-        yield Display(lambda text: bar.update(task, description=text), _say_expected, watch)
+        yield Display(lambda text: bar.update(task, description=text), say_cost, watch)
 
 
-def _say_expected(cells: int, seconds: float) -> None:
-    """Print the size of the mesh and the expected time of the solver."""
-    if seconds > 0.0:
-        say(f"{cells:,} cells; the solver takes {duration(seconds)} (right to a factor of two).")
+def say_cost(cost: Cost, takes: str = "the solver takes") -> None:
+    """Print the size of the mesh, the expected time, and what shortens a long one."""
+    if cost.seconds <= 0.0:
+        return
+    say(f"{cost.cells:,} cells; {takes} {_duration(cost.seconds)} (right to a factor of two).")
+    if (coarser := cost.coarser) is not None:
+        say(
+            f'In another folder, --background-cell "{coarser.background:g} mm" instead of '
+            f"{cost.background:.3g} mm takes {_duration(coarser.seconds)} with about "
+            f"{round(coarser.cells, -3):,} cells."
+        )
 
 
-def duration(seconds: float) -> str:
+def _duration(seconds: float) -> str:
     """Time of the clock in words."""
     minutes = round(seconds / 60.0)
     if minutes > 90:

@@ -48,12 +48,14 @@ def camera_text(camera: JsonObject, *, varied: bool = False) -> str:
     focal = camera.get("focal_length_mm")
     lens = "" if focal is None or varied else f"focal length {focal:g} mm, "
     near, far = camera["focus_mm"]
-    depth = f"{near:g} mm to {'infinity' if far is None else f'{far:g} mm'}"
+    depth = f"in focus from {near:g} mm to {'infinity' if far is None else f'{far:g} mm'}"
+    if not near and far is None:
+        depth = "in focus at any distance (no focus stated)"
     distorted = ", lens distortion" if camera.get("distortion") else ""
     (width, height), (columns, rows) = camera["sensor_mm"], camera["resolution"]
     return (
         f"{camera['projection']}, {lens}sensor {width:g} \N{MULTIPLICATION SIGN} {height:g} mm, "
-        f"{columns} \N{MULTIPLICATION SIGN} {rows} pixels, in focus from {depth}{distorted}"
+        f"{columns} \N{MULTIPLICATION SIGN} {rows} pixels, {depth}{distorted}"
     )
 
 

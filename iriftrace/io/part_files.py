@@ -19,6 +19,7 @@ from iriftrace.core.units import LENGTH_UNITS, length_factor, length_unit_of
 from iriftrace.io.ply import HEADER_LIMIT, PlyMesh, check_corners, read_ply, write_ply
 from iriftrace.io.reading import AS_DRAWN, ReadPart
 from iriftrace.io.refusals import check_exists, damaged, not_read
+from iriftrace.io.step import SUFFIXES, read_step
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.regions import Regions
@@ -54,11 +55,15 @@ class MeshFile:
     sha256: str
     growth: Growth | None = None
     drawing: FloatArray | None = None  # (n, 3), vertices of the cold part in the file's unit
+    surfaces: IntArray | None = None  # (m,), number of the CAD surface on which each face lies
 
 
-def load_mesh_file(path: Path) -> MeshFile:
-    """Read a mesh file; the parts of a scene (``.glb``) are combined."""
+def load_mesh_file(path: Path, chord_mm: float) -> MeshFile:
+    """Read a mesh file; the parts of a scene (``.glb``) are combined, a STEP file is meshed."""
     check_exists(path, "give an existing mesh")
+    if path.suffix.lower() in SUFFIXES:
+        vertices, faces, surfaces = read_step(path, chord_mm)
+        return MeshFile(vertices, faces, None, "mm", sha256_of(path), surfaces=surfaces)
     suffix = path.suffix.removeprefix(".").lower()
     with path.open("rb") as file:
         packed = file.read(4).startswith((b"\x1f\x8b", b"BZh", b"PK\x03\x04"))
@@ -219,7 +224,7 @@ def read_part(
     Parameters
     ----------
     path
-        A mesh that trimesh reads: PLY, STL, OBJ, OFF, GLB and others.
+        A mesh that trimesh reads: PLY, STL, OBJ, OFF, GLB and others; or a STEP file.
     reading
         Unit, place and thermal expansion of the part.
     field_wall
@@ -230,7 +235,8 @@ def read_part(
     -------
     Part
         Regions come from the PLY face property ``region`` (or ``region_0``) with names from
-        comments ``region NUMBER NAME``, otherwise from `iriftrace.part.regions.name_regions`.
+        comments ``region NUMBER NAME``, from the surfaces of a STEP file, otherwise from smooth
+        patches; `iriftrace.part.regions.name_regions` names both.
 
     Raises
     ------
@@ -254,7 +260,7 @@ def read_part(
             code="part.no_expansion",
             argument="expansion",
         )
-    file = load_mesh_file(path)
+    file = load_mesh_file(path, reading.chord_error)
     growth, factor = stated_growth(
         str(path),
         file.growth,
@@ -274,6 +280,7 @@ def read_part(
         sha256=file.sha256,
         length_unit=length_unit,
         regions=file.regions,
+        surfaces=file.surfaces,
         transform=transform,
         region_angle_deg=reading.region_angle,
     )

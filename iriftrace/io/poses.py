@@ -17,7 +17,9 @@ from __future__ import annotations
 
 import io
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -165,12 +167,17 @@ def read_poses(
     return PoseSet(matrices, *(unknown if angle is None else angle for angle in angles))
 
 
-def write_poses(path: str | Path, poses: PoseSet, convention: str = OPENCV) -> None:
+def write_poses(
+    path: str | Path,
+    poses: PoseSet,
+    convention: str = OPENCV,
+    more: Mapping[str, object] = MappingProxyType({}),
+) -> None:
     """Write camera poses, in mm, such that `read_poses` gives them back to the last bit.
 
     ``.csv`` and ``.json`` keep angles and state the convention, one of `CONVENTIONS`; ``.npy``
-    holds the matrices alone. An InputError if the ending or the convention is unknown, there is no
-    pose, or the file cannot be written.
+    holds the matrices alone; `more` are further entries of a ``.json``. An InputError if the ending
+    or the convention is unknown, there is no pose, or the file cannot be written.
     """
     path = Path(path)
     check_ending(path, _FORMATS, "a file of poses")
@@ -188,7 +195,7 @@ def write_poses(path: str | Path, poses: PoseSet, convention: str = OPENCV) -> N
             angles = (poses.azimuth_deg, poses.elevation_deg)
             listed = ([None if np.isnan(x) else x for x in angle.tolist()] for angle in angles)
             described = _JsonFile(SCHEMA, convention, "mm", matrices.tolist(), *listed)
-            content = (json.dumps(plain(described)) + "\n").encode()
+            content = (json.dumps({**plain(described), **more}) + "\n").encode()
         case _:
             lines = [",".join((*MATRIX, *ANGLES, "convention"))]
             angle_pairs = np.stack((poses.azimuth_deg, poses.elevation_deg), axis=1)

@@ -9,7 +9,7 @@ from attrs import field, frozen
 from attrs.converters import optional
 
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.units import Expansion, Temperature
+from iriftrace.core.units import Expansion, Length, Temperature
 from iriftrace.part.hot_temperature import HotTemperatures
 
 
@@ -89,6 +89,8 @@ class ReadPart:
         the temperature of the nearest wall, which is an approximation.
     region_angle
         Faces that meet at a smaller angle (degrees) belong to one region.
+    chord_error
+        Largest distance of triangles from the surfaces of a STEP file.
     """
 
     length_unit: str | None = None
@@ -99,6 +101,7 @@ class ReadPart:
     )
     hot_temperature: str | float | Sequence[str] | None = None
     region_angle: float = 30.0
+    chord_error: Length = field(default=Length("0.002 mm"), converter=Length)
 
     @property
     def matrix(self) -> FloatArray | None:

@@ -11,11 +11,16 @@ from numpy.typing import ArrayLike
 from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.mesh.query import Places, Surface
-from iriftrace.core.mesh.topology import weld
+from iriftrace.core.mesh.topology import connected, weld
 from iriftrace.core.mesh.transform import apply, checked_matrix
 from iriftrace.core.mesh.triangles import unit_vectors
 from iriftrace.part.growth import Growth
-from iriftrace.part.regions import Regions, find_smooth_groups, name_regions
+from iriftrace.part.regions import (
+    SMALLEST_SHARE,
+    Regions,
+    find_smooth_groups,
+    name_regions,
+)
 from iriftrace.part.soundness import (
     PLAUSIBLE_SIZE_MM,
     distinct_faces,
@@ -186,6 +191,7 @@ def part_of_mesh(
     sha256: str = "",
     length_unit: str = "mm",
     regions: Regions | None = None,
+    surfaces: IntArray | None = None,
     transform: ArrayLike | None = None,
     region_angle_deg: float = 30.0,
 ) -> Part:
@@ -203,6 +209,9 @@ def part_of_mesh(
         Those of its file, if there is one.
     regions
         Named regions, if known.
+    surfaces
+        (m,) number of the CAD surface on which each face lies, if known; adjoining faces on one are
+        a region.
     transform, region_angle_deg
         As for `read_part`; errors and warnings are the same, too.
     """
@@ -226,6 +235,7 @@ def part_of_mesh(
         )
         triangles = triangles[distinct]
         regions = regions and evolve(regions, of_face=regions.of_face[distinct])
+        surfaces = None if surfaces is None else surfaces[distinct]
     triangles, neighbours = oriented_outward(name, points, triangles, welded)
     surface = Surface(points, triangles)
     if surface.areas.sum() <= 0:
@@ -235,7 +245,13 @@ def part_of_mesh(
         )
     warn_of_folds(name, neighbours, surface.normals, surface.areas)
     groups = find_smooth_groups(neighbours, surface.normals, region_angle_deg)
-    named = regions or _named_regions(groups, surface, transform)
+    if surfaces is None:
+        named = regions or _named_regions(groups, surface, transform)
+    else:
+        first, second = neighbours.pairs.T
+        same = neighbours.pairs[surfaces[first] == surfaces[second]]
+        patches = connected(same, len(triangles))
+        named = _named_regions(patches, surface, transform, smallest=0.0)
     part = Part(
         vertices=points,
         faces=triangles,
@@ -252,7 +268,12 @@ def part_of_mesh(
     return part
 
 
-def _named_regions(groups: IntArray, surface: Surface, transform: ArrayLike | None) -> Regions:
+def _named_regions(
+    groups: IntArray,
+    surface: Surface,
+    transform: ArrayLike | None,
+    smallest: float = SMALLEST_SHARE,
+) -> Regions:
     """Regions with names by directions in the world's frame, in which the user sees the part."""
     normals, vertices = surface.normals, surface.vertices
     if transform is not None:
@@ -260,7 +281,7 @@ def _named_regions(groups: IntArray, surface: Surface, transform: ArrayLike | No
         # Normals transform with the inverse transpose, for either sign of the determinant.
         normals = unit_vectors(normals @ np.linalg.inv(matrix[:3, :3]))
         vertices = apply(matrix, vertices)
-    return name_regions(groups, normals, surface.areas, vertices, surface.faces)
+    return name_regions(groups, normals, surface.areas, vertices, surface.faces, smallest)
 
 
 def _refuse_unusable(name: str, points: FloatArray, triangles: IntArray) -> None:

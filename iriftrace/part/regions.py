@@ -66,6 +66,7 @@ def name_regions(
     areas: FloatArray,
     vertices: FloatArray,
     faces: IntArray,
+    smallest: float = SMALLEST_SHARE,
 ) -> Regions:
     """Make a region of every large smooth group, (m,) number of each face's, and name it.
 
@@ -76,7 +77,7 @@ def name_regions(
     surfaces on a cone ``cone (90 deg, r 5 to 7)`` with its opening angle or, from within, ``hollow
     cone (x 43, y 0, 90 deg, r 5 to 7)``; on a sphere ``sphere r 25`` or ``hollow sphere r 25``;
     other curved ones ``surface``. Equal names get a number, the largest region first. Lengths are
-    mm. Groups below `SMALLEST_SHARE` of the area form the region ``rest``.
+    mm. Groups below the fraction `smallest` of the area form the region ``rest``.
 
     The faces (m, 3) have unit normals (m, 3) and areas (m,); vertices are (n, 3), mm.
     """
@@ -87,7 +88,7 @@ def name_regions(
     # Equal holes are numbered in the order of the faces, however their corners were rounded.
     by_size = np.argsort(-np.round(area / area.sum(), _SHARE_DIGITS), kind="stable")
     # A surface in small components (a noisy scan) still has one region: all of it.
-    large = by_size[area[by_size] >= SMALLEST_SHARE * area.sum()]
+    large = by_size[area[by_size] >= smallest * area.sum()]
     region_of_group = np.full(count, len(large), dtype=np.int64)
     region_of_group[large] = np.arange(len(large))
     patches = (groups == number for number in large)

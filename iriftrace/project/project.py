@@ -16,7 +16,7 @@ from iriftrace.cli.program import app
 from iriftrace.cli.project_file import ProjectFile, read_project_file
 from iriftrace.core.html import html_table, picture
 from iriftrace.figures.describe_scan import describe, sentences
-from iriftrace.measuring.options import USUAL
+from iriftrace.measuring.options import USUAL_DEVICES
 from iriftrace.measuring.uncertainty.options import NOTHING_ASKED
 from iriftrace.project.results import corrected_values
 from iriftrace.project.run import defaults_of, do_steps
@@ -84,7 +84,7 @@ class Project:
         """What the two devices measure, simulated."""
         from iriftrace.measuring.two_devices.measure import measure
 
-        devices = self._options("measure", "SCENE").get("devices", USUAL)
+        devices = self._options("measure", "SCENE").get("devices", USUAL_DEVICES)
         return measure(self.scene, system=devices.system, phase=devices.phase)
 
     @cached_property
@@ -102,7 +102,7 @@ class Project:
                 code="project.no_cloud",
             )
         options = self._options("correct", "CLOUD", "SCENE")
-        devices = options.get("devices", USUAL)
+        devices = options.get("devices", USUAL_DEVICES)
         columns, motion = options.get("columns"), options.get("cloud_to_part")
         with self._here():
             cloud = read_cloud(
@@ -126,7 +126,7 @@ class Project:
         from iriftrace.measuring.two_devices.budget import feature_budget
 
         options = self._options("budget", "SCENE")
-        devices = options.get("devices", USUAL)
+        devices = options.get("devices", USUAL_DEVICES)
         return feature_budget(
             self.scene,
             options.get("answers", NOTHING_ASKED).inputs,

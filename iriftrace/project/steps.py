@@ -102,7 +102,7 @@ def _steps(file: ProjectFile) -> Iterator[ProjectStep]:
         first, sweep = BUILD / "first_scene" / "scene.xml", BUILD / "sweep" / "sweep.nc"
         words = [str(first), f"--output={sweep}"]
         yield ProjectStep("sweep", "sweep", lambda: words, sweep, ("first_scene",), resumes=True)
-        ranked = [str(sweep), f"--save-poses={POSES}"]
+        ranked = [str(sweep), f"--save={POSES}"]
         yield ProjectStep("plan", "plan", lambda: ranked, POSES, ("sweep",))
         planned = ("plan",)
     yield scene("scene", mesh)

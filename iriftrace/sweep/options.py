@@ -71,8 +71,9 @@ class SweepPoses:
         Point that the camera looks at in mm, "0,0,0"; by default the part's centre.
     stand_off
         Added to the part's half extents to give the ellipsoid's semi-axes, one or several,
-        "200mm,225mm"; by default as far as all of the part is in focus from every direction, or the
-        middle of the focus interval if that is farther.
+        "200mm,225mm"; by default the distance of the scene's camera from the part; with a focus
+        interval as far as all of the part is in focus from every direction, or the middle of the
+        interval if that is farther.
     semi_axes
         Semi-axes of the ellipsoid in mm, "310,240,240".
     angles
@@ -199,12 +200,5 @@ class SweepPoses:
             return {math.nan: self.semi_axes}
         lengths: tuple[float, ...] = self.stand_off or ()
         if not lengths:
-            if not math.isfinite(scene.camera.focus_mm[1]):
-                raise InputError(
-                    "The camera's focus has no far end from which to compute a distance; give a "
-                    "stand-off or semi-axes.",
-                    code="orbit.no_size",
-                    argument="stand_off",
-                )
-            lengths = (default_stand_off(scene.part, scene.camera.focus_mm),)
+            lengths = (default_stand_off(scene.part, scene.camera),)
         return {float(length): semi_axes(scene.part, length) for length in lengths}

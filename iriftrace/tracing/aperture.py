@@ -13,6 +13,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.mesh.triangles import unit_vectors
 from iriftrace.core.plain import JsonObject
 from iriftrace.image.aov_image import Status
+from iriftrace.part.part import Part
 from iriftrace.tracing.engine import choose
 from iriftrace.tracing.rays import refuse_several_fields, traced_as_chosen
 from iriftrace.tracing.scene import Scene, ready_scene
@@ -109,7 +110,7 @@ def aperture_effect(
         Used instead of the scene's own sensor.
     focus_mm : float, mm, optional
         Distance of the plane in focus along the optical axis; by default the middle of the
-        camera's focus interval.
+        camera's focus interval, or the part's centre if that has no far end.
     samples : int
         Rays over the lens, even.
     pixels : int
@@ -118,13 +119,13 @@ def aperture_effect(
     Raises
     ------
     InputError
-        A value is out of range, the camera has no lens, its focus interval has no middle, no pixel
+        A value is out of range, the camera has no lens, no pixel
         sees the part over the whole lens, or the scene is an ensemble.
     """
     loaded = ready_scene(scene)
     refuse_several_fields(loaded)
     device = loaded.camera if camera is None else camera
-    distance = _focus(device, focus_mm)
+    distance = _focus(device, scene.part, focus_mm)
     lens = _lens_points(device, f_number, samples)
     chosen = choose(loaded, device).scene
     size = device.resolution
@@ -167,8 +168,8 @@ def aperture_effect(
     )
 
 
-def _focus(camera: Camera, stated: float | None) -> float:
-    """Distance of the plane in focus, mm."""
+def _focus(camera: Camera, part: Part, stated: float | None) -> float:
+    """Distance of the plane in focus along the optical axis, mm."""
     if camera.projection != "pinhole":
         raise InputError(
             f"The camera is {camera.projection} and has no focal length, from which the lens's "
@@ -178,12 +179,7 @@ def _focus(camera: Camera, stated: float | None) -> float:
     near, far = camera.focus_mm
     distance = 0.5 * (near + far) if stated is None else float(stated)
     if math.isinf(far) and stated is None:
-        raise InputError(
-            f"The camera's focus interval {near:g} to {far:g} mm has no middle to focus the lens "
-            "at; state the distance in focus.",
-            code="camera.no_focus_distance",
-            argument="focus_distance",
-        )
+        distance = float((part.centre - camera.origin) @ camera.forward)
     if not 0.0 < distance < math.inf:
         raise InputError(
             f"The distance in focus is {distance:g} mm; give a positive length.",

@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     from iriftrace.part.part import Part
 
 
-FOCUS_MM = Interval((50.0, 250.0))
-"""Nearest and farthest sharp distance of the camera of Kern et al. (2025)."""
-
 FEWEST_PIXELS = 10
 """Minimum number of pixels across the whole part for a measurement."""
 
@@ -56,11 +53,11 @@ class CameraOptions:
         Unit of the translation in the calibration, mm by default; for a stereo calibration the
         unit that the file states, and m for ROS and Kalibr.
     focus
-        Nearest and farthest sharp distance NEAR:FAR; "0:inf" for no limit. By default 50:250, and
-        to the part's far end if the camera stands by default or as its calibration states.
+        Nearest and farthest sharp distance NEAR:FAR, mm, outside which rays count as out of focus.
+        By default there is no limit.
     origin
         Camera position in mm, "150,-100,120"; by default diagonally above, outside the hot air,
-        beyond the near end of the focus and so far that the picture shows the whole part.
+        beyond the near end of the focus, and so far that the picture shows the whole part.
     target
         Point that the camera looks at; by default the part's centre.
     up
@@ -78,7 +75,7 @@ class CameraOptions:
     calibration: Path | None = None
     pixel_size: Length | None = field(default=None, converter=optional(Length))
     calibration_length_unit: str | None = None
-    focus: Interval | None = field(default=None, converter=optional(Interval))
+    focus: Interval = field(default=Interval((0.0, math.inf)), converter=Interval)
     origin: Vector | None = field(default=None, converter=optional(Vector))
     target: Vector | None = field(default=None, converter=optional(Vector))
     up: Vector = field(default=Vector((0.0, 0.0, 1.0)), converter=Vector)
@@ -106,7 +103,7 @@ class CameraOptions:
             "give the unit of its translation, or origin and target. OpenCV's pose leads from the "
             "part's frame to the camera's, and not back.",
         )
-        return camera if self.focus is not None else with_all_in_focus(camera, camera, part)
+        return camera
 
     def has_pose(self) -> bool:
         """True if the calibration states the pose of its camera."""
@@ -138,7 +135,7 @@ class CameraOptions:
             sensor_mm=self.sensor,
             resolution=(int(width), int(height)),
             principal_point_px=self.principal_point or ((width - 1) / 2, (height - 1) / 2),
-            focus_mm=self.focus or FOCUS_MM,
+            focus_mm=self.focus,
             distortion=lens,
         )
 
@@ -182,7 +179,7 @@ class CameraOptions:
 
         return calibration.camera(
             pixel_size_mm=needed_pixel_size(self.pixel_size, self.calibration),
-            focus_mm=self.focus or FOCUS_MM,
+            focus_mm=self.focus,
             matrix=np.eye(4) if calibration.matrix is None else calibration.matrix,
         )
 
@@ -202,8 +199,7 @@ class CameraOptions:
         if self.origin is not None:
             target = part.centre if self.target is None else self.target
             return camera.at(look_at(self.origin, target, self.up))
-        camera = camera.at(default_viewpoint(part, field, stack, camera, self.target, self.up))
-        return camera if self.focus is not None else with_all_in_focus(camera, camera, part)
+        return camera.at(default_viewpoint(part, field, stack, camera, self.target, self.up))
 
 
 USUAL_CAMERA = CameraOptions()
@@ -238,13 +234,3 @@ def refuse_unseen_part(camera: Camera, part: Part, source: str, remedy: str) -> 
             code="camera.part_unseen",
             argument="calibration_length_unit",
         )
-
-
-def with_all_in_focus(device: Camera, camera: Camera, part: Part) -> Camera:
-    """A device with a camera's focus interval, extended to the part's farthest point if needed."""
-    from attrs import evolve
-
-    from iriftrace.tracing.viewpoint import farthest_mm
-
-    near, far = camera.focus_mm
-    return evolve(device, focus_mm=(near, max(far, math.ceil(farthest_mm(part, device)))))

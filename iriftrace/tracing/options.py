@@ -75,7 +75,7 @@ class ApertureOptions:
         blur of the shift against the pinhole. No picture or point changes.
     focus_distance
         Distance of the plane in focus from the lens, along its axis; by default the middle of the
-        camera's focus interval.
+        camera's focus interval, or the part's centre if that has no far end.
     """
 
     aperture: FNumber | None = field(default=None, converter=if_given(FNumber))

@@ -13,11 +13,9 @@ from iriftrace.core.errors import InputError, changed, refuse_given
 from iriftrace.core.number_lists import Vector
 from iriftrace.core.units import Length
 from iriftrace.tracing.camera_options import (
-    FOCUS_MM,
     CameraOptions,
     needed_pixel_size,
     refuse_unseen_part,
-    with_all_in_focus,
 )
 
 if TYPE_CHECKING:
@@ -98,7 +96,7 @@ class SecondOptions:
         else:
             target = part.centre if first.target is None else first.target
             device = camera.at(look_at(self.second, target, first.up))
-        return device if first.focus is not None else with_all_in_focus(device, camera, part)
+        return device
 
     def _calibrated(self, first: CameraOptions) -> CameraOptions:
         """Options of the second device, if its calibration is given."""
@@ -183,7 +181,6 @@ class StereoOptions:
         files = " and ".join(map(str, self.stereo_calibration))
         size = needed_pixel_size(first.pixel_size, files)
         sizes = (size, second.second_pixel_size or size)
-        focus = first.focus or FOCUS_MM
         motion = None if self.cloud_to_part is None else read_motion(self.cloud_to_part)
         stereo = read_stereo_calibration(
             *self.stereo_calibration, length_unit=first.calibration_length_unit
@@ -192,11 +189,13 @@ class StereoOptions:
         def place(part: Part, field: IndexField | None, stack: ShellStack) -> tuple[Camera, Camera]:
             matrix = motion
             if matrix is None:
-                camera = stereo.first.camera(pixel_size_mm=size, focus_mm=focus, matrix=np.eye(4))
+                camera = stereo.first.camera(
+                    pixel_size_mm=size, focus_mm=first.focus, matrix=np.eye(4)
+                )
                 matrix = first.placed(camera, part, field, stack).matrix
             cameras = []
             for calibration, width in zip(stereo.placed(matrix), sizes, strict=True):
-                camera = calibration.camera(pixel_size_mm=width, focus_mm=focus)
+                camera = calibration.camera(pixel_size_mm=width, focus_mm=first.focus)
                 refuse_unseen_part(
                     camera,
                     part,
@@ -204,8 +203,6 @@ class StereoOptions:
                     "give the unit of T, or another motion from the cloud to the part (in mm, from "
                     "camera 1 to the part; R and T lead from camera 1 to 2).",
                 )
-                if first.focus is None:
-                    camera = with_all_in_focus(camera, camera, part)
                 cameras.append(camera)
             say(
                 f"Stereo calibration: baseline {stereo.baseline_mm:.5g} mm (T read in "
@@ -217,7 +214,7 @@ class StereoOptions:
         return place
 
 
-def moved(first: CameraOptions, part: Part, devices: Sequence[Camera]) -> Sequence[Camera]:
+def moved(first: CameraOptions, devices: Sequence[Camera]) -> Sequence[Camera]:
     """The devices as one rigid frame, the first of them at the pose of the options' file."""
     import numpy as np
 
@@ -227,10 +224,7 @@ def moved(first: CameraOptions, part: Part, devices: Sequence[Camera]) -> Sequen
         return devices
     pose = read_poses(first.pose).matrices[0]
     motion = pose @ np.linalg.inv(devices[0].matrix)
-    found = [device.at(motion @ device.matrix) for device in devices]
-    if first.focus is None:
-        found = [with_all_in_focus(device, device, part) for device in found]
-    return found
+    return [device.at(motion @ device.matrix) for device in devices]
 
 
 Placing = Callable[
@@ -257,13 +251,13 @@ def devices_of(
         settings: SceneSettings, field: IndexField | None, stack: ShellStack
     ) -> tuple[Camera, SceneSettings]:
         if not two_devices:
-            return moved(first, part, [first.camera(part, field, stack)])[0], settings
+            return moved(first, [first.camera(part, field, stack)])[0], settings
         if place_both is not None:
             devices = place_both(part, field, stack)
         else:
             camera = first.camera(part, field, stack)
             devices = camera, second.device(first, camera, part, field, stack)
-        camera, device = moved(first, part, devices)
+        camera, device = moved(first, devices)
         system = second.system or ("fringe" if place_both is None else "stereo")
         return camera, evolve(settings, second=device, second_id=DEVICE_OF_SYSTEM[system])
 

@@ -110,12 +110,6 @@ def _in_picture(camera: Camera, points: FloatArray, filled: float = 1.0) -> Bool
     return np.asarray(off <= 0.5 * filled)
 
 
-def farthest_mm(part: Part, camera: Camera) -> float:
-    """Distance of the part's farthest point from the camera, mm."""
-    corners = part.surface.corners
-    return float(np.linalg.norm(corners - camera.origin, axis=1).max())
-
-
 @frozen
 class PartView:
     """How much of a part its picture shows, as fractions of the solid angle at the camera."""

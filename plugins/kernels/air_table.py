@@ -13,7 +13,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from iriftrace.core.arrays import IntArray, NumberArray
+from iriftrace.core.arrays import AnyIntArray, NumberArray
 from iriftrace.medium.gradient import (
     MOST_CHANGE,
     RELAXATION,
@@ -132,5 +132,5 @@ def _weight(kind: int, six_volumes: dt.Float64) -> dt.Float64:
     return dr.select(six_volumes < 0, -1 / SPLIT_WAYS[kind], 1 / SPLIT_WAYS[kind])
 
 
-def _numbers(values: IntArray) -> dt.UInt32:
+def _numbers(values: AnyIntArray) -> dt.UInt32:
     return mi.UInt32(aligned(values.astype(np.uint32)))

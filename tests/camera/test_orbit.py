@@ -20,6 +20,7 @@ from iriftrace.camera.pose import look_at
 from iriftrace.camera.pose_set import aimed, offset_outward
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import part_of_mesh
+from validation.inputs.cameras import camera_at
 
 CENTRE = np.array((3.0, -7.0, 11.0))
 AXES = np.array((225.0, 190.0, 160.0))
@@ -318,11 +319,17 @@ def test_semi_axes_are_half_extents_and_stand_off():
 
 def test_by_default_all_of_a_part_is_in_focus_from_everywhere_or_cameras_stand_in_its_middle():
     part = box(60.0, 27.0, 30.0)
-    stand_off = default_stand_off(part, (50.0, 250.0))
+    camera = camera_at((0.0, -80.0, 0.0), focus_mm=(50.0, 250.0))
+    stand_off = default_stand_off(part, camera)
     poses = fibonacci_poses(Orbit(part.centre, semi_axes(part, stand_off)), 200)
     distances = np.linalg.norm(poses.origins[:, None] - part.vertices, axis=-1)
     assert 50.0 < distances.min() < 240.0 < distances.max() < 250.0
-    assert default_stand_off(box(170.0, 27.0, 27.0), (50.0, 250.0)) == 150.0
+    assert default_stand_off(box(170.0, 27.0, 27.0), camera) == 150.0
+
+
+def test_without_a_focus_cameras_stand_as_far_as_that_of_the_scene():
+    """80 mm from the middle of a box that is 27 mm deep, up to a millimetre."""
+    assert default_stand_off(box(60.0, 27.0, 30.0), camera_at((0.0, -80.0, 0.0))) == 67.0
 
 
 def ball(radius):

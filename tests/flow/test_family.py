@@ -14,7 +14,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.flow.simulate import family_run
 from iriftrace.flow.simulate.case import RECORD, UNFINISHED, Case, natural_case, symmetric_case
 from iriftrace.flow.simulate.family import FamilyMember, plan_family
-from iriftrace.flow.simulate.family_run import FAMILY, Cost, Task, run_family, write_image
+from iriftrace.flow.simulate.family_run import FAMILY, Remaining, Task, run_family, write_image
 from iriftrace.flow.simulate.options import DraughtOptions, SimulationOptions
 from iriftrace.flow.simulate.programs import Installation
 from iriftrace.medium.origin import facts_of, origin_of, state_origin
@@ -178,11 +178,11 @@ def meshed(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     return made
 
 
-def run(family: Family, folder: Path, solver: Solver) -> tuple[list[str], Cost]:
-    costs: list[Cost] = []
+def run(family: Family, folder: Path, solver: Solver) -> tuple[list[str], Remaining]:
+    works: list[Remaining] = []
     folder.mkdir(exist_ok=True)
-    entries = run_family(*family, folder, NONE, solver, say=lambda text: None, expect=costs.append)
-    return [entry["name"] for entry in entries], costs[0]
+    entries = run_family(*family, folder, NONE, solver, say=lambda text: None, expect=works.append)
+    return [entry["name"] for entry in entries], works[0]
 
 
 def test_family_is_solved_mirrored_and_listed(
@@ -190,12 +190,14 @@ def test_family_is_solved_mirrored_and_listed(
 ) -> None:
     """Of five members three are solved, on one mesh, and the cost is that of three."""
     solver = Solver()
-    done, cost = run(family, tmp_path / "family", solver)
+    done, work = run(family, tmp_path / "family", solver)
     assert solver.solved == ["at_0.00", "at_0.10_from_090", "at_0.20_from_090"]
     assert solver.meshes == dict.fromkeys(solver.solved[1:], "at_0.00")
     assert [folder.name for folder in meshed] == ["at_0.00"]
-    assert (cost.solved, cost.mirrored, cost.finished, cost.cells) == (3, 2, 0, CELLS)
-    assert cost.seconds > 0.0
+    assert (work.solved, work.mirrored, work.finished) == (3, 2, 0)
+    assert work.cost is not None
+    assert work.cost.cells == CELLS
+    assert work.cost.seconds > 0.0
     assert sorted(done) == names(family[0])
     assert all((tmp_path / "family" / m.file).is_file() for m in family[0])
     listed = json.loads((tmp_path / "family" / FAMILY).read_text())["members"]
@@ -212,11 +214,13 @@ def test_interrupted_family_goes_on(family: Family, meshed: list[Path], tmp_path
     record = tmp_path / "cases/at_0.20_from_090" / RECORD
     record.rename(record.with_name(UNFINISHED))
     again = Solver()
-    _, cost = run(family, tmp_path, again)
+    _, work = run(family, tmp_path, again)
     assert again.solved == ["at_0.10_from_090", "at_0.20_from_090"]
-    assert (cost.solved, cost.mirrored, cost.finished) == (2, 2, 1)
+    assert (work.solved, work.mirrored, work.finished) == (2, 2, 1)
     third = Solver()
-    assert run(family, tmp_path, third)[0] == []
+    done, work = run(family, tmp_path, third)
+    assert done == []
+    assert work.cost is None
     assert third.solved == []
     later = {name: evolve(c, times=evolve(c.times, end=9.0)) for name, c in family[1].items()}
     assert len(run((family[0], later), tmp_path, third)[0]) == 5, "a later end is not finished"
@@ -246,8 +250,8 @@ def test_members_between_are_made_from_the_others(
     monkeypatch.setattr(family_run, "read_field", lambda file, air: file.stem)
     monkeypatch.setattr(family_run, "write_field_between", write)
     wider = ((*members, middle), {**cases, middle.name: case})
-    done, cost = run(wider, tmp_path, Solver())
-    assert (done[-1], cost.between) == (middle.name, 1)
+    done, work = run(wider, tmp_path, Solver())
+    assert (done[-1], work.between) == (middle.name, 1)
     assert made == [(["at_0.10_from_090", "at_0.20_from_090"], [0.5, 0.5])]
     assert run(wider, tmp_path, Solver())[0] == []
     solver = Solver()

@@ -1,21 +1,29 @@
 """Going on with a run, and judging whether it stands still; the solver here only writes files."""
 
+import os
 import shutil
 import stat
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
-from attrs import evolve
+from attrs import astuple, evolve
 
 from iriftrace.core.errors import InputError
 from iriftrace.flow.simulate.case import Case
 from iriftrace.flow.simulate.case_files import write_case
-from iriftrace.flow.simulate.domain import mesh_size
+from iriftrace.flow.simulate.domain import MeshSize, mesh_size
 from iriftrace.flow.simulate.options import SimulationOptions
-from iriftrace.flow.simulate.programs import Installation, OpenFoamError
-from iriftrace.flow.simulate.run import expected_seconds, judge_steadiness, last_time, solve
+from iriftrace.flow.simulate.programs import Installation, OpenFoamError, run_program
+from iriftrace.flow.simulate.run import (
+    cost_of,
+    expected_seconds,
+    judge_steadiness,
+    last_time,
+    solve,
+)
 from iriftrace.flow.simulate.times import Times
 from iriftrace.io.part_files import read_part
 from iriftrace.part.part import part_of_mesh
@@ -28,6 +36,7 @@ FILES = (
 )
 # Notes when it starts and whether it averages, and writes the state at the end time.
 SOLVER = """#!/bin/sh
+cd case
 end=$(sed -n 's/^endTime *\\([^;]*\\);/\\1/p' system/controlDict)
 start=$(sed -n 's/^startTime *\\([^;]*\\);/\\1/p' system/controlDict)
 grep -q fieldAverage system/controlDict && kind=mean || kind=plain
@@ -58,6 +67,25 @@ def test_the_expected_time_is_that_of_three_runs_to_a_factor_of_two(case: Case) 
     ) == pytest.approx(found / 2)
 
 
+def test_a_long_run_has_a_coarser_mesh_of_ten_minutes(case: Case) -> None:
+    """Eight times as long as 10 minutes: cells twice as large, a quarter of their number."""
+    fine = evolve(case, size=MeshSize("fine", 10.0))
+    cost = cost_of(fine, 400_000, 4800.0)
+    assert cost.coarser is not None
+    assert astuple(cost.coarser) == pytest.approx((20.0, 100_000, 600.0, None))
+    assert cost_of(fine, 400_000, 900.0).coarser is None, "short enough"
+    assert cost_of(fine, 400_000, 4800.0, continued=True).coarser is None, "it has begun"
+
+
+def test_a_coarser_mesh_is_still_a_useful_one(case: Case) -> None:
+    """Twice the coarse resolution at most, whose cells are 22 mm; then the run takes longer."""
+    coarse = evolve(case, size=MeshSize("coarse (A)", 22.0))
+    cost = cost_of(coarse, 400_000, 48_000.0)
+    assert cost.coarser is not None
+    assert astuple(cost.coarser) == pytest.approx((44.0, 100_000, 6000.0, None))
+    assert cost_of(evolve(case, size=MeshSize("", 42.0)), 400_000, 48_000.0).coarser is None
+
+
 @pytest.fixture
 def folder(case: Case, tmp_path: Path) -> Path:
     write_case(case, tmp_path / "case")
@@ -75,6 +103,30 @@ def foam(tmp_path: Path) -> Installation:
 
 def runs(folder: Path) -> list[str]:
     return (folder / "runs").read_text().splitlines()
+
+
+def test_programs_see_a_path_that_openfoam_accepts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It refuses blanks and quotation marks in -case, in its folder, and in the shell's PWD."""
+    folder = tmp_path / 'Kern\'s "heißer" teil'
+    folder.mkdir()
+    monkeypatch.setenv("PWD", str(folder))
+    program = tmp_path / "blockMesh"
+    program.write_text(
+        f"#!{sys.executable}\nimport os, sys\n"
+        "open('case/written', 'w')\n"
+        "print(os.environ['PWD'], os.getcwd(), os.path.abspath(sys.argv[-1]), sep='|')\n"
+    )
+    program.chmod(program.stat().st_mode | stat.S_IXUSR)
+    environment = {**os.environ, "PATH": f"{tmp_path}:/usr/bin:/bin"}
+    log = run_program(Installation("", "", "", environment), folder, "blockMesh")
+    assert log.parent == folder
+    assert (folder / "written").is_file()
+    assert not set(" '\"ß") & set(log.read_text())
+    shell, own, case = log.read_text().strip().split("|")
+    assert shell == own == str(Path(case).parent)
+    assert not Path(case).exists(), "the link is temporary"
 
 
 def test_settles_first_and_averages_then(case: Case, folder: Path, foam: Installation) -> None:

@@ -10,7 +10,7 @@ import trimesh
 from iriftrace.cli import main
 from iriftrace.cli.simulation_progress import simulation_progress
 from iriftrace.flow.simulate import programs as installation
-from iriftrace.flow.simulate.run import State
+from iriftrace.flow.simulate.run import Cost, State
 
 WALL = "--wall-temperature=1100 degC"
 
@@ -45,12 +45,23 @@ def test_case_is_written_without_openfoam(folder: Path, capsys: pytest.CaptureFi
 def test_the_expected_time_is_said_in_words(capsys: pytest.CaptureFixture[str]) -> None:
     with simulation_progress() as display:
         for seconds in (20.0, 170.0, 90_000.0, 0.0):
-            display.expect(12_636, seconds)
+            display.expect(Cost(22.0, 12_636, seconds))
     said = capsys.readouterr().out.splitlines()
     assert [line.partition("takes ")[2] for line in said] == [
         f"{time} (right to a factor of two)."
         for time in ("a minute or two", "some 3 minutes", "25 hours")
     ]
+
+
+def test_a_long_run_names_the_option_that_shortens_it(capsys: pytest.CaptureFixture[str]) -> None:
+    with simulation_progress() as display:
+        display.expect(Cost(19.0, 323_610, 2400.0, Cost(30.0, 129_804, 610.0)))
+    said = " ".join(capsys.readouterr().out.split())
+    assert said == (
+        "323,610 cells; the solver takes some 40 minutes (right to a factor of two). In another "
+        'folder, --background-cell "30 mm" instead of 19 mm takes some 10 minutes with about '
+        "130,000 cells."
+    )
 
 
 @pytest.mark.parametrize(

@@ -143,7 +143,7 @@ def test_a_sweep_without_offsets_is_refused(dataset: xr.Dataset) -> None:
         (["--angle=15:45"], "for two devices is given without --pairs"),
         (["--feature=cylinder:lateral"], "for two devices is given without --pairs"),
         (["--pairs", "--views=3"], "--views is about single poses"),
-        (["--pairs", "--save-poses=p.csv"], "--save-poses is about single poses"),
+        (["--pairs", "--save=p.csv"], "--save is about single poses"),
         (["--pairs", "--refine", "--evaluations=0"], "0 evaluations are too few"),
     ],
 )

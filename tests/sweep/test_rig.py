@@ -109,12 +109,17 @@ def file(swept: xr.Dataset) -> Path:
 
 
 def test_plan_says_that_both_move_and_prints_both_poses(
-    scene: Scene, swept: xr.Dataset, file: Path, capsys: pytest.CaptureFixture[str]
+    scene: Scene,
+    swept: xr.Dataset,
+    file: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     """They stand to each other as in the scene."""
     assert main(["plan", str(file), "--criterion", "displacement"]) == 0
     assert "is for the camera alone" in " ".join(capsys.readouterr().out.split())
-    assert main(["plan", str(file)]) == 0
+    saved = tmp_path / "best.json"
+    assert main(["plan", str(file), "--save", str(saved)]) == 0
     printed = capsys.readouterr().out
     assert "Both devices move together" in printed
     assert 'inside the second sensor (id="projector"):' in " ".join(printed.split())
@@ -124,6 +129,9 @@ def test_plan_says_that_both_move_and_prints_both_poses(
     np.testing.assert_allclose(camera, best, atol=1e-6)
     motion = np.linalg.inv(scene.camera.matrix) @ scene.second.matrix
     np.testing.assert_allclose(second, best @ motion, atol=1e-5)
+    written = json.loads(saved.read_text())
+    assert written["second"]["device"] == "projector"
+    np.testing.assert_allclose(written["second"]["to_first"], motion, atol=1e-9)
 
 
 @pytest.mark.slow

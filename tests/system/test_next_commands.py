@@ -78,7 +78,7 @@ def test_a_scene_that_was_changed_by_hand_is_kept(tmp_path: Path, capsys: Printe
     words = ["scene", str(tmp_path / "air.vtu"), str(tmp_path / "block.stl"), "-o", str(xml)]
     for layers in (2, 3):
         assert main([*words, f"--layers={layers}"]) == 0, "unchanged, so replaced"
-    text = xml.read_text().replace('name="focus_near" value="50.0"', 'name="focus_near" value="40"')
+    text = xml.read_text().replace('name="focus_near" value="0.0"', 'name="focus_near" value="40"')
     assert text != xml.read_text()
     xml.write_text(text)
     assert main([*words, "--layers=4"]) == 2

@@ -35,7 +35,7 @@ def test_the_best_pose_is_printed_in_three_forms_and_ranked_ones_are_saved(
 ) -> None:
     """ROS: x forward, y left, z up; and read back, the poses of the ranking, best first."""
     file = tmp_path / "poses.json"
-    text = run("plan", sweep, "--top=3", "--save-poses", file, "--convention", "ros")
+    text = run("plan", sweep, "--top=3", "--save", file, "--convention", "ros")
     best = int(re.search(r"^Best pose (\d+)", text, re.MULTILINE)[1])
     matrix = matrix_after(text, f"Best pose {best}")
     own = read_sweep(sweep)["matrix"].values[best]
@@ -45,7 +45,10 @@ def test_the_best_pose_is_printed_in_three_forms_and_ranked_ones_are_saved(
     np.testing.assert_allclose(look_at(*vectors), matrix, atol=1e-5)
     plain = re.search(r"^Look-at: origin \((.*?)\) mm", text, re.MULTILINE)
     assert plain[1] == xml[1]
-    first = np.array(json.loads(file.read_text())["matrices"][0])
+    written = json.loads(file.read_text())
+    first = np.array(written["matrices"][0])
+    assert written["focus_mm"][0] == read_sweep(sweep)["distance"].values[best]
+    assert "second" not in written, "one camera"
     np.testing.assert_array_equal(first[:3, :3], own[:3, [2, 0, 1]] * (1, -1, -1))
     np.testing.assert_array_equal(first[:3, 3], own[:3, 3])
     back = read_poses(file, "ros")
@@ -114,7 +117,7 @@ def test_another_scene_is_not_taken_for_that_of_the_sweep(scene: Path, fails: Fa
 def test_views_together_see_what_is_said(sweep: Path, run: Run) -> None:
     """Counted again from the sweep's own rows."""
     options = ["--views=2", "--max-displacement=50 um", "--max-incidence=60"]
-    text = run("plan", sweep, *options)
+    text = run("plan", sweep, *options, "--save", "views.csv")
     data = read_sweep(sweep)
     ends = np.cumsum(data["sightings"].values)
     seen = np.zeros((9, data.sizes["face"]))
@@ -127,6 +130,8 @@ def test_views_together_see_what_is_said(sweep: Path, run: Run) -> None:
         seen[pose, faces[good]] = fractions[good]
     area = data["face_area"].values / data["face_area"].values.sum()
     poses = [int(p) for p in re.findall(r"^Pose (\d+), camera", text, re.MULTILINE)]
+    saved = read_poses("views.csv").matrices
+    np.testing.assert_array_equal(saved, data["matrix"].values[poses])
     said = re.search(r"see ([\d.]+) % of the area of the part, of ([\d.]+) %", text)
     # Fractions of a face count in quarters.
     seen = np.floor(4 * seen + 0.5 - 1e-9) / 4
@@ -140,9 +145,11 @@ def test_views_together_see_what_is_said(sweep: Path, run: Run) -> None:
 
 def test_a_refined_pose_is_not_worse_and_is_kept(sweep: Path, tmp_path: Path, run: Run) -> None:
     file = tmp_path / "refined.json"
-    options = ["--refine", "--evaluations=14", "-o", str(file)]
+    options = ["--refine", "--evaluations=14", "-o", str(file), "--save=chosen.json"]
     text = run("plan", sweep, "--coverage=0.6", *options)
     kept = json.loads(file.read_text())
+    np.testing.assert_array_equal(read_poses("chosen.json").matrices, [kept["matrix"]])
+    assert json.loads(Path("chosen.json").read_text())["focus_mm"] == [kept["distance_mm"]]
     assert kept["score"] <= kept["start"]["score"]
     assert kept["evaluations"] <= 14
     np.testing.assert_allclose(matrix_after(text, "Refined pose,"), kept["matrix"], atol=1e-6)

@@ -1,6 +1,7 @@
 """Scenes with two devices: what ``scene --second`` writes measures; wrong ones are refused."""
 
 import json
+import math
 import shlex
 from pathlib import Path
 
@@ -52,11 +53,12 @@ def test_the_printed_command_measures(words: list[str], capsys: Printed) -> None
     assert numbers["points"]["measured"] > 100
 
 
-def test_the_second_device_is_sharp_to_the_parts_end(words: list[str]) -> None:
-    """As the default camera is; a focus that is given holds for both."""
+def test_a_stated_focus_holds_for_both_devices(words: list[str], capsys: Printed) -> None:
+    """Without one no distance is out of focus, and the command says that none is stated."""
     assert main([*words, "--second=150,-140,240"]) == 0
     scene = load_scene(words[4])
-    assert 250.0 < scene.second.focus_mm[1] < 340.0
+    assert scene.camera.focus_mm == scene.second.focus_mm == (0.0, math.inf)
+    assert "in focus at any distance (no focus stated)" in " ".join(capsys.readouterr().out.split())
     Path(words[4]).unlink()
     assert main([*words, "--second=150,-140,240", "--focus=50:260"]) == 0
     assert load_scene(words[4]).second.focus_mm == (50.0, 260.0)
@@ -89,8 +91,6 @@ def test_a_camera_without_a_pose_stands_nowhere_beside_the_second_device(
     assert "camera.json has no pose" in " ".join(capsys.readouterr().err.split())
     camera.write_text(json.dumps(LENS_FILE | POSE | {"T": [0, 0, 400]}))
     assert main([*words[:5], *given]) == 0
-    # Both are sharp to the part's far end, as no focus was asked for.
-    assert load_scene(words[4]).camera.focus_mm[1] > 400.0
 
 
 def test_devices_out_of_focus_are_told_so(words: list[str], capsys: Printed) -> None:

@@ -64,7 +64,8 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Run:
         check_solver(find_openfoam())
     except SetupError as error:
         pytest.skip(f"OpenFOAM not tested: {error}")
-    folder = tmp_path_factory.mktemp("simulated")
+    folder = tmp_path_factory.mktemp("simulated") / 'Kern\'s "heißer" teil'
+    folder.mkdir()
     part, case = cylinder(folder), folder / "case"
     assert main([*options(part, case), *TIMES]) == 0
     shutil.copytree(case, folder / "first", ignore=shutil.ignore_patterns("polyMesh"))

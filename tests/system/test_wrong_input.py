@@ -218,8 +218,8 @@ WRONG = {
     "plan {sweep}": [
         ("--statistic=mode", "", "--statistic.*mean"),
         ("--top=0", "ranking.below_one", r" 0 rows .*\(--top\)"),
-        ("--convention=ros", "", "--convention .*--save-poses"),
-        ("--save-poses=gone/poses.csv", "file.no_folder", "gone"),
+        ("--convention=ros", "", "--convention .*--save"),
+        ("--save=gone/poses.csv", "file.no_folder", "gone"),
         (
             "--views=2 --max-displacement='1e-9 um'",
             "views.nothing_seen",

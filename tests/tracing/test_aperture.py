@@ -109,11 +109,16 @@ def test_the_lens_is_focused_in_the_middle_of_the_interval(slab: Scene) -> None:
     assert found["defocus_px"]["median"] == pytest.approx(0.0, abs=1e-6)
 
 
+def test_without_an_interval_the_lens_is_focused_on_the_parts_middle(slab: Scene) -> None:
+    camera = above()
+    found = aperture_effect(slab, 4.0, camera=camera, pixels=10)
+    assert found.focus_mm == pytest.approx(camera.origin[2] - slab.part.centre[2])
+
+
 @pytest.mark.parametrize(
     ("options", "code"),
     [
         ({"f_number": 0.0}, "aperture.not_positive"),
-        ({"f_number": 4.0}, "camera.no_focus_distance"),
         ({"f_number": 4.0, "focus_mm": -1.0}, "camera.focus_distance"),
         ({"f_number": 4.0, "focus_mm": 150.0, "samples": 5}, "aperture.samples"),
     ],

@@ -28,6 +28,7 @@ from validation.attack import samples
 from validation.field_files import cgns, exodus, xdmf
 from validation.inputs import hot_block, stereo_files
 from validation.inputs.calibration_files import written_by_opencv
+from validation.inputs.step_files import bored_block
 
 
 @frozen
@@ -130,6 +131,11 @@ DOORS = (
     Door("part, STL", samples.mesh("part.stl"), _scene_of("part.stl"), ("part.stl",)),
     Door("part, PLY", samples.mesh("part.ply"), _scene_of("part.ply"), ("part.ply",)),
     Door("part, OBJ", samples.mesh("part.obj"), _scene_of("part.obj"), ("part.obj",)),
+    Door(
+        "part, STEP",
+        lambda folder: (folder / "part.step").write_text(bored_block()),
+        lambda folder: read_part(folder / "part.step"),
+    ),
     Door(
         "field.npz",
         samples.scene,

@@ -19,7 +19,7 @@ from iriftrace.core.files import whole_file
 from iriftrace.core.runtime.variant import ensure
 from iriftrace.core.units import ZERO_CELSIUS_K
 from scenes.generators.plate import PlateAir
-from validation.flow import betts_bokhari, coverage_table, cylinder, measured, plate
+from validation.flow import betts_bokhari, coverage_table, cylinder, hall, measured, plate
 from validation.flow.table import Table
 
 PAGE = Path(__file__).parents[2] / "docs" / "validation.md"
@@ -27,8 +27,8 @@ SIMULATIONS = Path("out/validation")
 
 INTRODUCTION = """# Is the flow right?
 
-Computed by `make validation`, which needs OpenFOAM, for one section its examples too, and about an
-hour on two cores; a section alone by `make validation PARTS="plate"`. Differences beyond a bound
+Computed by `make validation`, which needs OpenFOAM, for one section its examples too, and about two
+hours on two cores; a section alone by `make validation PARTS="plate"`. Differences beyond a bound
 are bold. What the engines make of a given field is on [the accuracy page](accuracy.md), what other
 air in the hall changes in [is this field yours?](is_this_field_yours.md), and a twin experiment
 with draughts in [which air was it?](board.md).
@@ -109,6 +109,7 @@ def sections(wall_c: float | None = None) -> tuple[Section, ...]:
             coverage_table.TEXT,
             coverage_table.coverage_table,
         ),
+        Section("hall", "How coarse may the cells be in a hall?", hall.TEXT, hall.hall_table),
     )
 
 

@@ -52,19 +52,27 @@ class Run:
 
     def field(self, part: Part, folder: Path) -> tuple[IndexField, str]:
         """The field of a part, simulated unless the folder has it, and what its mesh is."""
-        file, case = folder / f"{self.name}.vtu", folder / self.name
-        if not file.is_file():
-            folder.mkdir(parents=True, exist_ok=True)
-            save_part(part, folder / "part.ply")
-            words = ["field", "simulate", str(folder / "part.ply"), "-o", str(case)]
-            words += ["--field", str(file), "--symmetry", "xy", "--margin", "0.5"]
-            words += ["--wall-temperature", f"{self.wall_c} degC"]
-            words += ["--background-cell", f"{self.background_mm} mm"]
-            words += ["--end-time", f"{self.seconds} s", "--average-time", f"{self.averaged} s"]
-            if code := main(words):
-                raise SystemExit(code)
-        cells = json.loads((case / "mesh.json").read_text())["cells"]
-        return read_field(file), f"{self.background_mm / 16:.2f} mm at the wall, {cells:,} cells"
+        field, cells = simulated(
+            part,
+            folder / self.name,
+            *("--symmetry", "xy", "--margin", "0.5"),
+            *("--wall-temperature", f"{self.wall_c} degC"),
+            *("--background-cell", f"{self.background_mm} mm"),
+            *("--end-time", f"{self.seconds} s", "--average-time", f"{self.averaged} s"),
+        )
+        return field, f"{self.background_mm / 16:.2f} mm at the wall, {cells:,} cells"
+
+
+def simulated(part: Part, case: Path, *options: str) -> tuple[IndexField, int]:
+    """Field of a part, solved with these options unless it is next to the case; number of cells."""
+    file = case.with_name(f"{case.name}.vtu")
+    if not file.is_file():
+        case.parent.mkdir(parents=True, exist_ok=True)
+        save_part(part, case.with_name("part.ply"))
+        words = ["field", "simulate", str(case.with_name("part.ply")), "-o", str(case)]
+        if code := main([*words, "--field", str(file), *options]):
+            raise SystemExit(code)
+    return read_field(file), int(json.loads((case / "mesh.json").read_text())["cells"])
 
 
 def solved_wall(case: Path) -> pv.PolyData:

@@ -105,10 +105,9 @@ def mesh_size(resolution: str, extents: FloatArray, background_mm: float | None 
             argument="resolution",
         )
     thinnest = float(min(extents))
-    coarsest = thinnest / _CELLS_ACROSS * 2**WALL_LEVEL
+    coarsest = _coarsest_for_shape(extents)
     if background_mm is None:
-        growth = (float(extents[2]) / _REFERENCE_HEIGHT) ** 0.25
-        background = min(_BACKGROUND[resolution] * growth, coarsest)
+        background = min(_BACKGROUND[resolution] * _growth(extents), coarsest)
         letter = "ABCD"[RESOLUTIONS.index(resolution)]
         return MeshSize(f"{resolution} ({letter})", background)
     if not 0.0 < background_mm <= coarsest:
@@ -120,6 +119,26 @@ def mesh_size(resolution: str, extents: FloatArray, background_mm: float | None 
             argument="background_cell",
         )
     return MeshSize(f"background cells of {background_mm:g} mm", background_mm)
+
+
+def coarsest_useful(extents: FloatArray) -> float:
+    """Largest background cells, mm, with which a part of extents (3,), mm, is worth simulating.
+
+    Twice those of the coarse resolution: with cells of 2.6 mm at the paper's cylinder views that a
+    plume does not cross differ by up to 8 % from those with 1.7 mm.
+    """
+    useful = 2.0 * _BACKGROUND["coarse"] * _growth(extents)
+    return min(useful, _coarsest_for_shape(extents))
+
+
+def _growth(extents: FloatArray) -> float:
+    """Thickness of the boundary layer relative to that of the paper's cylinder."""
+    return float((extents[2] / _REFERENCE_HEIGHT) ** 0.25)
+
+
+def _coarsest_for_shape(extents: FloatArray) -> float:
+    """Largest background cells, mm, that resolve the thinnest extent of the part."""
+    return float(min(extents) / _CELLS_ACROSS * 2**WALL_LEVEL)
 
 
 @frozen

@@ -23,7 +23,7 @@ from iriftrace.flow.simulate.family import FamilyMember
 from iriftrace.flow.simulate.mesh import make_mesh
 from iriftrace.flow.simulate.part_surface import reflected_grid
 from iriftrace.flow.simulate.programs import Installation, find_openfoam
-from iriftrace.flow.simulate.run import expected_seconds, last_time, pieces_of
+from iriftrace.flow.simulate.run import Cost, cost_of, expected_seconds, last_time, pieces_of
 from iriftrace.flow.simulate.simulate import Display, check_solver, prepare, simulate
 from iriftrace.io.field import read_field
 from iriftrace.io.vtk_write import write_vtk
@@ -56,15 +56,14 @@ class Task:
 
 
 @frozen
-class Cost:
+class Remaining:
     """Remaining work of a family."""
 
     finished: int
     mirrored: int  # members made by mirroring
     between: int  # members made from those around them
     solved: int  # members to solve
-    cells: int  # of the largest mesh
-    seconds: float  # clock time of all solvers one after another
+    cost: Cost | None  # largest mesh, time of all solvers one after another; None if none is solved
 
 
 Solve = Callable[[Sequence[Task]], Iterable[JsonObject]]
@@ -105,7 +104,7 @@ def run_family(
     solve: Solve,
     *,
     say: Callable[[str], None],
-    expect: Callable[[Cost], None],
+    expect: Callable[[Remaining], None],
 ) -> Iterator[JsonObject]:
     """Make the missing members of a family; yields their entries as they are made.
 
@@ -133,14 +132,8 @@ def run_family(
         for task in tasks
         if task.like is None and task.member.planes in needed
     }
-    seconds = sum(
-        expected_seconds(
-            task.case, cells[task.member.planes], last_time(pieces_of(task.case_folder))
-        )
-        for task in waiting
-    )
-    most = max(cells.values(), default=0)
-    expect(Cost(len(finished), len(mirrored), len(between), len(waiting), most, seconds))
+    cost = _cost(waiting, cells, continued=bool(finished))
+    expect(Remaining(len(finished), len(mirrored), len(between), len(waiting), cost))
     for entry in solve(waiting):
         yield _keep(entry, entries, folder)
     for member in mirrored:
@@ -193,6 +186,24 @@ def _tasks(members: Sequence[FamilyMember], cases: Mapping[str, Case], folder: P
         meshed.setdefault(member.planes, task.case_folder)
         tasks.append(task)
     return tasks
+
+
+def _cost(tasks: Sequence[Task], cells: Mapping[str, int], continued: bool) -> Cost | None:
+    """Cost of all solvers one after another, on the largest of the meshes by mirror planes."""
+    if not tasks:
+        return None
+    since = [last_time(pieces_of(task.case_folder)) for task in tasks]
+    seconds = sum(
+        expected_seconds(task.case, cells[task.member.planes], start)
+        for task, start in zip(tasks, since, strict=True)
+    )
+    largest = max(tasks, key=lambda task: cells[task.member.planes])
+    return cost_of(
+        largest.case,
+        cells[largest.member.planes],
+        seconds,
+        continued=continued or any(since),
+    )
 
 
 def _entry(member: FamilyMember, case: Case) -> JsonObject:

@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 import subprocess
+import tempfile
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -38,6 +39,7 @@ _TIME = re.compile(r"^Time = (\S+)", re.M)
 _COURANT = re.compile(r"^Courant Number mean: \S+ max: (\S+)", re.M)
 _FATAL = re.compile(r"FOAM FATAL (?:IO )?ERROR.*?\n(?P<text>.*?)(?:\n\s*\n|\Z)", re.S)
 _POLL = 0.5  # s
+_LINK = "case"  # to the case's folder
 
 
 @frozen
@@ -220,7 +222,7 @@ def run_program(
     With more than one of `processes` it runs under ``mpirun``. `watch` is called twice a second
     while it runs. Raises OpenFoamError if it failed.
     """
-    command = [installation.program(name), *arguments]
+    command = [installation.program(name), *arguments, "-case", _LINK]
     if processes > 1:
         mpirun = installation.program("mpirun")
         command = [mpirun, "--oversubscribe", "-np", str(processes), *command, "-parallel"]
@@ -228,14 +230,16 @@ def run_program(
         # A solver that outlives this process would write into the case that the next call runs.
         command = [guard, "--pdeathsig", "TERM", *command]
     log = folder / f"log.{name}"
-    with log.open("wb") as file:
+    with log.open("wb") as file, tempfile.TemporaryDirectory(prefix="iriftrace-") as place:
+        # OpenFOAM refuses blanks and quotation marks anywhere in the path of a case.
+        (Path(place) / _LINK).symlink_to(folder.absolute(), target_is_directory=True)
         process = subprocess.Popen(
             command,
-            cwd=folder,
+            cwd=place,
             stdin=subprocess.DEVNULL,
             stdout=file,
             stderr=subprocess.STDOUT,
-            env=installation.environment,
+            env={**installation.environment, "PWD": place},
             # Ctrl-C is for this process, which ends it.
             start_new_session=True,
         )

@@ -21,8 +21,10 @@ from iriftrace.flow.simulate.mesh import make_mesh
 from iriftrace.flow.simulate.programs import REPAIR, Installation
 from iriftrace.flow.simulate.result import write_mean, write_snapshots
 from iriftrace.flow.simulate.run import (
+    Cost,
     State,
     Steadiness,
+    cost_of,
     expected_seconds,
     judge_steadiness,
     last_time,
@@ -50,10 +52,10 @@ class Simulation:
 
 @frozen
 class Display:
-    """Callbacks during a run: `expect` gets the number of cells and the solver's seconds."""
+    """Callbacks during a run: `expect` gets the cost of the solver before it starts."""
 
     say: Callable[[str], None] = lambda text: None
-    expect: Callable[[int, float], None] = lambda cells, seconds: None
+    expect: Callable[[Cost], None] = lambda cost: None
     watch: Callable[[State], None] = lambda state: None
 
 
@@ -87,7 +89,9 @@ def simulate(
     begun = time.monotonic()
     with _clock(folder) as all_seconds:
         cells = make_mesh(case, folder, installation, display.say, like)
-        display.expect(cells, expected_seconds(case, cells, last_time(pieces_of(folder))))
+        since = last_time(pieces_of(folder))
+        seconds = expected_seconds(case, cells, since)
+        display.expect(cost_of(case, cells, seconds, continued=since > 0.0))
         display.say(f"Solver: {cells:,} cells")
         averaged = solve(case, folder, installation, display.watch)
     seconds = time.monotonic() - begun

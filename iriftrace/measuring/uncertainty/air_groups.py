@@ -14,7 +14,6 @@ import numpy as np
 from attrs import Factory, frozen
 from numpy.typing import ArrayLike
 from scipy.special import ndtri
-from scipy.stats import qmc
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.member_weights import MemberWeights
@@ -129,6 +128,8 @@ class AirGroups:
         if self.weights is None or not (self.weights.several or self.varied):
             return None
         used = np.flatnonzero(self.weights.weights)
+        from scipy.stats import qmc  # half a second, which reading of tolerances need not take
+
         sequence = qmc.Sobol(len(used) + len(self.varied), rng=np.random.default_rng(SEED))
         units = np.clip(sequence.random(count), 1e-6, 1.0 - 1e-6)
         found = np.zeros((count, len(self.weights.weights)))
