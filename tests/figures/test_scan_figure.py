@@ -63,7 +63,7 @@ def test_colours_are_the_removed_error_and_say_that_they_end() -> None:
         error=along[:, None] * normal,
         status=np.zeros(count, dtype=np.int64),
         face=face,
-        normal=normal,
+        face_normals=part.surface.normals,
         system="fringe",
         provenance={"field": {"source": "a solver"}},
     )

@@ -57,7 +57,7 @@ SAMPLE = 10_000
 """Number of sampled points whose distance from the part is computed."""
 
 PIECE = 1 << 16
-"""Number of points that are traced at a time: they fill a processor, and take 60 MB."""
+"""Number of points that are traced at a time: they fill a processor, and take 30 MB."""
 
 ON_PART_MM = 0.02
 """Median distance below which a cloud lies on the part, so that its size is not checked."""
@@ -138,36 +138,26 @@ def correct(
     near_box, to_part = _near_part(measured, loaded.part)
     traced = choose(loaded, *sensor.devices).scene
     groups = AirGroups.of(traced, inputs)
-    # Clouds come in any order; neighbouring rays are traced faster.
     order, in_view = _order(measured, near_box, sensor)
     varied = {place for one in groups.varied.values() for place in (one.member, one.base)}
     places = sorted({*traced.counted, *varied})
-    errors = np.zeros((max(len(traced.members), 1), *measured.shape))
-    outside = (CorrectionStatus.FAR_FROM_PART, CorrectionStatus.OUTSIDE_VIEW)
-    outcomes = {place: np.where(in_view, *outside).astype(np.uint8) for place in places}
-    face = np.full(len(measured), -1, dtype=np.int32)
-    for place, member in zip(places, traced.alone(places), strict=True):
-        for block in blocks(len(order), PIECE):
-            rows = order[block]
-            errors[place, rows], outcomes[place][rows], faces = _robust_error(
-                measured[rows], member, sensor
-            )
-            if place == traced.counted[0]:
-                face[rows] = faces
+    found = {
+        place: _in_one_field(measured, in_view, order, member, sensor)
+        for place, member in zip(places, traced.alone(places), strict=True)
+    }
+    errors, _, face = found[traced.counted[0]]
     weights = groups.weights
-    status = np.max([outcomes[place] for place in traced.counted], axis=0)
+    status = np.max([found[place][1] for place in traced.counted], axis=0)
+    errors = errors[None] if weights is None else np.zeros((len(traced.members), *errors.shape))
     if weights is not None:
-        for block in blocks(len(measured)):
-            known = {
-                place: (errors[place, block], is_corrected(outcome[block]))
-                for place, outcome in outcomes.items()
-            }
-            errors[:, block] = completed(known, traced.members, weights)
-            status[block] = _with_doubt(status[block], errors[:, block], weights)
+        for rows in blocks(len(measured)):
+            known = {at: (e[rows], is_corrected(code[rows])) for at, (e, code, _) in found.items()}
+            errors[:, rows] = completed(known, traced.members, weights)
+            status[rows] = _with_doubt(status[rows], errors[:, rows], weights)
     # What stands behind the part, such as a table, is hidden and does not belong to it.
     hidden = np.flatnonzero(status == CorrectionStatus.HIDDEN)
-    far = ~loaded.part.surface.within(measured, REACH_MM, hidden)
-    status[hidden[far]] = CorrectionStatus.FAR_FROM_PART
+    near = loaded.part.surface.within(measured, REACH_MM, hidden)
+    status[hidden[~near]] = CorrectionStatus.FAR_FROM_PART
     _refuse_none(status, measured, loaded.part)
     errors[:, ~is_corrected(status)] = 0.0
     error = errors[0] if weights is None else weights.mean(errors)
@@ -199,6 +189,20 @@ def correct(
         one_line=one_line,
         changes=pose_changes(traced, sensor, inputs, measured - error, sampled),
     )
+
+
+def _in_one_field(
+    measured: FloatArray, in_view: BoolArray, order: IntArray, scene: Scene, sensor: Sensor
+) -> tuple[FloatArray, AnyIntArray, AnyIntArray]:
+    """`_robust_error` of the points whose rows are in `order`, and outcomes of all others."""
+    error = np.zeros_like(measured)
+    status = np.full(len(measured), CorrectionStatus.FAR_FROM_PART, dtype=np.uint8)
+    status[~in_view] = CorrectionStatus.OUTSIDE_VIEW
+    face = np.full(len(measured), -1, dtype=np.int32)
+    for block in blocks(len(order), PIECE):
+        rows = order[block]
+        error[rows], status[rows], face[rows] = _robust_error(measured[rows], scene, sensor)
+    return error, status, face
 
 
 def _order(measured: FloatArray, near_box: BoolArray, sensor: Sensor) -> tuple[IntArray, BoolArray]:
@@ -258,9 +262,9 @@ def _larger(points: FloatArray, part: Part) -> Larger | None:
 
     On a strip of a surface refraction alone looks like another size, by as much as 2 %.
     """
-    near = in_box(points, part, 2.0 * REACH_MM)
-    to_part = part.surface.distance(sample_of(points, SAMPLE, near))
-    return larger_than(points, part) if np.median(to_part) > ON_PART_MM else None
+    sample = sample_of(points, SAMPLE, in_box(points, part, 2.0 * REACH_MM))
+    off_part = np.median(part.surface.distance(sample)) > ON_PART_MM
+    return larger_than(points, part) if off_part else None
 
 
 def _warn_of_doubtful(status: AnyIntArray, larger: Larger | None, part: Part) -> None:
@@ -295,8 +299,8 @@ def _with_doubt(status: AnyIntArray, errors: FloatArray, weights: MemberWeights)
     """Outcomes (n,) in the air of the members that count, uncertain where these scatter by more."""
     scatter, mean = weights.uncertainty(errors), weights.mean(errors)
     vague = np.linalg.norm(scatter, axis=1) > np.linalg.norm(mean, axis=1)
-    doubtful = vague & (status == CorrectionStatus.CORRECTED)
-    return np.where(doubtful, np.uint8(CorrectionStatus.UNCERTAIN), status)
+    vague &= status == CorrectionStatus.CORRECTED
+    return np.where(vague, np.uint8(CorrectionStatus.UNCERTAIN), status)
 
 
 def _refuse_none(status: AnyIntArray, measured: FloatArray, part: Part) -> None:
@@ -357,8 +361,7 @@ def _point_error(
     face = np.full(len(measured), -1)
     found, in_air, lost = np.zeros((3, len(measured)), dtype=bool)
     for _ in range(ROUNDS):
-        active = np.flatnonzero(~found & ~lost)
-        if len(active) == 0:
+        if len(active := np.flatnonzero(~found & ~lost)) == 0:
             break
         # Not copied while all are active.
         rows = slice(None) if len(active) == len(measured) else active
@@ -374,8 +377,7 @@ def _point_error(
         face[rows] = one.face
         in_air[rows] = one.in_air | other.in_air
         lost[rows] = one.lost | other.lost
-        seen, _ = sensor.triangulated(one.direction, other.direction)
-        step = measured[rows] - seen
+        step = measured[rows] - sensor.triangulated(one.direction, other.direction)[0]
         place[rows] += step
         moved = np.maximum(moved, row_lengths(step))
         found[rows] = moved <= SETTLED_MM
