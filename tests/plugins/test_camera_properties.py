@@ -83,7 +83,7 @@ def test_pose_of_the_scene_comes_before_that_of_the_calibration(tmp_path: Path) 
         ({"film": film(612, 512)}, "of 2448 x 2048 pixels, but the film has 612 x 512"),
         ({"calibration": 3.0}, '"calibration" is 3.0; write <string'),
         ({"calibration": "nowhere.yaml"}, "no file .*nowhere.yaml"),
-        ({"pixel_size": 0.0}, "Pixel size is 0.0 mm"),
+        ({"pixel_size": 0.0}, "Pixel size is 0 mm"),
         ({"length_unit": "furlong"}, "'furlong' is not a length unit"),
         ({"pixel_size": 2.74}, "Pixel size is 2.74 mm"),
         ({"calibration": "."}, '"calibration" names the folder'),
