@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -86,20 +87,49 @@ def cells_of(field: IndexField) -> FieldCells:
 
 
 def mixed_cells(members: Sequence[FieldCells], weights: ArrayLike) -> FieldCells:
-    """The first of several fields on one mesh, with the weighted sum of their refractivities.
+    """The cells of several fields on one mesh, with the weighted sum of their refractivities.
 
-    `weights` (k,) have the sum 1 and may be negative. Raises InputError for fields on several
-    meshes.
+    `weights` (k,) have the sum 1 and may be negative. A field is ambient in cells that it does not
+    have. Raises InputError for fields on several meshes: that have less than half of the cells of
+    the smaller one in common.
     """
     first, shares = members[0], np.asarray(weights, dtype=np.float64)
-    for one in members[1:]:
-        for name in ("points", "celltypes", "cell_connectivity"):
-            if not np.array_equal(getattr(one, name), getattr(first, name)):
-                raise InputError(
-                    f"{one.source.path} has another mesh than {first.source.path}, so their air "
-                    "cannot be mixed point by point; solve both on one mesh.",
-                    code="field.other_mesh",
-                )
-    refractivity = np.tensordot(shares, [one.refractivity for one in members], axes=1)
-    ambient = float(shares @ [one.ambient for one in members])
-    return evolve(first, refractivity=refractivity, ambient=ambient)
+    places = [one.points for one in members]
+    starts = np.cumsum([0, *(len(one.celltypes) for one in members)])
+    points, number = np.unique(np.concatenate(places), axis=0, return_inverse=True)
+    numbers = np.split(number.ravel(), np.cumsum([len(one) for one in places])[:-1])
+    rows = np.concatenate([_rows(*each) for each in zip(members, numbers, strict=True)])
+    cells, cell = np.unique(rows, axis=0, return_inverse=True)
+    of_member = [cell.ravel()[low:high] for low, high in pairwise(starts)]
+    for one, its in zip(members[1:], of_member[1:], strict=True):
+        common = np.count_nonzero(np.isin(its, of_member[0]))
+        if common < 0.5 * min(len(its), len(of_member[0])):
+            raise InputError(
+                f"{one.source.path} has another mesh than {first.source.path}, so their air "
+                "cannot be mixed point by point; solve both on one mesh.",
+                code="field.other_mesh",
+            )
+    refractivity, wall = np.zeros(len(points)), np.zeros(len(points), dtype=bool)
+    for share, one, its in zip(shares, members, numbers, strict=True):
+        values = np.full(len(points), one.ambient)
+        values[its] = one.refractivity
+        refractivity += share * values
+        wall[its] |= one.wall
+    return evolve(
+        first,
+        points=points,
+        refractivity=refractivity,
+        celltypes=cells[:, 0].astype(np.uint8),
+        cell_connectivity=cells[:, 1:][cells[:, 1:] >= 0].astype(np.int32),
+        wall=wall,
+        ambient=float(shares @ [one.ambient for one in members]),
+    )
+
+
+def _rows(cells: FieldCells, number: IntArray) -> IntArray:
+    """Type and corners of cells, by new numbers of the points; (c, 9), with -1 after the last."""
+    rows = np.full((len(cells.celltypes), 9), -1)
+    rows[:, 0] = cells.celltypes
+    corner = np.arange(8) < np.diff(cells.cell_offsets)[:, None]
+    rows[:, 1:][corner] = number[cells.cell_connectivity]
+    return rows

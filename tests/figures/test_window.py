@@ -144,7 +144,7 @@ def test_what_cannot_be_shown_says_why(tmp_path: Path) -> None:
         view(other, picture=picture)
     damaged = tmp_path / "cloud.ply"
     damaged.write_bytes((folder_of("cylinder") / "part.ply").read_bytes()[:500])
-    with pytest.raises(InputError, match="damaged"):
+    with pytest.raises(InputError, match="cannot be read"):
         view(damaged, picture=picture)
     with pytest.raises(InputError, match="There is no file"):
         view(tmp_path / "gone.vtp", picture=picture)

@@ -93,7 +93,7 @@ def test_a_group_widens_a_cylinder_by_what_it_moves_its_points() -> None:
         error=np.zeros_like(points),
         status=np.zeros(4000, dtype=np.int64),
         face=face,
-        normal=normal,
+        face_normals=part.surface.normals,
         system="stereo",
         provenance={},
         groups=AirGroups(None, {}, {}, "known", ()),

@@ -404,7 +404,7 @@ def test_a_stated_contrast_adds_to_what_members_say(three: Scene) -> None:
     effect = float(alone.weights.mean(by_member))
     assert both.parts(effect, by_member) == {
         **alone.parts(effect, by_member),
-        CONTRAST: pytest.approx(0.05 * effect),
+        CONTRAST: pytest.approx(0.05 * np.hypot(effect, alone.weights.uncertainty(by_member))),
     }
     assert both.mixture(by_member) is not None
 

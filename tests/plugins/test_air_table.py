@@ -87,14 +87,15 @@ def test_another_temperature_makes_the_table_of_a_field_with_it(integrator: Any)
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        (np.full(3, 300.0), "field.temperature has 3 values, but the field has 1,331 points"),
-        (np.full(1331, -1.0), "temperature of -1 K does not exist in air"),
+        ([300.0] * 3, "field.temperature has 3 values, but the field has [0-9,]+ points"),
+        (-1.0, "temperature of -1 K does not exist in air"),
     ],
 )
 def test_temperatures_that_no_field_has_are_refused(
-    integrator: Any, values: np.ndarray, message: str
+    integrator: Any, values: list[float] | float, message: str
 ) -> None:
-    parameters = mi.traverse(integrator)
-    parameters["field.temperature"] = mi.Float64(values)
+    parameters, count = mi.traverse(integrator), len(integrator.air.cells.points)
+    given = [values] * count if isinstance(values, float) else values
+    parameters["field.temperature"] = mi.Float64(given)
     with pytest.raises(InputError, match=message):
         parameters.update()
