@@ -60,15 +60,21 @@ class State:
     ambient_c: float = AMBIENT_C
     pressure_hpa: float = PRESSURE_HPA
 
-    def field(self, name: str, folder: Path, cell_mm: float, vary: str = "") -> IndexField:
+    def case(self, folder: Path, cell_mm: float) -> Path:
+        """Folder of its flow on a mesh."""
+        state = f"{self.draught:g}m_s_{self.wall_c:g}C_{self.ambient_c:g}C_{self.pressure_hpa:g}hPa"
+        return folder / f"{state}_{cell_mm:g}mm"
+
+    def field(self, folder: Path, cell_mm: float, vary: str = "") -> IndexField:
         """Its field, solved unless the folder has it."""
-        file = folder / name / "field.vtu"
+        case = self.case(folder, cell_mm)
+        file = case / "field.vtu"
         if not file.is_file():
             part = folder / "part.ply"
             if not part.is_file():
                 folder.mkdir(parents=True, exist_ok=True)
                 main(f"part cylinder -o {part} --diameter 30mm --length 40mm".split())
-            words = ["field", "simulate", str(part), "-o", str(folder / name / "case")]
+            words = ["field", "simulate", str(part), "-o", str(case / "case")]
             words += ["--field", str(file), "--symmetry", "x", "--end-time", "3 s"]
             words += ["--average-time", "1.5 s", "--background-cell", f"{cell_mm} mm"]
             words += ["--wall-temperature", f"{self.wall_c} degC"]
@@ -101,12 +107,10 @@ def members(folder: Path) -> list[IndexField]:
     """Fields of the draughts, and of one with each input changed by what is stated."""
     varied = "wall 15 K, ambient 2 K, pressure 3 hPa"
     fields = [
-        State(draught).field(
-            f"member_{draught:g}", folder, MEMBERS_MM, varied if n == VARIED else ""
-        )
+        State(draught).field(folder, MEMBERS_MM, varied if n == VARIED else "")
         for n, draught in enumerate(DRAUGHTS)
     ]
-    of = folder / f"member_{DRAUGHTS[VARIED]:g}"
+    of = State(DRAUGHTS[VARIED]).case(folder, MEMBERS_MM)
     return fields + [
         iriftrace.read_field(of / f"field_{name}.vtu") for name in ("wall", "ambient", "pressure")
     ]
@@ -124,13 +128,12 @@ def on_another_mesh(folder: Path, count: int, rng: np.random.Generator) -> list[
     """Worlds whose flow is solved on another mesh; what the meshes differ by is stated."""
     family = members(folder)
     part = iriftrace.read_part(folder / "part.ply")
-    other = State(DRAUGHTS[VARIED]).field("other_mesh", folder, OTHER_MM)
+    other = State(DRAUGHTS[VARIED]).field(folder, OTHER_MM)
     inputs = evolve(STATED, mesh=difference(family[VARIED], other, part))
     scene = scene_in(iriftrace.HotAir(family), part)
     found = []
-    for n in range(count):
-        state = drawn(rng, DRAUGHTS[0], DRAUGHTS[-1])
-        field = state.field(f"world_{n:02d}", folder, OTHER_MM)
+    for state in [drawn(rng, DRAUGHTS[0], DRAUGHTS[-1]) for _ in range(count)]:
+        field = state.field(folder, OTHER_MM)
         true = scene_in(iriftrace.HotAir(field), part)
         found.append(held_by(scene, true, inputs, SENSOR_MM, rng))
     return found
@@ -153,9 +156,8 @@ def with_a_board(folder: Path, count: int, rng: np.random.Generator) -> list[Hel
     part = iriftrace.read_part(folder / "part.ply")
     board = BOARD.part.transformed(BOARD_TO_WORLD)
     found = []
-    for n in range(count):
-        state = drawn(rng, *OUTSIDE)
-        field = state.field(f"outside_{n:02d}", folder, MEMBERS_MM)
+    for n, state in enumerate([drawn(rng, *OUTSIDE) for _ in range(count)]):
+        field = state.field(folder, MEMBERS_MM)
         air = iriftrace.HotAir(field)
         seen = iriftrace.Scene(board, air, BOARD_CAMERA, blockers=(part,), engine="cells")
         shifts = measured_shifts(seen, DOT_PX, seed=n, board=BOARD, to_world=BOARD_TO_WORLD)
