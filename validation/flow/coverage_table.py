@@ -31,8 +31,8 @@ Worlds are drawn from what is stated of the hall, each is traced, measured with 
 and corrected, and the corrected diameter is compared with the true one. The truth never comes from
 the linear model by which U is computed. Three families:
 
-- air of a formula (`validation/coverage.py`): the plume leans anywhere between those of the four members,
-  wall (15 K), ambient air (2 K) and pressure (3 hPa) are off by normal errors;
+- air of a formula (`validation/coverage.py`): the plume leans anywhere between those of the four
+  members, wall (15 K), ambient air (2 K) and pressure (3 hPa) are off by normal errors;
 - a cylinder of 30 mm at 800 °C whose flow is solved for each world's own draught of 0 to 0.3 m/s,
   wall, ambient air and pressure, on another mesh than that of the seven members; what the
   effect on the diameter differs by in two meshes, in the draught where it is largest, is stated
