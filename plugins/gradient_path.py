@@ -9,6 +9,7 @@ import drjit as dr
 import mitsuba as mi
 
 from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import CHANNELS, ERROR_CHANNEL
 from iriftrace.io.field_npz import load_field_file
 from iriftrace.medium.path_data import FieldCells
@@ -159,7 +160,15 @@ def plugin_class(variant: str) -> type:
             return "hot air" if self.air.is_hot(point, prepared.opaque) else None
 
         def bender(self, prepared: PreparedScene, coherent: bool) -> dt.Bend:
-            """The ray equation."""
+            """The ray equation; InputError if there is glass, through which it does not lead."""
+            if prepared.tables.glass_shells:
+                raise InputError(
+                    f"Shell '{prepared.tables.glass_shells[0]}' is glass, but gradient_path does "
+                    "not look at shells, so rays would pass it unbent; trace with first_hit (the "
+                    "engine shells), or leave the glass out.",
+                    code="shells.glass",
+                    argument="engine",
+                )
             air, parameters = self.air, tuple(self._parameters.values())
             if dr.grad_enabled(parameters):
                 air = air.attached(*parameters)
