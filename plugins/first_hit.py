@@ -55,10 +55,9 @@ def plugin_class(variant: str) -> type:
         ``dielectric``, with the loss of its single precision) is a shell, the shape with id
         ``part``, a triangle mesh, is the measured part, any other shape blocks the view. Glass is a
         shell of ``iso_shell`` and bends rays with ``bending`` set to ``shells``; other bsdfs that
-        light passes through are refused. The film
-        must be an ``hdrfilm`` with component format float32 and box filter. The focus interval
-        comes from the sensor. The channels are those of ``CHANNELS``; quantities that do not exist
-        are 0 and ``status.code`` says why.
+        light passes through are refused. The film must be an ``hdrfilm`` with component format
+        float32 and box filter. The focus interval comes from the sensor. The channels are those of
+        ``CHANNELS``; quantities that do not exist are 0 and ``status.code`` says why.
 
         The derivatives of the index are vertex attributes of the shells' meshes, over the shell's
         step of the index: ``vertex_gradient`` (3 values a vertex, 1/mm) and ``vertex_hessian_xx``,
