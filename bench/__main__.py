@@ -88,7 +88,9 @@ def main() -> None:
         f"{process_over_trace(scene, REPEATS):.1f}",
         "",
     )
-    table.add_row("kernels compiled by a second pose", str(kernels_of_second_pose(scene)), "0")
+    for engine in ("shells", "cells"):
+        kernels = kernels_of_second_pose(load_scene(xml, engine=engine))
+        table.add_row(f"kernels of a second pose alone, {engine}", str(kernels), "0")
     for stage, share in shares(scene).items():
         table.add_row(f"  {stage} / refracted trace", f"{share:.2f}", "")
     Console().print(table)

@@ -9,7 +9,11 @@ import time
 from pathlib import Path
 from statistics import median
 
-from iriftrace.tracing.render import render_scene
+from attrs import frozen
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.plain import JsonObject
+from iriftrace.tracing.render import Rendering, render_scene
 from iriftrace.tracing.scene import Scene
 
 
@@ -85,17 +89,45 @@ def shares(scene: Scene) -> dict[str, float]:
     return {stage: time_s[stage] / time_s["refracted"] for stage in stages}
 
 
-def kernels_of_second_pose(scene: Scene) -> int:
-    """Kernels that another pose of the same camera compiles."""
+@frozen(eq=False)
+class Pose:
+    """A rendered pose and its time without loading and files, s."""
+
+    rendering: Rendering
+    seconds: float
+
+    @classmethod
+    def of(cls, scene: Scene, camera: Camera | None = None) -> Pose:
+        """Render a scene, from its own camera by default."""
+        started = time.perf_counter()
+        rendering = render_scene(scene, camera=camera)
+        return cls(rendering, time.perf_counter() - started)
+
+    def moved(self) -> Camera:
+        """The pose's camera, some millimetres away."""
+        camera = self.rendering.image.camera
+        matrix = camera.matrix.copy()
+        matrix[:3, 3] += (3.0, -2.0, 5.0)
+        return camera.at(matrix)
+
+
+def kernels_launched(scene: Scene, camera: Camera | None = None) -> tuple[Pose, list[JsonObject]]:
+    """A pose, and Dr.Jit's records of the kernels that it launches."""
     import drjit as dr
 
-    first = render_scene(scene)
-    camera = first.image.camera
-    matrix = camera.matrix.copy()
-    render_scene(scene, camera=camera)
-    matrix[:3, 3] += (3.0, -2.0, 5.0)
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
         dr.kernel_history_clear()
-        render_scene(scene, camera=camera.at(matrix))
+        pose = Pose.of(scene, camera)
         history = dr.kernel_history()
-    return sum(entry["type"] == dr.KernelType.JIT and not entry["cache_hit"] for entry in history)
+    return pose, [one for one in history if one["type"] == dr.KernelType.JIT]
+
+
+def kernels_of_second_pose(scene: Scene) -> int:
+    """Kernels of a second pose that the first one of a scene just loaded has not launched.
+
+    They would be compiled if they were not on disk from an earlier run.
+    """
+    first, kernels = kernels_launched(scene)
+    _, others = kernels_launched(scene, first.moved())
+    known = {one["hash"] for one in kernels}
+    return sum(one["hash"] not in known for one in others)

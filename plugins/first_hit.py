@@ -7,6 +7,7 @@ from functools import cache
 import drjit as dr
 import mitsuba as mi
 
+from iriftrace.core.errors import InputError
 from iriftrace.plugins.aov_integrator import integrator_class
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.bundle import straight_hits
@@ -52,10 +53,11 @@ def plugin_class(variant: str) -> type:
 
         One ray through every pixel's centre. A shape with an ``iso_shell`` bsdf (or Mitsuba's
         ``dielectric``, with the loss of its single precision) is a shell, the shape with id
-        ``part``, a triangle mesh, is the measured part, any other shape blocks the view. The film
-        must be an ``hdrfilm`` with component format float32 and box filter. The focus interval
-        comes from the sensor. The channels are those of ``CHANNELS``; quantities that do not exist
-        are 0 and ``status.code`` says why.
+        ``part``, a triangle mesh, is the measured part, any other shape blocks the view. Glass is a
+        shell of ``iso_shell`` and bends rays with ``bending`` set to ``shells``; other bsdfs that
+        light passes through are refused. The film must be an ``hdrfilm`` with component format
+        float32 and box filter. The focus interval comes from the sensor. The channels are those of
+        ``CHANNELS``; quantities that do not exist are 0 and ``status.code`` says why.
 
         The derivatives of the index are vertex attributes of the shells' meshes, over the shell's
         step of the index: ``vertex_gradient`` (3 values a vertex, 1/mm) and ``vertex_hessian_xx``,
@@ -114,6 +116,14 @@ def plugin_class(variant: str) -> type:
 
         def rule(self, tables: SceneTables) -> AtShells | InLayers:
             """The rule by which rays are bent in a scene."""
+            if self.bending == "layers" and tables.mixes_glass:
+                raise InputError(
+                    f"Shell '{tables.glass_shells[0]}' is glass, between which and the hot air "
+                    "there are no layers, so all rays would bend at the shells alone; set bending "
+                    "of first_hit to shells, or leave the glass out.",
+                    code="shells.glass",
+                    argument="bending",
+                )
             if self.bends_in_layers(tables):
                 return InLayers(tables)
             return AtShells(tables, self.normals == "gradient" and tables.has_normals)

@@ -9,6 +9,7 @@ import drjit as dr
 import mitsuba as mi
 
 from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import CHANNELS, ERROR_CHANNEL
 from iriftrace.io.field_npz import load_field_file
 from iriftrace.medium.path_data import FieldCells
@@ -16,6 +17,7 @@ from iriftrace.plugins.aov_integrator import integrator_class
 from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.bundle import Trace
 from iriftrace.plugins.kernels.curve import curved_hits
+from iriftrace.plugins.kernels.marched import MarchedMedium, Medium
 from iriftrace.plugins.kernels.prepared import PreparedScene
 from iriftrace.plugins.kernels.queries import HIT_PART, counted
 from iriftrace.plugins.kernels.tetrahedra import TetrahedralAir
@@ -63,6 +65,9 @@ def plugin_class(variant: str) -> type:
         ray is not refracted, and counts as ``open_boundary``; between the data's inner boundary
         and the part, it runs straight too.
 
+        Its method ``march(medium, step)`` has rays pass a medium of your own instead of the field:
+        see :class:`iriftrace.plugins.kernels.marched.Medium`.
+
         Limits: as for ``first_hit``; the index between the corners of a tetrahedron is linear.
 
         ``mi.traverse(integrator)`` has ``field.temperature`` (K, at the field's points) and
@@ -95,6 +100,7 @@ def plugin_class(variant: str) -> type:
             self.reverse_passes = passes(props, "reverse_passes", 1000)
             self.wavelength_nm: float | None = None
             self._air: TetrahedralAir | None = None
+            self._marched: MarchedMedium | None = None
             self._parameters: dict[str, dt.Float64] = {}
 
         def aov_names(self) -> list[str]:
@@ -104,8 +110,10 @@ def plugin_class(variant: str) -> type:
             return f"GradientPath[field={self.field}, gradient={self.gradient}]"
 
         @property
-        def air(self) -> TetrahedralAir:
-            """The field's tetrahedra; the file is read at the first need."""
+        def air(self) -> TetrahedralAir | MarchedMedium:
+            """The medium of `march`, or the field's tetrahedra, read at the first need."""
+            if self._marched is not None:
+                return self._marched
             if self._air is None:
                 cells = load_field_file(self.field)
                 if self.wavelength_nm is not None:
@@ -119,10 +127,17 @@ def plugin_class(variant: str) -> type:
             self._air = TetrahedralAir(cells, recovered=self.gradient == "recovered")
             self._parameters = {}
 
+        def march(self, medium: Medium, step: float) -> None:
+            """Trace through a medium of one's own, in place of the field, in steps of `step` mm.
+
+            The medium has the methods of `iriftrace.plugins.kernels.marched.Medium`.
+            """
+            self._marched, self._parameters = MarchedMedium(medium, step), {}
+
         def traverse(self, callback: mi.TraversalCallback) -> None:
             super().traverse(callback)
-            cells = self.air.cells
-            if not self._parameters:
+            if self._marched is None and not self._parameters:
+                cells = self.air.cells
                 kelvin = cells.air.temperature(cells.refractivity)
                 self._parameters = {
                     "field.temperature": mi.Float64(aligned(kelvin)),
@@ -132,13 +147,15 @@ def plugin_class(variant: str) -> type:
                 callback.put(name, value, mi.ParamFlags.Differentiable)
 
         def parameters_changed(self, keys: Sequence[str] = ()) -> None:
-            self._air = self.air.changed(*self._parameters.values())
+            if self._air is not None and self._parameters:
+                self._air = self._air.changed(*self._parameters.values())
 
         def forget_scene(self) -> None:
             """Let go of the scene, which the field's boundary knows too."""
             super().forget_scene()
-            if self._air is not None:
-                self._air.forget_scene()
+            for air in (self._air, self._marched):
+                if air is not None:
+                    air.forget_scene()
 
         def forget(self) -> None:
             """Let go of the scene and of the field."""
@@ -159,9 +176,17 @@ def plugin_class(variant: str) -> type:
             return "hot air" if self.air.is_hot(point, prepared.opaque) else None
 
         def bender(self, prepared: PreparedScene, coherent: bool) -> dt.Bend:
-            """The ray equation."""
+            """The ray equation; InputError if there is glass, through which it does not lead."""
+            if prepared.tables.glass_shells:
+                raise InputError(
+                    f"Shell '{prepared.tables.glass_shells[0]}' is glass, but gradient_path does "
+                    "not look at shells, so rays would pass it unbent; trace with first_hit (the "
+                    "engine shells), or leave the glass out.",
+                    code="shells.glass",
+                    argument="engine",
+                )
             air, parameters = self.air, tuple(self._parameters.values())
-            if dr.grad_enabled(parameters):
+            if isinstance(air, TetrahedralAir) and dr.grad_enabled(parameters):
                 air = air.attached(*parameters)
             return lambda origin, direction: curved_hits(
                 prepared,

@@ -194,8 +194,9 @@ class AovImage:
         missing = [key for key in keys if key not in self.header]
         if missing:
             raise InputError(
-                f"The image's header has no {', '.join(missing)}: another program wrote or removed "
-                "its entries, which are needed here; render the scene again.",
+                f"The image's header has no {', '.join(missing)}: a film of Mitsuba wrote it, or "
+                "another program removed its entries, which are needed here; render the scene "
+                "again with iriftrace.",
                 code="picture.no_header",
             )
 

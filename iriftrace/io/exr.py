@@ -139,7 +139,10 @@ def write_exr(path: str | Path, image: AovImage, *, rgb: str | None = None) -> N
 
 
 def read_exr(path: str | Path) -> AovImage:
-    """Read an AOV image that `write_exr` wrote.
+    """Read an AOV image that `write_exr` wrote, or a film of Mitsuba.
+
+    A film writes no more than the channels, so the header of its image has the schema alone: no
+    camera and no part, which metrics need.
 
     Raises
     ------
@@ -156,8 +159,10 @@ def read_exr(path: str | Path) -> AovImage:
         for key, value in attributes.items()
         if key.startswith(PREFIX) and key != PREFIX + RGB_ENTRY
     }
-    check_schema(name, header.get("schema"), SCHEMA, "render the scene again")
     known = {key: channels[key] for key in KNOWN if key in channels}
+    if not header and str(attributes.get("generatedBy")).startswith("Mitsuba") and known:
+        header = {"schema": SCHEMA}
+    check_schema(name, header.get("schema"), SCHEMA, "render the scene again")
     image = AovImage(known, header, FileOrigin.of(path))
     _refuse_not_finite(image, f"in {name} is damaged")
     return image

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +14,7 @@ from attrs import frozen
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import check_readable
+from iriftrace.core.runtime import variant as runtime
 from iriftrace.io.field_npz import FIELD_FILE
 from iriftrace.io.ply import read_whole_ply
 from iriftrace.medium.shells.hessian import PLY_COLUMNS
@@ -93,7 +93,7 @@ def _parsed(path: Path, values: Mapping[str, str]) -> list[SceneNode]:
         state = mi.parser.parse_file(config, str(path), **values)
         mi.parser.transform_resolve_references(config, state)
     except RuntimeError as error:
-        raise InputError(readable(error), code="scene.unreadable") from error
+        raise InputError(runtime.readable(error), code="scene.unreadable") from error
     return list(state.nodes)
 
 
@@ -233,14 +233,6 @@ def _check_variables(path: Path, root: ElementTree.Element, values: Mapping[str,
 def of_the_file(values: Mapping[str, str]) -> dict[str, str]:
     """The parameters that belong to the scene file itself."""
     return {name: value for name, value in values.items() if name != WAVELENGTH}
-
-
-def readable(error: Exception) -> str:
-    """Mitsuba's message on one line, without colours, tracebacks and positions in its source."""
-    text = re.sub(r"\[[\w.]+\.(cpp|h):\d+\]\s*|\x1b\[[0-9;]*m", "", str(error))
-    # A plugin in Python that refuses its properties comes with a traceback before its message.
-    text = re.sub(r"Traceback \(most recent call last\):\n(?:[ \t].*\n)*(?:[\w.]+: )?", "", text)
-    return re.sub(r"\s*\n\s*", " ", text).strip()
 
 
 def _plugin(node: SceneNode) -> str:

@@ -39,7 +39,6 @@ from iriftrace.tracing.file import (
     check_meshes,
     of_the_file,
     read_scene_file,
-    readable,
 )
 from iriftrace.tracing.hot_air import AirFiles, AirState, HotAir
 from iriftrace.tracing.scene import Scene
@@ -208,7 +207,7 @@ def _read(path: Path, values: Mapping[str, str], variant: str, engine: Engine) -
         )
     except (RuntimeError, ValueError) as error:
         runtime.refuse_gpu_without_optix(error)
-        raise InputError(readable(error), code="scene.unreadable") from error
+        raise InputError(runtime.readable(error), code="scene.unreadable") from error
     loaded = time.perf_counter()
     integrator = integrator_for(scene.integrator(), engine, str(path), field_file(path, values))
     sensors = sensors_of(scene, str(path))

@@ -118,12 +118,22 @@ def trace_bundle(
     if dr.width(chosen) == 0:
         return Bundle(None, untraced, time_s, straight)
     origin, direction = rays(chosen)
+    _begin_block()
     refracted = bend(origin, direction)
     dr.eval(*refracted)
     dr.sync_thread()
     time_s["refracted"] = time.perf_counter() - straight_done
     trace = _judged(prepared, chosen, origin, direction, straight, refracted, check, focus)
     return Bundle(trace, untraced, time_s, straight)
+
+
+def _begin_block() -> None:
+    """Keep expressions apart that follow from those before.
+
+    Tables that the first pose makes in between keep them apart, too. Without this, the next pose
+    would share constants with what comes before, and its kernels would be compiled again.
+    """
+    dr.detail.new_scope(dr.backend_v(mi.Float64))
 
 
 def rays_of(origin: dt.Point3d, direction: dt.Vector3d) -> dt.Rays:
@@ -199,6 +209,7 @@ def _judged(
 
     bent_hit = refracted.outcome == HIT_PART
     frozen = refracted._replace(**dr.detach(refracted._asdict()))
+    _begin_block()
     consistent, from_outside = check(frozen)
     too_bent = _bent_too_much(dr.detach(direction), frozen)
     distance = dr.detach(length)

@@ -35,6 +35,8 @@ def index_check(prepared: PreparedScene, refracted: RefractedHits) -> tuple[dt.B
     if tables.stock_shells:
         # Mitsuba's dielectric knows ratios only, so its steps have no common scale.
         return mi.Bool(True), mi.Bool(True)
+    # Made in the first pose; later on it would split this kernel, which is another one then.
+    wall_index = prepared.usual_wall_index
     hit = refracted.outcome == HIT_PART
     face = refracted.face - tables.part_first_face
     ambient, slack, open_step, open_steps = (
@@ -43,7 +45,7 @@ def index_check(prepared: PreparedScene, refracted: RefractedHits) -> tuple[dt.B
     )
     entry = dr.select(refracted.entry_index != 0, refracted.entry_index, ambient)
     layer = entry + refracted.index_sum
-    usual = dr.gather(mi.Float64, prepared.usual_wall_index, face, hit)
+    usual = dr.gather(mi.Float64, wall_index, face, hit)
     missing = dr.abs(entry - ambient)
     fits = dr.abs(layer - usual) < slack
     # A ray without a crossing does not tell in which air it runs, unless that at the wall is cold.

@@ -44,6 +44,9 @@ PART_ID = "part"
 CRACK = 1e-5
 """Fraction of a surface's area below which an opening is none."""
 
+GLASS = 0.01
+"""Relative step of the index beyond which a shell bounds no air, whose index is 1.0003 at most."""
+
 
 def shell_indices(bsdf: dt.BSDF | None) -> tuple[float, float] | None:
     """Index outside and inside, if the bsdf is a shell's; None for an opaque one."""
@@ -54,6 +57,11 @@ def shell_indices(bsdf: dt.BSDF | None) -> tuple[float, float] | None:
     if bsdf.class_name() == "SmoothDielectric":
         return 1.0, float(mi.traverse(bsdf)["eta"])
     return None
+
+
+def is_glass(sides: tuple[float, float]) -> bool:
+    """True if the indices of a shell's sides, outside and inside, are not both those of air."""
+    return abs(sides[1] / sides[0] - 1) > GLASS
 
 
 def surface_index(bsdf: dt.BSDF) -> float:
@@ -142,9 +150,25 @@ def _part_of(shapes: list[dt.Shape]) -> tuple[mi.Mesh, int]:
     return part, parts[0]
 
 
+def _refuse_transparent(shape: dt.Shape, bsdf: dt.BSDF, sides: tuple[float, float] | None) -> None:
+    """Refuse what light passes and rays here would not: all but `dielectric` shells of air."""
+    through = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Transmission)
+    if through and (sides is None or is_glass(sides)):
+        raise InputError(
+            f"Light passes through shape '{shape.id()}' (Mitsuba's {bsdf.class_name()}), but rays "
+            "here pass only through shells of iso_shell; leave the shape out, or give a window as "
+            "a closed mesh with iso_shell (ext_ior of the air, int_ior of the glass) and trace it "
+            "with first_hit.",
+            code="scene.transparent",
+        )
+
+
 def _described(shape: dt.Shape, is_part: bool) -> DescribedShape:
-    """A shape's row of the tables; InputError for a shell that cannot be traced."""
-    sides = shell_indices(shape.bsdf())
+    """A shape's row of the tables; InputError for one that cannot be traced."""
+    bsdf = shape.bsdf()
+    sides = shell_indices(bsdf)
+    if bsdf is not None and not is_part and not hasattr(bsdf, "ext_ior"):
+        _refuse_transparent(shape, bsdf, sides)
     if sides is None and not is_part:
         return DescribedShape(shape, BLOCKER, (1.0, 1.0), 1.0, False, False, 0)
     if sides is not None and not shape.is_mesh():
@@ -198,6 +222,7 @@ class SceneTables:
         self.stock_shells = sum(not hasattr(row.shape.bsdf(), "ext_ior") for row in shells)
         self.index_pairs = [row.sides for row in shells]
         self.has_normals = any(row.smooth for row in shells)
+        self.glass_shells = [row.shape.id() for row in shells if is_glass(row.sides)]
         self.facet_shells = [row.shape.id() for row in shells if not row.smooth]
         steps = [abs(outside - inside) for outside, inside in self.index_pairs]
         # Layers are distinguished by half of the smallest step; a ray that enters the data in air
@@ -205,6 +230,7 @@ class SceneTables:
         self.half_step = min((step for step in steps if step > 0), default=1e-9) / 2
         self.open_step = max(steps, default=1e-9) / 2
         known = bool(shells) and all(row.derived for row in shells)
+        self.mixes_glass = bool(self.glass_shells) and any(row.derived for row in shells)
         # Mitsuba's dielectric has a ratio of indices, which cannot join layers.
         self.knows_derivatives = known and not self.stock_shells
         self.vertices = VertexTable(rows, self.knows_derivatives)

@@ -272,7 +272,7 @@ class TetrahedralAir:
         self.wall = mi.UInt32(aligned(wall.astype(np.uint32)))
         self.boundary_place = mi.UInt32(aligned(tetrahedra.boundary_place))
         self._boundary_faces = tetrahedra.boundary
-        self._boundary_mesh = _mesh(cells.points, tetrahedra.boundary)
+        self._boundary_mesh = boundary_mesh(cells.points, tetrahedra.boundary)
         # Shared by all air in these tetrahedra: the latest other scene, and that next to it.
         self._boundary: list[mi.Scene] = []
 
@@ -365,7 +365,7 @@ class TetrahedralAir:
         )
 
 
-def _mesh(points: Float32Array, faces: NumberArray) -> mi.Mesh:
+def boundary_mesh(points: Float32Array, faces: NumberArray) -> mi.Mesh:
     """Triangles as Mitsuba's mesh."""
     used, corners = np.unique(faces, return_inverse=True)
     mesh = mi.Mesh("boundary", vertex_count=len(used), face_count=len(faces))

@@ -14,6 +14,10 @@ import pytest
 from iriftrace.cli.program import app
 from iriftrace.core.runtime.variant import using
 from iriftrace.image.aov_image import CHANNELS
+from iriftrace.io.exr import read_exr
+from iriftrace.scenes import folder_of
+from iriftrace.tracing.load import load_scene
+from iriftrace.tracing.render import render_scene
 
 CHECKOUT = Path(__file__).parents[2]
 PAGES = {
@@ -32,7 +36,7 @@ COMMANDS = {
 """What each page runs; all other pages run nothing."""
 WITH_FILES = {"project.md", "tutorial_scanner.md"}
 """Pages whose commands need files that they show."""
-PYTHON_EXAMPLES = {"README.md": 1, "mitsuba.md": 3, "python.md": 6, "triangulation.md": 1}
+PYTHON_EXAMPLES = {"README.md": 1, "mitsuba.md": 4, "python.md": 6, "triangulation.md": 1}
 
 
 def blocks(page: str, language: str) -> list[str]:
@@ -153,6 +157,40 @@ def test_scene_in_memory_bends_rays(capsys: pytest.CaptureFixture[str]) -> None:
     # First-order integral over the formula: 1.88 um at these pixels. 13 shells are within 2 %.
     assert float(printed[0]) == pytest.approx(0.00188, rel=0.02)
     assert printed[-1] == "[0 0 0]"
+    found = np.array(re.findall(r"-?\d+\.?\d*e?[+-]?\d*", " ".join(printed[1:-1])), dtype=float)
+    lengths = np.linalg.norm(found.reshape(3, 3), axis=1)
+    assert lengths == pytest.approx([moved_past_the_ball(x) for x in (0.0, 0.1, 0.15)], rel=0.02)
+
+
+def moved_past_the_ball(slope: float) -> float:
+    """First-order displacement, mm, of a ray through the 1/r air of the page's hot sphere.
+
+    From (0, -100, 0) with this slope to the sphere's axis; the deflection at each place times the
+    rest of the path is the offset across the ray, and that over the cosine the one on the sphere.
+    """
+    radius, outer, contrast, distance = 20.0, 60.0, 2.1e-4, 100.0
+    nearest = distance * np.sin(np.arctan(slope))
+    end = -np.sqrt(radius**2 - nearest**2)
+    place = np.linspace(-np.sqrt(outer**2 - nearest**2), end, 100_001)
+    gradient = contrast / (1 / radius - 1 / outer) * nearest / (place**2 + nearest**2) ** 1.5
+    aside = float(np.trapezoid(gradient * (end - place), place))
+    return aside / (-end / radius)
+
+
+def test_parallel_rays_meet_behind_the_lens(capsys: pytest.CaptureFixture[str]) -> None:
+    (example,) = (b for b in blocks("mitsuba.md", "python") if "Luneburg" in b)
+    (largest,) = map(float, printed_by(example, capsys))
+    assert largest < 5e-6
+
+
+def test_the_plugins_command_writes_the_channels_of_a_rendering(tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(folder_of("slab"), tmp_path / "slab"))
+    (line,) = "".join(blocks("mitsuba.md", "sh")).splitlines()
+    run(shlex.split(line)[1:], folder)
+    found = read_exr(folder / "channels.exr")
+    expected = render_scene(load_scene(folder / "scene.xml", {"scale": 0.25})).image
+    for name, pixels in expected.channels.items():
+        np.testing.assert_array_equal(found.channels[name], pixels, err_msg=name)
 
 
 @pytest.mark.filterwarnings("ignore:Mitsuba's own integrators show no true displacement")
@@ -182,7 +220,7 @@ def test_the_picture_through_the_air_is_shifted_by_the_channels_numbers() -> Non
 def test_gradient_of_the_displacement_is_that_of_differences(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    reverse, differences = map(float, printed_by(blocks("mitsuba.md", "python")[2], capsys))
+    reverse, differences = map(float, printed_by(blocks("mitsuba.md", "python")[-1], capsys))
     assert reverse == pytest.approx(differences, rel=1e-4)
     assert reverse == pytest.approx(-5.547, abs=0.001)
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -210,6 +211,14 @@ def refuse_gpu_without_optix(error: Exception) -> None:
             code="gpu.no_optix",
             argument="variant",
         ) from error
+
+
+def readable(error: Exception) -> str:
+    """Mitsuba's message on one line, without colours, tracebacks and positions in its source."""
+    text = re.sub(r"\[[\w.]+\.(cpp|h):\d+\]\s*|\x1b\[[0-9;]*m", "", str(error))
+    # A plugin in Python that refuses its properties comes with a traceback before its message.
+    text = re.sub(r"Traceback \(most recent call last\):\n(?:[ \t].*\n)*(?:[\w.]+: )?", "", text)
+    return re.sub(r"\s*\n\s*", " ", text).strip()
 
 
 def _import_mitsuba() -> ModuleType:
