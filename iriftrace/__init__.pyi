@@ -83,6 +83,8 @@ from .measuring.two_devices.correction import CorrectionStatus as CorrectionStat
 from .measuring.two_devices.measure import measure as measure
 from .measuring.two_devices.scan import Scan as Scan
 from .measuring.two_devices.scan import ScanStatus as ScanStatus
+from .measuring.two_devices.sensitivity import Sensitivity as Sensitivity
+from .measuring.two_devices.sensitivity import sensitivity as sensitivity
 from .measuring.uncertainty.budget import Uncertainty as Uncertainty
 from .measuring.uncertainty.decision import Decision as Decision
 from .measuring.uncertainty.decision import Tolerance as Tolerance

@@ -17,6 +17,8 @@ from iriftrace.medium.gradient import CORNERS
 from iriftrace.medium.source import FieldSource
 
 if TYPE_CHECKING:
+    import pyvista as pv
+
     from iriftrace.medium.index_field import IndexField
 
 
@@ -46,15 +48,18 @@ class FieldCells:
 
     def temperature_at(self, places: FloatArray) -> FloatArray:
         """Temperatures (m,), K, at points (m, 3), mm, world; ambient outside the data."""
-        import pyvista as pv
-
         from iriftrace.medium.index_field import IndexField
+
+        values = IndexField(self.grid(), self.refractivity, self.air, self.source).sample(places)
+        return self.air.temperature(np.where(np.isfinite(values), values, self.ambient))
+
+    def grid(self) -> pv.UnstructuredGrid:
+        """The cells and their points, mm, world, without values."""
+        import pyvista as pv
 
         offsets = self.cell_offsets
         corners = np.insert(self.cell_connectivity, offsets[:-1], np.diff(offsets))
-        grid = pv.UnstructuredGrid(corners, self.celltypes, self.points.astype(np.float64))
-        values = IndexField(grid, self.refractivity, self.air, self.source).sample(places)
-        return self.air.temperature(np.where(np.isfinite(values), values, self.ambient))
+        return pv.UnstructuredGrid(corners, self.celltypes, self.points.astype(np.float64))
 
     @property
     def cell_offsets(self) -> IntArray:
