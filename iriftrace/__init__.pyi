@@ -71,6 +71,8 @@ from .measuring.features.quantity import Quantity as Quantity
 from .measuring.features.relations import Relation as Relation
 from .measuring.fit.board_placement import BoardPlace as BoardPlace
 from .measuring.fit.board_placement import board_placement as board_placement
+from .measuring.fit.free_fit import FreeFit as FreeFit
+from .measuring.fit.free_fit import fit_free as fit_free
 from .measuring.fit.member_fit import FittedView as FittedView
 from .measuring.fit.member_fit import MemberFit as MemberFit
 from .measuring.fit.shift_fit import fit_members as fit_members

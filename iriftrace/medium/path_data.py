@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from attrs import evolve, frozen
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
 from iriftrace.core.errors import InputError
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
     import pyvista as pv
 
     from iriftrace.medium.index_field import IndexField
+
+SAME_MM = 1e-4
+"""Distance below which points of two fields are one, in single precision."""
 
 
 @frozen(eq=False)
@@ -108,3 +112,21 @@ def mixed_cells(members: Sequence[FieldCells], weights: ArrayLike) -> FieldCells
     refractivity = np.tensordot(shares, [one.refractivity for one in members], axes=1)
     ambient = float(shares @ [one.ambient for one in members])
     return evolve(first, refractivity=refractivity, ambient=ambient)
+
+
+def excess_at(cells: FieldCells, other: FieldCells) -> FloatArray:
+    """n - n_ambient (m,) of another field at the points of cells on the same mesh.
+
+    Points that are left out of the other cells lie in ambient air. Raises InputError for another
+    mesh: fewer than half of the points in common.
+    """
+    excess = other.refractivity - other.ambient
+    off, nearest = cKDTree(other.points).query(cells.points, distance_upper_bound=SAME_MM)
+    same = np.isfinite(off)
+    if same.mean() < 0.5:
+        raise InputError(
+            f"{other.source.path} has another mesh than {cells.source.path}, so their air cannot "
+            "be compared point by point; solve both on one mesh.",
+            code="field.other_mesh",
+        )
+    return np.where(same, np.append(excess, 0.0)[nearest], 0.0)

@@ -26,10 +26,9 @@ from pathlib import Path
 
 import numpy as np
 from attrs import Factory, frozen
-from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import FloatArray, IntArray, as_float64
-from iriftrace.core.errors import InputError, warn
+from iriftrace.core.errors import InputError
 from iriftrace.core.files import write_json
 from iriftrace.core.plain import JsonObject
 from iriftrace.io.vtk_write import write_vtk
@@ -42,7 +41,7 @@ from iriftrace.measuring.two_devices.first_order import first_order_error
 from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.measuring.two_devices.scan import Scan
 from iriftrace.measuring.two_devices.two_points import lines_of_sight
-from iriftrace.medium.path_data import FieldCells
+from iriftrace.medium.path_data import FieldCells, excess_at
 from iriftrace.part.part import Part
 from iriftrace.tracing.adjoint import temperature_gradient
 from iriftrace.tracing.scene import Scene, ready_scene
@@ -53,9 +52,6 @@ SCHEMA = "iriftrace.sensitivity/1"
 
 MOST = 0.8
 """Fraction of the effect of the air whose distance from the part is stated."""
-
-SAME_MM = 1e-4
-"""Distance below which points of two fields are those of one mesh, in single precision."""
 
 
 @frozen(eq=False)
@@ -181,7 +177,7 @@ def sensitivity(
     Raises
     ------
     InputError
-        As `measure`; if there is no field, or not exactly one diameter.
+        As `measure`; if there is no field, not exactly one diameter, or members on other meshes.
     """
     ready = ready_scene(scene)
     choices = checked_choices([feature], ready.part)
@@ -274,26 +270,12 @@ def _effects(
             continue
         for needed in (number, start):
             if needed not in known:
-                known[needed] = _excess_at(cells, scene, needed)
+                other = scene.air.states[needed].cells
+                if scene.wavelength_nm is not None:
+                    other = other.at_wavelength(scene.wavelength_nm)
+                known[needed] = excess_at(cells, other)
         name = member.label or f"member {member.number}"
         if variation is not None:
             name += f" ({variation.text})"
         found[name] = float(by_excess @ (known[number] - known[start]))
     return found
-
-
-def _excess_at(cells: FieldCells, scene: Scene, place: int) -> FloatArray:
-    """n - n_ambient (m,) of the field of a member, from 0, at the points of cells."""
-    other = scene.air.states[place].cells
-    if scene.wavelength_nm is not None:
-        other = other.at_wavelength(scene.wavelength_nm)
-    excess = other.refractivity - other.ambient
-    off, nearest = cKDTree(other.points).query(cells.points, distance_upper_bound=SAME_MM)
-    same = np.isfinite(off)
-    if same.mean() < 0.5:
-        warn(
-            f"Member {place + 1} has another mesh than the member of the derivatives, so its "
-            "effect on the diameter means nothing; solve both on one mesh."
-        )
-    # Points that are left out of a member's cells lie in ambient air.
-    return np.where(same, np.append(excess, 0.0)[nearest], 0.0)
