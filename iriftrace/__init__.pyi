@@ -71,6 +71,8 @@ from .measuring.features.quantity import Quantity as Quantity
 from .measuring.features.relations import Relation as Relation
 from .measuring.fit.board_placement import BoardPlace as BoardPlace
 from .measuring.fit.board_placement import board_placement as board_placement
+from .measuring.fit.free_fit import FreeFit as FreeFit
+from .measuring.fit.free_fit import fit_free as fit_free
 from .measuring.fit.member_fit import FittedView as FittedView
 from .measuring.fit.member_fit import MemberFit as MemberFit
 from .measuring.fit.shift_fit import fit_members as fit_members
@@ -83,6 +85,8 @@ from .measuring.two_devices.correction import CorrectionStatus as CorrectionStat
 from .measuring.two_devices.measure import measure as measure
 from .measuring.two_devices.scan import Scan as Scan
 from .measuring.two_devices.scan import ScanStatus as ScanStatus
+from .measuring.two_devices.sensitivity import Sensitivity as Sensitivity
+from .measuring.two_devices.sensitivity import sensitivity as sensitivity
 from .measuring.uncertainty.budget import Uncertainty as Uncertainty
 from .measuring.uncertainty.decision import Decision as Decision
 from .measuring.uncertainty.decision import Tolerance as Tolerance

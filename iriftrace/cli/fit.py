@@ -28,6 +28,7 @@ def fit(
     scene: Path | None = None,
     noise: float | None = None,
     camera_motion: Flag = False,
+    free: str | None = None,
     without_zeros: WithoutZeros = False,
     trace: Tracing = TRACE_AS_STATED,
 ) -> None:
@@ -67,16 +68,24 @@ def fit(
         between the residuals of neighbouring dots.
     camera_motion
         Also fit a rigid motion of the camera between the two pictures.
+    free
+        Numbers of the air that are fitted next to the weights, for shifts: contrast (a fraction),
+        lean (of the air above the hot part, mm/mm) and wall (K, by a member that varies it), such
+        as contrast,lean. The scene may have a single field then.
     """
     from iriftrace.core.files import write_json
     from iriftrace.medium.part_fit import in_air
-    from iriftrace.tracing.fitted import check_fitted_scene, write_fitted_scene
+    from iriftrace.tracing.fitted import check_fitted_output, check_fitted_scene, write_fitted_scene
 
     views = [(board, measured), *(view or [])]
     checks.inputs(*(shifts for _, shifts in views))
     checks.scenes(*(xml for xml, _ in views), scene)
     checks.output(output, "scene.xml", make=True)
-    check_fitted_scene(scene or board, output)
+    check_fitted_output(scene or board, output)
+    if free is not None:
+        _fit_free(free, views, scene, output, noise, camera_motion, without_zeros, trace)
+        return
+    check_fitted_scene(scene or board)
     found, loaded = _fitted(views, noise, camera_motion, without_zeros, trace)
     _print_fit(found)
     if not found.contained:
@@ -97,6 +106,66 @@ def fit(
     write_json(numbers, found.as_dict())
     say(f"Files: {output} with {len(listed)} members, {numbers}")
     say(f"Correct a cloud with it:  {command_line('correct', 'CLOUD', output)}")
+
+
+def _fit_free(
+    free: str,
+    views: list[tuple[Path, Path]],
+    scene: Path | None,
+    output: Path,
+    noise: float | None,
+    camera_motion: bool,
+    without_zeros: bool,
+    trace: TraceOptions,
+) -> None:
+    """Fit numbers of the air, write the scene of the changed air, and print the numbers."""
+    from attrs import evolve
+
+    from iriftrace.core.files import write_json
+    from iriftrace.measuring.fit.free_fit import UNITS, fit_free
+    from iriftrace.medium.part_fit import in_air
+    from iriftrace.tracing.scene import Scene
+
+    names = [name.strip() for name in free.split(",")]
+    (board, measured), *others = [
+        (load(one, trace), read_shifts(shifts, without_zeros)) for one, shifts in views
+    ]
+    with working("Fitting the air"):
+        found = fit_free(
+            board, measured, names, others=others, noise_px=noise, camera_motion=camera_motion
+        )
+    target = board if scene is None else load(scene, trace)
+    changed = Scene(
+        part=target.part,
+        air=found.air,
+        camera=target.camera,
+        second=target.second,
+        second_id=target.second_id,
+        wavelength_nm=target.wavelength_nm,
+        blockers=target.blockers,
+        variant=target.variant,
+    )
+    if scene is None and board.blockers and not in_air(board.air.states[0].cells, board.part):
+        changed = evolve(changed, part=board.blockers[0], blockers=board.blockers[1:])
+        say("The board's first blocker, the hot part, is the part of the fitted scene.")
+    with working("Writing the scene"):
+        changed.save(output)
+    numbers = output.with_name("fit.json")
+    write_json(numbers, found.as_dict())
+    rows = [
+        (name, f"{value:.4g}", f"{found.u[name]:.2g}", UNITS[name])
+        for name, value in found.values.items()
+    ]
+    print_table("Numbers of the air closest to what was measured", _HEADINGS, rows)
+    say(
+        f"Residual {found.before:.3g} px without these numbers, {found.residual:.3g} px with them, "
+        f"noise {found.noise:.3g} px."
+    )
+    say(f"Files: {output}, {numbers}")
+    say(f"Correct a cloud with it:  {command_line('correct', 'CLOUD', output)}")
+
+
+_HEADINGS = ("number", "value", "u", "unit")
 
 
 def _fitted(

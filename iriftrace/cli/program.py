@@ -267,6 +267,7 @@ for _module, _names in {
     "cli.measure": ("measure",),
     "cli.correct": ("correct",),
     "cli.budget": ("budget",),
+    "cli.sensitivity": ("sensitivity",),
     "cli.twin": ("twin",),
     "cli.qualify": ("qualify",),
     "cli.ray": ("ray",),

@@ -37,7 +37,7 @@ def scan_figure(scan: Scan, part: Part) -> Figure:
     figure, body, (left, right) = _panels(title, scan.provenance, _spread(error), "measured")
     limit = float(np.percentile(np.abs(error), 99))
     scale = _scale(error, limit)
-    _draw_part(left, part, scan.camera, scan.pixel)
+    draw_part(left, part, scan.camera, scan.pixel)
     if scan.one_line:
         # Rows and columns of the status are those of the sheet, not of the camera.
         _draw_points(left, body, scan.pixel, scale)
@@ -72,7 +72,7 @@ def correction_figure(found: Correction, part: Part, camera: Camera) -> Figure:
     figure, body, (left, right) = _panels(title, found.provenance, _spread(along), "corrected")
     scale = _scale(along, max(float(np.percentile(np.abs(along), 99)), 1e-6))
     place = camera.project(measured)
-    _draw_part(left, part, camera, place[good])
+    draw_part(left, part, camera, place[good])
     left.plot(*place[~good].T, "o", markersize=0.6, color="0.5", scalex=False, scaley=False)
     _draw_points(left, body, place[good], scale)
     deviations = {
@@ -96,7 +96,7 @@ def _panels(
     return figure, body, (left, right)
 
 
-def _draw_part(axes: Axes, part: Part, camera: Camera, place: FloatArray) -> None:
+def draw_part(axes: Axes, part: Part, camera: Camera, place: FloatArray) -> None:
     """Fill what a camera sees of a part, which with the places (n, 2), px, limits the axes."""
     corners = camera.project(part.vertices)[part.faces]
     corners = corners[np.isfinite(corners).all(axis=(1, 2))]

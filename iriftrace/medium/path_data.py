@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from attrs import evolve, frozen
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
 from iriftrace.core.errors import InputError
@@ -18,7 +19,12 @@ from iriftrace.medium.gradient import CORNERS
 from iriftrace.medium.source import FieldSource
 
 if TYPE_CHECKING:
+    import pyvista as pv
+
     from iriftrace.medium.index_field import IndexField
+
+SAME_MM = 1e-4
+"""Distance below which points of two fields are one, in single precision."""
 
 
 @frozen(eq=False)
@@ -47,15 +53,18 @@ class FieldCells:
 
     def temperature_at(self, places: FloatArray) -> FloatArray:
         """Temperatures (m,), K, at points (m, 3), mm, world; ambient outside the data."""
-        import pyvista as pv
-
         from iriftrace.medium.index_field import IndexField
+
+        values = IndexField(self.grid(), self.refractivity, self.air, self.source).sample(places)
+        return self.air.temperature(np.where(np.isfinite(values), values, self.ambient))
+
+    def grid(self) -> pv.UnstructuredGrid:
+        """The cells and their points, mm, world, without values."""
+        import pyvista as pv
 
         offsets = self.cell_offsets
         corners = np.insert(self.cell_connectivity, offsets[:-1], np.diff(offsets))
-        grid = pv.UnstructuredGrid(corners, self.celltypes, self.points.astype(np.float64))
-        values = IndexField(grid, self.refractivity, self.air, self.source).sample(places)
-        return self.air.temperature(np.where(np.isfinite(values), values, self.ambient))
+        return pv.UnstructuredGrid(corners, self.celltypes, self.points.astype(np.float64))
 
     @property
     def cell_offsets(self) -> IntArray:
@@ -133,3 +142,21 @@ def _rows(cells: FieldCells, number: IntArray) -> IntArray:
     corner = np.arange(8) < np.diff(cells.cell_offsets)[:, None]
     rows[:, 1:][corner] = number[cells.cell_connectivity]
     return rows
+
+
+def excess_at(cells: FieldCells, other: FieldCells) -> FloatArray:
+    """n - n_ambient (m,) of another field at the points of cells on the same mesh.
+
+    Points that are left out of the other cells lie in ambient air. Raises InputError for another
+    mesh: fewer than half of the points in common.
+    """
+    excess = other.refractivity - other.ambient
+    off, nearest = cKDTree(other.points).query(cells.points, distance_upper_bound=SAME_MM)
+    same = np.isfinite(off)
+    if same.mean() < 0.5:
+        raise InputError(
+            f"{other.source.path} has another mesh than {cells.source.path}, so their air cannot "
+            "be compared point by point; solve both on one mesh.",
+            code="field.other_mesh",
+        )
+    return np.where(same, np.append(excess, 0.0)[nearest], 0.0)

@@ -46,7 +46,8 @@ def write_fitted_scene(
     Raises InputError if the output lies in the scene's own folder or was edited, a member is not
     one of the scene's, or the folder cannot be written.
     """
-    check_fitted_scene(scene, output)
+    check_fitted_scene(scene)
+    check_fitted_output(scene, output)
     theirs = _numbers_in(scene, members)
     columns = [member.number - 1 for member in members]
     listed = tuple(
@@ -70,8 +71,8 @@ def write_fitted_scene(
     return listed
 
 
-def check_fitted_scene(scene: Path, output: Path) -> None:
-    """Refuse a scene that cannot be weighted, or an output that cannot be written from it."""
+def check_fitted_scene(scene: Path) -> None:
+    """Refuse a scene that cannot be weighted."""
     if not is_ensemble(scene):
         raise InputError(
             f"{scene} has one field, but a fit gives the weights of several; write it with several "
@@ -79,6 +80,10 @@ def check_fitted_scene(scene: Path, output: Path) -> None:
             code="scene.one_field",
             argument="member",
         )
+
+
+def check_fitted_output(scene: Path, output: Path) -> None:
+    """Refuse an output that cannot be written from a scene."""
     if output.parent.resolve() == scene.parent.resolve():
         raise InputError(
             f"The output {output} would replace files of {scene}; give the fitted scene a folder "

@@ -145,6 +145,20 @@ def test_places_that_were_left_out_are_counted(
     assert (dots["measured"], dots["failed"], dots["zeros"]) == (len(shifts.places), 7, 3)
 
 
+def test_each_camera_has_its_own_motion(board: iriftrace.Scene, shifts: MeasuredShift) -> None:
+    """The second view is the first one, with a camera that was turned."""
+    origin, sight = board.camera.rays(shifts.places)
+    reach = (UPRIGHT[1, 3] - origin[:, 1]) / sight[:, 1]
+    turned = interaction_matrix(board.camera, origin + reach[:, None] * sight)
+    moved = attrs.evolve(shifts, shifts=shifts.shifts + turned[:, :, 4] * 1e-4)
+    found = iriftrace.fit_members(board, shifts, others=[(board, moved)], camera_motion=True)
+    first, second = (view.motion for view in found.views)
+    assert first is not None
+    assert second is not None
+    np.testing.assert_allclose(turned @ (second - first), turned[:, :, 4] * 1e-4, atol=0.05)
+    assert np.abs(turned[:, :, 4] * 1e-4).max() > 0.5
+
+
 def test_a_motion_of_the_camera_is_told_from_the_air(
     board: iriftrace.Scene, shifts: MeasuredShift
 ) -> None:

@@ -50,6 +50,8 @@ class FittedFeature:
         Region of the part; None for all points.
     left_out : int
         Number of points that were left out as outliers.
+    rows : (m,) array of int
+        Numbers of the points that were fitted.
     fits : dict of Feature
         By the name of the cloud.
     by_member : tuple of Feature
@@ -65,6 +67,7 @@ class FittedFeature:
     kind: str
     region: str | None
     left_out: int
+    rows: IntArray
     fits: dict[str, Feature]
     by_member: tuple[Feature, ...] = ()
     by_group: Mapping[str, tuple[Feature, ...]] = Factory(dict)
@@ -81,7 +84,7 @@ class FittedFeature:
     @property
     def points(self) -> int:
         """Number of points that were fitted."""
-        return len(next(iter(self.fits.values())).residuals)
+        return len(self.rows)
 
     @property
     def place(self) -> str:
@@ -242,7 +245,8 @@ def fit_features(
             same = [fit.at(place) for fit in same]
         if scatter_mm is not None:
             fits = {name: fit.with_scatter(scatter_mm) for name, fit in fits.items()}
-        features.append(FittedFeature(kind, region, count - len(chosen), fits, tuple(same)))
+        left_out = count - len(chosen)
+        features.append(FittedFeature(kind, region, left_out, chosen, fits, tuple(same)))
     return tuple(features)
 
 

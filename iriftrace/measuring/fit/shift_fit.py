@@ -42,16 +42,18 @@ OFF_BOARD = 0.2
 
 
 @frozen(eq=False)
-class _View:
+class BoardView:
     """What one camera saw of one board, and what the members predict; n dots, k members.
 
-    `free` (n, 2, 6) are derivatives of the shifts by a motion of the camera, if it is fitted.
+    `hot` (n, 2) are their places in the hot picture, px. `free` (n, 2, 6)
+    are derivatives of the shifts by a motion of the camera, if it is fitted.
     """
 
     scene: Scene
     camera: Camera
     shifts: MeasuredShift
     places: FloatArray = field(repr=False)
+    hot: FloatArray = field(repr=False)
     predicted: FloatArray = field(repr=False)
     measured: FloatArray = field(repr=False)
     free: FloatArray | None = field(repr=False)
@@ -115,7 +117,7 @@ def fit_members(
     found = ShiftMixture(
         np.concatenate([scale * view.predicted for scale, view in both], axis=1),
         np.concatenate([scale * view.measured for scale, view in both]),
-        _motions(both) if camera_motion else None,
+        motions_of(both) if camera_motion else None,
     )
     return member_fit(
         members_in(first.scene),
@@ -132,9 +134,26 @@ def fit_members(
 
 def _view(
     scene: Scene, shifts: MeasuredShift, noise_px: float | None, camera_motion: bool
-) -> _View:
-    """The members' predictions at the dots of one view, by their traced rays."""
+) -> BoardView:
+    """The members' predictions at the dots of one view, which must differ."""
     fitted = fitted_places(members_in(scene))
+    view = view_of(scene, shifts, fitted, noise_px, camera_motion)
+    predicted, measured, free = view.predicted, view.measured, view.free
+    _check_spread(rms((predicted - predicted.mean(axis=0)).ravel()), view.noise)
+    warn_of_signs(
+        lambda signs: ShiftMixture(predicted, signs * measured, free).residual, shifts.origin.path
+    )
+    return view
+
+
+def view_of(
+    scene: Scene,
+    shifts: MeasuredShift,
+    fitted: Sequence[int],
+    noise_px: float | None,
+    camera_motion: bool,
+) -> BoardView:
+    """The predictions of members at some places, from 0, at the dots, by their traced rays."""
     # At the resolution of its film before ``scale`` changed it.
     full, seen = scene.compiled.full_resolution, scene.camera.resolution
     camera = scene.camera.scaled(full[0] / seen[0])
@@ -153,20 +172,20 @@ def _view(
     if noise is None:
         alone = ShiftMixture(predicted, measured, free)
         noise = shift_noise(places[alone.used], alone.left(alone.weights))
-    _check_spread(rms((predicted - predicted.mean(axis=0)).ravel()), noise)
-    warn_of_signs(
-        lambda signs: ShiftMixture(predicted, signs * measured, free).residual, shifts.origin.path
+    return BoardView(
+        traced, camera, shifts, places, hot[good], predicted, measured, free, dots, noise
     )
-    return _View(traced, camera, shifts, places, predicted, measured, free, dots, noise)
 
 
-def _motions(views: Sequence[tuple[float, _View]]) -> FloatArray:
+def motions_of(views: Sequence[tuple[float, BoardView]]) -> FloatArray:
     """Derivatives (n, 2, 6 v) of all shifts by the motions of v cameras, each of its own view."""
     rows = [scale * view.free.reshape(-1, 6) for scale, view in views if view.free is not None]
     return np.asarray(block_diag(*rows).reshape(-1, 2, 6 * len(rows)))
 
 
-def _fitted(found: ShiftMixture, views: Sequence[tuple[float, _View]]) -> tuple[FittedView, ...]:
+def _fitted(
+    found: ShiftMixture, views: Sequence[tuple[float, BoardView]]
+) -> tuple[FittedView, ...]:
     """What the fit leaves in each view, in pixels of its own camera."""
     left = found.left(found.weights, everywhere=True)
     ends = np.cumsum([len(view.measured) for _, view in views])

@@ -26,8 +26,8 @@ _NONE = 1e-6  # Smaller weights are 0.
 class ShiftMixture:
     """Least squares of (k, n, c) predicted against (n, c) measured values, without outliers.
 
-    Values are shifts, px, of two components, or temperatures, K, of one. `free` (n, 2, 6) are
-    derivatives of the shifts by a motion of the camera, or None.
+    Values are shifts, px, of two components, or temperatures, K, of one. `free` (n, 2, 6 v)
+    are derivatives of the shifts by the motions of v cameras, or None.
 
     Attributes
     ----------
@@ -60,14 +60,19 @@ class ShiftMixture:
             if np.array_equal(inside, self.used):
                 break
             self.used = inside
-        freedom = self._target.size - (self.weights > 0).sum() + 1 - (6 if free is not None else 0)
+        freedom = (
+            self._target.size
+            - (self.weights > 0).sum()
+            + 1
+            - (0 if free is None else free.shape[2])
+        )
         rest = self._columns @ self.weights - self._target
         self._freedom = max(int(freedom), 1)
         self.residual = float(np.sqrt((rest**2).sum() / self._freedom))
 
     @property
     def motion(self) -> FloatArray | None:
-        """(6,) motion of the camera, mm and rad; None if it was not fitted."""
+        """(6 v,) motions of v cameras, mm and rad; None if they were not fitted."""
         if self._free is None or self._units is None:
             return None
         return np.asarray(self._units * self._motion_of(self.weights))
@@ -127,13 +132,17 @@ class ShiftMixture:
         size = np.sqrt(np.mean((self._columns @ steps.T) ** 2, axis=0))
         near = np.argsort(size)
         near = near[size[near] > 1e-9 * size.max()][:NEAREST]
-        hidden = 2.0 * noise**2 * np.sqrt(2.0 / self._freedom)
-        systematic = np.sqrt(max(self.residual**2 - noise**2, 0.0) + hidden)
+        systematic = self.systematic(noise)
         scaled = steps[near] * (systematic / size[near])[:, None]
         found += scaled.T @ scaled
         whole = max(float(np.sqrt(np.mean((self._columns @ self.weights) ** 2))), systematic)
         contrast = max(systematic / whole, self._off_by_dot(noise))
         return np.asarray(found + contrast**2 * np.outer(self.weights, self.weights))
+
+    def systematic(self, noise: float) -> float:
+        """Rms of a component of the residual beyond noise, with two deviations of its square."""
+        hidden = 2.0 * noise**2 * np.sqrt(2.0 / self._freedom)
+        return float(np.sqrt(max(self.residual**2 - noise**2, 0.0) + hidden))
 
     def _off_by_dot(self, noise: float) -> float:
         """Root mean square, over dots that moved, of the residual beyond noise over their shift."""
@@ -147,7 +156,7 @@ class ShiftMixture:
     def _motion_of(self, weights: FloatArray) -> FloatArray:
         assert self._free is not None
         rest = self._measured - np.tensordot(weights, self._predicted, axes=1)
-        rows = self._free[self.used].reshape(-1, 6)
+        rows = self._free[self.used].reshape(-1, self._free.shape[2])
         return np.asarray(np.linalg.lstsq(rows, rest[self.used].ravel(), rcond=1e-10)[0])
 
     def _without_motion(self, used: BoolArray) -> tuple[FloatArray, FloatArray]:
@@ -156,7 +165,7 @@ class ShiftMixture:
         target = self._measured[used].ravel()
         if self._free is None:
             return columns, target
-        basis = qr(self._free[used].reshape(-1, 6), mode="economic")[0]
+        basis = qr(self._free[used].reshape(-1, self._free.shape[2]), mode="economic")[0]
         return columns - basis @ (basis.T @ columns), target - basis @ (basis.T @ target)
 
 
