@@ -109,7 +109,7 @@ def main(scales: Sequence[float]) -> None:
             records += [cuda | {"against_llvm": difference(picture, known)}, llvm]
     versions = {name: version(name) for name in ("iriftrace", "mitsuba", "drjit")}
     content = {"device": device(), "versions": versions, "poses": records}
-    FILE.write_text(json.dumps(content, indent=1) + "\n")
+    FILE.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     Console(width=110).print(table_of(content))
     print(f"{FILE.absolute()} has all numbers; please send it.")
 
