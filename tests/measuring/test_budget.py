@@ -21,6 +21,7 @@ from iriftrace.measuring.uncertainty.budget import (
     COVERED,
     Contribution,
     Mixture,
+    Uncertainty,
     drawn,
     half_a_digit,
     uncertainty_of,
@@ -79,18 +80,46 @@ def test_air_between_members_is_that_of_plain_draws(
     assert 1.0 < found.coverage_factor < 2.6
 
 
+def test_what_scales_the_air_scales_the_state_that_it_is_in() -> None:
+    """Against plain draws of the product; the interval is wider than by its variance alone."""
+    w, x = np.full(4, 0.25), np.array((0.0, -1.0, -2.0, -40.0))
+    mixture = Mixture(AIR, w, x, ("mesh", "contrast"), math.hypot(0.3, 0.4))
+    u_air = float(MemberWeights(w).uncertainty(x))
+    by_scale = math.hypot(float(w @ x), u_air)
+    parts = [Contribution(AIR, u_air), Contribution("sensor", 0.5)]
+    parts += [Contribution("mesh", 0.3 * by_scale), Contribution("contrast", 0.4 * by_scale)]
+    found = uncertainty_of(7.0, parts, mixture)
+    rng = np.random.default_rng(8)
+    effect = rng.dirichlet(2.0 / 3.0 * w, 2_000_000) @ x
+    plain = effect * (1.0 + 0.5 * rng.normal(size=len(effect))) - w @ x
+    plain += 0.5 * rng.normal(size=len(effect))
+    assert found.standard == pytest.approx(plain.std(), rel=3e-3)
+    ends = np.quantile(plain, (0.5 * (1 - COVERED), 0.5 * (1 + COVERED)))
+    np.testing.assert_allclose(np.array(found.interval) - 7.0, ends, atol=0.01 * np.ptp(ends))
+    assert found.expanded > 2.2 * found.standard
+    for lower in (-30.0, -50.0, -70.0):
+        outside = decide(Tolerance(7.0, lower, 1000.0), found).outside
+        assert outside == pytest.approx(np.mean(plain < lower), abs=3e-3)
+    again = Uncertainty.of(json.loads(json.dumps(found.as_dict("mm"))), "mm")
+    assert decide(Tolerance(7.0, -50.0, 1000.0), again).outside == pytest.approx(
+        decide(Tolerance(7.0, -50.0, 1000.0), found).outside
+    )
+
+
 @pytest.mark.parametrize("members", [2, 5, 40])
 def test_air_in_equal_steps_lies_anywhere_between_them(members: int) -> None:
     """The variance is that of a uniform distribution, whatever the number of members."""
     steps, even = np.linspace(-1.0, 1.0, members), np.full(members, 1.0 / members)
     assert MemberWeights(even).uncertainty(steps) == pytest.approx(1.0 / math.sqrt(3.0))
-    draws = drawn(0.0, Mixture(AIR, even, steps), 2**13)
-    assert draws.std() == pytest.approx(1.0 / math.sqrt(3.0), rel=0.01)
+    change, u, _ = drawn(0.0, Mixture(AIR, even, steps), 2**13)
+    assert not u.any()
+    assert change.std() == pytest.approx(1.0 / math.sqrt(3.0), rel=0.01)
 
 
 def test_the_interval_is_known_to_half_a_digit() -> None:
     mixture = Mixture(AIR, np.array((0.5, 0.5)), np.array((0.0, 3.0)))
-    ends = np.quantile(drawn(0.4, mixture, 2**11), 0.977, axis=1)
+    change, u, z = drawn(0.4, mixture, 2**11)
+    ends = np.quantile(change + u * z, 0.977, axis=1)
     assert 2.0 * ends.std(ddof=1) / math.sqrt(len(ends)) < half_a_digit(ends.mean())
     assert half_a_digit(0.0123) == pytest.approx(0.0005)
 

@@ -7,6 +7,7 @@ solved again with one input changed differs from the one that it varies.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -117,7 +118,8 @@ class AirGroups:
             return None
         if not self.source:
             return None
-        return Mixture(AIR, self.weights.weights, by_member)
+        relative = math.hypot(*(one.relative for one in self.scaled.values()))
+        return Mixture(AIR, self.weights.weights, by_member, tuple(self.scaled), relative)
 
     def mixtures(self, count: int) -> FloatArray | None:
         """Weights (count, k) of mixed air at Sobol points of the members and varied inputs.

@@ -1,13 +1,13 @@
 """Uncertainty of one value from independent groups of inputs, by Monte Carlo (JCGM 101:2008).
 
-A value is y plus one term for each group. Terms are linear in their inputs, so the variances of
-the groups add up, and the share of a group in their sum is its first-order Sobol index. All but
-one are normal and together one normal variable; air that is like the members of an ensemble or
-lies between them is not:
+A value is y plus one term for each group, and the variances of the groups add up. All but the air
+are normal. Air that is like the members of an ensemble or lies between them is not, and some groups
+scale its effect, whichever it is:
 
-    Y = y + s Z + sum_i (w_i - E w_i) x_i,   Z normal, w Dirichlet(c E w),
+    Y = y + s Z + (1 + r Z') sum_i w_i x_i - sum_i E w_i x_i,   Z, Z' normal, w Dirichlet(c E w),
 
-where x_i is the value that member i of n gives, and c that of
+where x_i is the effect in the air of member i of n, r the relative standard uncertainty by what
+scales it, and c that of
 :func:`iriftrace.core.member_weights.concentration`. For two equal weights w is uniform. The
 interval is the probabilistically symmetric one of a scrambled Sobol sequence, which is repeated and
 doubled until the scatter of its ends is below half a digit of U.
@@ -57,23 +57,45 @@ class Contribution:
 
 @frozen(eq=False)
 class Mixture:
-    """A group whose value is a mixture of members: the value of each, in the value's unit."""
+    """A group whose effect is a mixture of members, and the groups by which this effect scales.
+
+    Attributes
+    ----------
+    group : str
+    weights : (k,) array
+        Of the mean; those of members that it does not have are 0.
+    values : (k,) array
+        Effect of each member, 0 without hot air, in the value's unit.
+    scaled : tuple of str
+        Groups that scale the effect of the real air, whichever mixture it is.
+    relative : float
+        Standard uncertainty of the effect by all of them, as a fraction.
+    """
 
     group: str
-    weights: FloatArray  # (k,) of the mean; those of members that it does not have are 0
-    values: FloatArray  # (k,)
+    weights: FloatArray
+    values: FloatArray
+    scaled: tuple[str, ...] = ()
+    relative: float = 0.0
 
     def as_dict(self, unit: str) -> JsonObject:
         """Plain JSON values, of the members that the mean has."""
         used = self.weights > 0.0
         weights, values = self.weights[used].tolist(), self.values[used].tolist()
-        return {"group": self.group, "weights": weights, f"values_{unit}": values}
+        return {
+            "group": self.group,
+            "weights": weights,
+            f"values_{unit}": values,
+            "scaled": list(self.scaled),
+            "relative": self.relative,
+        }
 
     @classmethod
     def of(cls, row: JsonObject, unit: str) -> Mixture:
         """The mixture that plain JSON values state; LookupError, TypeError or ValueError else."""
         values = np.array(row[f"values_{unit}"], dtype=np.float64)
-        return cls(row["group"], np.array(row["weights"], dtype=np.float64), values)
+        weights = np.array(row["weights"], dtype=np.float64)
+        return cls(row["group"], weights, values, tuple(row["scaled"]), row["relative"])
 
 
 @frozen
@@ -110,9 +132,10 @@ class Uncertainty:
         """Combined standard uncertainty."""
         return math.hypot(*self.parts.values())
 
-    def without(self, group: str) -> float:
-        """Standard uncertainty by all groups but one."""
-        return math.hypot(*(one.u for one in self.contributions if one.group != group))
+    @property
+    def normal(self) -> float:
+        """Standard uncertainty by the groups that do not depend on the mixture."""
+        return _normal(self.contributions, self.mixture)
 
     @property
     def expanded(self) -> float:
@@ -185,9 +208,14 @@ def uncertainty_of(
         half = 2.0 * math.hypot(*(one.u for one in listed))
         low, high = -half, half
     else:
-        normal = math.hypot(*(one.u for one in listed if one.group != mixture.group))
-        low, high = _interval(normal, mixture)
+        low, high = _interval(_normal(listed, mixture), mixture)
     return Uncertainty(value, tuple(listed), (value + low, value + high), tuple(missing), mixture)
+
+
+def _normal(contributions: Sequence[Contribution], mixture: Mixture | None) -> float:
+    """Standard uncertainty by the groups that do not depend on a mixture."""
+    of_mixture = () if mixture is None else (mixture.group, *mixture.scaled)
+    return math.hypot(*(one.u for one in contributions if one.group not in of_mixture))
 
 
 def _interval(normal: float, mixture: Mixture) -> tuple[float, float]:
@@ -195,7 +223,8 @@ def _interval(normal: float, mixture: Mixture) -> tuple[float, float]:
     tails = [0.5 * (1.0 - COVERED), 0.5 * (1.0 + COVERED)]
     draws = DRAWS
     while True:
-        ends = np.quantile(drawn(normal, mixture, draws), tails, axis=1)
+        change, u, z = drawn(normal, mixture, draws)
+        ends = np.quantile(change + u * z, tails, axis=1)
         low, high = ends.mean(axis=1)
         scatter = 2.0 * float(ends.std(axis=1, ddof=1).max()) / math.sqrt(SCRAMBLINGS)
         if scatter < half_a_digit(max(high, -low)) or draws >= MOST_DRAWS:
@@ -208,12 +237,17 @@ def half_a_digit(expanded: float) -> float:
     return 0.5 * 10.0 ** (math.floor(math.log10(expanded)) - 1) if expanded > 0.0 else math.inf
 
 
-def drawn(normal: float, mixture: Mixture, draws: int) -> FloatArray:
-    """Deviations from the mean (SCRAMBLINGS, draws) of a mixture plus a normal variable."""
+def drawn(normal: float, mixture: Mixture, draws: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Changes x, standard deviations u and unit normal variables z (SCRAMBLINGS, draws).
+
+    A deviation from the mean is x + u z: x by the mixture, u by what scales its effect together
+    with the other groups, whose standard uncertainty is `normal`.
+    """
     used = mixture.weights > 0.0
     z, shares = _unit_draws(tuple(map(float, mixture.weights[used])), draws)
-    centred = mixture.values[used] - mixture.weights @ mixture.values
-    return np.asarray(normal * z + shares @ centred)
+    effect = shares @ mixture.values[used]
+    change = effect - mixture.weights @ mixture.values
+    return change, np.hypot(normal, mixture.relative * effect), z
 
 
 @lru_cache(maxsize=8)

@@ -21,6 +21,9 @@ from iriftrace.measuring.uncertainty.budget import DRAWS, Uncertainty, drawn
 RISK = 0.05
 """Largest probability of a wrong acceptance or rejection."""
 
+SMALLEST_U = 1e-300
+"""In place of a standard uncertainty of 0, with which a value lies inside or outside."""
+
 Verdict = Literal["accepted", "rejected", "not decided"]
 
 
@@ -62,15 +65,12 @@ class Tolerance:
 
 def _outside(tolerance: Tolerance, uncertainty: Uncertainty) -> float:
     """Probability that the true value does not conform."""
-    mixture = uncertainty.mixture
     low, high = tolerance.limits
-    places, normal = np.array([uncertainty.value]), uncertainty.standard
-    if mixture is not None:
-        normal = uncertainty.without(mixture.group)
-        places = uncertainty.value + drawn(0.0, mixture, DRAWS).ravel()
-    if not normal > 0.0:
-        return float(np.mean((places < low) | (places > high)))
-    return float(np.mean(ndtr((low - places) / normal) + ndtr((places - high) / normal)))
+    change, u = np.zeros(1), np.full(1, uncertainty.normal)
+    if uncertainty.mixture is not None:
+        change, u, _ = drawn(uncertainty.normal, uncertainty.mixture, DRAWS)
+    places, u = uncertainty.value + change, np.maximum(u, SMALLEST_U)
+    return float(np.mean(ndtr((low - places) / u) + ndtr((places - high) / u)))
 
 
 @frozen
