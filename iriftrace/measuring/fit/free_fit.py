@@ -26,7 +26,7 @@ from iriftrace.measuring.fit.shift_fit import BoardView, motions_of, seen_by_mem
 from iriftrace.measuring.fit.shift_mixture import ShiftMixture
 from iriftrace.measuring.fit.shift_noise import shift_noise
 from iriftrace.medium.index_field import IndexField
-from iriftrace.medium.path_data import FieldCells, excess_at
+from iriftrace.medium.path_data import CommonMesh, FieldCells
 from iriftrace.tracing.hot_air import FieldMember, HotAir
 from iriftrace.tracing.scene import Scene, ready_scene
 
@@ -310,8 +310,9 @@ def _by_wall(scene: Scene, cells: Sequence[FieldCells]) -> list[FloatArray]:
         variation = member.variation
         if variation is not None and variation.quantity == "wall":
             both = [scene.air.states[n].cells for n in (number, place[variation.of])]
-            hotter, base = ([excess_at(one, other) for one in cells] for other in both)
-            return [(a - b) / variation.step for a, b in zip(hotter, base, strict=True)]
+            mesh = CommonMesh.of([*cells, *both])
+            by_kelvin = (mesh.excess[-2] - mesh.excess[-1]) / variation.step
+            return [by_kelvin[own] for own in mesh.numbers[: len(cells)]]
     raise InputError(
         f"{scene.name} has no member that varies the wall, so there is no direction in which to "
         "fit its temperature; add one that was solved again with another wall.",
