@@ -216,6 +216,13 @@ class _Air:
         # Changed cells need an integrator of their own, which a scene with shells makes.
         shells = evolve(scene, engine=Engine.SHELLS) if scene.engine.through_cells else scene
         cells = [scene.air.states[place].cells for place in fitted]
+        if "lean x" in names and not all(one.wall.any() for one in cells):
+            raise InputError(
+                f"The air of {scene.name} has no inner boundary around a part, above which it "
+                "could lean; fit other numbers, or export the air without the solid.",
+                code="field.no_wall",
+                argument="free",
+            )
         return cls(
             view=view_of(scene, shifts, fitted, noise_px, camera_motion),
             members=tuple(scene.members[place] for place in fitted) if scene.members else (),
@@ -292,15 +299,13 @@ def _changed(
 ) -> FieldCells:
     """The cells of one member, with the numbers' change of index and place."""
     excess = cells.refractivity - cells.ambient + numbers.get("wall", 0.0) * by_wall
+    refractivity = cells.ambient + (1.0 + numbers.get("contrast", 0.0)) * excess
+    if "lean x" not in numbers:
+        return evolve(cells, refractivity=refractivity)
     points = cells.points.astype(np.float64)
     height = np.maximum(points[:, 2] - points[cells.wall, 2].max(), 0.0)
-    points[:, 0] += numbers.get("lean x", 0.0) * height
-    points[:, 1] += numbers.get("lean y", 0.0) * height
-    return evolve(
-        cells,
-        points=points.astype(np.float32),
-        refractivity=cells.ambient + (1.0 + numbers.get("contrast", 0.0)) * excess,
-    )
+    points[:, :2] += height[:, None] * (numbers["lean x"], numbers["lean y"])
+    return evolve(cells, points=points.astype(np.float32), refractivity=refractivity)
 
 
 def _by_wall(scene: Scene, cells: Sequence[FieldCells]) -> list[FloatArray]:
