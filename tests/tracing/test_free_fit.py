@@ -159,6 +159,7 @@ def test_the_command_writes_the_changed_air(
     values = json.loads(out.with_name("fit.json").read_text())
     fitted = iriftrace.load_scene(out)
     assert [one.label for one in fitted.members] == ["fitted", "fitted contrast + u"]
+    assert [len(state.shells.shells) for state in fitted.air.states] == [9, 9]
     first, second = (state.cells for state in fitted.air.states)
     peak = np.abs(first.refractivity - first.ambient).max()
     more = np.abs(second.refractivity - second.ambient).max() / peak - 1.0

@@ -27,6 +27,8 @@ from iriftrace.measuring.fit.shift_mixture import ShiftMixture
 from iriftrace.measuring.fit.shift_noise import shift_noise
 from iriftrace.medium.index_field import IndexField
 from iriftrace.medium.path_data import CommonMesh, FieldCells
+from iriftrace.medium.shells.levels import RULES
+from iriftrace.medium.shells.options import STANDARD
 from iriftrace.tracing.hot_air import FieldMember, HotAir
 from iriftrace.tracing.scene import Scene, ready_scene
 
@@ -57,7 +59,7 @@ class FreeFit:
     air : HotAir
         The changed air, for the scene of the part: each member with weight, and the same with each
         number larger by its u, of the weight 0. The covariance of their weights has the uncertainty
-        of the numbers, so that `correct` states U by them.
+        of the numbers, so that `correct` states U by them. Its shells are as many as the scene's.
     values : dict of float
         By the names in `NUMBERS`: contrast, a fraction added to 1; lean x and y, mm/mm; wall, K.
     covariance : (p, p) array
@@ -265,11 +267,16 @@ class _Air:
         among = slice(0, len(used))
         together[among, among] += best.covariance(noise)[np.ix_(used, used)]
         all_weights = np.concatenate((weights, np.zeros(len(u) * len(used))))
+        own = self.scenes[0].air
+        shells = own.states[0].shells
         return HotAir(
             fields,
+            layers=len(shells.shells),
+            rule=shells.rule if shells.rule in RULES else STANDARD.rule,
             labels=labels,
             weights=MemberWeights(all_weights, together, _outside(best, noise)),
-            notes=self.scenes[0].air.notes,
+            normals=own.normals,
+            notes=own.notes,
         )
 
 
