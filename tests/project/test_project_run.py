@@ -267,6 +267,8 @@ def test_a_board_is_fitted_before_a_scan_is_corrected(project: Path) -> None:
     assert states["correct"].step.words()[1] == "build/fit/scene.xml"
     assert "[second] second" not in states["board"].inputs
     assert "[feature] tolerance" not in states["correct"].inputs
+    # Of a chain of steps, each stamp has its own inputs alone.
+    assert len(json.dumps(states["report"].inputs)) < 1000
     lines = [line for line in text.splitlines() if not line.startswith("origin")]
     FILE.write_text("\n".join(lines))
     with pytest.raises(InputError, match=r"\[camera\] origin: it is missing"):
