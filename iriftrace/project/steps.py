@@ -16,7 +16,7 @@ BUILD = Path("build")
 SCENE, POSES = BUILD / "scene" / "scene.xml", BUILD / "plan" / "poses.json"
 
 NO_VERDICT = ("feature.tolerance",)
-"""What the step that corrects leaves to the report, which decides without correcting again."""
+"""Keys that are left to the report, which decides without correcting again."""
 
 _BOARD_KEYS = {"length_unit": "--length-unit", "transform": "--part-transform"}
 

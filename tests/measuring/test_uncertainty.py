@@ -41,7 +41,7 @@ from validation.inputs.cameras import camera_at
 from validation.inputs.shell_fields import scaled
 
 SHARES = np.array((-0.1, 0.0, 0.15))
-"""How much more the index differs from ambient in each member than in the undisturbed."""
+"""Relative change of the contrast in each member from the undisturbed one."""
 
 CAMERA, PROJECTOR = (
     camera_at((x, 1.0, 150.0), up=(0.0, 1.0, 0.0), focal_length_mm=20.0, resolution=(30, 25))
