@@ -219,7 +219,7 @@ class Correction:
         self, change: Changes, part: Part, fitted: Sequence[FittedFeature], gate: float | None
     ) -> dict[str, tuple[Feature, ...]]:
         """`FittedFeature.by_group` of one group for each feature by its name."""
-        points = self.points[change.rows]
+        points = self.measured[change.rows] - self.error[change.rows]
         choices = [FeatureChoice(each.kind, each.region or "") for each in fitted]
         with without_warnings():
             found = fit_features(
