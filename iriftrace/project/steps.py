@@ -146,9 +146,10 @@ def _measured(file: ProjectFile, scene: Callable[..., ProjectStep]) -> Iterator[
         yield ProjectStep(
             *("correct", "correct", lambda: corrected, result, after, (cloud,)), without=NO_VERDICT
         )
-    budget = BUILD / "budget" / "budget.json"
-    stated = [str(best), f"--output={budget}"]
-    yield ProjectStep("budget", "budget", lambda: stated, budget, after, without=NO_VERDICT)
+    if file.uncertainty:
+        budget = BUILD / "budget" / "budget.json"
+        stated = [str(best), f"--output={budget}"]
+        yield ProjectStep("budget", "budget", lambda: stated, budget, after, without=NO_VERDICT)
     if two:
         page = BUILD / "report" / "report.html"
         made = [str(result), f"--output={page}"]

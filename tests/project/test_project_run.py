@@ -68,6 +68,12 @@ def test_the_file_of_a_part_has_every_key_in_place(project: Path) -> None:
     assert set(reasons()) == {"field", "scene", "measure", "budget", "report"}
     assert main(["new", ".", "--part", "part.stl"]) == 2
     assert main(["run", "scenes"]) == 2
+    # Of a picture alone nothing is known without a stated uncertainty.
+    start, end = "[uncertainty]", 'sensor = "8 um"'
+    text = FILE.read_text()
+    FILE.write_text(text[: text.index(start)] + text[text.index(end) + len(end) :])
+    replaced(', "uncertainty"', "")
+    assert set(reasons()) == {"field", "scene", "measure", "report"}
 
 
 @pytest.mark.usefixtures("variant")
