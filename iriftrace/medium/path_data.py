@@ -161,4 +161,5 @@ def _rows(cells: FieldCells, number: IntArray) -> Int32Array:
 def excess_at(cells: FieldCells, other: FieldCells) -> FloatArray:
     """n - n_ambient (m,) of another field at the points of cells; InputError for another mesh."""
     mesh = CommonMesh.of((cells, other))
-    return mesh.excess[1, mesh.numbers[0]]
+    excess: FloatArray = mesh.excess[1, mesh.numbers[0]]
+    return excess

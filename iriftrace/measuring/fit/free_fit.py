@@ -27,8 +27,6 @@ from iriftrace.measuring.fit.shift_mixture import ShiftMixture
 from iriftrace.measuring.fit.shift_noise import shift_noise
 from iriftrace.medium.index_field import IndexField
 from iriftrace.medium.path_data import CommonMesh, FieldCells
-from iriftrace.medium.shells.levels import RULES
-from iriftrace.medium.shells.options import STANDARD
 from iriftrace.tracing.hot_air import FieldMember, HotAir
 from iriftrace.tracing.scene import Scene, ready_scene
 
@@ -267,16 +265,8 @@ class _Air:
         among = slice(0, len(used))
         together[among, among] += best.covariance(noise)[np.ix_(used, used)]
         all_weights = np.concatenate((weights, np.zeros(len(u) * len(used))))
-        own = self.scenes[0].air
-        shells = own.states[0].shells
-        return HotAir(
-            fields,
-            layers=len(shells.shells),
-            rule=shells.rule if shells.rule in RULES else STANDARD.rule,
-            labels=labels,
-            weights=MemberWeights(all_weights, together, _outside(best, noise)),
-            normals=own.normals,
-            notes=own.notes,
+        return self.scenes[0].air.with_fields(
+            fields, labels, MemberWeights(all_weights, together, _outside(best, noise))
         )
 
 
