@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import get_args
 
 from attrs import frozen
 
 from iriftrace.cli.project_file import PLANNED, ProjectFile
+from iriftrace.medium.source import VariedInput
 
 BUILD = Path("build")
 """Folder of the products, in that of the project."""
@@ -194,5 +196,5 @@ def _fields_made() -> list[str]:
     if family.is_file():
         members = json.loads(family.read_text(encoding="utf-8"))["members"]
         return [str(folder / one["field"]) for one in members]
-    varied = [folder / f"field_{name}.vtu" for name in ("wall", "ambient", "pressure")]
+    varied = [folder / f"field_{name}.vtu" for name in get_args(VariedInput)]
     return [str(folder / "field.vtu"), *(str(one) for one in varied if one.is_file())]
