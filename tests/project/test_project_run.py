@@ -67,6 +67,10 @@ def test_the_file_of_a_part_has_every_key_in_place(project: Path) -> None:
     assert file.features[0]["nominal"] == "27.0000 mm"
     assert set(reasons()) == {"field", "scene", "measure", "budget", "report"}
     assert main(["new", ".", "--part", "part.stl"]) == 2
+    named = Path("his \"part\" 'b'.stl")
+    shutil.copy("part.stl", named)
+    assert main(["new", "other", "--part", str(named)]) == 0
+    assert read_project_file(Path("other") / FILE, app).get("part", "mesh") == f"../{named}"
     assert main(["run", "scenes"]) == 2
     # Of a picture alone nothing is known without a stated uncertainty.
     start, end = "[uncertainty]", 'sensor = "8 um"'
