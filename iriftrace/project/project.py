@@ -13,7 +13,7 @@ from attrs import field, frozen
 
 from iriftrace.cli.console import PROJECT_FILE, out
 from iriftrace.cli.program import app
-from iriftrace.cli.project_file import ProjectFile, read_project_file
+from iriftrace.cli.project_file import NO_VERDICT, ProjectFile, read_project_file
 from iriftrace.core.html import html_table, picture
 from iriftrace.figures.describe_scan import describe, sentences
 from iriftrace.measuring.options import USUAL_DEVICES
@@ -21,7 +21,6 @@ from iriftrace.measuring.uncertainty.options import NOTHING_ASKED
 from iriftrace.project.results import corrected_values
 from iriftrace.project.run import defaults_of, do_steps
 from iriftrace.project.stamps import states_of
-from iriftrace.project.steps import NO_VERDICT
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

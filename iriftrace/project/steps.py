@@ -9,16 +9,13 @@ from typing import get_args
 
 from attrs import frozen
 
-from iriftrace.cli.project_file import PLANNED, ProjectFile
+from iriftrace.cli.project_file import NO_VERDICT, PLANNED, ProjectFile
 from iriftrace.medium.source import VariedInput
 
 BUILD = Path("build")
 """Folder of the products, in that of the project."""
 
 SCENE, POSES = BUILD / "scene" / "scene.xml", BUILD / "plan" / "poses.json"
-
-NO_VERDICT = ("feature.tolerance",)
-"""Keys that are left to the report, which decides without correcting again."""
 
 _BOARD_KEYS = {"length_unit": "--length-unit", "transform": "--part-transform"}
 
@@ -141,6 +138,7 @@ def _measured(file: ProjectFile, scene: Callable[..., ProjectStep]) -> Iterator[
             fitted.append(f"--scene={SCENE}")
             yield ProjectStep("fit", "fit", lambda: fitted, best, ("scene", "board"), (shifts,))
             after = ("fit",)
+    # Only the report decides, without correcting again for another tolerance.
     result, cloud = BUILD / "measure" / "scan.vtp", file.get("scan", "cloud")
     if cloud is not None:
         result = BUILD / "correct" / "corrected.vtp"
