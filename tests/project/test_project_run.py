@@ -258,7 +258,9 @@ def test_a_project_in_python_has_the_values_of_its_products(
         _ = found.correction
 
 
-def test_a_board_is_fitted_before_a_scan_is_corrected(project: Path) -> None:
+def test_a_board_is_fitted_before_a_scan_is_corrected(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The steps and their words; the commands themselves have tests of their own."""
     text = FILE.read_text().replace("# [board]", "[board]").replace("# [scan]", "[scan]")
     for key in ('mesh = "board', "transform", "shifts", 'cloud = "scan'):
@@ -281,6 +283,12 @@ def test_a_board_is_fitted_before_a_scan_is_corrected(project: Path) -> None:
     assert "[feature] tolerance" not in states["correct"].inputs
     # Of a chain of steps, each stamp has its own inputs alone.
     assert len(json.dumps(states["report"].inputs)) < 1000
+    # In Python, too, devices measure in the air before the fit.
+    monkeypatch.setattr(iriftrace.Project, "_product", lambda self, step: step)
+    monkeypatch.setattr("iriftrace.tracing.load.load_scene", lambda product, *_, **__: product)
+    monkeypatch.setattr("iriftrace.measuring.two_devices.measure.measure", lambda scene, **_: scene)
+    found = iriftrace.Project.read()
+    assert (found.scan, found.scene) == ("scene", "fit")
     lines = [line for line in text.splitlines() if not line.startswith("origin")]
     FILE.write_text("\n".join(lines))
     with pytest.raises(InputError, match=r"\[camera\] origin: it is missing"):
