@@ -81,7 +81,7 @@ from .measuring.two_devices.budget import FeatureBudget as FeatureBudget
 from .measuring.two_devices.budget import feature_budget as feature_budget
 from .measuring.two_devices.correct import correct as correct
 from .measuring.two_devices.correction import Correction as Correction
-from .measuring.two_devices.correction import CorrectionStatus as CorrectionStatus
+from .measuring.two_devices.correction_status import CorrectionStatus as CorrectionStatus
 from .measuring.two_devices.measure import measure as measure
 from .measuring.two_devices.scan import Scan as Scan
 from .measuring.two_devices.scan import ScanStatus as ScanStatus

@@ -200,7 +200,7 @@ def report(
     ----------
     file
         A sweep (.nc); or a cloud (or its .json) that ``iriftrace measure`` or ``correct`` wrote,
-        without options for the ranking.
+        to which the options for the ranking do not apply.
     output
         The HTML file.
     top
@@ -221,7 +221,7 @@ def report(
         summary = summarise(dataset, ranking)
         with working("Writing the report"):
             missing = write_report(output, dataset, summary, top=top, views=views)
-    elif (ranking, top, wavelength, views) == (STANDARD_CRITERIA, SHOWN, None, None):
+    elif (top, wavelength, views) == (SHOWN, None, None):
         from iriftrace.figures.report import write_scan_report
 
         numbers, values = _numbers(file)
@@ -234,7 +234,7 @@ def report(
         )
     else:
         raise InputError(
-            f"Options of rankings, views and light are for a sweep (.nc), and {file} is none; "
+            f"Rows of a ranking, views and light are for a sweep (.nc), and {file} is none; "
             "leave them out.",
             code="options.of_a_sweep",
         )

@@ -21,6 +21,9 @@ from iriftrace.measuring.uncertainty.options import AnswerOptions
 PLANNED = "plan"
 """Value of [camera] pose for the best pose of a sweep."""
 
+NO_VERDICT = ("feature.tolerance",)
+"""Keys without which there is no verdict."""
+
 Values = Mapping[str, Any]
 
 
@@ -246,6 +249,8 @@ def is_among(section: str, key: str, listed: Collection[str]) -> bool:
 class Defaults:
     """The values of a project's file as defaults of the options of a program's commands.
 
+    A file with examples gives no tolerances, so that nothing is decided by them.
+
     Parameters
     ----------
     read
@@ -270,9 +275,10 @@ class Defaults:
         if not options:
             return
         file, used = self.read(), dict[str, list[str]]()
+        without = (*self.without, *(NO_VERDICT if file.example else ()))
         for section, key, argument, _ in options:
             planned = (section, key) == ("camera", "pose") and file.get(section, key) == PLANNED
-            left_out = planned or is_among(section, key, self.without)
+            left_out = planned or is_among(section, key, without)
             if not left_out and not argument.tokens and _fill(file, section, key, argument):
                 used.setdefault(section, []).append(key)
         if used:

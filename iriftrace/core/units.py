@@ -91,7 +91,7 @@ _EXAMPLES = {
     "mm": "8 um",
     "radian": "0.1 mrad",
 }
-"""How values are written, by unit."""
+"""Values as they are written, by unit."""
 
 
 def _named(name: str, text: str, unit: str) -> float:

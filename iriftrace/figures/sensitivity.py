@@ -49,9 +49,8 @@ def sensitivity_figure(found: Sensitivity, part: Part) -> Figure:
     scale = ColourScale(sums, (-limit, limit), label, False, "RdBu_r")
     shown.set(norm=scale.norm)
     scale.add_bar(body, shown, ax=left, location="bottom")
-    order = np.argsort(found.distance)
-    total = np.cumsum(np.abs(found.of_air[order]))
-    right.plot(found.distance[order], 100.0 * total / max(total[-1], 1e-300))
+    distances, fractions = found.by_distance
+    right.plot(distances, 100.0 * fractions)
     edge = found.within(MOST)
     right.plot([0.0, edge, edge], [100.0 * MOST, 100.0 * MOST, 0.0], color="0.5", linewidth=0.8)
     right.set(

@@ -7,6 +7,7 @@ them with their volumes, `consistent_gradient` then corrects its length to match
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
 from iriftrace.core.arrays import AnyIntArray, FloatArray, Int32Array, IntArray
+from iriftrace.core.blocks import blocks
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -127,7 +129,7 @@ def point_gradient(grid: LinearCells, values: FloatArray) -> FloatArray:
     columns = np.ascontiguousarray(values.reshape(len(values), -1).T)
     sums = np.zeros((3 * len(columns) + 1, points.shape[1]))
     for kind, (_, corners) in cell_corners(grid).items():
-        for block in blocks(len(corners)):
+        for block in few_blocks(len(corners)):
             at_corners = _gradient_sums(points, columns, corners[block], kind)
             index = corners[block].T.ravel()
             for row, part in zip(sums, at_corners, strict=True):
@@ -155,10 +157,9 @@ def cell_centroids(grid: pv.UnstructuredGrid) -> FloatArray:
     return result
 
 
-def blocks(count: int) -> list[slice]:
-    """Ranges of a number of rows, few enough for `_add` and small enough for a fast memory."""
-    size = max(SMALLEST_BLOCK, -(-count // MOST_BLOCKS))
-    return [slice(start, start + size) for start in range(0, count, size)]
+def few_blocks(count: int) -> Iterator[slice]:
+    """Blocks of a number of rows, few enough for `_add` and small enough for a fast memory."""
+    return blocks(count, max(SMALLEST_BLOCK, -(-count // MOST_BLOCKS)))
 
 
 def _add(sums: FloatArray, index: AnyIntArray, terms: FloatArray) -> None:
@@ -240,7 +241,7 @@ def consistent_gradient(
     for _ in range(ROUNDS):
         # Least squares for the factor of a point's own gradient, from its normal equation.
         right, left = np.zeros((2, len(points)))
-        for block in blocks(len(start)):
+        for block in few_blocks(len(start)):
             ends = start[block], end[block]
             edge = np.asarray(points[ends[1]], dtype=np.float64) - points[ends[0]]
             change = values[ends[1]] - values[ends[0]]
@@ -259,7 +260,7 @@ def consistent_gradient(
 def edges_of(corners: NDArray[np.integer], count: int) -> tuple[Int32Array, Int32Array]:
     """Point numbers at both ends of all edges of tetrahedra, each edge once."""
     found = []
-    for block in blocks(len(corners)):
+    for block in few_blocks(len(corners)):
         first, second = np.moveaxis(corners[block].astype(np.int32)[:, TETRAHEDRON_EDGES], 2, 0)
         found.append(_pairs_once(first.ravel(), second.ravel(), count))
     starts, ends = zip(*found, strict=True)

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import evolve, frozen
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
 from iriftrace.core.errors import InputError
+from iriftrace.core.mesh.topology import first_equal, weld
 from iriftrace.medium.air.refractivity import Air, dispersion
 from iriftrace.medium.ambient import cells_at, corners_of, not_ambient, points_of
 from iriftrace.medium.gradient import CORNERS
@@ -22,9 +21,6 @@ if TYPE_CHECKING:
     import pyvista as pv
 
     from iriftrace.medium.index_field import IndexField
-
-SAME_MM = 1e-4
-"""Distance below which points of two fields are one, in single precision."""
 
 
 @frozen(eq=False)
@@ -95,49 +91,67 @@ def cells_of(field: IndexField) -> FieldCells:
     )
 
 
-def mixed_cells(members: Sequence[FieldCells], weights: ArrayLike) -> FieldCells:
-    """The cells of several fields on one mesh, with the weighted sum of their refractivities.
+@frozen(eq=False)
+class CommonMesh:
+    """The mesh of several fields: all of their cells, and the excess of each at all points.
 
-    `weights` (k,) have the sum 1 and may be negative. A field is ambient in cells that it does not
-    have. Raises InputError for fields on several meshes: that have less than half of the cells of
-    the smaller one in common.
+    A field is ambient in cells that it does not have.
     """
-    first, shares = members[0], np.asarray(weights, dtype=np.float64)
-    places = [one.points for one in members]
-    starts = np.cumsum([0, *(len(one.celltypes) for one in members)])
-    points, number = np.unique(np.concatenate(places), axis=0, return_inverse=True)
-    numbers = np.split(number.ravel(), np.cumsum([len(one) for one in places])[:-1])
-    rows = np.concatenate([_rows(*each) for each in zip(members, numbers, strict=True)])
-    cells, cell = np.unique(rows, axis=0, return_inverse=True)
-    of_member = [cell.ravel()[low:high] for low, high in pairwise(starts)]
-    for one, its in zip(members[1:], of_member[1:], strict=True):
-        common = np.count_nonzero(np.isin(its, of_member[0]))
-        if common < 0.5 * min(len(its), len(of_member[0])):
-            raise InputError(
-                f"{one.source.path} has another mesh than {first.source.path}, so their air "
-                "cannot be mixed point by point; solve both on one mesh.",
-                code="field.other_mesh",
-            )
-    refractivity, wall = np.zeros(len(points)), np.zeros(len(points), dtype=bool)
-    for share, one, its in zip(shares, members, numbers, strict=True):
-        values = np.full(len(points), one.ambient)
-        values[its] = one.refractivity
-        refractivity += share * values
-        wall[its] |= one.wall
-    return evolve(
-        first,
-        points=points,
-        refractivity=refractivity,
-        celltypes=cells[:, 0].astype(np.uint8),
-        cell_connectivity=cells[:, 1:][cells[:, 1:] >= 0].astype(np.int32),
-        wall=wall,
-        ambient=float(shares @ [one.ambient for one in members]),
-    )
+
+    cells: FieldCells  # of all fields, at n points, with the values of the first
+    ambient: FloatArray  # (k,), n - 1 of the ambient air of each field
+    excess: FloatArray  # (k, n), n - n_ambient of each field
+    numbers: tuple[IntArray, ...]  # of each field's own points among all
+
+    @classmethod
+    def of(cls, members: Sequence[FieldCells]) -> CommonMesh:
+        """The mesh of fields; InputError for several meshes.
+
+        These have less than half of the cells of the smaller one in common with the first one.
+        """
+        first = members[0]
+        points = np.concatenate([one.points for one in members])
+        kept, number = np.unique(weld(points), return_inverse=True)
+        points = points[kept]
+        numbers = np.split(number, np.cumsum([len(one.points) for one in members])[:-1])
+        cells = np.concatenate([_rows(*each) for each in zip(members, numbers, strict=True)])
+        kept, cell = np.unique(first_equal(cells), return_inverse=True)
+        cells = cells[kept]
+        own, *others = np.split(cell, np.cumsum([len(one.celltypes) for one in members])[:-1])
+        for one, its in zip(members[1:], others, strict=True):
+            if np.count_nonzero(np.isin(its, own)) < 0.5 * min(len(its), len(own)):
+                raise InputError(
+                    f"{one.source.path} has another mesh than {first.source.path}, so their air "
+                    "cannot be mixed or compared point by point; solve both on one mesh.",
+                    code="field.other_mesh",
+                )
+        excess, wall = np.zeros((len(members), len(points))), np.zeros(len(points), dtype=bool)
+        for values, one, its in zip(excess, members, numbers, strict=True):
+            values[its] = one.refractivity - one.ambient
+            wall[its] |= one.wall
+        whole = evolve(
+            first,
+            points=points,
+            refractivity=first.ambient + excess[0],
+            celltypes=cells[:, 0].astype(np.uint8),
+            cell_connectivity=cells[:, 1:][cells[:, 1:] >= 0],
+            wall=wall,
+        )
+        return cls(whole, np.array([one.ambient for one in members]), excess, tuple(numbers))
+
+    def mixed(self, weights: ArrayLike) -> FieldCells:
+        """The cells with the sum of the refractivities by weights (k,).
+
+        These have the sum 1 and may be negative.
+        """
+        shares = np.asarray(weights, dtype=np.float64)
+        ambient = float(shares @ self.ambient)
+        return evolve(self.cells, refractivity=ambient + shares @ self.excess, ambient=ambient)
 
 
-def _rows(cells: FieldCells, number: IntArray) -> IntArray:
+def _rows(cells: FieldCells, number: IntArray) -> Int32Array:
     """Type and corners of cells, by new numbers of the points; (c, 9), with -1 after the last."""
-    rows = np.full((len(cells.celltypes), 9), -1)
+    rows = np.full((len(cells.celltypes), 9), -1, dtype=np.int32)
     rows[:, 0] = cells.celltypes
     corner = np.arange(8) < np.diff(cells.cell_offsets)[:, None]
     rows[:, 1:][corner] = number[cells.cell_connectivity]
@@ -145,18 +159,7 @@ def _rows(cells: FieldCells, number: IntArray) -> IntArray:
 
 
 def excess_at(cells: FieldCells, other: FieldCells) -> FloatArray:
-    """n - n_ambient (m,) of another field at the points of cells on the same mesh.
-
-    Points that are left out of the other cells lie in ambient air. Raises InputError for another
-    mesh: fewer than half of the points in common.
-    """
-    excess = other.refractivity - other.ambient
-    off, nearest = cKDTree(other.points).query(cells.points, distance_upper_bound=SAME_MM)
-    same = np.isfinite(off)
-    if same.mean() < 0.5:
-        raise InputError(
-            f"{other.source.path} has another mesh than {cells.source.path}, so their air cannot "
-            "be compared point by point; solve both on one mesh.",
-            code="field.other_mesh",
-        )
-    return np.where(same, np.append(excess, 0.0)[nearest], 0.0)
+    """n - n_ambient (m,) of another field at the points of cells; InputError for another mesh."""
+    mesh = CommonMesh.of((cells, other))
+    excess: FloatArray = mesh.excess[1, mesh.numbers[0]]
+    return excess

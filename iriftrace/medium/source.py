@@ -21,7 +21,7 @@ class FieldKind(Enum):
     NOT_STATED = "not stated"
 
 
-Quantity = Literal["wall", "ambient", "pressure"]
+VariedInput = Literal["wall", "ambient", "pressure"]
 """Input of a flow solution that may be changed in it."""
 
 
@@ -39,7 +39,7 @@ class Variation:
         SHA-256 of the file of the field that was solved with the input as it is.
     """
 
-    quantity: Quantity
+    quantity: VariedInput
     step: float
     of: str
 

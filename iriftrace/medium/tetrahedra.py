@@ -26,8 +26,8 @@ from iriftrace.medium.gradient import (
     TETRAHEDRON_EDGES,
     WEDGE,
     LinearCells,
-    blocks,
     cell_corners,
+    few_blocks,
 )
 
 BOUNDARY = 0x80000000
@@ -85,7 +85,9 @@ def tetrahedra_of(grid: LinearCells) -> Tetrahedra:
     points = as_float64(grid.points)
     of_kinds = []
     for kind, (_, cells) in cell_corners(grid).items():
-        tetrahedra = np.concatenate([_split(cells[block], kind) for block in blocks(len(cells))])
+        tetrahedra = np.concatenate(
+            [_split(cells[block], kind) for block in few_blocks(len(cells))]
+        )
         # Solvers do not agree on the order of a wedge's corners, and a mirrored field is all
         # left-handed. Negative volumes that remain are inverted cells.
         if _volumes(tetrahedra, points).sum() < 0:
@@ -179,7 +181,7 @@ def _of_one_orientation(
     ascends = np.concatenate(
         [
             (np.roll(faces, -1, axis=1) > faces).sum(axis=1) == 2
-            for faces in (_faces(corners[block]) for block in blocks(len(corners)))
+            for faces in (_faces(corners[block]) for block in few_blocks(len(corners)))
         ]
     )
     opposed = ascends[first] != ascends[second]
@@ -209,7 +211,7 @@ def _volumes(corners: AnyIntArray, points: FloatArray) -> FloatArray:
     """Six times the volumes of tetrahedra, (m,) array, mm^3."""
     axes = np.ascontiguousarray(points.T)
     volume: FloatArray = np.zeros(len(corners))
-    for block in blocks(len(corners)):
+    for block in few_blocks(len(corners)):
         numbers = [np.ascontiguousarray(column) for column in corners[block].T]
         # Axis by axis, which is twice as fast as numpy.cross.
         first, second, third = (
@@ -244,7 +246,7 @@ def _without_flat_twins(corners: NumberArray, count: int) -> NumberArray:
     pieces next to it are the same flat tetrahedron twice, once inverted.
     """
     kept = np.ones(len(corners), dtype=bool)
-    for block in blocks(len(corners)):
+    for block in few_blocks(len(corners)):
         some = np.sort(corners[block], axis=1)
         kept[block] = (some[:, 1:] != some[:, :-1]).all(axis=1)
     corners = corners[kept]

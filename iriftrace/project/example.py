@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -85,7 +86,7 @@ sensor = "8 um"
 _FEATURE = """
 [[feature]]  # EXAMPLE
 kind = "{kind}"
-region = "{region}"
+region = {region}
 nominal = "{nominal:.4f} mm"
 tolerance = "-0.02 0.02 mm"
 """
@@ -138,8 +139,8 @@ def write_example(folder: Path, part: Part, mesh: Path, fields: Sequence[Path]) 
 
 
 def _quoted(text: str) -> str:
-    """A text as TOML; in literal quotes if it has a backslash or a quote."""
-    return f"'{text}'" if "\\" in text or '"' in text else f'"{text}"'
+    """A text as TOML, whose escapes those of JSON are."""
+    return json.dumps(text, ensure_ascii=False)
 
 
 def _devices(part: Part) -> dict[str, str]:
@@ -168,4 +169,4 @@ def _features(part: Part) -> Iterator[str]:
             corners = part.vertices[np.unique(part.faces[part.region_of_face == number])]
             size = fit_feature(corners, kind).size_mm
             if size is not None:
-                yield _FEATURE.format(kind=kind, region=region, nominal=size)
+                yield _FEATURE.format(kind=kind, region=_quoted(region), nominal=size)

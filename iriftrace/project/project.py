@@ -13,7 +13,7 @@ from attrs import field, frozen
 
 from iriftrace.cli.console import PROJECT_FILE, out
 from iriftrace.cli.program import app
-from iriftrace.cli.project_file import ProjectFile, read_project_file
+from iriftrace.cli.project_file import NO_VERDICT, ProjectFile, read_project_file
 from iriftrace.core.html import html_table, picture
 from iriftrace.figures.describe_scan import describe, sentences
 from iriftrace.measuring.options import USUAL_DEVICES
@@ -21,7 +21,7 @@ from iriftrace.measuring.uncertainty.options import NOTHING_ASKED
 from iriftrace.project.results import corrected_values
 from iriftrace.project.run import defaults_of, do_steps
 from iriftrace.project.stamps import states_of
-from iriftrace.project.steps import NO_VERDICT
+from iriftrace.tracing.options import TRACE_AS_STATED
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -71,21 +71,15 @@ class Project:
     @cached_property
     def scene(self) -> Scene:
         """Part, air and devices; with a fitted board the fitted air."""
-        from iriftrace.tracing.load import load_scene
-
-        product = self._product("fit" if "fit" in self.status else "scene")
-        trace = self._options("measure", "SCENE").get("trace")
-        if trace is None:
-            return load_scene(product)
-        return load_scene(product, trace.variables(), variant=trace.variant, engine=trace.engine)
+        return self._loaded("fit" if "fit" in self.status else "scene")
 
     @cached_property
     def scan(self) -> Scan:
-        """What the two devices measure, simulated."""
+        """What the two devices measure, simulated in the air before a fit, as by the step."""
         from iriftrace.measuring.two_devices.measure import measure
 
         devices = self._options("measure", "SCENE").get("devices", USUAL_DEVICES)
-        return measure(self.scene, system=devices.system, phase=devices.phase)
+        return measure(self._loaded("scene"), system=devices.system, phase=devices.phase)
 
     @cached_property
     def correction(self) -> Correction:
@@ -190,6 +184,14 @@ class Project:
         self.run(name)
         with self._here():
             return self.folder / states_of(self.file)[name].step.product
+
+    def _loaded(self, step: str) -> Scene:
+        """Scene of a step, traced as [trace] states."""
+        from iriftrace.tracing.load import load_scene
+
+        product = self._product(step)
+        trace = self._options("measure", "SCENE").get("trace", TRACE_AS_STATED)
+        return load_scene(product, trace.variables(), variant=trace.variant, engine=trace.engine)
 
     def _options(self, *words: str) -> dict[str, Any]:
         """Arguments of a command's function as the file states them."""

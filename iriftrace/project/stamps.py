@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from importlib.metadata import version
@@ -29,7 +30,8 @@ class StepState:
     ----------
     step : ProjectStep
     inputs : mapping
-        Values by the name of each input: a key of the file, a file, a step before, the version.
+        Values by the name of each input: a key of the file, a file, a step before (a digest of its
+        inputs), the version.
     files : mapping
         Size, time and SHA-256 of each file that it reads.
     stamp : mapping
@@ -84,8 +86,9 @@ def _state(step: ProjectStep, file: ProjectFile, before: Mapping[str, StepState]
         files[str(path)] = [*(size_and_time or ()), sha256]
         inputs[str(path)] = sha256
     for name in step.after:
-        # Without the names of what is only passed on.
-        inputs[f"step {name}"] = json.dumps(before[name].inputs, sort_keys=True)
+        # A digest: the inputs of a long chain written out would double with each step.
+        listed = json.dumps(before[name].inputs, sort_keys=True)
+        inputs[f"step {name}"] = hashlib.sha256(listed.encode()).hexdigest()
     waits = next((name for name in step.after if before[name].reason), None)
     return StepState(step, inputs, files, stamp, _reason(step, inputs, stamp, waits))
 

@@ -5,18 +5,17 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import get_args
 
 from attrs import frozen
 
-from iriftrace.cli.project_file import PLANNED, ProjectFile
+from iriftrace.cli.project_file import NO_VERDICT, PLANNED, ProjectFile
+from iriftrace.medium.source import VariedInput
 
 BUILD = Path("build")
 """Folder of the products, in that of the project."""
 
 SCENE, POSES = BUILD / "scene" / "scene.xml", BUILD / "plan" / "poses.json"
-
-NO_VERDICT = ("feature.tolerance",)
-"""What the step that corrects leaves to the report, which decides without correcting again."""
 
 _BOARD_KEYS = {"length_unit": "--length-unit", "transform": "--part-transform"}
 
@@ -139,6 +138,7 @@ def _measured(file: ProjectFile, scene: Callable[..., ProjectStep]) -> Iterator[
             fitted.append(f"--scene={SCENE}")
             yield ProjectStep("fit", "fit", lambda: fitted, best, ("scene", "board"), (shifts,))
             after = ("fit",)
+    # Only the report decides, without correcting again for another tolerance.
     result, cloud = BUILD / "measure" / "scan.vtp", file.get("scan", "cloud")
     if cloud is not None:
         result = BUILD / "correct" / "corrected.vtp"
@@ -146,9 +146,10 @@ def _measured(file: ProjectFile, scene: Callable[..., ProjectStep]) -> Iterator[
         yield ProjectStep(
             *("correct", "correct", lambda: corrected, result, after, (cloud,)), without=NO_VERDICT
         )
-    budget = BUILD / "budget" / "budget.json"
-    stated = [str(best), f"--output={budget}"]
-    yield ProjectStep("budget", "budget", lambda: stated, budget, after, without=NO_VERDICT)
+    if file.uncertainty:
+        budget = BUILD / "budget" / "budget.json"
+        stated = [str(best), f"--output={budget}"]
+        yield ProjectStep("budget", "budget", lambda: stated, budget, after, without=NO_VERDICT)
     if two:
         page = BUILD / "report" / "report.html"
         made = [str(result), f"--output={page}"]
@@ -193,5 +194,5 @@ def _fields_made() -> list[str]:
     if family.is_file():
         members = json.loads(family.read_text(encoding="utf-8"))["members"]
         return [str(folder / one["field"]) for one in members]
-    varied = [folder / f"field_{name}.vtu" for name in ("wall", "ambient", "pressure")]
+    varied = [folder / f"field_{name}.vtu" for name in get_args(VariedInput)]
     return [str(folder / "field.vtu"), *(str(one) for one in varied if one.is_file())]

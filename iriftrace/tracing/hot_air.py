@@ -15,6 +15,7 @@ from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.plain import JsonObject, plain
 from iriftrace.io.field_npz import load_field_file
 from iriftrace.medium.path_data import FieldCells, cells_of
+from iriftrace.medium.shells.levels import RULES
 from iriftrace.medium.shells.options import STANDARD
 from iriftrace.medium.source import FieldSource, Variation
 from iriftrace.tracing.options import GRADIENT
@@ -322,6 +323,21 @@ class HotAir:
             normals=self.normals,
             notes={**self.notes, **notes},
             wall_temperature_k=self.wall_temperature_k,
+        )
+
+    def with_fields(
+        self, fields: Sequence[IndexField], labels: Sequence[str], weights: MemberWeights
+    ) -> HotAir:
+        """Air of other fields, with the same notes and as many shells as its first state."""
+        shells = self.states[0].shells
+        return HotAir(
+            fields,
+            layers=len(shells.shells),
+            rule=shells.rule if shells.rule in RULES else STANDARD.rule,
+            labels=labels,
+            weights=weights,
+            normals=self.normals,
+            notes=self.notes,
         )
 
     @cached_property

@@ -68,7 +68,7 @@ Rays = Callable[[UInt32], tuple[Point3d, Vector3d]]
 """Origins and unit directions of ray numbers."""
 
 Bend = Callable[[Point3d, Vector3d], Hits]
-"""Where bent rays end, from their origins and directions."""
+"""Ends of bent rays, from their origins and directions."""
 
 Check = Callable[[Hits], tuple[Bool, Bool]]
 """Masks of bent rays along which the index adds up, and of those that came from ambient air."""

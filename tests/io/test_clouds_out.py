@@ -12,7 +12,8 @@ from iriftrace.io.cloud_write import WRITTEN
 from iriftrace.io.clouds import Cloud, read_cloud
 from iriftrace.io.e57 import read_scan
 from iriftrace.io.ply import read_ply
-from iriftrace.measuring.two_devices.correction import Correction, CorrectionStatus
+from iriftrace.measuring.two_devices.correction import Correction
+from iriftrace.measuring.two_devices.correction_status import CorrectionStatus
 
 RNG = np.random.default_rng(4)
 ROWS = RNG.uniform(-80, 80, (12, 3))

@@ -12,7 +12,7 @@ from iriftrace.io import e57
 from iriftrace.io.clouds import read_cloud
 
 SINGLE_MM = 8e-6
-"""What pye57 leaves of coordinates below 0.13 m, which it writes in single precision."""
+"""Rounding of coordinates below 0.13 m, which pye57 writes in single precision."""
 
 POINTS = np.random.default_rng(3).uniform(-80, 80, (500, 3))
 

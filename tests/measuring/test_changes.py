@@ -31,7 +31,7 @@ from iriftrace.measuring.uncertainty.air_groups import AirGroups, SolvedAgain
 from iriftrace.measuring.uncertainty.displacement import render_with_uncertainty
 from iriftrace.measuring.uncertainty.inputs import Inputs
 from iriftrace.medium.index_field import IndexField
-from iriftrace.medium.path_data import cells_of, mixed_cells
+from iriftrace.medium.path_data import CommonMesh, cells_of
 from iriftrace.part.standards import cylinder
 from iriftrace.scenes.analytic import slab
 from iriftrace.tracing.hot_air import AirState, HotAir
@@ -170,7 +170,7 @@ def test_mixed_air_is_that_of_a_field_of_its_own(tmp_path: Path) -> None:
 def test_fields_on_other_meshes_are_not_mixed(tmp_path: Path) -> None:
     fields = [leaning(0.0, tmp_path), leaning(0.5, tmp_path, cells=8)]
     with pytest.raises(InputError) as error:
-        mixed_cells([cells_of(one) for one in fields], (0.5, 0.5))
+        CommonMesh.of([cells_of(one) for one in fields])
     assert error.value.code == "field.other_mesh"
     found = feature_budget(leeward(fields))
     assert "another mesh" in found.mixture_unchecked

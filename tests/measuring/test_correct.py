@@ -24,7 +24,7 @@ from iriftrace.io.part_files import read_part
 from iriftrace.io.ply import read_ply
 from iriftrace.measuring.features.fit import fit_feature
 from iriftrace.measuring.two_devices.correct import correct
-from iriftrace.measuring.two_devices.correction import CorrectionStatus
+from iriftrace.measuring.two_devices.correction_status import CorrectionStatus
 from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.measuring.two_devices.scan import Scan, ScanStatus
 from iriftrace.medium.shells.contour import contour_shells

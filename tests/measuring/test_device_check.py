@@ -11,7 +11,7 @@ from iriftrace.camera.pose import look_at
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.measuring.two_devices.correct import correct
-from iriftrace.measuring.two_devices.correction import CorrectionStatus
+from iriftrace.measuring.two_devices.correction_status import CorrectionStatus
 from iriftrace.measuring.two_devices.device_check import check_devices
 from iriftrace.measuring.two_devices.devices import Sensor
 from iriftrace.scenes import folder_of

@@ -43,7 +43,7 @@ from validation.sections.two_devices import (
 )
 
 Scenes = tuple[str, Scene]
-"""What bends the rays (`AIRS`), and the scene."""
+"""Name of what bends the rays (`AIRS`), and the scene."""
 
 
 @pytest.fixture(scope="module", params=AIRS)

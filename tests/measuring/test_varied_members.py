@@ -18,7 +18,7 @@ from iriftrace.measuring.two_devices import correct as correct_room
 from iriftrace.measuring.two_devices import measure as measure_room
 from iriftrace.measuring.two_devices.budget import feature_budget
 from iriftrace.measuring.two_devices.correct import correct
-from iriftrace.measuring.two_devices.correction import CorrectionStatus
+from iriftrace.measuring.two_devices.correction_status import CorrectionStatus
 from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.measuring.two_devices.scan import Scan, ScanStatus
 from iriftrace.measuring.uncertainty.air_groups import AIR, UNSTEADY, AirGroups

@@ -11,7 +11,7 @@ from iriftrace.io.field_npz import load_field_file, save_field_file
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.ambient import ambient_step, cells_at, not_ambient
 from iriftrace.medium.index_field import IndexField
-from iriftrace.medium.path_data import cells_of
+from iriftrace.medium.path_data import CommonMesh, cells_of, excess_at
 from iriftrace.medium.shells.contour import contour_shells
 from validation.inputs.shell_fields import field_of, hexahedra
 
@@ -84,3 +84,21 @@ def test_field_without_ambient_air_is_kept_whole() -> None:
     hot = field_of(field.grid, np.full(field.grid.n_points, AMBIENT - CONTRAST))
     assert hot.hot_air is hot
     assert len(cells_of(hot).celltypes) == field.grid.n_cells
+
+
+def test_fields_whose_hot_air_differs_are_mixed_point_by_point() -> None:
+    """Each is ambient in the cells that only the other one has kept."""
+    ball_at_0 = ball()
+    radius = np.linalg.norm(ball_at_0.grid.points - (5.0, 0.0, 0.0), axis=1)
+    excess_at_5 = -CONTRAST * np.maximum(1.0 - radius / 8.0, 0.0)
+    aside = field_of(ball_at_0.grid, AMBIENT + excess_at_5)
+    cells = [cells_of(one) for one in (ball_at_0, aside)]
+    mixed = CommonMesh.of(cells).mixed((1.5, -0.5))
+    assert len(mixed.celltypes) > max(len(one.celltypes) for one in cells)
+    whole = 1.5 * ball_at_0.refractivity - 0.5 * aside.refractivity
+    place = [ball_at_0.grid.find_closest_point(point) for point in mixed.points]
+    rounding = 2.0 * ambient_step(ball_at_0.refractivity, AMBIENT)
+    np.testing.assert_allclose(mixed.refractivity, whole[place], rtol=0, atol=rounding)
+    place = [ball_at_0.grid.find_closest_point(point) for point in cells[0].points]
+    found = excess_at(*cells)
+    np.testing.assert_allclose(found, excess_at_5[place], rtol=0, atol=rounding)

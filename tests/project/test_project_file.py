@@ -8,6 +8,7 @@ from iriftrace.cli import main
 from iriftrace.cli.program import app
 from iriftrace.cli.project_file import read_project_file
 from iriftrace.core.errors import InputError
+from iriftrace.project.run import defaults_of
 from validation.inputs import hot_block
 
 TEXT = """
@@ -79,6 +80,23 @@ def test_a_wrong_file_is_one_sentence_with_file_and_key(
 ) -> None:
     assert right in TEXT
     assert read(tmp_path, TEXT.replace(right, wrong)).startswith(sentence)
+
+
+def test_examples_decide_nothing_in_a_command_either(tmp_path: Path) -> None:
+    path = tmp_path / "iriftrace.toml"
+    for text, expected in (
+        (TEXT, None),
+        (TEXT.replace('"part.hot_temperature"', ""), ["cylinder:lateral=27 -0.02 0.02 mm"]),
+    ):
+        path.write_text(text, encoding="utf-8")
+        with defaults_of(read_project_file(path, app)):
+            _, bound, _ = app.parse_args(
+                ["correct", "cloud.ply", "scene.xml", "-o", "c.ply"],
+                exit_on_error=False,
+                print_error=False,
+            )
+        assert bound.arguments["answers"].tolerance == expected
+        assert bound.arguments["devices"].feature == ["cylinder:lateral"]
 
 
 def test_commands_in_the_folder_take_values_that_they_are_not_given(

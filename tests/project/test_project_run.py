@@ -67,7 +67,17 @@ def test_the_file_of_a_part_has_every_key_in_place(project: Path) -> None:
     assert file.features[0]["nominal"] == "27.0000 mm"
     assert set(reasons()) == {"field", "scene", "measure", "budget", "report"}
     assert main(["new", ".", "--part", "part.stl"]) == 2
+    named = Path("his \"part\" 'b'.stl")
+    shutil.copy("part.stl", named)
+    assert main(["new", "other", "--part", str(named)]) == 0
+    assert read_project_file(Path("other") / FILE, app).get("part", "mesh") == f"../{named}"
     assert main(["run", "scenes"]) == 2
+    # Of a picture alone nothing is known without a stated uncertainty.
+    start, end = "[uncertainty]", 'sensor = "8 um"'
+    text = FILE.read_text()
+    FILE.write_text(text[: text.index(start)] + text[text.index(end) + len(end) :])
+    replaced(', "uncertainty"', "")
+    assert set(reasons()) == {"field", "scene", "measure", "report"}
 
 
 @pytest.mark.usefixtures("variant")
@@ -131,7 +141,9 @@ def test_a_scan_is_corrected_and_decided(
     replaced('wall = "10 K"', 'air = "5 %"')
     assert main(["run", "measure"]) == 0
     shutil.copy("build/measure/scan.vtp", "scan.vtp")
-    FILE.write_text(FILE.read_text() + '\n[scan]\ncloud = "scan.vtp"\n')
+    # The report takes no notice of how poses are ranked.
+    ranking = '[plan]\nstatistic = "mean"\n'
+    FILE.write_text(FILE.read_text() + f'\n[scan]\ncloud = "scan.vtp"\n{ranking}')
     capsys.readouterr()
     assert main(["run"]) == 0
     said = capsys.readouterr().out
@@ -246,7 +258,9 @@ def test_a_project_in_python_has_the_values_of_its_products(
         _ = found.correction
 
 
-def test_a_board_is_fitted_before_a_scan_is_corrected(project: Path) -> None:
+def test_a_board_is_fitted_before_a_scan_is_corrected(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The steps and their words; the commands themselves have tests of their own."""
     text = FILE.read_text().replace("# [board]", "[board]").replace("# [scan]", "[scan]")
     for key in ('mesh = "board', "transform", "shifts", 'cloud = "scan'):
@@ -267,6 +281,14 @@ def test_a_board_is_fitted_before_a_scan_is_corrected(project: Path) -> None:
     assert states["correct"].step.words()[1] == "build/fit/scene.xml"
     assert "[second] second" not in states["board"].inputs
     assert "[feature] tolerance" not in states["correct"].inputs
+    # Of a chain of steps, each stamp has its own inputs alone.
+    assert len(json.dumps(states["report"].inputs)) < 1000
+    # In Python, too, devices measure in the air before the fit.
+    monkeypatch.setattr(iriftrace.Project, "_product", lambda self, step: step)
+    monkeypatch.setattr("iriftrace.tracing.load.load_scene", lambda product, *_, **__: product)
+    monkeypatch.setattr("iriftrace.measuring.two_devices.measure.measure", lambda scene, **_: scene)
+    found = iriftrace.Project.read()
+    assert (found.scan, found.scene) == ("scene", "fit")
     lines = [line for line in text.splitlines() if not line.startswith("origin")]
     FILE.write_text("\n".join(lines))
     with pytest.raises(InputError, match=r"\[camera\] origin: it is missing"):

@@ -33,7 +33,7 @@ COMMANDS = {
     "project.md": ["demo", "new", "run", "run"],
     "tutorial_scanner.md": ["part", "field", "scene", "measure", "correct"],
 }
-"""What each page runs; all other pages run nothing."""
+"""Commands that each page runs; all other pages run nothing."""
 WITH_FILES = {"project.md", "tutorial_scanner.md"}
 """Pages whose commands need files that they show."""
 PYTHON_EXAMPLES = {"README.md": 1, "mitsuba.md": 4, "python.md": 6, "triangulation.md": 1}

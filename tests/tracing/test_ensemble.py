@@ -36,7 +36,7 @@ from validation.inputs.shell_fields import scaled
 pytestmark = pytest.mark.usefixtures("variant")
 
 SHARES = np.array((-0.09, -0.04, 0.0, 0.05, 0.11))
-"""How much more the index differs from ambient in each of five members than in the undisturbed."""
+"""Relative change of the contrast in each of five members from the undisturbed one."""
 
 SLANTED = camera_at((60.0, -40.0, 90.0), resolution=(30, 24))
 

@@ -12,6 +12,7 @@ from iriftrace.cli import main
 from iriftrace.core.errors import InputError
 from iriftrace.io.measured_shift import MeasuredShift
 from iriftrace.medium.source import FieldFacts, Variation
+from validation.inputs.hot_block import HALF
 from validation.inputs.leaning_air import (
     BOARD,
     BOARD_CAMERA,
@@ -127,6 +128,24 @@ def test_what_cannot_be_fitted_is_refused(fields: Fields, shifts: MeasuredShift)
         assert refused.value.argument == "free"
 
 
+@pytest.mark.filterwarnings("ignore:The field has no cavity")
+def test_air_around_no_cavity_has_a_contrast_but_leans_from_nothing(fields: Fields) -> None:
+    """A field of the air above the block alone."""
+    base = fields[0]
+    centres = np.asarray(base.grid.cell_centers().points)
+    above = base.grid.extract_cells(np.flatnonzero(centres[:, 2] > HALF))
+    index = base.refractivity[np.asarray(above.point_data["vtkOriginalPointIds"])]
+    open_air = iriftrace.IndexField(above, index, base.air, base.source)
+    assert not open_air.wall.n_points
+    measured = measured_shifts(board_in(iriftrace.HotAir(with_contrast(open_air, CONTRAST))), NOISE)
+    scene = board_in(iriftrace.HotAir(open_air))
+    found = iriftrace.fit_free(scene, measured, ["contrast"], noise_px=NOISE)
+    assert found.values["contrast"] == pytest.approx(CONTRAST, abs=0.01)
+    with pytest.raises(InputError) as refused:
+        iriftrace.fit_free(scene, measured, ["lean"], noise_px=NOISE)
+    assert refused.value.code == "field.no_wall"
+
+
 def test_the_command_writes_the_changed_air(
     fields: Fields, shifts: MeasuredShift, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -140,6 +159,7 @@ def test_the_command_writes_the_changed_air(
     values = json.loads(out.with_name("fit.json").read_text())
     fitted = iriftrace.load_scene(out)
     assert [one.label for one in fitted.members] == ["fitted", "fitted contrast + u"]
+    assert [len(state.shells.shells) for state in fitted.air.states] == [9, 9]
     first, second = (state.cells for state in fitted.air.states)
     peak = np.abs(first.refractivity - first.ambient).max()
     more = np.abs(second.refractivity - second.ambient).max() / peak - 1.0

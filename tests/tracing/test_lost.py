@@ -14,7 +14,7 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.image.aov_image import Status
 from iriftrace.image.ray_statistics import RayCounts
 from iriftrace.measuring.two_devices.correct import correct
-from iriftrace.measuring.two_devices.correction import CorrectionStatus
+from iriftrace.measuring.two_devices.correction_status import CorrectionStatus
 from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.measuring.two_devices.scan import ScanStatus
 from iriftrace.scenes import folder_of

@@ -17,7 +17,7 @@ from iriftrace.io.measured_shift import MeasuredShift
 from iriftrace.measuring.camera_motion import interaction_matrix
 from iriftrace.measuring.fit.shift_mixture import ShiftMixture, simplex_weights
 from iriftrace.measuring.fit.shift_noise import shift_noise
-from iriftrace.measuring.two_devices.correct import CorrectionStatus
+from iriftrace.measuring.two_devices.correction_status import CorrectionStatus
 from iriftrace.medium.source import FieldFacts, Variation
 from iriftrace.tracing.load import load_scene
 from validation.inputs.leaning_air import (

@@ -31,7 +31,7 @@ LAYERS = (13, 40, 160)
 RAYS = 20_000
 
 WAYS = (("shells", "graded"), ("layers", "graded"), ("layers", "rim"))
-"""Where rays are bent, and where the shells lie."""
+"""Places where rays are bent, and rules of the shells."""
 
 MEAN_BOUND = 3.0
 """Per cent."""

@@ -24,7 +24,7 @@ from validation.oracles.exact_layers import RoundAir
 FloatArray = NDArray[np.float64]
 
 RULE_OF = {"layers": "rim", "shells": "midpoint"}
-"""Where shells lie by where rays are bent: the default, and the paper's equal steps."""
+"""Rule of the shells by where rays are bent: the default, and the paper's equal steps."""
 
 LAST_WITH_ORDER = 0.95
 """Height up to which errors of one sign fall with the number of shells."""

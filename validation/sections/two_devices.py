@@ -48,7 +48,7 @@ BOUNDS = {"13 shells": 1.0, "100 shells": 0.1, "cells engine": 0.1}
 """Per cent."""
 
 LEFT_NM = 10.0
-"""What a correction may leave, nm."""
+"""Largest residual of a correction, nm."""
 
 
 def device(origin: FloatArray, target: FloatArray, width: int = 5) -> Camera:

@@ -210,7 +210,7 @@ class Surface:
         low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
         inside = np.zeros(len(places), dtype=bool)
         near = np.flatnonzero(np.all((places >= low) & (places <= high), axis=1))
-        for some in _chunks(len(near)):
+        for some in blocks(len(near), _CHUNK):
             chunk = near[some]
             inside[chunk] = self._columns.crossings_above(places[chunk]) % 2 == 1
         return inside
@@ -225,7 +225,7 @@ class _Columns:
 
     def __init__(self, vertices: FloatArray, faces: IntArray) -> None:
         shadow = np.zeros(3)
-        for chunk in _chunks(len(faces)):
+        for chunk in blocks(len(faces), _CHUNK):
             extent = np.ptp(vertices[faces[chunk]], axis=1)
             shadow += [np.sum(extent[:, (k + 1) % 3] * extent[:, (k + 2) % 3]) for k in range(3)]
         up = int(np.argmin(shadow * np.ptp(vertices, axis=0)))
@@ -236,7 +236,7 @@ class _Columns:
         self.count = np.clip((np.sqrt(4 * len(faces) / size.prod()) * size).astype(int), 1, 1000)
         self.width = size / self.count
         keys, owners = [np.zeros(0, dtype=np.int32)], [np.zeros(0, dtype=np.int32)]
-        for chunk in _chunks(len(faces)):
+        for chunk in blocks(len(faces), _CHUNK):
             corners = self.vertices[faces[chunk], :2]
             first, last = self._column(corners.min(axis=1)), self._column(corners.max(axis=1))
             span = last - first + 1
@@ -287,10 +287,6 @@ class _Columns:
             heights = self.vertices[faces.T, 2]
             height = np.einsum("ij,ij->j", weight, heights) / weight.sum(axis=0)
         return np.asarray(covers & (height > points[:, 2]))
-
-
-def _chunks(count: int) -> list[slice]:
-    return [slice(start, start + _CHUNK) for start in range(0, count, _CHUNK)]
 
 
 def runs(lengths: IntArray) -> tuple[IntArray, IntArray]:

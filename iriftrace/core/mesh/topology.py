@@ -11,7 +11,14 @@ from attrs import frozen
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from iriftrace.core.arrays import AnyIntArray, BoolArray, Float32Array, FloatArray, IntArray
+from iriftrace.core.arrays import (
+    AnyArray,
+    AnyIntArray,
+    BoolArray,
+    Float32Array,
+    FloatArray,
+    IntArray,
+)
 from iriftrace.core.errors import InputError
 from iriftrace.core.mesh.triangles import area_vectors, row_lengths
 
@@ -37,8 +44,14 @@ def weld(vertices: Float32Array | FloatArray) -> IntArray:
     Of (n, 3) vertices, mm, the result is for each, (n,), the number of the first one at its place.
     """
     # Adding zero makes -0 and 0 the same bits.
-    rounded = np.ascontiguousarray(vertices, dtype=np.float32) + np.float32(0)
-    bits = rounded.view(np.dtype((np.void, 12))).ravel()
+    return first_equal(np.asarray(vertices, dtype=np.float32) + np.float32(0))
+
+
+def first_equal(rows: AnyArray) -> IntArray:
+    """For each row (n,) of an (n, c) array, the number of the first one with the same bits."""
+    whole = np.ascontiguousarray(rows)
+    # Compared as bytes, which is several times as fast as number by number.
+    bits = whole.view(np.dtype((np.void, whole.itemsize * whole.shape[1]))).ravel()
     _, first, number = np.unique(bits, return_index=True, return_inverse=True)
     return first[number]
 

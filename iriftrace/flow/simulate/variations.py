@@ -19,9 +19,9 @@ from iriftrace.core.units import named_quantities
 from iriftrace.flow.simulate.case import Case
 from iriftrace.flow.simulate.programs import Installation
 from iriftrace.flow.simulate.simulate import Display, Simulation, simulate
-from iriftrace.medium.source import Quantity, Variation
+from iriftrace.medium.source import Variation, VariedInput
 
-_UNITS: Mapping[Quantity, str] = {"wall": "K", "ambient": "K", "pressure": "pascal"}
+_UNITS: Mapping[VariedInput, str] = {"wall": "K", "ambient": "K", "pressure": "pascal"}
 
 
 def varied_cases(case: Case, text: str) -> tuple[Case, ...]:
@@ -42,7 +42,7 @@ def varied_cases(case: Case, text: str) -> tuple[Case, ...]:
         ) from None
     return tuple(
         _changed(case, Variation(name, steps[name], of=""))
-        for name in get_args(Quantity)
+        for name in get_args(VariedInput)
         if name in steps
     )
 

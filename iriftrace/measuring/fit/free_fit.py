@@ -26,7 +26,7 @@ from iriftrace.measuring.fit.shift_fit import BoardView, motions_of, seen_by_mem
 from iriftrace.measuring.fit.shift_mixture import ShiftMixture
 from iriftrace.measuring.fit.shift_noise import shift_noise
 from iriftrace.medium.index_field import IndexField
-from iriftrace.medium.path_data import FieldCells, excess_at
+from iriftrace.medium.path_data import CommonMesh, FieldCells
 from iriftrace.tracing.hot_air import FieldMember, HotAir
 from iriftrace.tracing.scene import Scene, ready_scene
 
@@ -57,7 +57,7 @@ class FreeFit:
     air : HotAir
         The changed air, for the scene of the part: each member with weight, and the same with each
         number larger by its u, of the weight 0. The covariance of their weights has the uncertainty
-        of the numbers, so that `correct` states U by them.
+        of the numbers, so that `correct` states U by them. Its shells are as many as the scene's.
     values : dict of float
         By the names in `NUMBERS`: contrast, a fraction added to 1; lean x and y, mm/mm; wall, K.
     covariance : (p, p) array
@@ -216,6 +216,13 @@ class _Air:
         # Changed cells need an integrator of their own, which a scene with shells makes.
         shells = evolve(scene, engine=Engine.SHELLS) if scene.engine.through_cells else scene
         cells = [scene.air.states[place].cells for place in fitted]
+        if "lean x" in names and not all(one.wall.any() for one in cells):
+            raise InputError(
+                f"The air of {scene.name} has no inner boundary around a part, above which it "
+                "could lean; fit other numbers, or export the air without the solid.",
+                code="field.no_wall",
+                argument="free",
+            )
         return cls(
             view=view_of(scene, shifts, fitted, noise_px, camera_motion),
             members=tuple(scene.members[place] for place in fitted) if scene.members else (),
@@ -258,11 +265,8 @@ class _Air:
         among = slice(0, len(used))
         together[among, among] += best.covariance(noise)[np.ix_(used, used)]
         all_weights = np.concatenate((weights, np.zeros(len(u) * len(used))))
-        return HotAir(
-            fields,
-            labels=labels,
-            weights=MemberWeights(all_weights, together, _outside(best, noise)),
-            notes=self.scenes[0].air.notes,
+        return self.scenes[0].air.with_fields(
+            fields, labels, MemberWeights(all_weights, together, _outside(best, noise))
         )
 
 
@@ -292,15 +296,13 @@ def _changed(
 ) -> FieldCells:
     """The cells of one member, with the numbers' change of index and place."""
     excess = cells.refractivity - cells.ambient + numbers.get("wall", 0.0) * by_wall
+    refractivity = cells.ambient + (1.0 + numbers.get("contrast", 0.0)) * excess
+    if "lean x" not in numbers:
+        return evolve(cells, refractivity=refractivity)
     points = cells.points.astype(np.float64)
     height = np.maximum(points[:, 2] - points[cells.wall, 2].max(), 0.0)
-    points[:, 0] += numbers.get("lean x", 0.0) * height
-    points[:, 1] += numbers.get("lean y", 0.0) * height
-    return evolve(
-        cells,
-        points=points.astype(np.float32),
-        refractivity=cells.ambient + (1.0 + numbers.get("contrast", 0.0)) * excess,
-    )
+    points[:, :2] += height[:, None] * (numbers["lean x"], numbers["lean y"])
+    return evolve(cells, points=points.astype(np.float32), refractivity=refractivity)
 
 
 def _by_wall(scene: Scene, cells: Sequence[FieldCells]) -> list[FloatArray]:
@@ -310,8 +312,9 @@ def _by_wall(scene: Scene, cells: Sequence[FieldCells]) -> list[FloatArray]:
         variation = member.variation
         if variation is not None and variation.quantity == "wall":
             both = [scene.air.states[n].cells for n in (number, place[variation.of])]
-            hotter, base = ([excess_at(one, other) for one in cells] for other in both)
-            return [(a - b) / variation.step for a, b in zip(hotter, base, strict=True)]
+            mesh = CommonMesh.of([*cells, *both])
+            by_kelvin = (mesh.excess[-2] - mesh.excess[-1]) / variation.step
+            return [by_kelvin[own] for own in mesh.numbers[: len(cells)]]
     raise InputError(
         f"{scene.name} has no member that varies the wall, so there is no direction in which to "
         "fit its temperature; add one that was solved again with another wall.",

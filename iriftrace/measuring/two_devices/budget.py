@@ -16,7 +16,8 @@ from iriftrace.measuring.features.fitted import FittedFeature
 from iriftrace.measuring.features.relations import Relation
 from iriftrace.measuring.options import GATE, Phase
 from iriftrace.measuring.two_devices.changes import mixture_changes, pose_changes
-from iriftrace.measuring.two_devices.correction import Correction, CorrectionStatus
+from iriftrace.measuring.two_devices.correction import Correction
+from iriftrace.measuring.two_devices.correction_status import CorrectionStatus
 from iriftrace.measuring.two_devices.devices import sensor_of
 from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.measuring.uncertainty.air_groups import AirGroups

@@ -20,7 +20,7 @@ from iriftrace.measuring.two_devices.devices import Sensor
 from iriftrace.measuring.two_devices.two_points import lines_of_sight
 from iriftrace.measuring.uncertainty.air_groups import AirGroups
 from iriftrace.measuring.uncertainty.inputs import Inputs
-from iriftrace.medium.path_data import mixed_cells
+from iriftrace.medium.path_data import CommonMesh
 from iriftrace.part.part import Part
 from iriftrace.tracing.scene import Scene
 
@@ -141,11 +141,11 @@ def mixture_changes(
     rows = _sampled(face, scene.part)
     places = np.flatnonzero(np.any(mixtures != 0.0, axis=0))
     states = [scene.air.states[place] for place in places]
-    cells = [state.cells for state in states]
+    mesh = CommonMesh.of([state.cells for state in states])
     # Each mixture needs an integrator of its own, which a scene with shells makes.
     shells = evolve(scene, engine=Engine.SHELLS) if scene.engine.through_cells else scene
     found = [
-        error_at(base.through(mixed_cells(cells, shares)), sensor, points[rows])
+        error_at(base.through(mesh.mixed(shares)), sensor, points[rows])
         for base in shells.alone(places[:1])
         for shares in (*np.eye(len(places)), *mixtures[:, places])
     ]

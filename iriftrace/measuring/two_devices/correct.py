@@ -20,11 +20,8 @@ from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.mesh.triangles import row_lengths
 from iriftrace.measuring.options import Phase
 from iriftrace.measuring.two_devices.changes import pose_changes
-from iriftrace.measuring.two_devices.correction import (
-    Correction,
-    CorrectionStatus,
-    is_corrected,
-)
+from iriftrace.measuring.two_devices.correction import Correction
+from iriftrace.measuring.two_devices.correction_status import CorrectionStatus, is_corrected
 from iriftrace.measuring.two_devices.device_check import MANY, check_devices, checked_pixels
 from iriftrace.measuring.two_devices.devices import Sensor, provenance_of_two, sensor_of
 from iriftrace.measuring.two_devices.larger import Larger, in_box, larger_than, sample_of

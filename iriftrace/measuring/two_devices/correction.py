@@ -31,9 +31,9 @@ from iriftrace.measuring.features.quantity import DRAWING, Quantity
 from iriftrace.measuring.features.relations import Relation, relations
 from iriftrace.measuring.options import GATE
 from iriftrace.measuring.two_devices.changes import Changes
+from iriftrace.measuring.two_devices.correction_status import CorrectionStatus, is_corrected
 from iriftrace.measuring.two_devices.larger import Larger
 from iriftrace.measuring.two_devices.statistics import (
-    PointStatus,
     RegionValues,
     region_values,
     worst_member,
@@ -46,33 +46,6 @@ from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
 
 SCHEMA = "iriftrace.correction/2"
-
-
-class CorrectionStatus(PointStatus):
-    """Outcome of a measured point.
-
-    Outside the field, neither line of sight meets hot air of which anything is known. A point is
-    lost if the refracted ray from a device is not known (`iriftrace.image.aov_image.Status.lost`).
-    It is outside the view if it lies behind a device, or so far outside its picture that its lens
-    has no ray there. Rows of the cloud's file that are not a point are not measured. An uncertain
-    point is corrected like others, by the mean, but its correction scatters over an ensemble's
-    members by more than itself.
-    """
-
-    CORRECTED = 0
-    FAR_FROM_PART = 1
-    HIDDEN = 2
-    SEVERAL_IMAGES = 3
-    OUTSIDE_FIELD = 4
-    UNCERTAIN = 5
-    LOST = 6
-    OUTSIDE_VIEW = 7
-    NOT_MEASURED = 8
-
-
-def is_corrected(status: AnyIntArray) -> BoolArray:
-    """Mask (n,) of the points whose outcome (n,) is a correction."""
-    return np.isin(status, (CorrectionStatus.CORRECTED, CorrectionStatus.UNCERTAIN))
 
 
 @frozen(eq=False)
@@ -246,7 +219,7 @@ class Correction:
         self, change: Changes, part: Part, fitted: Sequence[FittedFeature], gate: float | None
     ) -> dict[str, tuple[Feature, ...]]:
         """`FittedFeature.by_group` of one group for each feature by its name."""
-        points = self.points[change.rows]
+        points = self.measured[change.rows] - self.error[change.rows]
         choices = [FeatureChoice(each.kind, each.region or "") for each in fitted]
         with without_warnings():
             found = fit_features(

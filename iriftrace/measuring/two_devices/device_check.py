@@ -16,7 +16,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.mesh.triangles import row_lengths, unit_vectors
-from iriftrace.measuring.two_devices.correction import CorrectionStatus
+from iriftrace.measuring.two_devices.correction_status import CorrectionStatus
 from iriftrace.measuring.two_devices.devices import Sensor
 from iriftrace.tracing.rays import traced_as_chosen
 from iriftrace.tracing.scene import Scene

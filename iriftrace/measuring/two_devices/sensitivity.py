@@ -100,12 +100,21 @@ class Sensitivity:
         """(m,) array, mm: derivative times excess temperature, of which the size is the effect."""
         return self.gradient * (self.temperature - self.cells.air.temperature_k)
 
-    def within(self, fraction: float) -> float:
-        """Distance from the part, mm, within which this fraction of the sizes of `of_air` lies."""
+    @cached_property
+    def by_distance(self) -> tuple[FloatArray, FloatArray]:
+        """Distances (m,) from the part, mm, rising, and fractions of the sizes of `of_air` there.
+
+        Each fraction is that of all points up to the distance.
+        """
         order = np.argsort(self.distance)
         total = np.cumsum(np.abs(self.of_air[order]))
-        place = int(np.searchsorted(total, fraction * total[-1]))
-        return float(self.distance[order[min(place, len(order) - 1)]])
+        return self.distance[order], total / max(float(total[-1]), 1e-300)
+
+    def within(self, fraction: float) -> float:
+        """Distance from the part, mm, within which this fraction of the sizes of `of_air` lies."""
+        distances, fractions = self.by_distance
+        place = int(np.searchsorted(fractions, fraction))
+        return float(distances[min(place, len(distances) - 1)])
 
     @property
     def sentence(self) -> str:
