@@ -17,6 +17,7 @@ from iriftrace.measuring.features.feature import Feature
 from iriftrace.measuring.features.fit import fit_feature
 from iriftrace.measuring.features.fitted import fit_features
 from iriftrace.measuring.features.outliers import inliers
+from iriftrace.measuring.features.quantity import Quantity
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.standards import cylinder
 from iriftrace.scenes import folder_of
@@ -197,6 +198,7 @@ def test_diameters_of_a_cone_hold_at_one_height() -> None:
     sizes = found.size.by_cloud
     assert sizes["cold"] == pytest.approx(15 + 2 * z * np.tan(0.2), abs=1e-6)
     assert sizes["measured"] == pytest.approx(15 + 2 * (z - 1) * np.tan(0.2), abs=1e-6)
+    assert Quantity.of(found.as_dict()).by_cloud == sizes  # as the page of a report reads it
 
 
 def test_a_turned_cone_has_the_same_diameters_as_measured_and_as_corrected() -> None:

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import evolve, field, frozen
+from attrs.converters import optional
 
 from iriftrace.core.arrays import FloatArray
+
+_if_any = optional(float)
+"""Number that JSON has too, of one of NumPy's, or None."""
 
 
 @frozen(eq=False)
@@ -41,13 +45,13 @@ class Feature:
     kind: str
     position: FloatArray
     direction: FloatArray | None
-    size_mm: float | None
-    u_size_mm: float | None
-    half_angle: float | None
+    size_mm: float | None = field(converter=_if_any)
+    u_size_mm: float | None = field(converter=_if_any)
+    half_angle: float | None = field(converter=_if_any)
     residuals: FloatArray
-    u_position_mm: float | None = None
+    u_position_mm: float | None = field(default=None, converter=_if_any)
     normal_covariance: FloatArray | None = None
-    scatter_mm: float | None = None
+    scatter_mm: float | None = field(default=None, converter=_if_any)
 
     @property
     def form_mm(self) -> float:
