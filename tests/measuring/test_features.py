@@ -4,6 +4,8 @@ Points of exact surfaces come back to rounding; of disturbed ones the sum of squ
 (its gradient by finite differences vanishes), which is what a least-squares fit is.
 """
 
+import warnings
+
 import numpy as np
 import pytest
 import trimesh
@@ -18,6 +20,7 @@ from iriftrace.measuring.features.fit import fit_feature
 from iriftrace.measuring.features.fitted import fit_features
 from iriftrace.measuring.features.outliers import inliers
 from iriftrace.measuring.features.quantity import Quantity
+from iriftrace.measuring.two_devices.correction import Correction
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.standards import cylinder
 from iriftrace.scenes import folder_of
@@ -217,6 +220,21 @@ def test_a_turned_cone_has_the_same_diameters_as_measured_and_as_corrected() -> 
     corrected, same = sizes({"measured": hot, "corrected": cold})
     assert same == place
     assert corrected == {"measured": measured["measured"], "corrected": measured["cold"]}
+
+
+def test_a_correction_after_which_points_scatter_more_is_doubted() -> None:
+    """A ripple of 50 um, which the air made or which only the correction has."""
+    part = cylinder()
+    points, face = part.surface.even_places(2000)
+    error = 0.05 * np.cos(points[:, :1] / 10.0) * part.face_normals[face]
+    status = np.zeros(len(points), dtype=np.int64)
+    rest = status, face, part.face_normals, "fringe", {"field": {"source": "a solver"}}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", IriftraceWarning)
+        Correction(points + error, error, *rest).features(part, ["cylinder"])
+    said = r"3\d\.\d um \(as measured .* about cylinder:lateral"
+    with pytest.warns(IriftraceWarning, match=said):
+        Correction(points, error, *rest).features(part, ["cylinder"])
 
 
 def test_what_points_do_not_determine_is_left_out() -> None:

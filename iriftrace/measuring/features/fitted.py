@@ -121,6 +121,30 @@ class FittedFeature:
         }
 
 
+WORSE, NOTICED_MM = 1.2, 1e-4
+"""Scatter about a feature after a correction over that before it, and the smallest scatter, for
+which the correction is doubted: noise is the same before and after."""
+
+
+def warn_of_worse(features: Iterable[FittedFeature]) -> None:
+    """Warn if corrected points scatter more about a feature than the measured ones."""
+    worse = []
+    for one in features:
+        before, after = (
+            math.sqrt(float(np.mean(one.fits[cloud].residuals ** 2)))
+            for cloud in ("measured", "corrected")
+        )
+        if after > max(WORSE * before, NOTICED_MM):
+            said = f"{1e3 * after:.3g} um (as measured {1e3 * before:.3g} um) about {one.name}"
+            worse.append((after / before if before else math.inf, said))
+    if worse:
+        warn(
+            f"The corrected points scatter more than the measured ones, {max(worse)[1]}, so the "
+            "air was another one than the scene's, and U may be too small; add states closer to "
+            "the air of the hall, or measure it with a board."
+        )
+
+
 def check_names(names: Iterable[str], known: Sequence[str]) -> None:
     """Raise InputError for a name that is not among those of the fitted features with a size."""
     for name in names:

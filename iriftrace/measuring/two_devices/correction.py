@@ -26,7 +26,12 @@ from iriftrace.io.clouds import Cloud
 from iriftrace.measuring.features.choice import FeatureChoice, on_region
 from iriftrace.measuring.features.drawing import drawing_cloud, u_of_growth
 from iriftrace.measuring.features.feature import Feature
-from iriftrace.measuring.features.fitted import FittedFeature, check_names, fit_features
+from iriftrace.measuring.features.fitted import (
+    FittedFeature,
+    check_names,
+    fit_features,
+    warn_of_worse,
+)
 from iriftrace.measuring.features.quantity import DRAWING, Quantity
 from iriftrace.measuring.features.relations import Relation, relations
 from iriftrace.measuring.options import GATE
@@ -224,6 +229,7 @@ class Correction:
             scatter_mm=self.inputs.sensor_mm,
             among=good,
         )
+        warn_of_worse(fitted)
         refits = {one.group: self._refitted(one, part, fitted, gate) for one in self.changes}
         fitted = tuple(
             each.with_groups(
