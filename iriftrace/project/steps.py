@@ -78,7 +78,7 @@ def _steps(file: ProjectFile) -> Iterator[ProjectStep]:
             code="project.no_part",
         )
     given = file.texts("air", "fields")
-    air = () if given else (_field(file, mesh),)
+    air: tuple[ProjectStep, ...] = () if given else (_field(file, mesh),)
     yield from air
 
     planned: tuple[str, ...] = ()

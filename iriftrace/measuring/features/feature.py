@@ -8,13 +8,10 @@ from attrs.converters import optional
 
 from iriftrace.core.arrays import FloatArray
 
-_if_any = optional(float)
-"""Number that JSON has too, of one of NumPy's, or None."""
-
 
 @frozen(eq=False)
 class Feature:
-    """A fitted feature.
+    """A fitted feature. Its numbers are Python's, which JSON has, also where NumPy's are given.
 
     Attributes
     ----------
@@ -45,13 +42,13 @@ class Feature:
     kind: str
     position: FloatArray
     direction: FloatArray | None
-    size_mm: float | None = field(converter=_if_any)
-    u_size_mm: float | None = field(converter=_if_any)
-    half_angle: float | None = field(converter=_if_any)
+    size_mm: float | None = field(converter=optional(float))
+    u_size_mm: float | None = field(converter=optional(float))
+    half_angle: float | None = field(converter=optional(float))
     residuals: FloatArray
-    u_position_mm: float | None = field(default=None, converter=_if_any)
+    u_position_mm: float | None = field(default=None, converter=optional(float))
     normal_covariance: FloatArray | None = None
-    scatter_mm: float | None = field(default=None, converter=_if_any)
+    scatter_mm: float | None = field(default=None, converter=optional(float))
 
     @property
     def form_mm(self) -> float:
