@@ -233,11 +233,13 @@ def _convert(file: ProjectFile, section: str, key: str, argument: Argument) -> N
         argument.convert_and_validate()
     except (InputError, CycloptsError) as error:
         fault: BaseException = error
+        if isinstance(error, CycloptsError):
+            error.verbose = False  # else its text begins with the name of its class
         if isinstance(error, CycloptsError) and isinstance(error.__cause__, ValueError):
             fault = error.__cause__
         named = key or str(getattr(fault, "argument", None) or "")
         code = fault.code if isinstance(fault, InputError) else "project.wrong_value"
-        text = " ".join(str(fault).replace("`", "").split())
+        text = " ".join(str(fault).replace("`", "").split()).replace(f" from {file.path}", "")
         raise file.fault(text, section, named, code=code) from None
 
 

@@ -68,8 +68,11 @@ def _verdict(decision: Decision, measured: float | None, places: int, unit: str)
     return text
 
 
-def _percent(probability: float) -> str:
-    return f"{100 * probability:.2g} %" if probability >= 1e-4 else "below 0.01 %"
+def _percent(fraction: float) -> str:
+    """Two digits of it, without powers of ten."""
+    if fraction < 1e-4:
+        return "below 0.01 %"
+    return f"{100 * fraction:.2g} %" if fraction < 0.995 else "100 %"
 
 
 GROUP_HEADINGS = ("quantity", "u", "share", "type", "from")
@@ -83,7 +86,7 @@ def groups(stated: Uncertainty, unit: str) -> list[tuple[str, ...]]:
         (
             one.group,
             f"{scale * one.u:.3g} {shown}",
-            f"{100 * stated.share(one):.2g} %",
+            _percent(stated.share(one)),
             one.kind,
             one.source,
         )

@@ -82,7 +82,7 @@ def describe(values: JsonObject, places: Mapping[str | None, str] | None = None)
     rows += _field(values)
     for feature in values["features"]:
         rows += _feature(feature, true, at, named)
-        rows += _result(_diameter_of(feature, named), feature, at)
+        rows += _result(_diameter_of(feature, named) + _height(feature, true), feature, at)
     for relation in values.get("relations", ()):
         of = _relation_of(relation, named)
         rows += (Row("planes", text, name, of) for name, text in _value(relation, true, at))
@@ -152,6 +152,13 @@ def _diameter_of(feature: JsonObject, named: Mapping[str | None, str]) -> str:
     return f"Diameter of {region if region.startswith(kind) else f'{kind} {region}'}"
 
 
+def _height(feature: JsonObject, true: str) -> str:
+    """Where on its axis the diameter of a cone holds; "" for other features."""
+    positions = feature["position_mm"]
+    place = cone_place(feature["kind"], positions[DRAWING if DRAWING in positions else true])
+    return f" at {place} of its axis" if place else ""
+
+
 def _result(name: str, row: JsonObject, at: str) -> Iterator[Row]:
     """Value, U and verdict of a feature or relation."""
     place = f"{at[0].lower()}{at[1:]}" if at else ""
@@ -189,7 +196,7 @@ def _corrected(values: JsonObject) -> Iterator[Row]:
         yield Row("larger", f"The cloud is {abs(by):.2f} % {size} than the part")
     if u is not None:
         yield Row(
-            "answer", f"Standard uncertainty of the correction along the normal: {_spread(u)}"
+            "answer", f"Standard uncertainty of a corrected point along the normal: {_spread(u)}"
         )
 
 

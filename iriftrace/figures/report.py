@@ -329,6 +329,8 @@ def scan_page(values: JsonObject, png: bytes = b"") -> Page:
     page.section("features", "Sizes")
     _add_facts(page, rows, "feature")
     page.add("text", _FEATURE_NOTE if values["features"] else _no_feature(values))
+    if values["features"] and not simulated:
+        page.add("text", _U_NOTE)
     _add_facts(page, rows, "planes", "Distances and angles of planes")
 
     if stated := describe_scan.uncertain_values(values):
@@ -356,8 +358,12 @@ def scan_page(values: JsonObject, png: bytes = b"") -> Page:
 _DOUBTS = ("field", "larger", "uncertainty")
 
 _FEATURE_NOTE = (
-    "Diameters, of a cone at the stated point of its axis, and form deviations. U is expanded "
-    "(k = 2, larger for few fields) and holds for the size on the drawing where that is stated."
+    "Diameters, of a cone at the stated point of its axis, and form deviations (peak to valley)."
+)
+
+_U_NOTE = (
+    "U is the larger distance of the value from the ends of its interval of 95 %, and k = U / u; "
+    "it holds for the size on the drawing where that is stated."
 )
 
 

@@ -13,12 +13,15 @@ from iriftrace.measuring.two_devices.sensitivity import MOST, Sensitivity
 from iriftrace.medium.source import stated_source, synthetic_mark
 from iriftrace.part.part import Part
 
+FAINT = 0.02
+"""Fraction of the largest effects below which one is not drawn."""
+
 
 def sensitivity_figure(found: Sensitivity, part: Part) -> Figure:
     """Draw the effect of 1 % of the excess temperature in the camera's picture, and by distance.
 
-    Each hexagon has the sum along the lines of sight; the curve is the fraction of the effects'
-    sizes within a distance from the part.
+    Each hexagon has the sum along the lines of sight, unless it is below `FAINT`; the curve is the
+    fraction of the effects' sizes within a distance from the part.
     """
     nm = 1e4 * found.of_air
     mark = synthetic_mark(stated_source(found.scan.provenance["field"]))
@@ -29,10 +32,11 @@ def sensitivity_figure(found: Sensitivity, part: Part) -> Figure:
     camera = found.scan.camera
     place = camera.project(found.cells.points.astype(np.float64))
     seen = camera.holds(place) & (nm != 0.0)
-    draw_part(left, part, camera, place[seen] if seen.any() else found.scan.pixel)
+    strong = seen & (np.abs(nm) > FAINT * np.abs(nm).max(initial=0.0))
+    draw_part(left, part, camera, place[strong] if strong.any() else found.scan.pixel)
     u, v = place[seen].T
     ends = left.axis()
-    count = 80, max(1, round(80 / math.sqrt(3.0) * abs((ends[3] - ends[2]) / (ends[1] - ends[0]))))
+    count = 50, max(1, round(50 / math.sqrt(3.0) * abs((ends[3] - ends[2]) / (ends[1] - ends[0]))))
     extent = (min(ends[:2]), max(ends[:2]), min(ends[2:]), max(ends[2:]))
     shown = left.hexbin(
         *(u, v, nm[seen]),
@@ -46,6 +50,8 @@ def sensitivity_figure(found: Sensitivity, part: Part) -> Figure:
     sums = np.asarray(shown.get_array())
     limit = max(float(np.percentile(np.abs(sums), 99)) if len(sums) else 0.0, 1e-9)
     label = "diameter by 1 % of the excess temperature (nm)"
+    # The part is seen through what is as good as 0.
+    shown.set_array(np.ma.masked_where(np.abs(sums) < FAINT * limit, sums))
     scale = ColourScale(sums, (-limit, limit), label, False, "RdBu_r")
     shown.set(norm=scale.norm)
     scale.add_bar(body, shown, ax=left, location="bottom")

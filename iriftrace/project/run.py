@@ -48,7 +48,7 @@ def do_steps(
 
 def _do(file: ProjectFile, state: StepState) -> None:
     step = state.step
-    folder = step.product.parent
+    folder = step.folder
     if folder.is_dir() and any(folder.iterdir()):
         if not (folder / STAMP).is_file():
             raise InputError(

@@ -17,7 +17,7 @@ from iriftrace.core.plain import JsonObject
 from iriftrace.project.steps import ProjectStep, steps_of
 
 STAMP = "step.json"
-"""File next to the product of each step."""
+"""File in the folder of each step."""
 
 SCHEMA = "iriftrace.step/1"
 
@@ -51,7 +51,7 @@ class StepState:
         product = _size_and_time(self.step.product) if done else None
         values = {"done": done, "product": product, **facts}
         stamp = {"schema": SCHEMA, **values, "inputs": self.inputs, "files": self.files}
-        write_json(self.step.product.with_name(STAMP), stamp)
+        write_json(self.step.folder / STAMP, stamp)
 
 
 def states_of(file: ProjectFile) -> dict[str, StepState]:
@@ -63,7 +63,7 @@ def states_of(file: ProjectFile) -> dict[str, StepState]:
 
 
 def _state(step: ProjectStep, file: ProjectFile, before: Mapping[str, StepState]) -> StepState:
-    stamp = _stamp(step.product.with_name(STAMP))
+    stamp = _stamp(step.folder / STAMP)
     files: dict[str, list[int | str]] = {}
     inputs = {"version": version("iriftrace"), "command": step.command}
     read = list(step.files)

@@ -49,6 +49,11 @@ class ProjectStep:
     without: tuple[str, ...] = ()
     resumes: bool = False
 
+    @property
+    def folder(self) -> Path:
+        """Folder of the step's products and stamp."""
+        return BUILD / self.name
+
 
 def example_air(file: ProjectFile) -> bool:
     """True if the air is that of formulas."""
@@ -72,9 +77,8 @@ def _steps(file: ProjectFile) -> Iterator[ProjectStep]:
             code="project.no_part",
         )
     given = file.texts("air", "fields")
-    air = () if given else ("field",)
-    if not given:
-        yield _field(file, mesh)
+    air: tuple[ProjectStep, ...] = () if given else (_field(file, mesh),)
+    yield from air
 
     planned: tuple[str, ...] = ()
 
@@ -89,11 +93,11 @@ def _steps(file: ProjectFile) -> Iterator[ProjectStep]:
         pose = [f"--pose={POSES}"] if planned else []
 
         def called() -> list[str]:
-            first, *others = given or _fields_made()
+            first, *others = given or _fields_in(air[0].product)
             members = [f"--member={one}" for one in others]
             return [first, part, f"--output={product}", *members, *pose, *words]
 
-        needs, files = (*air, *planned, *after), (part, *given)
+        needs, files = (*(one.name for one in air), *planned, *after), (part, *given)
         return ProjectStep(name, "scene", called, product, needs, files, without)
 
     if file.get("camera", "pose") == PLANNED:
@@ -180,19 +184,19 @@ def _field(file: ProjectFile, mesh: str) -> ProjectStep:
         words = [mesh, f"--output={product}"]
         return ProjectStep("field", "field synthetic", lambda: words, product, files=(mesh,))
     simulate = file.sections["air.simulate"]
-    product = folder / ("family.json" if "draughts" in simulate else "field.vtu")
-    words = [mesh, f"--output={folder}"]
+    # The solver's own folder, which holds nothing else before it begins.
+    solved = folder / "solved"
+    product = solved / ("family.json" if "draughts" in simulate else "field.vtu")
+    words = [mesh, f"--output={solved}"]
     return ProjectStep(
         *("field", "field simulate", lambda: words, product), files=(mesh,), resumes=True
     )
 
 
-def _fields_made() -> list[str]:
+def _fields_in(product: Path) -> list[str]:
     """The fields of the step before: those of a family, or one and those that vary it."""
-    folder = BUILD / "field"
-    family = folder / "family.json"
-    if family.is_file():
-        members = json.loads(family.read_text(encoding="utf-8"))["members"]
-        return [str(folder / one["field"]) for one in members]
-    varied = [folder / f"field_{name}.vtu" for name in get_args(VariedInput)]
-    return [str(folder / "field.vtu"), *(str(one) for one in varied if one.is_file())]
+    if product.name == "family.json":
+        members = json.loads(product.read_text(encoding="utf-8"))["members"]
+        return [str(product.with_name(one["field"])) for one in members]
+    varied = [product.with_name(f"field_{name}.vtu") for name in get_args(VariedInput)]
+    return [str(product), *(str(one) for one in varied if one.is_file())]

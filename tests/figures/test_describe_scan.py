@@ -2,9 +2,13 @@
 
 from typing import Any
 
+from attrs import evolve
+
 from iriftrace.core.plain import plain
+from iriftrace.figures.answer import groups
 from iriftrace.figures.describe_scan import by_thing, describe, sentences, table
 from iriftrace.measuring.two_devices.correction import SCHEMA
+from iriftrace.measuring.uncertainty.budget import Contribution, Uncertainty
 from iriftrace.medium.source import FieldFacts, FieldKind, FieldSource
 
 FACTS = FieldFacts(FieldKind.SYNTHETIC)
@@ -129,15 +133,22 @@ def test_sentences_end_with_a_full_stop_and_regions_without_a_point_are_counted(
 
 def test_the_answer_is_value_u_and_verdict() -> None:
     assert sentences(describe(values()), "verdict") == [
-        "Diameter of cone 1, on the drawing at 20 degC: 12.200 mm, U = at least 0.010 mm (k = "
-        "2, 95 %: 12.190 .. 12.210; not covered: air); 990 points, 10 left out as outliers, 7 "
-        "without correction.",
+        "Diameter of cone 1 at (0.00, 0.00, 0.99) mm of its axis, on the drawing at 20 degC: "
+        "12.200 mm, U = at least 0.010 mm (k = 2, 95 %: 12.190 .. 12.210; not covered: air); 990 "
+        "points, 10 left out as outliers, 7 without correction.",
         "Tolerance 12.150 .. 12.250 mm: not decided (as measured: 12.296 mm, outside).",
     ]
     moved = "2,000 of 2,007 points are corrected, by 1 um (median; 95th percentile 3 um); as "
     assert sentences(describe(values()), "points moved") == [
         f"{moved}measured stay 7 hidden from a device."
     ]
+
+
+def test_shares_are_per_cent_without_powers_of_ten() -> None:
+    stated = Uncertainty(5.0, tuple(Contribution(str(u), u) for u in (1.0, 0.1, 0.005)), (3.0, 7.0))
+    assert [row[2] for row in groups(stated, "mm")] == ["99 %", "0.99 %", "below 0.01 %"]
+    (alone,) = groups(evolve(stated, contributions=stated.contributions[:1]), "mm")
+    assert alone[2] == "100 %"
 
 
 def test_air_from_formulas_is_named() -> None:
@@ -149,6 +160,6 @@ def test_air_from_formulas_is_named() -> None:
         assert sentences(rows, "field") == ["SYNTHETIC FIELD: formulas."]
     rows = describe(values(field=None, **stated))
     assert sentences(rows, "answer")[1:] == [
-        "Standard uncertainty of the correction along the normal: 1 um (median; 95th percentile "
+        "Standard uncertainty of a corrected point along the normal: 1 um (median; 95th percentile "
         "2 um).",
     ]

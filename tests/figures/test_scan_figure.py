@@ -115,6 +115,7 @@ def test_a_laser_line_is_drawn_on_the_part_as_measured_and_corrected(
     _, numbers = scan.save(tmp_path / "line.xyz", regions=scan.regions(scene.part))
     page = read_page(report_of(numbers))
     assert "those of one line of a laser lie in a plane" in page.text
+    assert "U is" not in page.text
     (regions,) = (table for table in page.tables if table[0][0] == "region")
     assert regions[0][1:3] == ["points", "median"]
     assert regions[1][:2] == ["lateral", str(len(scan.points))]
@@ -166,6 +167,7 @@ def test_a_report_has_u_by_group_and_the_verdict(variant: str, tmp_path: Path) -
     assert sum(shares) == pytest.approx(100.0, abs=1.0)
     assert "26.95000 .. 27.05000 mm: accepted" in page.by_id["uncertainty"]
     assert "Not in U: turbulence" in page.text
+    assert "U is the larger distance of the value from the ends" in page.text
 
 
 def test_a_report_says_where_the_devices_stand_and_how_fields_count(variant: str) -> None:

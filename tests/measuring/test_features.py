@@ -4,6 +4,8 @@ Points of exact surfaces come back to rounding; of disturbed ones the sum of squ
 (its gradient by finite differences vanishes), which is what a least-squares fit is.
 """
 
+import warnings
+
 import numpy as np
 import pytest
 import trimesh
@@ -17,6 +19,10 @@ from iriftrace.measuring.features.feature import Feature
 from iriftrace.measuring.features.fit import fit_feature
 from iriftrace.measuring.features.fitted import fit_features
 from iriftrace.measuring.features.outliers import inliers
+from iriftrace.measuring.features.quantity import Quantity
+from iriftrace.measuring.two_devices.correction import Correction
+from iriftrace.measuring.uncertainty.air_groups import OTHER_AIR, AirGroups
+from iriftrace.measuring.uncertainty.decision import Tolerance
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.standards import cylinder
 from iriftrace.scenes import folder_of
@@ -197,6 +203,7 @@ def test_diameters_of_a_cone_hold_at_one_height() -> None:
     sizes = found.size.by_cloud
     assert sizes["cold"] == pytest.approx(15 + 2 * z * np.tan(0.2), abs=1e-6)
     assert sizes["measured"] == pytest.approx(15 + 2 * (z - 1) * np.tan(0.2), abs=1e-6)
+    assert Quantity.of(found.as_dict()).by_cloud == sizes  # as the page of a report reads it
 
 
 def test_a_turned_cone_has_the_same_diameters_as_measured_and_as_corrected() -> None:
@@ -215,6 +222,30 @@ def test_a_turned_cone_has_the_same_diameters_as_measured_and_as_corrected() -> 
     corrected, same = sizes({"measured": hot, "corrected": cold})
     assert same == place
     assert corrected == {"measured": measured["measured"], "corrected": measured["cold"]}
+
+
+KNOWN = AirGroups(source="known", missing=())
+
+
+def test_a_correction_after_which_points_scatter_more_is_doubted() -> None:
+    """A ripple of 50 um, which the air made or which only the correction has."""
+    part = cylinder()
+    points, face = part.surface.even_places(2000)
+    error = 0.05 * np.cos(points[:, :1] / 10.0) * part.face_normals[face]
+    status = np.zeros(len(points), dtype=np.int64)
+    rest = status, face, part.face_normals, "fringe", {"field": {"source": "a solver"}}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", IriftraceWarning)
+        Correction(points + error, error, *rest).features(part, ["cylinder"])
+    said = r"3\d\.\d um \(as measured .* about cylinder:lateral"
+    with pytest.warns(IriftraceWarning, match=said):
+        (doubted,) = Correction(points, error, *rest, groups=KNOWN).features(
+            part, ["cylinder"], tolerances={"cylinder:lateral": Tolerance(27.0, -9.0, 9.0)}
+        )
+    assert doubted.size.uncertainty is not None
+    assert doubted.size.uncertainty.missing == (OTHER_AIR,)
+    assert doubted.size.decision is not None
+    assert doubted.size.decision.verdict == "not decided"
 
 
 def test_what_points_do_not_determine_is_left_out() -> None:

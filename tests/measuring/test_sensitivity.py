@@ -11,6 +11,7 @@ from attrs import evolve
 import iriftrace
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.figures.sensitivity import FAINT, sensitivity_figure
 from iriftrace.io.field_npz import load_field_file
 from iriftrace.measuring.features.feature import Feature
 from iriftrace.measuring.features.fit import fit_feature
@@ -149,6 +150,11 @@ def test_effects_are_those_of_the_members(shells: Scene, air: FieldCells) -> Non
     assert 0.0 < near < far < 30.0
     inside = np.abs(found.of_air[found.distance <= near]).sum()
     assert inside == pytest.approx(0.5 * np.abs(found.of_air).sum(), rel=0.02)
+    (body,) = sensitivity_figure(found, scene.part).subfigs
+    (hexagons,) = body.axes[0].collections
+    sums, limit = hexagons.get_array(), hexagons.norm.vmax
+    assert sums.mask.any()  # the part is seen where there is no effect
+    assert np.abs(sums.compressed()).min() >= FAINT * limit
 
 
 @pytest.fixture

@@ -52,6 +52,9 @@ def test_values_are_those_of_the_options(tmp_path: Path) -> None:
     assert file.example == ("part.hot_temperature",)
 
 
+_FRING = ', [second] system: Invalid value "fring" for system. Choose from: "stereo", "fringe"'
+
+
 @pytest.mark.parametrize(
     ("right", "wrong", "sentence"),
     [
@@ -64,6 +67,8 @@ def test_values_are_those_of_the_options(tmp_path: Path) -> None:
         ("10 K", "10 mm", ", [uncertainty]: Among the uncertainties wall is '10 mm'"),
         ("[150, -100, 120]", "[150, -100]", ', [camera] origin: "150,-100" is not 3 numbers'),
         ("focus", 'calibration = "a.yml"\nsensor = "5 mm,5 mm"\nfocus', ", [camera] sensor: "),
+        ("focus", 'scale = "1 mm"\nfocus', ", [camera] scale: Invalid value for scale: unable to"),
+        ("[camera]", '[second]\nsystem = "fring"\n[camera]', _FRING),
         ('floor = "-16 mm"', 'draught_from = "90"', ", [air.simulate] draught_from: "),
         ('tolerance = "-0.02 0.02 mm"', "", ", [feature] tolerance: a tolerance needs both"),
         ("part.hot", "part.hott", ": example names part.hott_temperature"),

@@ -3,6 +3,7 @@
 import json
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,12 +17,14 @@ from iriftrace.cli.project_file import read_project_file
 from iriftrace.core.errors import InputError
 from iriftrace.io.poses import write_poses
 from iriftrace.project import stamps
+from iriftrace.project.run import do_steps
 from iriftrace.project.stamps import states_of
 from iriftrace.scenes import folder_of
 from iriftrace.tracing.load import load_scene
 
 Printed = pytest.CaptureFixture[str]
 FILE = Path("iriftrace.toml")
+DRAUGHTS = 'draughts = "0:0.1:0.1"\ndraught_from = "270"\n'
 
 
 def replaced(right: str, other: str) -> None:
@@ -206,16 +209,59 @@ def test_a_second_device_moves_with_the_pose(project: Path) -> None:
     assert main([*words, "--pose=pose.json", "--origin=1,2,300", "-o", "c/scene.xml"]) == 2
 
 
-def test_a_flow_is_solved_again_for_another_wall_and_for_nothing_else(project: Path) -> None:
+def simulate(more: str) -> None:
+    """Declare a flow in place of the example air, with further keys."""
     replaced(', "air.synthetic.wall_temperature"', "")
     text = FILE.read_text()
     begin, end = text.index("\n[air.synthetic]"), text.index("# [air.simulate]")
     text = (text[:begin] + "\n" + text[end:]).replace("# [air.simulate]", "[air.simulate]")
-    FILE.write_text(text.replace("# wall_t", "wall_t"))
+    FILE.write_text(text.replace("# wall_t", more + "wall_t"))
+
+
+@pytest.mark.parametrize("more", ["", DRAUGHTS])
+def test_a_flow_has_a_folder_without_other_files_and_is_continued(
+    project: Path, monkeypatch: pytest.MonkeyPatch, more: str
+) -> None:
+    """The solver's command refuses a folder in which there are others, such as a stamp."""
+    simulate(more)
+    solved, before = Path("build/field/solved"), []
+
+    def killed() -> None:
+        before.append([path.name for path in solved.glob("*")])
+        solved.mkdir(exist_ok=True)
+        (solved / "case.json").write_text("{}")
+        raise KeyboardInterrupt
+
+    bound = SimpleNamespace(args=(), kwargs={})
+    monkeypatch.setattr(type(app), "parse_args", lambda *_, **__: (killed, bound, None))
+    for wall in (1050, 1050, 1040):
+        FILE.write_text(FILE.read_text().replace('ure = "1050', f'ure = "{wall}'))
+        with pytest.raises(KeyboardInterrupt):
+            do_steps(read_project_file(FILE, app), ["field"], print)
+    assert before == [[], ["case.json"], []]
+    assert reasons()["field"] == "interrupted"
+
+
+def test_example_air_in_place_of_a_family_is_used(project: Path) -> None:
+    simulate(DRAUGHTS)
+    (solved := Path("build/field/solved")).mkdir(parents=True)
+    family = {"members": [{"field": "at_0.00.vtu"}, {"field": "at_0.10_from_270.vtu"}]}
+    (solved / "family.json").write_text(json.dumps(family))
+    words = states_of(read_project_file(FILE, app))["scene"].step.words()
+    assert words[0] == "build/field/solved/at_0.00.vtu"
+    assert words[3:] == ["--member=build/field/solved/at_0.10_from_270.vtu"]
+    replaced("[air.simulate]", "[air.synthetic]")
+    replaced(DRAUGHTS, "")
+    words = states_of(read_project_file(FILE, app))["scene"].step.words()
+    assert words == ["build/field/field.vtu", "part.stl", "--output=build/scene/scene.xml"]
+
+
+def test_a_flow_is_solved_again_for_another_wall_and_for_nothing_else(project: Path) -> None:
+    simulate("")
     file = read_project_file(FILE, app)
     field = states_of(file)["field"]
     assert field.step.command == "field simulate"
-    assert field.step.words() == ["part.stl", "--output=build/field"]
+    assert field.step.words() == ["part.stl", "--output=build/field/solved"]
     field.step.product.parent.mkdir(parents=True)
     field.step.product.write_text("solved")
     field.write(done=True)

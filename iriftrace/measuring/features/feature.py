@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import evolve, field, frozen
+from attrs.converters import optional
 
 from iriftrace.core.arrays import FloatArray
 
 
 @frozen(eq=False)
 class Feature:
-    """A fitted feature.
+    """A fitted feature. Its numbers are Python's, which JSON has, also where NumPy's are given.
 
     Attributes
     ----------
@@ -41,13 +42,13 @@ class Feature:
     kind: str
     position: FloatArray
     direction: FloatArray | None
-    size_mm: float | None
-    u_size_mm: float | None
-    half_angle: float | None
+    size_mm: float | None = field(converter=optional(float))
+    u_size_mm: float | None = field(converter=optional(float))
+    half_angle: float | None = field(converter=optional(float))
     residuals: FloatArray
-    u_position_mm: float | None = None
+    u_position_mm: float | None = field(default=None, converter=optional(float))
     normal_covariance: FloatArray | None = None
-    scatter_mm: float | None = None
+    scatter_mm: float | None = field(default=None, converter=optional(float))
 
     @property
     def form_mm(self) -> float:

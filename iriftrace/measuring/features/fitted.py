@@ -121,6 +121,39 @@ class FittedFeature:
         }
 
 
+WORSE, NOTICED_MM = 1.2, 1e-4
+"""Scatter about a feature after a correction over that before it, and the smallest scatter, for
+which the correction is doubted: noise is the same before and after."""
+
+
+def scatters_mm(feature: FittedFeature) -> tuple[float, float]:
+    """Root mean square distances, mm, from a feature of the measured and the corrected points."""
+    measured, corrected = (
+        math.sqrt(float(np.mean(feature.fits[cloud].residuals ** 2)))
+        for cloud in ("measured", "corrected")
+    )
+    return measured, corrected
+
+
+def is_worse(feature: FittedFeature) -> bool:
+    """True if corrected points scatter more about a feature than the measured ones."""
+    before, after = scatters_mm(feature)
+    return after > max(WORSE * before, NOTICED_MM)
+
+
+def warn_of_worse(features: Iterable[FittedFeature]) -> None:
+    """Warn of features about which corrected points scatter more than the measured ones."""
+    worse = {one.name: scatters_mm(one) for one in features if is_worse(one)}
+    if worse:
+        name, (before, after) = max(worse.items(), key=lambda one: one[1][1])
+        warn(
+            f"The corrected points scatter more than the measured ones, {1e3 * after:.3g} um (as "
+            f"measured {1e3 * before:.3g} um) about {name}, so the air was another one than the "
+            "scene's, and U is a lower bound; add states closer to the air of the hall, or measure "
+            "it with a board."
+        )
+
+
 def check_names(names: Iterable[str], known: Sequence[str]) -> None:
     """Raise InputError for a name that is not among those of the fitted features with a size."""
     for name in names:

@@ -26,7 +26,13 @@ from iriftrace.io.clouds import Cloud
 from iriftrace.measuring.features.choice import FeatureChoice, on_region
 from iriftrace.measuring.features.drawing import drawing_cloud, u_of_growth
 from iriftrace.measuring.features.feature import Feature
-from iriftrace.measuring.features.fitted import FittedFeature, check_names, fit_features
+from iriftrace.measuring.features.fitted import (
+    FittedFeature,
+    check_names,
+    fit_features,
+    is_worse,
+    warn_of_worse,
+)
 from iriftrace.measuring.features.quantity import DRAWING, Quantity
 from iriftrace.measuring.features.relations import Relation, relations
 from iriftrace.measuring.options import GATE
@@ -38,7 +44,7 @@ from iriftrace.measuring.two_devices.statistics import (
     region_values,
     worst_member,
 )
-from iriftrace.measuring.uncertainty.air_groups import AirGroups
+from iriftrace.measuring.uncertainty.air_groups import OTHER_AIR, AirGroups
 from iriftrace.measuring.uncertainty.budget import Contribution, uncertainty_of
 from iriftrace.measuring.uncertainty.decision import Tolerance, decide
 from iriftrace.measuring.uncertainty.inputs import NOTHING_STATED, Inputs
@@ -197,6 +203,7 @@ class Correction:
             scatter_mm=self.inputs.sensor_mm,
             among=good,
         )
+        warn_of_worse(fitted)
         refits = {one.group: self._refitted(one, part, fitted, gate) for one in self.changes}
         fitted = tuple(
             each.with_groups(
@@ -209,7 +216,9 @@ class Correction:
         return tuple(
             evolve(
                 each,
-                size=self._with_uncertainty(each.size, tolerances.get(each.name)),
+                size=self._with_uncertainty(
+                    each.size, tolerances.get(each.name), doubted=is_worse(each)
+                ),
                 not_corrected=int(on_region(each.region, stays, part).sum()),
             )
             for each in fitted
@@ -231,12 +240,24 @@ class Correction:
 
     def relations(self, features: Sequence[FittedFeature]) -> tuple[Relation, ...]:
         """Distances and angles between `features`, with the same statements."""
+        doubted = {one.region for one in features if is_worse(one)}
         return tuple(
-            evolve(each, value=self._with_uncertainty(each.value)) for each in relations(features)
+            evolve(
+                each,
+                value=self._with_uncertainty(
+                    each.value, doubted=not doubted.isdisjoint(each.regions)
+                ),
+            )
+            for each in relations(features)
         )
 
-    def _with_uncertainty(self, value: Quantity, tolerance: Tolerance | None = None) -> Quantity:
-        """A value with its uncertainty by groups, and with the verdict on a tolerance."""
+    def _with_uncertainty(
+        self, value: Quantity, tolerance: Tolerance | None = None, *, doubted: bool
+    ) -> Quantity:
+        """A value with its uncertainty by groups, and with the verdict on a tolerance.
+
+        Of a doubted one the air was another than the scene's, so U is a lower bound.
+        """
         measured, corrected = value.by_cloud["measured"], value.by_cloud["corrected"]
         if measured is None or corrected is None:
             return value
@@ -256,7 +277,7 @@ class Correction:
             stated = self.inputs.sensor_mm is not None
             how = "stated" if stated else "scatter of the points"
             found.append(Contribution("sensor", by_points, "B" if stated else "A", how))
-        missing = list(self.groups.missing)
+        missing = [*self.groups.missing, *([OTHER_AIR] if doubted else [])]
         for change in self.changes:
             by_change = value.u_of_group(change.group)
             if by_change is None:

@@ -35,6 +35,9 @@ CONTRAST = "contrast of the air"
 
 UNSTEADY = "unsteadiness of the air"
 
+OTHER_AIR = "air other than the scene's"
+"""The group of air by which corrected points scatter more than the measured ones."""
+
 _RANGE = 2.0 * np.sqrt(3.0)
 """Range over standard deviation of a value that may lie anywhere in between (GUM, 4.3.7)."""
 
