@@ -19,8 +19,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib import colormaps
+from matplotlib.colors import to_hex
 from numpy.typing import ArrayLike
 
 from iriftrace.core.files import write_whole
@@ -81,8 +82,6 @@ def _static(name: str) -> str:
 
 @cache
 def _environment() -> Environment:
-    from jinja2 import PackageLoader
-
     loader = PackageLoader("iriftrace.figures", "templates")
     return Environment(
         loader=loader,
@@ -190,12 +189,12 @@ def _surface(
     if surface.member is not None:
         found["member"] = surface.member
     if surface.of_points:
-        found["spacing"] = surface.spacing
+        found |= {"spacing": surface.spacing, "every": surface.every}
     if surface.scale is None:
         return found
     found["scale"] = [scale is surface.scale for scale in scales].index(True)
     if isinstance(surface.values, float):
-        found["colour"] = _hex(surface.scale.rgb([surface.values])[0])
+        found["colour"] = str(to_hex(surface.scale.rgb([surface.values])[0].tolist()))
         if picture.cut is not None:
             centre, side = picture.cut
             assert drawn is not None
@@ -211,12 +210,6 @@ def _surface(
     if surface.moved is not None:
         found["moved"] = block.points(surface.moved)
     return found
-
-
-def _hex(rgb: ArrayLike) -> str:
-    from matplotlib.colors import to_hex
-
-    return str(to_hex(np.asarray(rgb)))
 
 
 def _lines(block: _Block, lines: Lines) -> JsonObject:

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 import pyvista as pv
-from attrs import Factory, frozen
+from attrs import Factory, evolve, frozen
 from vtkmodules.vtkFiltersCore import vtkBinnedDecimation
 
 from iriftrace.camera.camera import Camera
@@ -62,6 +62,8 @@ class Surface:
     opacity : float
     member : int or None
         Number of the only member to which it belongs, from 0.
+    every : int
+        Of so many points of a cloud it has the first.
     """
 
     name: str
@@ -76,6 +78,17 @@ class Surface:
     normals: FloatArray | None = None
     opacity: float = 1.0
     member: int | None = None
+    every: int = 1
+
+    def thinned(self, every: int) -> Surface:
+        """A cloud of the first of every so many points, in the colours of all."""
+        if every == 1:
+            return self
+        rows = slice(None, None, every)
+        given = {name: getattr(self, name) for name in ("values", "u", "moved")}
+        less = {name: each[rows] for name, each in given.items() if each is not None}
+        members = {name: each[rows] for name, each in self.members.items()}
+        return evolve(self, vertices=self.vertices[rows], members=members, every=every, **less)
 
     @property
     def of_points(self) -> bool:
@@ -90,7 +103,8 @@ class Surface:
     @property
     def number_of(self) -> str:
         """``"vertex"`` or ``"face"`` of which the values are."""
-        return "vertex" if np.size(self.values) == len(self.vertices) else "face"
+        assert self.values is not None
+        return "vertex" if len(np.atleast_1d(self.values)) == len(self.vertices) else "face"
 
     @cached_property
     def mesh(self) -> pv.PolyData:

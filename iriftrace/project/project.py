@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Self
 from attrs import field, frozen
 
 from iriftrace.cli.console import PROJECT_FILE, out
+from iriftrace.cli.plot import read_shown
 from iriftrace.cli.program import app
 from iriftrace.cli.project_file import NO_VERDICT, ProjectFile, read_project_file
 from iriftrace.core.html import html_table, picture
@@ -217,10 +218,11 @@ class Project:
             name: state.reason or str(state.stamp.get("result") or "up to date")
             for name, state in states.items()
         }
-        drawn = [
-            (self.folder / states[name].step.product).with_suffix(".png")
+        products = [
+            self.folder / states[name].step.product
             for name in ("correct", "measure", "render")
             if name in states
         ]
-        shown = next((png.read_bytes() for png in drawn if png.is_file()), b"")
-        return html_table(f"Project in {self.folder}", rows) + picture(shown)
+        last = next((product for product in products if product.is_file()), None)
+        shown = "" if last is None else picture(*read_shown(last))
+        return html_table(f"Project in {self.folder}", rows) + shown

@@ -298,8 +298,9 @@ def test_a_project_in_python_has_the_values_of_its_products(
     assert found.budget.features[0].size.decision is None
     assert found.figure().axes
     for value in (found, found.scene, found.scan):
-        assert value._repr_html_().startswith("<table><caption>")
-    assert "data:image/png;base64," in found._repr_html_()
+        shown = value._repr_html_()
+        assert shown.startswith("<table><caption>")
+        assert "<iframe srcdoc=" in shown
     with pytest.raises(iriftrace.InputError, match=r"\[scan\] cloud: it is missing"):
         _ = found.correction
 

@@ -451,9 +451,10 @@
     const value = "value" in found && (Number.isFinite(found.value)
       ? `${label}: ${number(found.value)} ${unit ?? ""}${found.u == null ? "" : `, u ${number(found.u)} ${unit ?? ""}`}`
       : "no value");
-    const kind = pose !== null ? `pose ${pose}` : found.item.surface.points ? `point ${found.index}` : found.name;
+    const rank = found.index * (found.item.surface.every ?? 1);
+    const kind = pose !== null ? `pose ${pose}` : found.item.surface.points ? `point ${rank}` : found.name;
     under.textContent = [kind, value, `at (${found.place.map(number).join(", ")}) mm`].filter(Boolean).join("\n");
-    under.dataset.index = found.index;
+    under.dataset.index = rank;
     return found;
   }
   let moving = 0;
