@@ -150,7 +150,7 @@ def _data(picture: Picture) -> str:
         header["poses"] = _poses(block, picture.poses, scales, picture)
     text = json.dumps(header, separators=(",", ":"), allow_nan=False).encode()
     whole = struct.pack("<I", len(text)) + text + b"".join(block.parts)
-    return base64.b64encode(zlib.compress(whole, 9)).decode("ascii")
+    return base64.b64encode(zlib.compress(whole, 7)).decode("ascii")
 
 
 def _scale(scale: ColourScale) -> JsonObject:
@@ -189,7 +189,7 @@ def _surface(
     if surface.member is not None:
         found["member"] = surface.member
     if surface.of_points:
-        found |= {"spacing": surface.spacing, "every": surface.every}
+        found |= {"spacing": surface.size * surface.spacing, "every": surface.every}
     if surface.scale is None:
         return found
     found["scale"] = [scale is surface.scale for scale in scales].index(True)

@@ -64,6 +64,8 @@ class Surface:
         Number of the only member to which it belongs, from 0.
     every : int
         Of so many points of a cloud it has the first.
+    size : float
+        Of a point on a page, in distances to its neighbours.
     """
 
     name: str
@@ -79,6 +81,7 @@ class Surface:
     opacity: float = 1.0
     member: int | None = None
     every: int = 1
+    size: float = 1.35
 
     def thinned(self, every: int) -> Surface:
         """A cloud of the first of every so many points, in the colours of all."""

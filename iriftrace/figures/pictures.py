@@ -37,7 +37,7 @@ from iriftrace.figures.sweep_space import surroundings_picture, towards_cameras
 from iriftrace.image.aov_image import AovImage
 from iriftrace.measuring.two_devices.correction import Correction
 from iriftrace.measuring.two_devices.scan import Scan
-from iriftrace.measuring.two_devices.sensitivity import EFFECT_COLUMN, Sensitivity
+from iriftrace.measuring.two_devices.sensitivity import EFFECT_COLUMN, MOST, Sensitivity
 from iriftrace.measuring.two_devices.statistics import each_along
 from iriftrace.medium.index_field import IndexField
 from iriftrace.medium.source import FieldSource, stated_source, synthetic_mark
@@ -49,7 +49,7 @@ from iriftrace.tracing.scene import Scene
 MOST_POINTS = 300_000
 """Of a larger cloud one of every so many points is drawn."""
 
-FAINT = 0.02
+FAINT = 0.05
 """Fraction of the largest effect of the air below which one is not drawn."""
 
 
@@ -140,7 +140,7 @@ def _scan(scan: Scan, numbers: JsonObject | None = None) -> Picture:
     cloud = _cloud(scan.true, um, ERROR, u=u, moved=scan.error, members=members)
     title = f"Error of a {scan.system} measurement by hot air"
     devices = [scan.camera, scan.second]
-    picture = _measured(title, None, devices, cloud, scan.provenance)
+    picture = _measured(title, _part_of(scan.provenance), devices, cloud, scan.provenance)
     return evolve(picture, members=tuple(members))
 
 
@@ -151,15 +151,14 @@ def _correction(found: Correction, numbers: JsonObject | None = None) -> Picture
     u = None if found.u is None else 1e3 * found.u[good]
     cloud = _cloud(found.points[good], um, CORRECTION, u=u, moved=found.error[good])
     title = f"Correction of a {found.system} measurement"
-    return _measured(title, None, [], cloud, found.provenance)
+    return _measured(title, _part_of(found.provenance), [], cloud, found.provenance)
 
 
 @picture_of.register
 def _sensitivity(found: Sensitivity, numbers: JsonObject | None = None) -> Picture:
     cloud = pv.PolyData(found.cells.points.astype(np.float64))
     cloud.point_data[EFFECT_COLUMN] = found.effect_nm
-    picture = _points(cloud, found.as_dict())
-    return evolve(picture, title=f"Which air moves the diameter of {found.name}")
+    return _points(cloud, found.as_dict())
 
 
 @picture_of.register
@@ -197,12 +196,18 @@ def _points(cloud: pv.PolyData, numbers: JsonObject | None = None) -> Picture:
         moved = -moved[good] if column is CORRECTION else moved[good]
         points = points - moved if column is ERROR else points
     stated = numbers or {}
-    shown = _cloud(points, values[good], column, u=u, moved=moved)
+    size = 0.5 if column is EFFECT else 1.35
+    shown = _cloud(points, values[good], column, u=u, moved=moved, size=size)
     listed = (stated.get("devices") or {}).items()
     devices = [Camera.from_dict(each) for _, each in listed]
     system = f" of a {stated['system']} measurement" if "system" in stated else ""
     heading = f"{column.title[0].upper()}{column.title[1:]}{system}"
-    return _measured(heading, _part_of(stated), devices, shown, stated)
+    picture = _measured(heading, _part_of(stated), devices, shown, stated)
+    if column is not EFFECT or "feature" not in stated:
+        return picture
+    title = f"Which air moves the diameter of {stated['feature']}"
+    within = f"{100 * MOST:g} % of the effects within {stated['within_mm'][f'{MOST:g}']:.1f} mm of"
+    return evolve(picture, title=title, subtitle=f"{within} the part; fainter points left out")
 
 
 @picture_of.register

@@ -272,7 +272,7 @@
   function sizes(ratio) {
     for (const item of items)
       if (item.surface.points) {
-        const px = Math.min(Math.max(1.35 * item.surface.spacing * camera.zoom, 2.5), NOWHERE);
+        const px = Math.min(Math.max(item.surface.spacing * camera.zoom, 2.5), NOWHERE);
         item.uniforms.size.value = px * ratio;
         // A point that faces the viewer is not half hidden by the slope that it lies on.
         item.uniforms.lift.value = 4 * Math.max(px / camera.zoom, item.surface.spacing) / (camera.far - camera.near);
