@@ -20,7 +20,7 @@ from iriftrace.figures.describe_scan import describe, sentences
 from iriftrace.measuring.options import USUAL_DEVICES
 from iriftrace.measuring.uncertainty.options import NOTHING_ASKED
 from iriftrace.project.results import corrected_values
-from iriftrace.project.run import defaults_of, do_steps
+from iriftrace.project.run import do_steps, options_of
 from iriftrace.project.stamps import states_of
 from iriftrace.tracing.options import TRACE_AS_STATED
 
@@ -196,9 +196,8 @@ class Project:
 
     def _options(self, *words: str) -> dict[str, Any]:
         """Arguments of a command's function as the file states them."""
-        with self._here(), defaults_of(self.file, NO_VERDICT):
-            _, bound, _ = app.parse_args(list(words), exit_on_error=False, print_error=False)
-        return dict(bound.arguments)
+        with self._here():
+            return options_of(self.file, *words, without=NO_VERDICT)
 
     @contextmanager
     def _here(self) -> Iterator[None]:
