@@ -29,7 +29,7 @@ from iriftrace.core.plain import JsonObject
 from iriftrace.figures.picture import Device, Lines, Picture, Poses, Surface
 from iriftrace.figures.style import ColourScale, number
 
-THREE = "three.iife.min.js"
+SCRIPTS = ("three.iife.min.js", "page.js")
 
 
 def write_page(path: str | Path, picture: Picture) -> None:
@@ -45,18 +45,16 @@ def write_page(path: str | Path, picture: Picture) -> None:
 
 def html(picture: Picture) -> str:
     """The page of a picture: HTML that needs no other file and asks no network."""
-    three, script, style = (_static(name) for name in (THREE, "page.js", "page.css"))
+    style = _static("page.css")
     return (
         _environment()
         .get_template("page.html.jinja")
         .render(
             picture=picture,
-            three=three,
-            script=script,
+            scripts=[_static(name) for name in SCRIPTS],
             style=style,
             data=_data(picture),
-            hashes={name: _hash(text) for name, text in (("three", three), ("own", script))},
-            style_hash=_hash(style),
+            policy=f"{policy()}; style-src {_hash(style)}",
             bars=[_bar(scale) for scale in picture.scales],
             names={
                 **dict.fromkeys(s.name for s in picture.surfaces if not s.is_shell),
@@ -64,6 +62,14 @@ def html(picture: Picture) -> str:
             },
         )
     )
+
+
+def policy() -> str:
+    """Directive of a Content-Security-Policy that allows the scripts of pages, and no others.
+
+    A page with a `frame` needs it, because the frame inherits the policy around it.
+    """
+    return f"script-src {' '.join(_hash(_static(name)) for name in SCRIPTS)}"
 
 
 def frame(picture: Picture, height_px: int = 640) -> str:

@@ -349,12 +349,12 @@ class Picture:
     @property
     def factors(self) -> tuple[float, ...]:
         """Exaggerations to choose from."""
-        most = 10.0 * self.factor
+        most = 5.0 * self.factor
         for surface in self.surfaces:
             if surface.moved is not None:
                 size = float(np.linalg.norm(np.ptp(surface.vertices, axis=0)))
                 largest = float(np.percentile(np.linalg.norm(surface.moved, axis=1), 99))
-                most = 10.0 * round_factor(largest, size)
+                most = 2.0 * round_factor(largest, size)
         steps = (step * 10.0**power for power in range(9) for step in (1.0, 2.0, 5.0))
         return 0.0, *(step for step in steps if step <= most)
 

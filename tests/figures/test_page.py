@@ -15,7 +15,7 @@ from playwright.sync_api import Browser
 
 from iriftrace.camera.pose import look_at
 from iriftrace.cli import main
-from iriftrace.figures.page import frame, write_page
+from iriftrace.figures.page import frame, policy, write_page
 from iriftrace.figures.picture import Lines, Picture, Poses, Surface, round_factor
 from iriftrace.figures.style import ColourScale
 from iriftrace.io.exr import read_exr
@@ -151,9 +151,11 @@ def test_a_bundled_scene_is_one_small_file(opened: Browser, tmp_path: Path) -> N
 
 
 def test_a_frame_holds_the_page(opened: Browser, tmp_path: Path) -> None:
-    """Of a notebook, which is drawn without rights to the page around it."""
+    """Of a notebook or report, without rights to the page around it, whose policy it inherits."""
     file = tmp_path / "notebook.html"
-    file.write_text(f"<!DOCTYPE html><title>x</title>{frame(seen_from_above(plane()))}")
+    rules = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; {policy()}"
+    meta = f'<meta http-equiv="Content-Security-Policy" content="{rules}">'
+    file.write_text(f"<!DOCTYPE html>{meta}<title>x</title>{frame(seen_from_above(plane()))}")
     page = opened.new_page()
     page.goto(file.as_uri())
     page.frame_locator("iframe").locator("html[data-drawn]").wait_for(state="attached")
