@@ -14,7 +14,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.units import counted
 from iriftrace.figures import space
 from iriftrace.figures.draw import add_picture_to
-from iriftrace.figures.picture import SIGHT_COLOUR, Device, Picture, as_points
+from iriftrace.figures.picture import SIGHT_COLOUR, Device, SpacePicture, as_points
 from iriftrace.figures.scene_picture import scene_picture
 from iriftrace.medium.shells.stack import ShellStack
 from iriftrace.medium.source import synthetic_mark
@@ -107,7 +107,7 @@ def _name(
     )
 
 
-def _titles(shells: ShellStack, camera: Camera, picture: Picture) -> tuple[str, str]:
+def _titles(shells: ShellStack, camera: Camera, picture: SpacePicture) -> tuple[str, str]:
     count, drawn = len(shells.shells), len(picture.shells)
     place = ", ".join(f"{value:.4g}" for value in camera.origin).replace("-", "\N{MINUS SIGN}")
     parts = [
