@@ -67,7 +67,7 @@ def program(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 def test_the_wheel_holds_code_plugins_and_whole_scenes(wheel: Path) -> None:
-    """Every file of a scene and every template is needed; of the checkout's tests and caches none is.
+    """All files of a scene and all templates are needed, tests and caches of the checkout are not.
 
     What writes the scenes stays at home, and what somebody rendered into them (.exr, .png).
     """

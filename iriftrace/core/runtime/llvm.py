@@ -41,8 +41,8 @@ _MACOS_FOLDERS = (
     "/opt/local/libexec/llvm-*/lib",
 )
 
-# Dr.Jit's wheel also needs libatomic, which comes with compilers and is missing on bare systems. The
-# default LLVM of Debian 12 is 14, hence 19 by name; releases after Debian 13 have only newer ones.
+# Dr.Jit's wheel also needs libatomic, which comes with compilers and is missing on bare systems.
+# Debian 12's default LLVM is 14, hence 19 by name; releases after Debian 13 have only newer ones.
 _INSTALL = {
     "debian": (
         "sudo apt-get update && sudo apt-get install -y libllvm19 libatomic1 "
