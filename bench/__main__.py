@@ -29,7 +29,7 @@ FINE_SCALE = 0.588
 
 def main() -> None:
     """Measure and print."""
-    xml = folder_of("cylinder") / "scene.xml"
+    xml = folder_of("cylinder_paper") / "scene.xml"
     scene = load_scene(xml)
     table = Table(title="Ratios, median of pairs of runs")
     table.add_column("quantity")

@@ -41,7 +41,7 @@ def measured(engine: str, scale: float, variant: str) -> tuple[JsonObject, AovIm
     were not compiled before in this process; `wall` includes it in the first pose.
     """
     started = time.perf_counter()
-    xml = folder_of("cylinder") / "scene.xml"
+    xml = folder_of("cylinder_paper") / "scene.xml"
     scene = load_scene(xml, {"scale": scale}, engine=engine, variant=variant)
     load = time.perf_counter() - started
     import drjit as dr

@@ -12,7 +12,7 @@ from iriftrace.cli.console import notes, say, working
 from iriftrace.cli.options import LightOf, Output, Whole
 from iriftrace.cli.plan import Ranking, Several
 from iriftrace.cli.trace_options import check_light
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, SetupError
 from iriftrace.core.files import FileOrigin
 from iriftrace.image.displacement import NORM, Component
 from iriftrace.io.reading import ReadPart
@@ -228,10 +228,10 @@ def report(
         values = _decided(numbers, values, tolerance)
         picture = numbers.with_suffix(".png")
         png = picture.read_bytes() if picture.is_file() else b""
-        write_scan_report(output, values, FileOrigin.of(numbers), png)
-        missing = (
-            () if png else (f"There is no picture {picture}: compute the result with figures.",)
-        )
+        space, missing = _in_space(file)
+        write_scan_report(output, values, FileOrigin.of(numbers), png, space)
+        if not png:
+            missing += (f"There is no picture {picture}: compute the result with figures.",)
     else:
         raise InputError(
             f"Rows of a ranking, views and light are for a sweep (.nc), and {file} is none; "
@@ -240,6 +240,24 @@ def report(
         )
     _print_missing(missing)
     say(f"Report in {output}")
+
+
+def _in_space(cloud: Path) -> tuple[bytes, tuple[str, ...]]:
+    """The picture that ``view`` draws of a cloud, as a PNG; if there is none, why."""
+    from tempfile import TemporaryDirectory
+
+    from iriftrace.figures.window import view as show
+
+    if cloud.suffix.lower() not in (".vtp", ".ply") or not cloud.is_file():
+        return b"", ("Without a cloud in a .vtp or .ply there is no picture in space.",)
+    with TemporaryDirectory() as folder:
+        picture = Path(folder) / "space.png"
+        try:
+            shown, source = _shown(cloud, None)
+            show(shown, picture, source=source)
+        except (InputError, SetupError) as error:
+            return b"", (f"There is no picture in space: {error}",)
+        return picture.read_bytes(), ()
 
 
 def _decided(file: Path, values: JsonObject, tolerance: list[str] | None) -> JsonObject:

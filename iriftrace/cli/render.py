@@ -149,8 +149,8 @@ def demo(
     output
         Folder for the results; the scene is copied there and may be edited.
     scene
-        Name of the bundled scene: bevel_gear, concentric_cylinders, cylinder, fringe_cylinder,
-        gear_tooth, hot_plate, hybrid_cylinder, slab or wishbone.
+        Name of the bundled scene: bevel_gear, concentric_cylinders, cylinder, cylinder_paper,
+        fringe_cylinder, gear_tooth, hot_plate, hybrid_cylinder, slab or wishbone.
     """
     from iriftrace.scenes import scene_copied
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
@@ -11,11 +12,11 @@ from typing import TYPE_CHECKING, Literal
 from matplotlib.figure import Figure
 
 from iriftrace.camera.pose import pose_text
-from iriftrace.core.files import FileOrigin, write_whole
+from iriftrace.core.files import FileOrigin, saved_at, write_whole
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import counted
 from iriftrace.figures import describe, describe_scan
-from iriftrace.figures.answer import GROUP_HEADINGS, groups, influences
+from iriftrace.figures.answer import group_table, influences
 from iriftrace.figures.describe_scan import TRUE_CLOUDS, Row
 from iriftrace.figures.style import figure_bytes
 from iriftrace.figures.sweep import sweep_charts, sweep_pictures
@@ -67,7 +68,16 @@ _SUMMARY_ROWS = 5
 
 _MOST_REASONS = 200
 
-BlockKind = Literal["text", "answer", "doubt", "list", "lines", "numbers", "names", "pictures"]
+BlockKind = Literal[
+    "text", "answer", "doubt", "list", "lines", "numbers", "names", "verdicts", "pictures"
+]
+
+
+_TYPED = re.compile(r"(?<=\d )(um|degC)\b|(?<=\()um(?=\))")
+
+
+def _typeset(unit: re.Match[str]) -> str:
+    return "µm" if unit[0] == "um" else "°C"
 
 
 class Page:
@@ -80,18 +90,20 @@ class Page:
         self.title, self.version, self.question = title, str(version), question
         self.sections: list[JsonObject] = []
 
-    def section(self, name: str, title: str = "") -> None:
-        """Begin a section."""
-        self.sections.append({"name": name, "title": title, "blocks": []})
+    def section(
+        self, name: str, title: str = "", look: Literal["", "beside", "folded"] = ""
+    ) -> None:
+        """Begin a section, whose blocks lie side by side, or which is folded and not printed."""
+        self.sections.append({"name": name, "title": title, "look": look, "blocks": []})
 
     def add(
         self, kind: BlockKind, *content: object, title: str = "", headings: Iterable[str] = ()
     ) -> None:
         """Add a block to the last section: sentences, lines, rows (cells), or pictures.
 
-        Sentences are text, an answer or a doubt in a box, or a list; rows have numbers, or texts
-        after a name; pictures are those of `_picture`. The title stands above the block, and
-        headings above the columns of rows.
+        Sentences are text, an answer or a doubt in a box, or a list; rows have numbers, which may
+        end with a verdict, or texts after a name; pictures are those of `_picture`. The title
+        stands above the block, and headings above the columns of rows.
         """
         if found := tuple(filter(None, content)):
             block = {"kind": kind, "content": found, "title": title, "headings": tuple(headings)}
@@ -108,8 +120,11 @@ class Page:
             trim_blocks=True,
             lstrip_blocks=True,
         )
+        # The terminal writes what each keyboard has.
+        environment.filters["typeset"] = lambda text: _TYPED.sub(_typeset, str(text))
         template = environment.get_template("report.html.jinja")
-        write_whole(path, template.render(page=self, origin=origin))
+        saved = "" if origin is None else saved_at(origin.path)
+        write_whole(path, template.render(page=self, origin=origin, saved=saved))
 
 
 def _picture(name: str, caption: str, png: bytes) -> tuple[str, str, str] | None:
@@ -300,48 +315,64 @@ def _add_stability(page: Page, summary: SweepSummary) -> None:
     page.add("numbers", *rows, title=title, headings=headings)
 
 
-def write_scan_report(path: Path, values: JsonObject, origin: FileOrigin, png: bytes = b"") -> None:
-    """Write the report of a scan or correction from the values of its JSON file and its picture.
+def write_scan_report(
+    path: Path, values: JsonObject, origin: FileOrigin, png: bytes = b"", space: bytes = b""
+) -> None:
+    """Write the report of a scan or correction from the values of its JSON file and its pictures.
 
     Raises InputError if the values are not those of such a result, or the file cannot be written.
     """
     try:
-        page = scan_page(values, png)
+        page = scan_page(values, png, space)
     except (LookupError, TypeError, ValueError) as error:
         raise damaged(origin.path, repr(error), "compute the result again") from error
     page.write(path, origin)
 
 
-def scan_page(values: JsonObject, png: bytes = b"") -> Page:
-    """The page of the JSON values of a scan or correction, with its picture."""
+def scan_page(values: JsonObject, png: bytes = b"", space: bytes = b"") -> Page:
+    """The page of the JSON values of a scan or correction.
+
+    Its first sheet of paper has all that is not folded: what was measured, the verdicts, its
+    picture `png`, the one in space, and U. The rest can be opened on a screen.
+    """
     simulated = TRUE_CLOUDS[values["schema"]] == "cold"
     rows = describe_scan.describe(values)
-    what = "What hot air adds to a measurement" if simulated else "Measured cloud, corrected"
+    what = "What hot air adds to a measurement" if simulated else "Measurement through hot air"
     page = Page(f"{what}: {describe.name_of(values['part'])}", values.get("version", ""))
 
     page.section("answer")
-    page.add("answer", *describe_scan.sentences(rows, "answer"))
-    page.add("doubt", *(text for group in _DOUBTS for text in describe_scan.sentences(rows, group)))
-    shown = "error along the normal" if simulated else "refraction error that was removed"
-    caption = f"Left: the camera's picture, coloured by the {shown}."
-    page.add("pictures", _picture("picture", caption, png))
+    source, *fitted = describe_scan.sentences(rows, "field")
+    synthetic = source.startswith("SYNTHETIC")
+    page.add("names", *describe.measured(values), *[("Air", source)] * (not synthetic))
+    doubts = [text for group in _DOUBTS for text in describe_scan.sentences(rows, group)]
+    page.add("doubt", *[_EXAMPLE, source] * synthetic, *fitted, *doubts)
+    headings, sizes = describe_scan.table(rows, "size")
+    page.add("verdicts", *sizes, headings=headings)
+    stated = describe_scan.uncertain_values(values)
+    said = ("answer",) if simulated else ("verdict", "result")
+    page.add("answer", *(text for group in said for text in describe_scan.sentences(rows, group)))
+    page.add("text", None if values["features"] else _no_feature(values))
+    shown = "error along the normal" if simulated else "deviation from the part before and after"
+    page.add(
+        "pictures", _picture("picture", f"The camera's picture, coloured by the {shown}.", png)
+    )
 
-    page.section("features", "Sizes")
-    _add_facts(page, rows, "feature")
-    page.add("text", _FEATURE_NOTE if values["features"] else _no_feature(values))
-    if values["features"] and not simulated:
-        page.add("text", _U_NOTE)
+    page.section("uncertainty", look="beside")
+    caption = "The points in space, coloured by what hot air added to them."
+    page.add("pictures", _picture("space", caption, space))
+    if stated:
+        headings, *cells = group_table(stated)
+        page.add("names", *cells, title="U by group", headings=headings)
+        page.add("text", _U_NOTE, title="What U and the verdict mean")
+    uncovered = dict.fromkeys(influences(u) for u, _ in stated.values())
+    more = describe_scan.sentences(rows, "warning")
+    page.add("list", *uncovered, *more, *describe.assumed(values), title="Not covered")
+
+    page.section("values", "All values", "folded")
+    page.add("list", *[] if simulated else describe_scan.sentences(rows, "answer"))
+    _add_facts(page, rows, "feature", "Sizes")
+    page.add("text", _FEATURE_NOTE if values["features"] else None)
     _add_facts(page, rows, "planes", "Distances and angles of planes")
-
-    if stated := describe_scan.uncertain_values(values):
-        page.section("uncertainty", "Uncertainty and verdicts")
-        page.add("answer", *describe_scan.sentences(rows, "verdict"))
-        page.add("text", *describe_scan.sentences(rows, "result"))
-        table = [(name, *row) for name, one in stated.items() for row in groups(*one)]
-        page.add("names", *table, title="U by group", headings=("value", *GROUP_HEADINGS))
-        page.add("list", *dict.fromkeys(influences(u) for u, _ in stated.values()))
-
-    page.section("regions", "Regions")
     what = "Error" if simulated else "Correction"
     _add_facts(page, rows, "region", f"{what} along the part's outward normal")
     page.add("text", *describe_scan.sentences(rows, "note"))
@@ -349,21 +380,25 @@ def scan_page(values: JsonObject, png: bytes = b"") -> Page:
     page.add("numbers", *points, title="Points", headings=("outcome", "points"))
 
     assumed = describe.assumption_rows(values["assumptions"])
-    page.section("setting", "Setting")
+    page.section("setting", "Provenance and settings", "folded")
     page.add("names", *describe.scan_setting(values))
     page.add("names", *assumed, title="Assumptions in force")
     return page
 
 
-_DOUBTS = ("field", "larger", "uncertainty")
+_DOUBTS = ("larger", "uncertainty")
+
+_EXAMPLE = "Example air: from formulas, not of your hall, so nothing is decided."
 
 _FEATURE_NOTE = (
     "Diameters, of a cone at the stated point of its axis, and form deviations (peak to valley)."
 )
 
 _U_NOTE = (
-    "U is the larger distance of the value from the ends of its interval of 95 %, and k = U / u; "
-    "it holds for the size on the drawing where that is stated."
+    "The value lies within U of the stated one with a probability of 95 % (JCGM 101; k = U / u), "
+    "for the size on the drawing where that is stated. A feature is accepted if the probability "
+    "of a true value outside its tolerance is at most 5 %, rejected if it is at least 95 %, else "
+    "it is not decided (JCGM 106, ISO 14253-1)."
 )
 
 
