@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -83,11 +84,16 @@ def _typeset(unit: re.Match[str]) -> str:
 class Page:
     """A page that is composed from top to bottom; what is empty is left out.
 
-    Its question stands below the title; `version` is that of the package that wrote the result.
+    Its question stands below the title; `version` is that of the package that wrote the result. A
+    `sheet` is printed on one sheet of paper, where the picture at the end of its first section has
+    the height that is left.
     """
 
-    def __init__(self, title: str, version: object, question: str = "") -> None:
+    def __init__(
+        self, title: str, version: object, question: str = "", *, sheet: bool = False
+    ) -> None:
         self.title, self.version, self.question = title, str(version), question
+        self.sheet = sheet
         self.sections: list[JsonObject] = []
 
     def section(
@@ -338,7 +344,8 @@ def scan_page(values: JsonObject, png: bytes = b"", space: bytes = b"") -> Page:
     simulated = TRUE_CLOUDS[values["schema"]] == "cold"
     rows = describe_scan.describe(values)
     what = "What hot air adds to a measurement" if simulated else "Measurement through hot air"
-    page = Page(f"{what}: {describe.name_of(values['part'])}", values.get("version", ""))
+    title = f"{what}: {describe.name_of(values['part'])}"
+    page = Page(title, values.get("version", ""), sheet=True)
 
     page.section("answer")
     source, *fitted = describe_scan.sentences(rows, "field")
@@ -357,13 +364,17 @@ def scan_page(values: JsonObject, png: bytes = b"", space: bytes = b"") -> Page:
         "pictures", _picture("picture", f"The camera's picture, coloured by the {shown}.", png)
     )
 
+    headings, *cells = group_table(stated)
+    table = partial(page.add, "names", *cells, title="U by group", headings=headings)
+    if len(stated) > _BESIDE:
+        page.section("groups")
+        table()
     page.section("uncertainty", look="beside")
     caption = "The points in space, coloured by what hot air added to them."
     page.add("pictures", _picture("space", caption, space))
-    if stated:
-        headings, *cells = group_table(stated)
-        page.add("names", *cells, title="U by group", headings=headings)
-        page.add("text", _U_NOTE, title="What U and the verdict mean")
+    if len(stated) <= _BESIDE:
+        table()
+    page.add("text", _U_NOTE if stated else None, title="What U and the verdict mean")
     uncovered = dict.fromkeys(influences(u) for u, _ in stated.values())
     more = describe_scan.sentences(rows, "warning")
     page.add("list", *uncovered, *more, *describe.assumed(values), title="Not covered")
@@ -387,6 +398,9 @@ def scan_page(values: JsonObject, png: bytes = b"", space: bytes = b"") -> Page:
 
 
 _DOUBTS = ("larger", "uncertainty")
+
+_BESIDE = 2
+"""Largest number of values whose U by group has room next to the picture in space."""
 
 _EXAMPLE = "Example air: from formulas, not of your hall, so nothing is decided."
 

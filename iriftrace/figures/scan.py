@@ -33,8 +33,8 @@ MOST_POINTS = 300_000
 """Largest number of points that the figure of a correction draws."""
 
 _ERROR = "error along the normal (µm)"
-_WIDE = 1.6
-"""Width over height from which on maps are stacked."""
+_WIDE = 1.6, 3.0
+"""Width over height from which on a single map lies above the histogram, and several in a stack."""
 
 _HISTOGRAM = "histogram"
 _WIDTH_IN = 7.0
@@ -154,7 +154,8 @@ def _panels(
     """
     subtitle += f"; light grey: part, dark: not {outcome}"
     mark = synthetic_mark(stated_source(provenance["field"]))
-    beside = (view.aspect > _WIDE) == (len(names) > 1)
+    several = len(names) > 1
+    beside = (view.aspect > _WIDE[several]) == several
     if beside:
         rows = [[name, _HISTOGRAM] for name in names]
         heights, widths = [4.0 / view.aspect + 0.3] * len(rows), [3.0, 2.0]

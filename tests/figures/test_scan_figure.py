@@ -2,6 +2,8 @@
 
 import json
 import re
+import shutil
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +18,7 @@ from iriftrace.core.files import FileOrigin
 from iriftrace.core.plain import JsonObject
 from iriftrace.figures.report import scan_page, write_scan_report
 from iriftrace.figures.scan import correction_figure, scan_figure
+from iriftrace.figures.style import figure_bytes
 from iriftrace.measuring.two_devices.correct import correct
 from iriftrace.measuring.two_devices.correction import Correction
 from iriftrace.measuring.two_devices.correction_status import CorrectionStatus
@@ -29,6 +32,7 @@ from iriftrace.scenes import folder_of
 from iriftrace.tracing.load import load_scene
 from validation.oracles.html_page import read_page
 
+CHROMIUM = shutil.which("chromium")
 CAMERA = Camera(
     focal_length_mm=10.0,
     sensor_mm=(6.7, 5.6),
@@ -202,6 +206,34 @@ def test_a_report_has_u_by_group_and_the_verdict(variant: str, tmp_path: Path) -
     assert "26.95000 .. 27.05000 mm: accepted" in page.by_id["answer"]
     assert "Not in U: turbulence" in page.by_id["uncertainty"]
     assert " um" not in page.text
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium")
+@pytest.mark.parametrize("count", [1, 4])
+def test_a_report_prints_on_one_sheet(variant: str, tmp_path: Path, count: int) -> None:
+    """Of a correction with several toleranced sizes, with both pictures; what is folded is not."""
+    scene = load_scene(folder_of("fringe_cylinder") / "scene.xml", {"scale": 0.05}, variant=variant)
+    inputs = Inputs(air=0.05, sensor_mm=0.002, wall_k=10.0, pressure_pa=200.0)
+    found = correct(measure(scene).points, scene, inputs=inputs)
+    asked = {"cylinder:lateral": Tolerance(27.0, -0.05, 0.05)}
+    features = found.features(scene.part, ["cylinder"], tolerances=asked)
+    values = found.values(features, found.regions(scene.part))
+    values["features"] = [
+        row | {"region": f"lateral {number}"}
+        for number in range(count)
+        for row in values["features"]
+    ]
+    numbers = tmp_path / "c.json"
+    numbers.write_text(json.dumps(values))
+    png = figure_bytes(correction_figure(found, scene.part, scene.camera))
+    page, paper = tmp_path / "r.html", tmp_path / "r.pdf"
+    write_scan_report(page, values, FileOrigin.of(numbers), png, png)
+    words = ["--headless", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer"]
+    command = [str(CHROMIUM), *words, f"--print-to-pdf={paper}", page.as_uri()]
+    subprocess.run(command, check=True, capture_output=True, timeout=120)
+    content = paper.read_bytes()
+    assert len(re.findall(rb"/Type\s*/Page\b", content)) == 1
+    assert re.search(rb"/MediaBox\s*\[0 0 59[45][.\d]* 84[12]", content), "A4"
 
 
 def test_a_report_says_where_the_devices_stand_and_how_fields_count(variant: str) -> None:
