@@ -1,0 +1,363 @@
+"""Descriptions of pictures in space: of scenes, results, fields and parts."""
+
+from __future__ import annotations
+
+from functools import singledispatch
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+import xarray as xr
+from attrs import evolve
+from matplotlib import colormaps
+from matplotlib.colors import to_hex
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
+from iriftrace.core.plain import JsonObject
+from iriftrace.core.units import ZERO_CELSIUS_K, counted
+from iriftrace.figures.picture import (
+    BLOCKER_COLOUR,
+    SECOND_COLOUR,
+    SIGHT_COLOUR,
+    UNKNOWN_COLOUR,
+    Device,
+    Lines,
+    Picture,
+    Poses,
+    Surface,
+    as_points,
+    part_surface,
+)
+from iriftrace.figures.scene_picture import COLOUR_MAP, picture_of_scene
+from iriftrace.figures.style import BEST_COLOUR, ColourScale, number, scale_of
+from iriftrace.figures.sweep_space import surroundings_picture, towards_cameras
+from iriftrace.image.aov_image import AovImage
+from iriftrace.measuring.two_devices.correction import Correction
+from iriftrace.measuring.two_devices.scan import Scan
+from iriftrace.measuring.two_devices.statistics import each_along
+from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.source import FieldSource, stated_source, synthetic_mark
+from iriftrace.part.part import Part
+from iriftrace.sweep.faces import displacement_limits
+from iriftrace.tracing.render import Rendering
+from iriftrace.tracing.scene import Scene
+
+CLOUD_COLUMNS = {
+    "error_normal": ("error along the normal", "scatter_normal"),
+    "displacement": ("displacement", ""),
+    "correction": ("correction", "u"),
+}
+"""Columns of clouds, mm, by which points are coloured, their names and those of their u."""
+
+
+@singledispatch
+def picture_of(shown: object, numbers: JsonObject | None = None) -> Picture:
+    """Describe the picture of a scene, a result, a field or a part.
+
+    Parameters
+    ----------
+    shown
+        What `iriftrace.view` shows.
+    numbers
+        JSON values that lie next to a cloud, such as part and devices.
+
+    Raises
+    ------
+    InputError
+        There is nothing to show, or files of the scene or sweep cannot be read.
+    """
+    raise InputError(
+        f"An object of the type {type(shown).__name__} cannot be shown; give what load_scene, "
+        "read_exr, read_sweep, read_field or read_part returns.",
+        code="window.wrong_type",
+    )
+
+
+@picture_of.register
+def _scene(scene: Scene, numbers: JsonObject | None = None) -> Picture:
+    return picture_of_scene(scene)
+
+
+@picture_of.register
+def _rendering(found: Rendering, numbers: JsonObject | None = None) -> Picture:
+    return _pose(found.image)
+
+
+@picture_of.register
+def _pose(image: AovImage, numbers: JsonObject | None = None) -> Picture:
+    from iriftrace.image.displacement import good_mask
+    from iriftrace.io.exr import read_part_of
+
+    part, good = read_part_of(image), good_mask(image)
+    if not good.any():
+        raise InputError(
+            "The image has no good ray, so there is nothing to show.", code="picture.no_good_ray"
+        )
+    moved = image.vector("displacement", good)
+    um = 1e3 * image.channels["displacement.norm"][good].astype(np.float64)
+    several = image.is_ensemble
+    u = 1e3 * image.channels["displacement.std.norm"][good].astype(np.float64) if several else None
+    name = "mean displacement" if several else "displacement"
+    cloud = _cloud(image.vector("straight", good), um, f"{name} (µm)", u=u, moved=moved)
+    return _measured(
+        "Displacement by hot air", part, [image.camera], cloud, _statistics(um), image.header
+    )
+
+
+@picture_of.register
+def _scan(scan: Scan, numbers: JsonObject | None = None) -> Picture:
+    um, scatter = 1e3 * scan.error_normal, scan.scatter_normal
+    members: dict[str, FloatArray] = {}
+    if scan.errors is not None and scatter is not None:
+        along = 1e3 * each_along(scan.errors, scan.normal)
+        members = {f"member {n}": each for n, each in zip(scan.numbers, along, strict=True)}
+    u = None if scatter is None else 1e3 * scatter
+    label = f"{CLOUD_COLUMNS['error_normal'][0]} (µm)"
+    cloud = _cloud(scan.true, um, label, u=u, moved=scan.error, members=members)
+    title = f"Error of a {scan.system} measurement by hot air"
+    devices = [scan.camera, scan.second]
+    picture = _measured(title, None, devices, cloud, _statistics(um), scan.provenance)
+    return evolve(picture, members=tuple(members))
+
+
+@picture_of.register
+def _correction(found: Correction, numbers: JsonObject | None = None) -> Picture:
+    good = found.corrected
+    um = 1e3 * np.linalg.norm(found.error[good], axis=1)
+    u = None if found.u is None else 1e3 * found.u[good]
+    label = f"{CLOUD_COLUMNS['correction'][0]} (µm)"
+    cloud = _cloud(found.points[good], um, label, u=u, moved=found.error[good])
+    title = f"Correction of a {found.system} measurement"
+    return _measured(title, None, [], cloud, _statistics(um), found.provenance)
+
+
+@picture_of.register
+def _points(cloud: pv.PolyData, numbers: JsonObject | None = None) -> Picture:
+    """Points in the colours of the first known column, or of a vector's length."""
+    columns = {name: np.asarray(cloud.point_data[name]) for name in cloud.point_data}
+    known = {}
+    for vector in ("error", "displacement", "correction"):
+        for axes in ([f"{vector}_{axis}" for axis in "xyz"], [f"{vector}.{a}" for a in "XYZ"]):
+            if set(axes) <= columns.keys():
+                known[vector] = np.stack([columns[axis] for axis in axes], axis=1)
+    known = {**known, **columns}
+    name = next((name for name in CLOUD_COLUMNS if name in known), None)
+    if name is None:
+        raise InputError(
+            f"The cloud has no column {', '.join(CLOUD_COLUMNS)}; give one of iriftrace measure, "
+            "correct or render.",
+            code="cloud.no_vector",
+        )
+    values, (title, of_u) = known[name], CLOUD_COLUMNS[name]
+    um = 1e3 * (values if values.ndim == 1 else np.linalg.norm(values, axis=1)).astype(np.float64)
+    # Nothing is known of points of another status, which does not mean 0.
+    good = columns.get("status", np.zeros(len(um))) == 0
+    if not good.any():
+        raise InputError(
+            "The cloud has no point of status 0, so there is nothing to show.",
+            code="cloud.no_point",
+        )
+    u = 1e3 * columns[of_u][good].astype(np.float64) if of_u in columns else None
+    points, moved = as_points(cloud)[good], known.get("error" if values.ndim == 1 else name)
+    if moved is not None:
+        moved = -moved[good] if name == "correction" else moved[good]
+        points = points - moved if name == "error_normal" else points
+    stated = numbers or {}
+    shown = _cloud(points, um[good], f"{title} (µm)", u=u, moved=moved)
+    listed = (stated.get("devices") or {}).items()
+    devices = [Camera.from_dict(values) for _, values in listed]
+    system = f" of a {stated['system']} measurement" if "system" in stated else ""
+    heading = f"{title.capitalize()}{system}"
+    return _measured(heading, _part_of(stated), devices, shown, _statistics(um[good]), stated)
+
+
+@picture_of.register
+def _sweep(dataset: xr.Dataset, numbers: JsonObject | None = None) -> Picture:
+    from iriftrace.figures.sweep_maps import pose_maps
+    from iriftrace.planning.summary import summarise
+    from iriftrace.sweep.reload import surroundings_of
+    from iriftrace.sweep.store import attribute
+
+    summary = summarise(dataset)
+    quantities = [summary.score, *(one for one in summary.quantities if one is not summary.score)]
+    rows = tuple(
+        (
+            f"{summary.azimuth[pose]:.4g}",
+            f"{summary.elevation[pose]:.4g}",
+            *(summary.value_text(one, pose) for one in quantities),
+        )
+        for pose in range(len(summary.distance))
+    )
+    headings = (
+        "azimuth (°)",
+        "elevation (°)",
+        *(_short(one.title, one.unit) for one in quantities),
+    )
+    maps, caption = pose_maps(dataset, summary)
+    best = summary.plan.best
+    poses = Poses(
+        *(summary.matrices, summary.targets, scale_of(summary.score), headings, rows, best),
+        maps=maps,
+        caption=caption,
+    )
+    sight = Lines(
+        f"line of sight of pose {best}, the best by score",
+        [np.stack((summary.origins[best], summary.targets[best]))],
+        BEST_COLOUR,
+    )
+    around = surroundings_of(dataset)
+    source = stated_source(attribute(dataset, "field"))
+    return evolve(
+        surroundings_picture(around),
+        title="Score of each camera pose",
+        subtitle=summary.subtitle,
+        lines=(sight,),
+        poses=poses,
+        towards=towards_cameras(summary.origins - summary.targets.mean(axis=0)),
+        facts=_facts({**dataset.attrs, "field": attribute(dataset, "field")}, source),
+        mark=synthetic_mark(source) or "",
+    )
+
+
+@picture_of.register
+def _field(field: IndexField, numbers: JsonObject | None = None) -> Picture:
+    grid, name = field.grid.copy(deep=False), "air (°C)"
+    grid.point_data[name] = field.temperature_k - ZERO_CELSIUS_K
+    half = grid.clip(normal="y", origin=grid.center).extract_surface(algorithm="dataset_surface")
+    half = half.triangulate()
+    celsius = np.asarray(half.point_data[name], dtype=np.float64)
+    limits = float(celsius.min()), float(celsius.max())
+    scale = ColourScale(celsius, limits, name, False, COLOUR_MAP)
+    surface = Surface("air", as_points(half), half.regular_faces, scale=scale, values=celsius)
+    outline = grid.outline()
+    edges = [
+        outline.points[ends].astype(np.float64) for ends in outline.lines.reshape(-1, 3)[:, 1:]
+    ]
+    low, high = (number(round(t)) for t in limits)
+    return Picture(
+        title="Field of hot air, cut open",
+        subtitle=f"{counted(grid.n_points, 'point')}, {low} to {high} °C",
+        surfaces=(surface,),
+        lines=(Lines("end of the data", edges, "#666666"),),
+        facts=_facts({}, field.source),
+        mark=synthetic_mark(field.source) or "",
+    )
+
+
+@picture_of.register
+def _part(part: Part, numbers: JsonObject | None = None) -> Picture:
+    from iriftrace.part.region_choice import placed_regions
+
+    colours = colormaps["tab20"](np.arange(len(part.region_names)) % 20)
+    surfaces = tuple(
+        Surface(name, *_used(part, part.region_of_face == place), to_hex(colours[place]))
+        for place, name in enumerate(placed_regions(part))
+    )
+    size = " x ".join(number(round(float(extent), 3)) for extent in np.ptp(part.bounds, axis=0))
+    subtitle = f"{counted(len(part.faces), 'face')}, {size} mm"
+    return Picture("Regions of the part", subtitle, surfaces)
+
+
+def _used(part: Part, chosen: Any) -> tuple[FloatArray, Any]:
+    """Vertices and faces of some of a part's faces."""
+    used, faces = np.unique(part.faces[chosen], return_inverse=True)
+    return part.vertices[used], faces.reshape(-1, 3)
+
+
+def _cloud(points: FloatArray, um: FloatArray, label: str, **more: Any) -> Surface:
+    """Points in colours up to the 99th percentile, in the scale of `plot`.
+
+    It is about 0 for values with signs, else logarithmic.
+    """
+    signed = bool((um < 0).any())
+    most = float(np.nanpercentile(np.abs(um), 99)) or 1.0
+    limits = (-most, most) if signed else displacement_limits(um)
+    logarithmic = not signed and limits[0] > 0.0
+    scale = ColourScale(um, limits, label, logarithmic, "RdBu_r" if signed else "viridis")
+    place = np.asarray(points, dtype=np.float64)
+    none = np.empty((0, 3), dtype=np.int64)
+    return Surface("points", place, none, UNKNOWN_COLOUR, scale, um, **more)
+
+
+def _measured(
+    title: str,
+    part: Part | None,
+    cameras: list[Camera],
+    cloud: Surface,
+    subtitle: str,
+    stated: JsonObject,
+) -> Picture:
+    """Points on a part, with the devices that saw them."""
+    source = stated_source(stated.get("field"))
+    bodies = () if part is None else (part_surface(part, "part without a value", BLOCKER_COLOUR),)
+    looks = (("camera", SIGHT_COLOUR), ("second device", SECOND_COLOUR))
+    devices = (
+        ()
+        if part is None
+        else tuple(
+            Device(name, camera, part, colour, focus=False)
+            for camera, (name, colour) in zip(cameras, looks, strict=False)
+        )
+    )
+    middle = cloud.vertices.mean(axis=0)
+    ahead = cameras[0].origin - middle if cameras else middle
+    if part is not None and not cameras:
+        # The side of the part on which the points lie.
+        ahead = middle - part.centre
+    towards = towards_cameras(ahead[None] if np.linalg.norm(ahead) > 1e-6 else np.ones((1, 3)))
+    return Picture(
+        title=title,
+        subtitle=subtitle,
+        surfaces=(*bodies, cloud),
+        devices=devices,
+        towards=towards,
+        hidden=tuple(device.name for device in devices),
+        exaggerated="" if cloud.moved is None else "Displacement of the points",
+        facts=_facts(stated, source),
+        mark=synthetic_mark(source) or "",
+    )
+
+
+def _part_of(stated: JsonObject) -> Part | None:
+    """The part that JSON values state, if its file is still there."""
+    from iriftrace.io.part_files import read_part
+    from iriftrace.io.reading import ReadPart
+
+    named = stated.get("part") or {}
+    try:
+        part = read_part(named["path"], ReadPart(length_unit=named["length_unit"]))
+        return part.transformed(named["to_world"])
+    except (KeyError, InputError):
+        return None
+
+
+def _statistics(um: FloatArray) -> str:
+    low, middle, high = (number(float(f"{v:.3g}")) for v in np.percentile(um, (5, 50, 95)))
+    spread = f"5th to 95th percentile {low} to {high} µm"
+    return f"{counted(len(um), 'point')}, median {middle} µm, {spread}"
+
+
+def _short(title: str, unit: str) -> str:
+    return title if unit.startswith("dimensionless") else f"{title} ({unit})"
+
+
+def _facts(stated: JsonObject, source: FieldSource | None) -> tuple[tuple[str, str], ...]:
+    """Names and values of what a result states about itself."""
+    scene, part = stated.get("scene"), stated.get("part")
+    rows: dict[str, Any] = {
+        **{
+            name: f"{Path(file['path']).name}, SHA-256 {file.get('sha256', 'not stated')}"
+            for name, file in (("scene", scene), ("part", part))
+            if isinstance(file, dict) and file.get("path")
+        },
+        "field": f"{Path(source.path).name}, SHA-256 {source.sha256}" if source else "",
+        "origin of the field": source.origin if source else "",
+        "wavelength": f"{stated['wavelength_nm']:g} nm" if stated.get("wavelength_nm") else "",
+        "engine": stated.get("engine", ""),
+        "normals": stated.get("normals", ""),
+        "written by": f"iriftrace {stated['version']}" if "version" in stated else "",
+    }
+    return tuple((name, str(text)) for name, text in rows.items() if text)
