@@ -252,8 +252,8 @@ def _in_space(cloud: Path) -> tuple[bytes, tuple[str, ...]]:
     with TemporaryDirectory() as folder:
         picture = Path(folder) / "space.png"
         try:
-            shown, source = _shown(cloud, None)
-            show(shown, picture, source=source)
+            shown, numbers = _shown(cloud, None)
+            show(shown, picture, numbers=numbers)
         except (InputError, SetupError) as error:
             return b"", (f"There is no picture in space: {error}",)
         return picture.read_bytes(), ()
