@@ -95,7 +95,7 @@ def scene_figure(
 def rays_figure(scene: Scene) -> Figure:
     """Draw the hot part in its shells, cut open, and some rays of the camera, straight and bent.
 
-    Balls lie where they meet the part. The bending is exaggerated by the factor in the legend.
+    Balls lie at their ends. Offsets across the straight rays are exaggerated by the stated factor.
     Raises InputError if no ray of a sample meets the part, and SetupError as `scene_figure`.
     """
     picture = picture_of_scene(scene)
@@ -111,8 +111,8 @@ def rays_figure(scene: Scene) -> Figure:
     size = float(np.linalg.norm(np.ptp(scene.part.bounds, axis=0)))
     factor = round_factor(float(offset), 2.0 * size)
     drawn = {
-        "straight rays, and the points at which the camera looks": (straight, _STRAIGHT_COLOUR),
-        "rays bent by the hot air (exaggerated), and the points that it sees instead": (
+        "straight rays, and where they meet the part": (straight, _STRAIGHT_COLOUR),
+        "rays bent by the hot air (exaggerated), and where they end": (
             straight + factor * (bent - straight),
             SIGHT_COLOUR,
         ),
@@ -135,7 +135,7 @@ def rays_figure(scene: Scene) -> Figure:
     box = space.box_around(np.concatenate([one.vertices for one in shown.surfaces]))
     view = space.fitting_view(picture.towards, box, (_PICTURE_PX[0], _PICTURE_PX[1] - _LEGEND_PX))
     shells = f"Hot part in {counted(len(picture.shells), 'shell')} of air (cut open)"
-    shift = f"displacement up to {1e3 * offset:.3g} µm, drawn {factor:,g} times as large"
+    shift = f"rays bent by up to {1e3 * offset:.3g} µm, drawn {factor:,g} times as large"
     subtitle = f"{shells}  ·  {shift}"
     figure = space.titled_figure("Hot air displaces what a camera sees of a hot part", subtitle)
     draw = partial(add_picture_to, picture=shown)
