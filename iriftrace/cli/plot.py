@@ -221,7 +221,7 @@ def report(
         with working("Writing the report"):
             missing = write_report(output, dataset, summary, top=top, views=views)
     elif (top, wavelength, views) == (SHOWN, None, None):
-        from iriftrace.figures.report import write_scan_report
+        from iriftrace.figures.scan_report import write_scan_report
 
         numbers, values = _numbers(file)
         values = _decided(numbers, values, tolerance)

@@ -1,28 +1,21 @@
-"""The report of a result: one HTML page that works offline and without Python."""
+"""The report of a sweep: one HTML page that works offline and without Python."""
 
 from __future__ import annotations
 
-import base64
-import re
-from collections.abc import Iterable, Mapping, Sequence
-from functools import partial
+from collections.abc import Iterable, Mapping
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
 from iriftrace.camera.pose import pose_text
-from iriftrace.core.files import FileOrigin, saved_at, write_whole
-from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import counted
-from iriftrace.figures import describe, describe_scan
-from iriftrace.figures.answer import group_table, influences
-from iriftrace.figures.describe_scan import TRUE_CLOUDS, Row
+from iriftrace.figures import describe
+from iriftrace.figures.report_page import Page, png_picture
 from iriftrace.figures.style import figure_bytes
 from iriftrace.figures.sweep import sweep_charts, sweep_pictures
 from iriftrace.image.resolution import FRONTAL
-from iriftrace.io.refusals import damaged
 from iriftrace.planning import texts
 from iriftrace.planning.candidates import name_of as metric_name
 from iriftrace.planning.cover import plan_views
@@ -68,74 +61,6 @@ _SUMMARY_ROWS = 5
 """Pictures and rows of the ranking on the first page."""
 
 _MOST_REASONS = 200
-
-BlockKind = Literal[
-    "text", "answer", "doubt", "list", "lines", "numbers", "names", "verdicts", "pictures"
-]
-
-
-_TYPED = re.compile(r"(?<=\d )(um|degC)\b|(?<=\()um(?=\))")
-
-
-def _typeset(unit: re.Match[str]) -> str:
-    return "µm" if unit[0] == "um" else "°C"
-
-
-class Page:
-    """A page that is composed from top to bottom; what is empty is left out.
-
-    Its question stands below the title; `version` is that of the package that wrote the result. A
-    `sheet` is printed on one sheet of paper, where the picture at the end of its first section has
-    the height that is left.
-    """
-
-    def __init__(
-        self, title: str, version: object, question: str = "", *, sheet: bool = False
-    ) -> None:
-        self.title, self.version, self.question = title, str(version), question
-        self.sheet = sheet
-        self.sections: list[JsonObject] = []
-
-    def section(
-        self, name: str, title: str = "", look: Literal["", "beside", "folded"] = ""
-    ) -> None:
-        """Begin a section, whose blocks lie side by side, or which is folded and not printed."""
-        self.sections.append({"name": name, "title": title, "look": look, "blocks": []})
-
-    def add(
-        self, kind: BlockKind, *content: object, title: str = "", headings: Iterable[str] = ()
-    ) -> None:
-        """Add a block to the last section: sentences, lines, rows (cells), or pictures.
-
-        Sentences are text, an answer or a doubt in a box, or a list; rows have numbers, which may
-        end with a verdict, or texts after a name; pictures are those of `_picture`. The title
-        stands above the block, and headings above the columns of rows.
-        """
-        if found := tuple(filter(None, content)):
-            block = {"kind": kind, "content": found, "title": title, "headings": tuple(headings)}
-            self.sections[-1]["blocks"].append(block)
-
-    def write(self, path: Path, origin: FileOrigin | None) -> None:
-        """Write the page about a file's values, complete or not at all; its folder must exist."""
-        from jinja2 import Environment, PackageLoader, StrictUndefined
-
-        environment = Environment(
-            loader=PackageLoader("iriftrace.figures"),
-            autoescape=True,
-            undefined=StrictUndefined,
-            trim_blocks=True,
-            lstrip_blocks=True,
-        )
-        # The terminal writes what each keyboard has.
-        environment.filters["typeset"] = lambda text: _TYPED.sub(_typeset, str(text))
-        template = environment.get_template("report.html.jinja")
-        saved = "" if origin is None else saved_at(origin.path)
-        write_whole(path, template.render(page=self, origin=origin, saved=saved))
-
-
-def _picture(name: str, caption: str, png: bytes) -> tuple[str, str, str] | None:
-    """Anchor, caption and content of a PNG as the page has them; None if there is none."""
-    return (name, caption, base64.b64encode(png).decode("ascii")) if png else None
 
 
 def write_report(
@@ -191,7 +116,9 @@ def sweep_page(
     best = pose_text(summary.matrices[plan.best], summary.distance[plan.best])
     words = {"error": error, "title": summary.displacement.title}
     pictures = {
-        name: _picture(name, _CAPTIONS.get(name, name).format(**words), figure_bytes(figures[name]))
+        name: png_picture(
+            name, _CAPTIONS.get(name, name).format(**words), figure_bytes(figures[name])
+        )
         for name in {**_CAPTIONS, **figures}
         if name in figures
     }
@@ -319,112 +246,3 @@ def _add_stability(page: Page, summary: SweepSummary) -> None:
     low, high = (f"rank at {sign}50 %" for sign in "\N{MINUS SIGN}+")
     headings = ("weight of", low, "best pose", high, "best pose")
     page.add("numbers", *rows, title=title, headings=headings)
-
-
-def write_scan_report(
-    path: Path, values: JsonObject, origin: FileOrigin, png: bytes = b"", space: bytes = b""
-) -> None:
-    """Write the report of a scan or correction from the values of its JSON file and its pictures.
-
-    Raises InputError if the values are not those of such a result, or the file cannot be written.
-    """
-    try:
-        page = scan_page(values, png, space)
-    except (LookupError, TypeError, ValueError) as error:
-        raise damaged(origin.path, repr(error), "compute the result again") from error
-    page.write(path, origin)
-
-
-def scan_page(values: JsonObject, png: bytes = b"", space: bytes = b"") -> Page:
-    """The page of the JSON values of a scan or correction.
-
-    Its first sheet of paper has all that is not folded: what was measured, the verdicts, its
-    picture `png`, the one in space, and U. The rest can be opened on a screen.
-    """
-    simulated = TRUE_CLOUDS[values["schema"]] == "cold"
-    rows = describe_scan.describe(values)
-    what = "What hot air adds to a measurement" if simulated else "Measurement through hot air"
-    title = f"{what}: {describe.name_of(values['part'])}"
-    page = Page(title, values.get("version", ""), sheet=True)
-
-    page.section("answer")
-    source, *fitted = describe_scan.sentences(rows, "field")
-    synthetic = source.startswith("SYNTHETIC")
-    page.add("names", *describe.measured(values), *[("Air", source)] * (not synthetic))
-    doubts = [text for group in _DOUBTS for text in describe_scan.sentences(rows, group)]
-    page.add("doubt", *[_EXAMPLE, source] * synthetic, *fitted, *doubts)
-    headings, sizes = describe_scan.table(rows, "size")
-    page.add("verdicts", *sizes, headings=headings)
-    stated = describe_scan.uncertain_values(values)
-    said = ("answer",) if simulated else ("verdict", "result")
-    page.add("answer", *(text for group in said for text in describe_scan.sentences(rows, group)))
-    page.add("text", None if values["features"] else _no_feature(values))
-    shown = "error along the normal" if simulated else "deviation from the part before and after"
-    page.add(
-        "pictures", _picture("picture", f"The camera's picture, coloured by the {shown}.", png)
-    )
-
-    headings, *cells = group_table(stated)
-    table = partial(page.add, "names", *cells, title="U by group", headings=headings)
-    if len(stated) > _BESIDE:
-        page.section("groups")
-        table()
-    page.section("uncertainty", look="beside")
-    caption = "The points in space, coloured by what hot air added to them."
-    page.add("pictures", _picture("space", caption, space))
-    if len(stated) <= _BESIDE:
-        table()
-    page.add("text", _U_NOTE if stated else None, title="What U and the verdict mean")
-    uncovered = dict.fromkeys(influences(u) for u, _ in stated.values())
-    more = describe_scan.sentences(rows, "warning")
-    page.add("list", *uncovered, *more, *describe.assumed(values), title="Not covered")
-
-    page.section("values", "All values", "folded")
-    page.add("list", *[] if simulated else describe_scan.sentences(rows, "answer"))
-    _add_facts(page, rows, "feature", "Sizes")
-    page.add("text", _FEATURE_NOTE if values["features"] else None)
-    _add_facts(page, rows, "planes", "Distances and angles of planes")
-    what = "Error" if simulated else "Correction"
-    _add_facts(page, rows, "region", f"{what} along the part's outward normal")
-    page.add("text", *describe_scan.sentences(rows, "note"))
-    points = [(row.name, row.value) for row in rows if row.group == "points"]
-    page.add("numbers", *points, title="Points", headings=("outcome", "points"))
-
-    assumed = describe.assumption_rows(values["assumptions"])
-    page.section("setting", "Provenance and settings", "folded")
-    page.add("names", *describe.scan_setting(values))
-    page.add("names", *assumed, title="Assumptions in force")
-    return page
-
-
-_DOUBTS = ("larger", "uncertainty")
-
-_BESIDE = 2
-"""Largest number of values whose U by group has room next to the picture in space."""
-
-_EXAMPLE = "Example air: from formulas, not of your hall, so nothing is decided."
-
-_FEATURE_NOTE = (
-    "Diameters, of a cone at the stated point of its axis, and form deviations (peak to valley)."
-)
-
-_U_NOTE = (
-    "The value lies within U of the stated one with a probability of 95 % (JCGM 101; k = U / u), "
-    "for the size on the drawing where that is stated. A feature is accepted if the probability "
-    "of a true value outside its tolerance is at most 5 %, rejected if it is at least 95 %, else "
-    "it is not decided (JCGM 106, ISO 14253-1)."
-)
-
-
-def _no_feature(values: JsonObject) -> str:
-    one_line = any(region["measured"] is None for region in values.get("regions", ()))
-    return (
-        "No region of the part has enough points that determine a plane, cylinder, cone or sphere"
-        f"{'; those of one line of a laser lie in a plane' * one_line}."
-    )
-
-
-def _add_facts(page: Page, rows: Sequence[Row], group: str, title: str = "") -> None:
-    """Add a table of the facts of a group."""
-    headings, cells = describe_scan.table(rows, group)
-    page.add("numbers", *cells, title=title, headings=headings)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from attrs import evolve
@@ -157,7 +158,7 @@ def _panels(
     several = len(names) > 1
     beside = (view.aspect > _WIDE[several]) == several
     if beside:
-        rows = [[name, _HISTOGRAM] for name in names]
+        rows: list[Any] = [[name, _HISTOGRAM] for name in names]
         heights, widths = [4.0 / view.aspect + 0.3] * len(rows), [3.0, 2.0]
     else:
         rows = [list(names), [_HISTOGRAM] * len(names)]

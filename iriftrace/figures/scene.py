@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
 from iriftrace.camera.camera import Camera
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import counted
 from iriftrace.figures import space
@@ -117,12 +117,12 @@ def rays_figure(scene: Scene) -> Figure:
             SIGHT_COLOUR,
         ),
     }
-    device = picture.devices[0]
-    bodies = [Surface("camera", as_points(device.body), device.body.regular_faces, SIGHT_COLOUR)]
+    body = picture.devices[0].body
+    bodies = [Surface("camera", as_points(body), as_faces(body), SIGHT_COLOUR)]
     ball = pv.Sphere(radius=0.017 * size)
     for name, (paths, colour) in drawn.items():
         balls = pv.PolyData(paths[:, -1]).glyph(geom=ball, scale=False, orient=False)
-        bodies.append(Surface(name, as_points(balls), balls.regular_faces, colour))
+        bodies.append(Surface(name, as_points(balls), as_faces(balls), colour))
     shown = evolve(
         picture,
         surfaces=(*picture.surfaces, *bodies),
@@ -148,6 +148,11 @@ def rays_figure(scene: Scene) -> Figure:
     ]
     legend_below(figure, marks, loc="lower center")
     return figure
+
+
+def as_faces(mesh: pv.PolyData) -> IntArray:
+    """(m, 3) array of a mesh's triangles."""
+    return np.asarray(mesh.regular_faces, dtype=np.int64)
 
 
 def _names(view: space.View, device: Device) -> list[tuple[str, FloatArray, str]]:

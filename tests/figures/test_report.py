@@ -16,7 +16,8 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.plain import plain
 from iriftrace.figures import report as report_module
 from iriftrace.figures.describe import fields_of
-from iriftrace.figures.report import BlockKind, sweep_page, write_report
+from iriftrace.figures.report import sweep_page, write_report
+from iriftrace.figures.report_page import BlockKind
 from iriftrace.image.aov_image import Status
 from iriftrace.medium.source import FieldFacts, FieldKind, FieldSource
 from iriftrace.planning.criteria import Criteria, Views

@@ -16,8 +16,8 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.core.files import FileOrigin
 from iriftrace.core.plain import JsonObject
-from iriftrace.figures.report import scan_page, write_scan_report
 from iriftrace.figures.scan import correction_figure, scan_figure
+from iriftrace.figures.scan_report import scan_page, write_scan_report
 from iriftrace.figures.style import figure_bytes
 from iriftrace.measuring.two_devices.correct import correct
 from iriftrace.measuring.two_devices.correction import Correction
