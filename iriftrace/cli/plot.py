@@ -96,8 +96,9 @@ def view(file: Path, *, output: Output | None = None, length_unit: str | None = 
     file
         A scene (.xml) with part, shells cut open, devices and rays; a pose (.exr) with its hits,
         coloured by displacement; a sweep (.nc) with its cameras, coloured by score; a cloud (.vtp,
-        .ply) that ``measure``, ``correct`` or ``render --surface`` wrote, coloured by the error; a
-        field (.vtu ...), cut open; a part (.ply .stl .obj .glb) with its regions.
+        .ply) that ``measure``, ``correct``, ``fit`` or ``render --surface`` wrote, coloured by the
+        error; the derivatives (.vtu) that ``sensitivity`` wrote; a field (.vtu ...), cut open; a
+        part (.ply .stl .obj .glb) with its regions.
     output
         Write a page (.html) that any browser turns offline, or an image (.png); by default a window
         opens.
@@ -109,14 +110,14 @@ def view(file: Path, *, output: Output | None = None, length_unit: str | None = 
     checks.output(output, "view.html", ".png")
     checks.inputs(file)
     with working("Reading"):
-        shown, numbers = _shown(file, length_unit)
+        shown, numbers = read_shown(file, length_unit)
     with working("Drawing"):
         show(shown, output, numbers=numbers, title=f"iriftrace: {file}")
     if output is not None:
         say(f"{'Image' if output.suffix.lower() == '.png' else 'Page'}: {output}")
 
 
-def _shown(file: Path, length_unit: str | None) -> tuple[Any, JsonObject | None]:
+def read_shown(file: Path, length_unit: str | None = None) -> tuple[Any, JsonObject | None]:
     """What a file holds, and the numbers next to it if it is a cloud."""
     if not file.exists():
         raise InputError(f"There is no file {file}; give an existing one.", code="file.missing")
@@ -148,6 +149,16 @@ def _shown(file: Path, length_unit: str | None) -> tuple[Any, JsonObject | None]
         from iriftrace.figures.result import read_result
 
         return read_result(file), None
+    numbers = _numbers_beside(file)
+    if str((numbers or {}).get("schema")).startswith("iriftrace.sensitivity/"):
+        import pyvista as pv
+
+        from iriftrace.io.vtk_check import read_file
+
+        grid = pv.wrap(read_file(file))
+        points = pv.PolyData(grid.points)
+        points.point_data.update(grid.point_data)
+        return points, numbers
     from iriftrace.io.field import read_field
 
     return read_field(file), None

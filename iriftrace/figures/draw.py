@@ -59,6 +59,7 @@ def _add_body(plotter: pv.Plotter, surface: Surface) -> None:
 def _add_shell(plotter: pv.Plotter, surface: Surface, picture: Picture) -> None:
     """Add the part of a shell behind the cut, and the line of the cut."""
     assert surface.scale is not None
+    assert isinstance(surface.values, float)
     assert picture.cut is not None
     centre, side = picture.cut
     colour = surface.scale.rgb([surface.values])[0]
@@ -83,7 +84,11 @@ def _add_values(plotter: pv.Plotter, surface: Surface) -> None:
     of_vertices = surface.number_of == "vertex"
     (mesh.point_data if of_vertices else mesh.cell_data)[scale.label] = values
     (low, high), colours = scale.limits, colormaps[scale.colour_map]
-    points = {"render_points_as_spheres": True, "point_size": 5.0, "lighting": False}
+    points: dict[str, Any] = {
+        "render_points_as_spheres": True,
+        "point_size": 5.0,
+        "lighting": False,
+    }
     plotter.add_mesh(
         mesh,
         scalars=scale.label,

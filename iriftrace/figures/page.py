@@ -19,8 +19,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib import colormaps
+from matplotlib.colors import to_hex
 from numpy.typing import ArrayLike
 
 from iriftrace.core.files import write_whole
@@ -28,7 +29,7 @@ from iriftrace.core.plain import JsonObject
 from iriftrace.figures.picture import Device, Lines, Picture, Poses, Surface
 from iriftrace.figures.style import ColourScale, number
 
-THREE = "three.iife.min.js"
+SCRIPTS = ("three.iife.min.js", "page.js")
 
 
 def write_page(path: str | Path, picture: Picture) -> None:
@@ -44,18 +45,16 @@ def write_page(path: str | Path, picture: Picture) -> None:
 
 def html(picture: Picture) -> str:
     """The page of a picture: HTML that needs no other file and asks no network."""
-    three, script, style = (_static(name) for name in (THREE, "page.js", "page.css"))
+    style = _static("page.css")
     return (
         _environment()
         .get_template("page.html.jinja")
         .render(
             picture=picture,
-            three=three,
-            script=script,
+            scripts=[_static(name) for name in SCRIPTS],
             style=style,
             data=_data(picture),
-            hashes={name: _hash(text) for name, text in (("three", three), ("own", script))},
-            style_hash=_hash(style),
+            policy=f"{policy()}; style-src {_hash(style)}",
             bars=[_bar(scale) for scale in picture.scales],
             names={
                 **dict.fromkeys(s.name for s in picture.surfaces if not s.is_shell),
@@ -63,6 +62,14 @@ def html(picture: Picture) -> str:
             },
         )
     )
+
+
+def policy() -> str:
+    """Directive of a Content-Security-Policy that allows the scripts of pages, and no others.
+
+    A page with a `frame` needs it, because the frame inherits the policy around it.
+    """
+    return f"script-src {' '.join(_hash(_static(name)) for name in SCRIPTS)}"
 
 
 def frame(picture: Picture, height_px: int = 640) -> str:
@@ -81,8 +88,6 @@ def _static(name: str) -> str:
 
 @cache
 def _environment() -> Environment:
-    from jinja2 import PackageLoader
-
     loader = PackageLoader("iriftrace.figures", "templates")
     return Environment(
         loader=loader,
@@ -151,7 +156,7 @@ def _data(picture: Picture) -> str:
         header["poses"] = _poses(block, picture.poses, scales, picture)
     text = json.dumps(header, separators=(",", ":"), allow_nan=False).encode()
     whole = struct.pack("<I", len(text)) + text + b"".join(block.parts)
-    return base64.b64encode(zlib.compress(whole, 9)).decode("ascii")
+    return base64.b64encode(zlib.compress(whole, 7)).decode("ascii")
 
 
 def _scale(scale: ColourScale) -> JsonObject:
@@ -190,12 +195,12 @@ def _surface(
     if surface.member is not None:
         found["member"] = surface.member
     if surface.of_points:
-        found["spacing"] = surface.spacing
+        found |= {"spacing": surface.size * surface.spacing, "every": surface.every}
     if surface.scale is None:
         return found
     found["scale"] = [scale is surface.scale for scale in scales].index(True)
     if isinstance(surface.values, float):
-        found["colour"] = _hex(surface.scale.rgb([surface.values])[0])
+        found["colour"] = str(to_hex(surface.scale.rgb([surface.values])[0].tolist()))
         if picture.cut is not None:
             centre, side = picture.cut
             assert drawn is not None
@@ -211,12 +216,6 @@ def _surface(
     if surface.moved is not None:
         found["moved"] = block.points(surface.moved)
     return found
-
-
-def _hex(rgb: ArrayLike) -> str:
-    from matplotlib.colors import to_hex
-
-    return str(to_hex(np.asarray(rgb)))
 
 
 def _lines(block: _Block, lines: Lines) -> JsonObject:

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 import pyvista as pv
-from attrs import Factory, frozen
+from attrs import Factory, evolve, frozen
 from vtkmodules.vtkFiltersCore import vtkBinnedDecimation
 
 from iriftrace.camera.camera import Camera
@@ -62,6 +62,10 @@ class Surface:
     opacity : float
     member : int or None
         Number of the only member to which it belongs, from 0.
+    every : int
+        Of so many points of a cloud it has the first.
+    size : float
+        Of a point on a page, in distances to its neighbours.
     """
 
     name: str
@@ -76,6 +80,18 @@ class Surface:
     normals: FloatArray | None = None
     opacity: float = 1.0
     member: int | None = None
+    every: int = 1
+    size: float = 1.35
+
+    def thinned(self, every: int) -> Surface:
+        """A cloud of the first of every so many points, in the colours of all."""
+        if every == 1:
+            return self
+        rows = slice(None, None, every)
+        given = {name: getattr(self, name) for name in ("values", "u", "moved")}
+        less = {name: each[rows] for name, each in given.items() if each is not None}
+        members = {name: each[rows] for name, each in self.members.items()}
+        return evolve(self, vertices=self.vertices[rows], members=members, every=every, **less)
 
     @property
     def of_points(self) -> bool:
@@ -90,7 +106,8 @@ class Surface:
     @property
     def number_of(self) -> str:
         """``"vertex"`` or ``"face"`` of which the values are."""
-        return "vertex" if np.size(self.values) == len(self.vertices) else "face"
+        assert self.values is not None
+        return "vertex" if len(np.atleast_1d(self.values)) == len(self.vertices) else "face"
 
     @cached_property
     def mesh(self) -> pv.PolyData:
@@ -333,12 +350,12 @@ class Picture:
     @property
     def factors(self) -> tuple[float, ...]:
         """Exaggerations to choose from."""
-        most = 10.0 * self.factor
+        most = 5.0 * self.factor
         for surface in self.surfaces:
             if surface.moved is not None:
                 size = float(np.linalg.norm(np.ptp(surface.vertices, axis=0)))
                 largest = float(np.percentile(np.linalg.norm(surface.moved, axis=1), 99))
-                most = 10.0 * round_factor(largest, size)
+                most = 2.0 * round_factor(largest, size)
         steps = (step * 10.0**power for power in range(9) for step in (1.0, 2.0, 5.0))
         return 0.0, *(step for step in steps if step <= most)
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 import xarray as xr
-from attrs import evolve
+from attrs import evolve, frozen
 from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
@@ -37,6 +37,7 @@ from iriftrace.figures.sweep_space import surroundings_picture, towards_cameras
 from iriftrace.image.aov_image import AovImage
 from iriftrace.measuring.two_devices.correction import Correction
 from iriftrace.measuring.two_devices.scan import Scan
+from iriftrace.measuring.two_devices.sensitivity import EFFECT_COLUMN, MOST, Sensitivity
 from iriftrace.measuring.two_devices.statistics import each_along
 from iriftrace.medium.index_field import IndexField
 from iriftrace.medium.source import FieldSource, stated_source, synthetic_mark
@@ -45,12 +46,35 @@ from iriftrace.sweep.faces import displacement_limits
 from iriftrace.tracing.render import Rendering
 from iriftrace.tracing.scene import Scene
 
-CLOUD_COLUMNS = {
-    "error_normal": ("error along the normal", "scatter_normal"),
-    "displacement": ("displacement", ""),
-    "correction": ("correction", "u"),
-}
-"""Columns of clouds, mm, by which points are coloured, their names and those of their u."""
+MOST_POINTS = 300_000
+"""Of a larger cloud one of every so many points is drawn."""
+
+FAINT = 0.05
+"""Fraction of the largest effect of the air below which one is not drawn."""
+
+
+@frozen
+class Column:
+    """A column of clouds by which points are coloured, or the length of a vector of this name."""
+
+    name: str
+    title: str
+    unit: str = "µm"
+    factor: float = 1e3
+    u: str = ""  # column of its standard uncertainty
+
+    @property
+    def label(self) -> str:
+        """Title and unit."""
+        return f"{self.title} ({self.unit})"
+
+
+ERROR = Column("error_normal", "error along the normal", u="scatter_normal")
+DISPLACEMENT = Column("displacement", "displacement")
+CORRECTION = Column("correction", "correction", u="u")
+RESIDUAL = Column("residual", "residual of the fit at the dots", "px", 1.0)
+EFFECT = Column(EFFECT_COLUMN, "diameter by 1 % of the excess temperature", "nm", 1.0)
+COLUMNS = (ERROR, DISPLACEMENT, CORRECTION, RESIDUAL, EFFECT)
 
 
 @singledispatch
@@ -100,11 +124,9 @@ def _pose(image: AovImage, numbers: JsonObject | None = None) -> Picture:
     um = 1e3 * image.channels["displacement.norm"][good].astype(np.float64)
     several = image.is_ensemble
     u = 1e3 * image.channels["displacement.std.norm"][good].astype(np.float64) if several else None
-    name = "mean displacement" if several else "displacement"
-    cloud = _cloud(image.vector("straight", good), um, f"{name} (µm)", u=u, moved=moved)
-    return _measured(
-        "Displacement by hot air", part, [image.camera], cloud, _statistics(um), image.header
-    )
+    column = evolve(DISPLACEMENT, title="mean displacement") if several else DISPLACEMENT
+    cloud = _cloud(image.vector("straight", good), um, column, u=u, moved=moved)
+    return _measured("Displacement by hot air", part, [image.camera], cloud, image.header)
 
 
 @picture_of.register
@@ -115,11 +137,10 @@ def _scan(scan: Scan, numbers: JsonObject | None = None) -> Picture:
         along = 1e3 * each_along(scan.errors, scan.normal)
         members = {f"member {n}": each for n, each in zip(scan.numbers, along, strict=True)}
     u = None if scatter is None else 1e3 * scatter
-    label = f"{CLOUD_COLUMNS['error_normal'][0]} (µm)"
-    cloud = _cloud(scan.true, um, label, u=u, moved=scan.error, members=members)
+    cloud = _cloud(scan.true, um, ERROR, u=u, moved=scan.error, members=members)
     title = f"Error of a {scan.system} measurement by hot air"
     devices = [scan.camera, scan.second]
-    picture = _measured(title, None, devices, cloud, _statistics(um), scan.provenance)
+    picture = _measured(title, _part_of(scan.provenance), devices, cloud, scan.provenance)
     return evolve(picture, members=tuple(members))
 
 
@@ -128,10 +149,16 @@ def _correction(found: Correction, numbers: JsonObject | None = None) -> Picture
     good = found.corrected
     um = 1e3 * np.linalg.norm(found.error[good], axis=1)
     u = None if found.u is None else 1e3 * found.u[good]
-    label = f"{CLOUD_COLUMNS['correction'][0]} (µm)"
-    cloud = _cloud(found.points[good], um, label, u=u, moved=found.error[good])
+    cloud = _cloud(found.points[good], um, CORRECTION, u=u, moved=found.error[good])
     title = f"Correction of a {found.system} measurement"
-    return _measured(title, None, [], cloud, _statistics(um), found.provenance)
+    return _measured(title, _part_of(found.provenance), [], cloud, found.provenance)
+
+
+@picture_of.register
+def _sensitivity(found: Sensitivity, numbers: JsonObject | None = None) -> Picture:
+    cloud = pv.PolyData(found.cells.points.astype(np.float64))
+    cloud.point_data[EFFECT_COLUMN] = found.effect_nm
+    return _points(cloud, found.as_dict())
 
 
 @picture_of.register
@@ -144,34 +171,43 @@ def _points(cloud: pv.PolyData, numbers: JsonObject | None = None) -> Picture:
             if set(axes) <= columns.keys():
                 known[vector] = np.stack([columns[axis] for axis in axes], axis=1)
     known = {**known, **columns}
-    name = next((name for name in CLOUD_COLUMNS if name in known), None)
-    if name is None:
+    column = next((one for one in COLUMNS if one.name in known), None)
+    if column is None:
         raise InputError(
-            f"The cloud has no column {', '.join(CLOUD_COLUMNS)}; give one of iriftrace measure, "
-            "correct or render.",
+            f"The cloud has no column {', '.join(one.name for one in COLUMNS)}; give one of "
+            "iriftrace measure, correct, render, fit or sensitivity.",
             code="cloud.no_vector",
         )
-    values, (title, of_u) = known[name], CLOUD_COLUMNS[name]
-    um = 1e3 * (values if values.ndim == 1 else np.linalg.norm(values, axis=1)).astype(np.float64)
+    values = known[column.name]
+    scalar = values.ndim == 1
+    values = column.factor * (values if scalar else np.linalg.norm(values, axis=1))
     # Nothing is known of points of another status, which does not mean 0.
-    good = columns.get("status", np.zeros(len(um))) == 0
+    good = columns.get("status", np.zeros(len(values))) == 0
+    if column is EFFECT:
+        good &= np.abs(values) > FAINT * np.abs(values).max(initial=0.0)
     if not good.any():
         raise InputError(
             "The cloud has no point of status 0, so there is nothing to show.",
             code="cloud.no_point",
         )
-    u = 1e3 * columns[of_u][good].astype(np.float64) if of_u in columns else None
-    points, moved = as_points(cloud)[good], known.get("error" if values.ndim == 1 else name)
+    u = column.factor * columns[column.u][good] if column.u in columns else None
+    points, moved = as_points(cloud)[good], known.get("error" if scalar else column.name)
     if moved is not None:
-        moved = -moved[good] if name == "correction" else moved[good]
-        points = points - moved if name == "error_normal" else points
+        moved = -moved[good] if column is CORRECTION else moved[good]
+        points = points - moved if column is ERROR else points
     stated = numbers or {}
-    shown = _cloud(points, um[good], f"{title} (µm)", u=u, moved=moved)
+    size = 0.5 if column is EFFECT else 1.35
+    shown = _cloud(points, values[good], column, u=u, moved=moved, size=size)
     listed = (stated.get("devices") or {}).items()
-    devices = [Camera.from_dict(values) for _, values in listed]
+    devices = [Camera.from_dict(each) for _, each in listed]
     system = f" of a {stated['system']} measurement" if "system" in stated else ""
-    heading = f"{title.capitalize()}{system}"
-    return _measured(heading, _part_of(stated), devices, shown, _statistics(um[good]), stated)
+    heading = f"{column.title[0].upper()}{column.title[1:]}{system}"
+    picture = _measured(heading, _part_of(stated), devices, shown, stated)
+    if column is not EFFECT or "feature" not in stated:
+        return picture
+    title = f"Which air moves the diameter of {stated['feature']}"
+    within = f"{100 * MOST:g} % of the effects within {stated['within_mm'][f'{MOST:g}']:.1f} mm of"
+    return evolve(picture, title=title, subtitle=f"{within} the part; fainter points left out")
 
 
 @picture_of.register
@@ -267,19 +303,22 @@ def _used(part: Part, chosen: Any) -> tuple[FloatArray, Any]:
     return part.vertices[used], faces.reshape(-1, 3)
 
 
-def _cloud(points: FloatArray, um: FloatArray, label: str, **more: Any) -> Surface:
+def _cloud(points: FloatArray, values: FloatArray, column: Column, **more: Any) -> Surface:
     """Points in colours up to the 99th percentile, in the scale of `plot`.
 
     It is about 0 for values with signs, else logarithmic.
     """
-    signed = bool((um < 0).any())
-    most = float(np.nanpercentile(np.abs(um), 99)) or 1.0
-    limits = (-most, most) if signed else displacement_limits(um)
+    values = np.asarray(values, dtype=np.float64)
+    signed = bool((values < 0).any())
+    most = float(np.nanpercentile(np.abs(values), 99)) or 1.0
+    limits = (-most, most) if signed else displacement_limits(values)
     logarithmic = not signed and limits[0] > 0.0
-    scale = ColourScale(um, limits, label, logarithmic, "RdBu_r" if signed else "viridis")
+    colours = "RdBu_r" if signed else "viridis"
+    scale = ColourScale(values, limits, column.label, logarithmic, colours)
     place = np.asarray(points, dtype=np.float64)
     none = np.empty((0, 3), dtype=np.int64)
-    return Surface("points", place, none, UNKNOWN_COLOUR, scale, um, **more)
+    cloud = Surface("points", place, none, UNKNOWN_COLOUR, scale, values, **more)
+    return cloud.thinned(1 + (len(values) - 1) // MOST_POINTS)
 
 
 def _measured(
@@ -287,7 +326,6 @@ def _measured(
     part: Part | None,
     cameras: list[Camera],
     cloud: Surface,
-    subtitle: str,
     stated: JsonObject,
 ) -> Picture:
     """Points on a part, with the devices that saw them."""
@@ -310,7 +348,7 @@ def _measured(
     towards = towards_cameras(ahead[None] if np.linalg.norm(ahead) > 1e-6 else np.ones((1, 3)))
     return Picture(
         title=title,
-        subtitle=subtitle,
+        subtitle=_statistics(cloud),
         surfaces=(*bodies, cloud),
         devices=devices,
         towards=towards,
@@ -334,10 +372,13 @@ def _part_of(stated: JsonObject) -> Part | None:
         return None
 
 
-def _statistics(um: FloatArray) -> str:
-    low, middle, high = (number(float(f"{v:.3g}")) for v in np.percentile(um, (5, 50, 95)))
-    spread = f"5th to 95th percentile {low} to {high} µm"
-    return f"{counted(len(um), 'point')}, median {middle} µm, {spread}"
+def _statistics(cloud: Surface) -> str:
+    assert cloud.scale is not None
+    values, unit = cloud.scale.values, cloud.scale.label.rpartition("(")[2].rstrip(")")
+    low, middle, high = (number(float(f"{v:.3g}")) for v in np.percentile(values, (5, 50, 95)))
+    drawn = f" ({len(cloud.vertices):,} drawn)" if cloud.every > 1 else ""
+    spread = f"median {middle} {unit}, 5th to 95th percentile {low} to {high} {unit}"
+    return f"{counted(len(values), 'point')}{drawn}, {spread}"
 
 
 def _short(title: str, unit: str) -> str:

@@ -102,7 +102,7 @@ def picture_of_scene(scene: Scene) -> Picture:
         subtitle.append(bent)
     members = tuple(member.label or f"member {member.number}" for member in scene.members)
     return Picture(
-        title=scene.name if scene.path is None else f"Scene {scene.path.parent.name}",
+        title="Scene" if scene.path is None else f"Scene {scene.path.parent.name}",
         subtitle="  ·  ".join(subtitle),
         surfaces=picture.surfaces,
         lines=rays,
@@ -156,6 +156,7 @@ def _rays(scene: Scene) -> tuple[tuple[Lines, ...], str]:
             heaviest = int(np.argmax(ready.weights.weights)) if ready.members else 0
             one = next(iter(ready.alone([heaviest]))) if ready.members else ready
             paths = camera_paths(one)
+            through = f" ({ready.members[heaviest].label})" if ready.averages else ""
     except (InputError, SetupError) as error:
         return (), f"without rays ({str(error).rstrip('.')})"
     if not len(paths.bent):
@@ -163,7 +164,7 @@ def _rays(scene: Scene) -> tuple[tuple[Lines, ...], str]:
     size = float(np.linalg.norm(np.ptp(scene.part.bounds, axis=0)))
     factor = round_factor(paths.largest_offset, size)
     bent, straight = list(paths.bent), list(paths.straight)
-    lines = Lines("bent rays", bent, RAY_COLOUR, straight, factor, width=1.5)
+    lines = Lines(f"bent rays{through}", bent, RAY_COLOUR, straight, factor, width=1.5)
     return (lines,), f"rays are bent by up to {1e3 * paths.largest_offset:.3g} µm"
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pyvista as pv
@@ -124,7 +124,7 @@ def surroundings_picture(surroundings: Surroundings) -> Picture:
         for vertices, faces in surroundings.blockers
     ]
     if surroundings.hot_air:
-        look = {"colour": _SHELL_COLOUR, "opacity": _SHELL_OPACITY}
+        look: dict[str, Any] = {"colour": _SHELL_COLOUR, "opacity": _SHELL_OPACITY}
         surfaces.append(Surface("outermost shell", *surroundings.hot_air, **look))
     return Picture("", surfaces=tuple(surfaces))
 

@@ -272,7 +272,7 @@
   function sizes(ratio) {
     for (const item of items)
       if (item.surface.points) {
-        const px = Math.min(Math.max(1.35 * item.surface.spacing * camera.zoom, 2.5), NOWHERE);
+        const px = Math.min(Math.max(item.surface.spacing * camera.zoom, 2.5), NOWHERE);
         item.uniforms.size.value = px * ratio;
         // A point that faces the viewer is not half hidden by the slope that it lies on.
         item.uniforms.lift.value = 4 * Math.max(px / camera.zoom, item.surface.spacing) / (camera.far - camera.near);
@@ -294,7 +294,13 @@
 
   function resize() {
     const width = stage.clientWidth, height = stage.clientHeight;
+    if (!width || !height) return;
+    // What is in view stays in view.
+    if (canvas.width > 1 && camera.right > 1) camera.zoom *= Math.min(width / 2 / camera.right, height / 2 / camera.top);
     renderer.setSize(width, height);
+    // Paper, 640 px wide, shows the stage as it is here.
+    for (const [name, value] of [["w", `${width}px`], ["h", `${height}px`], ["zoom", 640 / width]])
+      stage.style.setProperty(`--${name}`, value);
     Object.assign(camera, { left: -width / 2, right: width / 2, top: height / 2, bottom: -height / 2 });
     camera.updateProjectionMatrix();
     for (const material of lineMaterials) material.resolution.set(width, height);
@@ -342,7 +348,7 @@
     chosenItems.forEach((item) => { take(item.corners); take(item.sight ?? []); });
     if (low[0] === Infinity) return;
     if (stage.clientWidth && camera.right !== stage.clientWidth / 2) resize();
-    const room = [stage.clientWidth - 230, stage.clientHeight - 150];
+    const room = [Math.max(stage.clientWidth - 230, 0.6 * stage.clientWidth), stage.clientHeight - 150];
     camera.zoom = Math.min(...[0, 1].map((k) => Math.max(room[k], 80) / Math.max(high[k] - low[k], 1e-6)));
     const middle = axes.map((_, k) => (low[k] + high[k]) / 2);
     controls.target.set(0, 0, 0);
@@ -447,13 +453,14 @@
     under.hidden = !found;
     if (!found) return null;
     const pose = found.item.poses ? poseOf(found.index) : null;
-    const [, label, unit] = /^(.*?)(?: \(([^()]*)\))?$/.exec(found.label ?? "");
+    const [, label, unit] = /^(.*?)(?: \((\S+)\)| \(.*\))?$/.exec(found.label ?? "");
     const value = "value" in found && (Number.isFinite(found.value)
       ? `${label}: ${number(found.value)} ${unit ?? ""}${found.u == null ? "" : `, u ${number(found.u)} ${unit ?? ""}`}`
       : "no value");
-    const kind = pose !== null ? `pose ${pose}` : found.item.surface.points ? `point ${found.index}` : found.name;
+    const rank = found.index * (found.item.surface.every ?? 1);
+    const kind = pose !== null ? `pose ${pose}` : found.item.surface.points ? `point ${rank}` : found.name;
     under.textContent = [kind, value, `at (${found.place.map(number).join(", ")}) mm`].filter(Boolean).join("\n");
-    under.dataset.index = found.index;
+    under.dataset.index = rank;
     return found;
   }
   let moving = 0;
@@ -480,7 +487,7 @@
         if (item.edge) item.edge.visible = shown && shared.cut.value > 0;
       }
       item.shown = shown;
-      item.meshes.forEach((mesh) => { mesh.visible = shown; });
+      item.meshes.forEach((mesh, place) => { mesh.visible = shown && !(item.ghost && place); });
       (item.lines ?? []).forEach((line) => { line.visible = shown; });
     }
     if (level) {
@@ -507,7 +514,15 @@
   const steps = factor ? JSON.parse(factor.dataset.steps) : [0];
   function exaggerate() {
     const times = steps[factor ? Number(factor.value) : 0];
-    shared.factor.value = items.some((item) => item.moved) ? times : 0;
+    const moved = items.some((item) => item.moved);
+    shared.factor.value = moved ? times : 0;
+    for (const item of items.filter((one) => !one.values && !one.device && !("level" in one.surface))) {
+      // Points that move into a body are seen through it.
+      item.ghost = moved && times > 0;
+      item.uniforms.opacity.value = item.ghost ? 0.35 : item.surface.opacity;
+      Object.assign(item.meshes[0].material, { transparent: item.ghost || item.surface.opacity < 1, depthWrite: !item.ghost });
+      if (item.ghost) item.meshes[0].renderOrder = 2000;
+    }
     for (const { surface, straight, bend, lines } of strings) {
       if (!bend) continue;
       lines[0].geometry.setPositions(pairs(straight.map((x, i) => x + times * bend[i]), surface.counts));
@@ -519,7 +534,7 @@
         : `${what} drawn ${number(times)} times as large`;
       factor.setAttribute("aria-valuetext", byId("note").textContent);
     }
-    want();
+    visible();
   }
   function choose() {
     member = Number(slider.value);
@@ -590,11 +605,10 @@
   all(".swatch").forEach((swatch) => { swatch.style.background = swatch.dataset.colour; });
   measure();
   controls.addEventListener("change", want);
-  new ResizeObserver(() => { resize(); want(); }).observe(stage);
+  new ResizeObserver(() => { if (!matchMedia("print").matches) { resize(); want(); } }).observe(stage);
   recolour();
   exaggerate();
   if (slider) choose();
-  visible();
   home();
   if (data.poses) show(data.poses.best);
 })();
