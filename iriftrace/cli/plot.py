@@ -263,7 +263,7 @@ def _in_space(cloud: Path) -> tuple[bytes, tuple[str, ...]]:
     with TemporaryDirectory() as folder:
         picture = Path(folder) / "space.png"
         try:
-            shown, numbers = _shown(cloud, None)
+            shown, numbers = read_shown(cloud)
             show(shown, picture, numbers=numbers)
         except (InputError, SetupError) as error:
             return b"", (f"There is no picture in space: {error}",)

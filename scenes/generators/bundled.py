@@ -7,6 +7,7 @@ It runs in a checkout; the installed package has the scenes alone. With ``--hybr
 from __future__ import annotations
 
 import argparse
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -94,6 +95,15 @@ def write_paper(folder: Path, cylinder: Path) -> Path:
     camera = scene_camera(PAPER_CAMERA_MM, (0.0, 0.0, 0.0), (50.0, 250.0))
     part = read_part(cylinder / PART_FILE)
     return write_beside(folder / PAPER_SCENE, cylinder, part, camera, SceneSettings(scale=SCALE))
+
+
+def paper_copied(folder: Path) -> Path:
+    """Copy the paper's scene with its shells and its field into a new folder; returns the XML."""
+    shutil.copytree(folder_of("cylinder"), folder)
+    text = (folder_of(PAPER_SCENE) / "scene.xml").read_text(encoding="utf-8")
+    xml = folder / "scene.xml"
+    xml.write_text(text.replace("../cylinder/", ""), encoding="utf-8")
+    return xml
 
 
 def write_fringe(folder: Path, cylinder: Path) -> Path:

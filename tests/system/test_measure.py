@@ -16,16 +16,15 @@ from iriftrace.core.errors import InputError
 from iriftrace.io.clouds import read_cloud
 from iriftrace.io.ply import write_ply_points
 from iriftrace.scenes import folder_of
+from scenes.generators.bundled import paper_copied
 from validation.oracles.html_page import read_page
 
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The paper's view of the cylinder with a projector 80 mm below its camera."""
-    folder = tmp_path_factory.mktemp("fringe") / "cylinder"
-    shutil.copytree(folder_of("cylinder"), folder)
-    xml = folder / "scene.xml"
-    text = (folder_of("cylinder_paper") / "scene.xml").read_text().replace("../cylinder/", "")
+    xml = paper_copied(tmp_path_factory.mktemp("fringe") / "cylinder")
+    text = xml.read_text()
     sensor = text[text.index("    <sensor") : text.index("    </sensor>") + len("    </sensor>\n")]
     projector = sensor.replace('id="camera"', 'id="projector"').replace("120.0", "40.0", 1)
     xml.write_text(text.replace(sensor, sensor + projector.replace("-0.461", "-0.0461")))

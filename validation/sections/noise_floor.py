@@ -10,11 +10,12 @@ import numpy as np
 
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.image.aov_image import Status
-from iriftrace.scenes import folder_of, scene_copied
+from iriftrace.scenes import folder_of
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.pose_image import pose_image
 from iriftrace.tracing.rays import trace_rays
 from iriftrace.tracing.scene import Scene
+from scenes.generators.bundled import paper_copied
 from validation.line import Line, Section
 from validation.oracles.numpy_tracer import numpy_tracer
 
@@ -27,10 +28,10 @@ EDGE_MM = 1e-4
 
 def matched_scene(folder: Path, scale: float) -> Scene:
     """The bundled cylinder with shells that have one index on both sides."""
-    with scene_copied("cylinder_paper", folder) as (xml, _):
-        xml.write_text(
-            re.sub(r'(ext_ior|int_ior)" value="[^"]*"', r'\1" value="1.0002"', xml.read_text())
-        )
+    xml = paper_copied(folder)
+    xml.write_text(
+        re.sub(r'(ext_ior|int_ior)" value="[^"]*"', r'\1" value="1.0002"', xml.read_text())
+    )
     with warnings.catch_warnings():
         # It says that the shells do not bend; they are not meant to.
         warnings.simplefilter("ignore", IriftraceWarning)
