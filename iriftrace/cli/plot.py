@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from iriftrace.core.plain import JsonObject
 
 _MESHES = (".ply", ".stl", ".obj", ".glb", ".gltf", ".off")
+FRAME_PX = 440
+"""Height of the picture in a report that turns."""
+
 _OTHER_CLOUDS = (".asc", ".xyz", ".pts", ".pcd", ".e57")
 
 
@@ -238,8 +241,9 @@ def report(
         values = _decided(numbers, values, tolerance)
         picture = numbers.with_suffix(".png")
         png = picture.read_bytes() if picture.is_file() else b""
-        space, missing = _in_space(file)
-        write_scan_report(output, values, FileOrigin.of(numbers), png, space)
+        with working("Writing the report"):
+            space, turns, missing = _in_space(file)
+            write_scan_report(output, values, FileOrigin.of(numbers), png, space, turns)
         if not png:
             missing += (f"There is no picture {picture}: compute the result with figures.",)
     else:
@@ -252,22 +256,24 @@ def report(
     say(f"Report in {output}")
 
 
-def _in_space(cloud: Path) -> tuple[bytes, tuple[str, ...]]:
-    """The picture that ``view`` draws of a cloud, as a PNG; if there is none, why."""
+def _in_space(cloud: Path) -> tuple[bytes, str, tuple[str, ...]]:
+    """A cloud in space: a PNG, and HTML in which it turns; if there is none, why."""
     from tempfile import TemporaryDirectory
 
+    from iriftrace.figures.page import frame
+    from iriftrace.figures.pictures import picture_of
     from iriftrace.figures.window import view as show
 
     if cloud.suffix.lower() not in (".vtp", ".ply") or not cloud.is_file():
-        return b"", ("Without a cloud in a .vtp or .ply there is no picture in space.",)
+        return b"", "", ("Without a cloud in a .vtp or .ply there is no picture in space.",)
     with TemporaryDirectory() as folder:
         picture = Path(folder) / "space.png"
         try:
             shown, numbers = read_shown(cloud)
             show(shown, picture, numbers=numbers)
+            return picture.read_bytes(), frame(picture_of(shown, numbers), FRAME_PX), ()
         except (InputError, SetupError) as error:
-            return b"", (f"There is no picture in space: {error}",)
-        return picture.read_bytes(), ()
+            return b"", "", (f"There is no picture in space: {error}",)
 
 
 def _decided(file: Path, values: JsonObject, tolerance: list[str] | None) -> JsonObject:

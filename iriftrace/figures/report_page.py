@@ -28,14 +28,20 @@ class Page:
 
     Its question stands below the title; `version` is that of the package that wrote the result. A
     `sheet` is printed on one sheet of paper, where the picture at the end of its first section has
-    the height that is left.
+    the height that is left. On a page that `turns`, pictures in space may be turned.
     """
 
     def __init__(
-        self, title: str, version: object, question: str = "", *, sheet: bool = False
+        self,
+        title: str,
+        version: object,
+        question: str = "",
+        *,
+        sheet: bool = False,
+        turns: bool = False,
     ) -> None:
         self.title, self.version, self.question = title, str(version), question
-        self.sheet = sheet
+        self.sheet, self.turns = sheet, turns
         self.sections: list[JsonObject] = []
 
     def section(
@@ -59,22 +65,22 @@ class Page:
 
     def write(self, path: Path, origin: FileOrigin | None) -> None:
         """Write the page about a file's values, complete or not at all; its folder must exist."""
-        from jinja2 import Environment, PackageLoader, StrictUndefined
+        from iriftrace.figures.page import environment, policy
 
-        environment = Environment(
-            loader=PackageLoader("iriftrace.figures"),
-            autoescape=True,
-            undefined=StrictUndefined,
-            trim_blocks=True,
-            lstrip_blocks=True,
-        )
+        templates = environment().overlay()
         # The terminal writes what each keyboard has.
-        environment.filters["typeset"] = lambda text: _TYPED.sub(_typeset, str(text))
-        template = environment.get_template("report.html.jinja")
+        templates.filters["typeset"] = lambda text: _TYPED.sub(_typeset, str(text))
+        template = templates.get_template("report.html.jinja")
         saved = "" if origin is None else saved_at(origin.path)
-        write_whole(path, template.render(page=self, origin=origin, saved=saved))
+        scripts = policy() if self.turns else ""
+        write_whole(path, template.render(page=self, origin=origin, saved=saved, scripts=scripts))
 
 
-def png_picture(name: str, caption: str, png: bytes) -> tuple[str, str, str] | None:
-    """Anchor, caption and content of a PNG as the page has them; None if there is none."""
-    return (name, caption, base64.b64encode(png).decode("ascii")) if png else None
+def png_picture(
+    name: str, caption: str, png: bytes, turns: str = ""
+) -> tuple[str, str, str, str] | None:
+    """Anchor, caption and content of a PNG as the page has them; None if there is none.
+
+    HTML that `turns` takes its place on a screen.
+    """
+    return (name, caption, base64.b64encode(png).decode("ascii"), turns) if png else None

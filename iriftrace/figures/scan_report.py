@@ -16,30 +16,36 @@ from iriftrace.io.refusals import damaged
 
 
 def write_scan_report(
-    path: Path, values: JsonObject, origin: FileOrigin, png: bytes = b"", space: bytes = b""
+    path: Path,
+    values: JsonObject,
+    origin: FileOrigin,
+    png: bytes = b"",
+    space: bytes = b"",
+    turns: str = "",
 ) -> None:
     """Write the report of a scan or correction from the values of its JSON file and its pictures.
 
     Raises InputError if the values are not those of such a result, or the file cannot be written.
     """
     try:
-        page = scan_page(values, png, space)
+        page = scan_page(values, png, space, turns)
     except (LookupError, TypeError, ValueError) as error:
         raise damaged(origin.path, repr(error), "compute the result again") from error
     page.write(path, origin)
 
 
-def scan_page(values: JsonObject, png: bytes = b"", space: bytes = b"") -> Page:
+def scan_page(values: JsonObject, png: bytes = b"", space: bytes = b"", turns: str = "") -> Page:
     """The page of the JSON values of a scan or correction.
 
     Its first sheet of paper has all that is not folded: what was measured, the verdicts, its
-    picture `png`, the one in space, and U. The rest can be opened on a screen.
+    picture `png`, the one in space, and U. On a screen the rest can be opened, and the HTML `turns`
+    takes the place of the picture in space.
     """
     simulated = TRUE_CLOUDS[values["schema"]] == "cold"
     rows = describe_scan.describe(values)
     what = "What hot air adds to a measurement" if simulated else "Measurement through hot air"
     title = f"{what}: {describe.name_of(values['part'])}"
-    page = Page(title, values.get("version", ""), sheet=True)
+    page = Page(title, values.get("version", ""), sheet=True, turns=bool(turns))
 
     page.section("answer")
     source, *fitted = describe_scan.sentences(rows, "field")
@@ -65,7 +71,7 @@ def scan_page(values: JsonObject, png: bytes = b"", space: bytes = b"") -> Page:
         table()
     page.section("uncertainty", look="beside")
     caption = "The points in space, coloured by what hot air added to them."
-    page.add("pictures", png_picture("space", caption, space))
+    page.add("pictures", png_picture("space", caption, space, turns))
     if len(stated) <= _BESIDE:
         table()
     page.add("text", _U_NOTE if stated else None, title="What U and the verdict mean")
