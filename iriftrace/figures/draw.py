@@ -1,4 +1,4 @@
-"""What VTK draws of the description of a picture, for the window and for images."""
+"""Drawing of the description of a picture by VTK, for the window and for images."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pyvista as pv
 from matplotlib import colormaps
 
 from iriftrace.core.mesh.triangles import polydata
-from iriftrace.figures.picture import Device, Lines, Picture, Surface
+from iriftrace.figures.picture import Device, DrawnBody, Lines, SpacePicture
 
 SCALAR_BAR: Any = {
     **{"vertical": True, "position_x": 0.84, "position_y": 0.2, "height": 0.6},
@@ -18,7 +18,7 @@ SCALAR_BAR: Any = {
 """Next to the drawn objects, not over its axes."""
 
 
-def add_picture_to(plotter: pv.Plotter, picture: Picture) -> None:
+def add_picture_to(plotter: pv.Plotter, picture: SpacePicture) -> None:
     """Add all that is not hidden, with the mean of an ensemble's members or the first of them.
 
     Shells come last and the outermost first: with the near half cut away it is the farthest, so
@@ -42,7 +42,7 @@ def add_picture_to(plotter: pv.Plotter, picture: Picture) -> None:
         _add_lines(plotter, lines)
 
 
-def _add_body(plotter: pv.Plotter, surface: Surface) -> None:
+def _add_body(plotter: pv.Plotter, surface: DrawnBody) -> None:
     """Add a surface in one colour, with its edges sharp; or seen through, from outside."""
     mesh = surface.mesh
     if surface.opacity < 1.0:
@@ -56,7 +56,7 @@ def _add_body(plotter: pv.Plotter, surface: Surface) -> None:
     plotter.add_mesh(mesh, color=surface.colour, **look)
 
 
-def _add_shell(plotter: pv.Plotter, surface: Surface, picture: Picture) -> None:
+def _add_shell(plotter: pv.Plotter, surface: DrawnBody, picture: SpacePicture) -> None:
     """Add the part of a shell behind the cut, and the line of the cut."""
     assert surface.scale is not None
     assert isinstance(surface.values, float)
@@ -71,7 +71,7 @@ def _add_shell(plotter: pv.Plotter, surface: Surface, picture: Picture) -> None:
         plotter.add_mesh(cut, color=colour, line_width=2.5, lighting=False)
 
 
-def _add_values(plotter: pv.Plotter, surface: Surface) -> None:
+def _add_values(plotter: pv.Plotter, surface: DrawnBody) -> None:
     """Add a surface in the colours of its numbers.
 
     The bar has an extra field for values beyond, in the colour of its end.

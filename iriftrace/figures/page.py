@@ -26,13 +26,13 @@ from numpy.typing import ArrayLike
 
 from iriftrace.core.files import write_whole
 from iriftrace.core.plain import JsonObject
-from iriftrace.figures.picture import Device, Lines, Picture, Poses, Surface
+from iriftrace.figures.picture import Device, DrawnBody, Lines, Poses, SpacePicture
 from iriftrace.figures.style import ColourScale, number
 
 SCRIPTS = ("three.iife.min.js", "page.js")
 
 
-def write_page(path: str | Path, picture: Picture) -> None:
+def write_page(path: str | Path, picture: SpacePicture) -> None:
     """Write the page of a picture, completely or not at all.
 
     Raises
@@ -43,7 +43,7 @@ def write_page(path: str | Path, picture: Picture) -> None:
     write_whole(path, html(picture))
 
 
-def html(picture: Picture) -> str:
+def html(picture: SpacePicture) -> str:
     """The page of a picture: HTML that needs no other file and asks no network."""
     style = _static("page.css")
     return (
@@ -72,7 +72,7 @@ def policy() -> str:
     return f"script-src {' '.join(_hash(_static(name)) for name in SCRIPTS)}"
 
 
-def frame(picture: Picture, height_px: int = 640) -> str:
+def frame(picture: SpacePicture, height_px: int = 640) -> str:
     """The page in an iframe, for notebooks and other pages."""
     page = markup.escape(html(picture))
     return (
@@ -139,7 +139,7 @@ def _packed(array: np.ndarray) -> bytes:
     return little.view(np.uint8).reshape(-1, array.itemsize).T.tobytes()
 
 
-def _data(picture: Picture) -> str:
+def _data(picture: SpacePicture) -> str:
     """All that the page's script reads."""
     block, scales = _Block(), picture.scales
     surfaces = list(picture.surfaces)
@@ -180,7 +180,7 @@ def _bar(scale: ColourScale) -> JsonObject:
 
 
 def _surface(
-    block: _Block, surface: Surface, scales: tuple[ColourScale, ...], picture: Picture
+    block: _Block, surface: DrawnBody, scales: tuple[ColourScale, ...], picture: SpacePicture
 ) -> JsonObject:
     drawn = surface.mesh if surface.scale is None or surface.is_shell else None
     vertices = surface.vertices if drawn is None else np.asarray(drawn.points)
@@ -243,7 +243,7 @@ def _device(block: _Block, device: Device) -> JsonObject:
 
 
 def _poses(
-    block: _Block, poses: Poses, scales: tuple[ColourScale, ...], picture: Picture
+    block: _Block, poses: Poses, scales: tuple[ColourScale, ...], picture: SpacePicture
 ) -> JsonObject:
     ends = np.stack((poses.origins, poses.targets), axis=1)
     images = {

@@ -35,7 +35,7 @@ _BINS = 400
 
 
 @frozen(eq=False)
-class Surface:
+class DrawnBody:
     """A body, a shell of air or a cloud of points, in one colour or in those of numbers.
 
     Attributes
@@ -83,7 +83,7 @@ class Surface:
     every: int = 1
     size: float = 1.35
 
-    def thinned(self, every: int) -> Surface:
+    def thinned(self, every: int) -> DrawnBody:
         """A cloud of the first of every so many points, in the colours of all."""
         if every == 1:
             return self
@@ -253,7 +253,7 @@ class Poses:
         return np.asarray(self.matrices[:, :3, 3])
 
     @cached_property
-    def cones(self) -> Surface:
+    def cones(self) -> DrawnBody:
         """Equal cones that point where the cameras look, pose by pose."""
         reach = np.linalg.norm(self.targets - self.origins, axis=1).max()
         length = 0.05 * float(reach)
@@ -265,11 +265,11 @@ class Poses:
         cones = points.glyph(orient="aim", scale=False, geom=shape)
         values = np.repeat(self.scale.values, shape.n_cells)
         faces = cones.regular_faces
-        return Surface("poses", as_points(cones), faces, UNKNOWN_COLOUR, self.scale, values)
+        return DrawnBody("poses", as_points(cones), faces, UNKNOWN_COLOUR, self.scale, values)
 
 
 @frozen(eq=False)
-class Picture:
+class SpacePicture:
     """A picture in space.
 
     Attributes
@@ -287,7 +287,7 @@ class Picture:
         What the page can exaggerate, such as "bending of the rays".
     hidden : tuple of str
         Names of the legend that are not drawn, until a page's reader asks for them.
-    facts : tuple of pairs of str
+    facts : tuple of tuples of str
         Names and values of the provenance.
     mark : str
         That the air is a synthetic one, or "".
@@ -295,7 +295,7 @@ class Picture:
 
     title: str
     subtitle: str = ""
-    surfaces: tuple[Surface, ...] = ()
+    surfaces: tuple[DrawnBody, ...] = ()
     lines: tuple[Lines, ...] = ()
     devices: tuple[Device, ...] = ()
     poses: Poses | None = None
@@ -304,11 +304,11 @@ class Picture:
     cut: tuple[FloatArray, FloatArray] | None = None
     exaggerated: str = ""
     hidden: tuple[str, ...] = ()
-    facts: tuple[tuple[str, str], ...] = ()
+    facts: tuple[tuple[str, ...], ...] = ()
     mark: str = ""
 
     @property
-    def shells(self) -> tuple[Surface, ...]:
+    def shells(self) -> tuple[DrawnBody, ...]:
         """Surfaces of equal temperature, the outermost first."""
         return tuple(surface for surface in self.surfaces if surface.is_shell)
 
@@ -366,9 +366,9 @@ class Picture:
         return ". ".join(filter(None, (self.title, self.subtitle, f"Shown: {', '.join(shown)}")))
 
 
-def part_surface(part: Part, name: str = "part", colour: str = PART_COLOUR) -> Surface:
+def part_surface(part: Part, name: str = "part", colour: str = PART_COLOUR) -> DrawnBody:
     """A part, or another body, in one colour."""
-    return Surface(name, part.vertices, part.faces, colour)
+    return DrawnBody(name, part.vertices, part.faces, colour)
 
 
 def as_points(mesh: pv.PolyData) -> FloatArray:

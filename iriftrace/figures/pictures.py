@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import singledispatch
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,29 +17,30 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K, counted
+from iriftrace.figures.describe import facts_of
 from iriftrace.figures.picture import (
     BLOCKER_COLOUR,
     SECOND_COLOUR,
     SIGHT_COLOUR,
     UNKNOWN_COLOUR,
     Device,
+    DrawnBody,
     Lines,
-    Picture,
-    Poses,
-    Surface,
+    SpacePicture,
     as_points,
     part_surface,
 )
 from iriftrace.figures.scene_picture import COLOUR_MAP, picture_of_scene
-from iriftrace.figures.style import BEST_COLOUR, ColourScale, number, scale_of
-from iriftrace.figures.sweep_space import surroundings_picture, towards_cameras
+from iriftrace.figures.style import ColourScale, number
+from iriftrace.figures.sweep_picture import sweep_picture
+from iriftrace.figures.sweep_space import towards_cameras
 from iriftrace.image.aov_image import AovImage
 from iriftrace.measuring.two_devices.correction import Correction
 from iriftrace.measuring.two_devices.scan import Scan
 from iriftrace.measuring.two_devices.sensitivity import EFFECT_COLUMN, MOST, Sensitivity
 from iriftrace.measuring.two_devices.statistics import each_along
 from iriftrace.medium.index_field import IndexField
-from iriftrace.medium.source import FieldSource, stated_source, synthetic_mark
+from iriftrace.medium.source import stated_source, synthetic_mark
 from iriftrace.part.part import Part
 from iriftrace.sweep.faces import displacement_limits
 from iriftrace.tracing.render import Rendering
@@ -54,7 +54,7 @@ FAINT = 0.05
 
 
 @frozen
-class Column:
+class CloudColumn:
     """A column of clouds by which points are coloured, or the length of a vector of this name."""
 
     name: str
@@ -69,16 +69,16 @@ class Column:
         return f"{self.title} ({self.unit})"
 
 
-ERROR = Column("error_normal", "error along the normal", u="scatter_normal")
-DISPLACEMENT = Column("displacement", "displacement")
-CORRECTION = Column("correction", "correction", u="u")
-RESIDUAL = Column("residual", "residual of the fit at the dots", "px", 1.0)
-EFFECT = Column(EFFECT_COLUMN, "diameter by 1 % of the excess temperature", "nm", 1.0)
+ERROR = CloudColumn("error_normal", "error along the normal", u="scatter_normal")
+DISPLACEMENT = CloudColumn("displacement", "displacement")
+CORRECTION = CloudColumn("correction", "correction", u="u")
+RESIDUAL = CloudColumn("residual", "residual of the fit at the dots", "px", 1.0)
+EFFECT = CloudColumn(EFFECT_COLUMN, "diameter by 1 % of the excess temperature", "nm", 1.0)
 COLUMNS = (ERROR, DISPLACEMENT, CORRECTION, RESIDUAL, EFFECT)
 
 
 @singledispatch
-def picture_of(shown: object, numbers: JsonObject | None = None) -> Picture:
+def picture_of(shown: object, numbers: JsonObject | None = None) -> SpacePicture:
     """Describe the picture of a scene, a result, a field or a part.
 
     Parameters
@@ -101,17 +101,17 @@ def picture_of(shown: object, numbers: JsonObject | None = None) -> Picture:
 
 
 @picture_of.register
-def _scene(scene: Scene, numbers: JsonObject | None = None) -> Picture:
+def _scene(scene: Scene, numbers: JsonObject | None = None) -> SpacePicture:
     return picture_of_scene(scene)
 
 
 @picture_of.register
-def _rendering(found: Rendering, numbers: JsonObject | None = None) -> Picture:
+def _rendering(found: Rendering, numbers: JsonObject | None = None) -> SpacePicture:
     return _pose(found.image)
 
 
 @picture_of.register
-def _pose(image: AovImage, numbers: JsonObject | None = None) -> Picture:
+def _pose(image: AovImage, numbers: JsonObject | None = None) -> SpacePicture:
     from iriftrace.image.displacement import good_mask
     from iriftrace.io.exr import read_part_of
 
@@ -130,7 +130,7 @@ def _pose(image: AovImage, numbers: JsonObject | None = None) -> Picture:
 
 
 @picture_of.register
-def _scan(scan: Scan, numbers: JsonObject | None = None) -> Picture:
+def _scan(scan: Scan, numbers: JsonObject | None = None) -> SpacePicture:
     um, scatter = 1e3 * scan.error_normal, scan.scatter_normal
     members: dict[str, FloatArray] = {}
     if scan.errors is not None and scatter is not None:
@@ -145,7 +145,7 @@ def _scan(scan: Scan, numbers: JsonObject | None = None) -> Picture:
 
 
 @picture_of.register
-def _correction(found: Correction, numbers: JsonObject | None = None) -> Picture:
+def _correction(found: Correction, numbers: JsonObject | None = None) -> SpacePicture:
     good = found.corrected
     um = 1e3 * np.linalg.norm(found.error[good], axis=1)
     u = None if found.u is None else 1e3 * found.u[good]
@@ -155,14 +155,14 @@ def _correction(found: Correction, numbers: JsonObject | None = None) -> Picture
 
 
 @picture_of.register
-def _sensitivity(found: Sensitivity, numbers: JsonObject | None = None) -> Picture:
+def _sensitivity(found: Sensitivity, numbers: JsonObject | None = None) -> SpacePicture:
     cloud = pv.PolyData(found.cells.points.astype(np.float64))
     cloud.point_data[EFFECT_COLUMN] = found.effect_nm
     return _points(cloud, found.as_dict())
 
 
 @picture_of.register
-def _points(cloud: pv.PolyData, numbers: JsonObject | None = None) -> Picture:
+def _points(cloud: pv.PolyData, numbers: JsonObject | None = None) -> SpacePicture:
     """Points in the colours of the first known column, or of a vector's length."""
     columns = {name: np.asarray(cloud.point_data[name]) for name in cloud.point_data}
     known = {}
@@ -211,55 +211,12 @@ def _points(cloud: pv.PolyData, numbers: JsonObject | None = None) -> Picture:
 
 
 @picture_of.register
-def _sweep(dataset: xr.Dataset, numbers: JsonObject | None = None) -> Picture:
-    from iriftrace.figures.sweep_maps import pose_maps
-    from iriftrace.planning.summary import summarise
-    from iriftrace.sweep.reload import surroundings_of
-    from iriftrace.sweep.store import attribute
-
-    summary = summarise(dataset)
-    quantities = [summary.score, *(one for one in summary.quantities if one is not summary.score)]
-    rows = tuple(
-        (
-            f"{summary.azimuth[pose]:.4g}",
-            f"{summary.elevation[pose]:.4g}",
-            *(summary.value_text(one, pose) for one in quantities),
-        )
-        for pose in range(len(summary.distance))
-    )
-    headings = (
-        "azimuth (°)",
-        "elevation (°)",
-        *(_short(one.title, one.unit) for one in quantities),
-    )
-    maps, caption = pose_maps(dataset, summary)
-    best = summary.plan.best
-    poses = Poses(
-        *(summary.matrices, summary.targets, scale_of(summary.score), headings, rows, best),
-        maps=maps,
-        caption=caption,
-    )
-    sight = Lines(
-        f"line of sight of pose {best}, the best by score",
-        [np.stack((summary.origins[best], summary.targets[best]))],
-        BEST_COLOUR,
-    )
-    around = surroundings_of(dataset)
-    source = stated_source(attribute(dataset, "field"))
-    return evolve(
-        surroundings_picture(around),
-        title="Score of each camera pose",
-        subtitle=summary.subtitle,
-        lines=(sight,),
-        poses=poses,
-        towards=towards_cameras(summary.origins - summary.targets.mean(axis=0)),
-        facts=_facts({**dataset.attrs, "field": attribute(dataset, "field")}, source),
-        mark=synthetic_mark(source) or "",
-    )
+def _sweep(dataset: xr.Dataset, numbers: JsonObject | None = None) -> SpacePicture:
+    return sweep_picture(dataset)
 
 
 @picture_of.register
-def _field(field: IndexField, numbers: JsonObject | None = None) -> Picture:
+def _field(field: IndexField, numbers: JsonObject | None = None) -> SpacePicture:
     grid, name = field.grid.copy(deep=False), "air (°C)"
     grid.point_data[name] = field.temperature_k - ZERO_CELSIUS_K
     half = grid.clip(normal="y", origin=grid.center).extract_surface(algorithm="dataset_surface")
@@ -267,34 +224,34 @@ def _field(field: IndexField, numbers: JsonObject | None = None) -> Picture:
     celsius = np.asarray(half.point_data[name], dtype=np.float64)
     limits = float(celsius.min()), float(celsius.max())
     scale = ColourScale(celsius, limits, name, False, COLOUR_MAP)
-    surface = Surface("air", as_points(half), half.regular_faces, scale=scale, values=celsius)
+    surface = DrawnBody("air", as_points(half), half.regular_faces, scale=scale, values=celsius)
     outline = grid.outline()
     edges = [
         outline.points[ends].astype(np.float64) for ends in outline.lines.reshape(-1, 3)[:, 1:]
     ]
     low, high = (number(round(t)) for t in limits)
-    return Picture(
+    return SpacePicture(
         title="Field of hot air, cut open",
         subtitle=f"{counted(grid.n_points, 'point')}, {low} to {high} °C",
         surfaces=(surface,),
         lines=(Lines("end of the data", edges, "#666666"),),
-        facts=_facts({}, field.source),
+        facts=facts_of({}, field.source),
         mark=synthetic_mark(field.source) or "",
     )
 
 
 @picture_of.register
-def _part(part: Part, numbers: JsonObject | None = None) -> Picture:
+def _part(part: Part, numbers: JsonObject | None = None) -> SpacePicture:
     from iriftrace.part.region_choice import placed_regions
 
     colours = colormaps["tab20"](np.arange(len(part.region_names)) % 20)
     surfaces = tuple(
-        Surface(name, *_used(part, part.region_of_face == place), to_hex(colours[place]))
+        DrawnBody(name, *_used(part, part.region_of_face == place), to_hex(colours[place]))
         for place, name in enumerate(placed_regions(part))
     )
     size = " x ".join(number(round(float(extent), 3)) for extent in np.ptp(part.bounds, axis=0))
     subtitle = f"{counted(len(part.faces), 'face')}, {size} mm"
-    return Picture("Regions of the part", subtitle, surfaces)
+    return SpacePicture("Regions of the part", subtitle, surfaces)
 
 
 def _used(part: Part, chosen: Any) -> tuple[FloatArray, Any]:
@@ -303,7 +260,7 @@ def _used(part: Part, chosen: Any) -> tuple[FloatArray, Any]:
     return part.vertices[used], faces.reshape(-1, 3)
 
 
-def _cloud(points: FloatArray, values: FloatArray, column: Column, **more: Any) -> Surface:
+def _cloud(points: FloatArray, values: FloatArray, column: CloudColumn, **more: Any) -> DrawnBody:
     """Points in colours up to the 99th percentile, in the scale of `plot`.
 
     It is about 0 for values with signs, else logarithmic.
@@ -317,7 +274,7 @@ def _cloud(points: FloatArray, values: FloatArray, column: Column, **more: Any) 
     scale = ColourScale(values, limits, column.label, logarithmic, colours)
     place = np.asarray(points, dtype=np.float64)
     none = np.empty((0, 3), dtype=np.int64)
-    cloud = Surface("points", place, none, UNKNOWN_COLOUR, scale, values, **more)
+    cloud = DrawnBody("points", place, none, UNKNOWN_COLOUR, scale, values, **more)
     return cloud.thinned(1 + (len(values) - 1) // MOST_POINTS)
 
 
@@ -325,9 +282,9 @@ def _measured(
     title: str,
     part: Part | None,
     cameras: list[Camera],
-    cloud: Surface,
+    cloud: DrawnBody,
     stated: JsonObject,
-) -> Picture:
+) -> SpacePicture:
     """Points on a part, with the devices that saw them."""
     source = stated_source(stated.get("field"))
     bodies = () if part is None else (part_surface(part, "part without a value", BLOCKER_COLOUR),)
@@ -346,7 +303,7 @@ def _measured(
         # The side of the part on which the points lie.
         ahead = middle - part.centre
     towards = towards_cameras(ahead[None] if np.linalg.norm(ahead) > 1e-6 else np.ones((1, 3)))
-    return Picture(
+    return SpacePicture(
         title=title,
         subtitle=_statistics(cloud),
         surfaces=(*bodies, cloud),
@@ -354,7 +311,7 @@ def _measured(
         towards=towards,
         hidden=tuple(device.name for device in devices),
         exaggerated="" if cloud.moved is None else "Displacement of the points",
-        facts=_facts(stated, source),
+        facts=facts_of(stated, source),
         mark=synthetic_mark(source) or "",
     )
 
@@ -372,33 +329,10 @@ def _part_of(stated: JsonObject) -> Part | None:
         return None
 
 
-def _statistics(cloud: Surface) -> str:
+def _statistics(cloud: DrawnBody) -> str:
     assert cloud.scale is not None
     values, unit = cloud.scale.values, cloud.scale.label.rpartition("(")[2].rstrip(")")
     low, middle, high = (number(float(f"{v:.3g}")) for v in np.percentile(values, (5, 50, 95)))
     drawn = f" ({len(cloud.vertices):,} drawn)" if cloud.every > 1 else ""
     spread = f"median {middle} {unit}, 5th to 95th percentile {low} to {high} {unit}"
     return f"{counted(len(values), 'point')}{drawn}, {spread}"
-
-
-def _short(title: str, unit: str) -> str:
-    return title if unit.startswith("dimensionless") else f"{title} ({unit})"
-
-
-def _facts(stated: JsonObject, source: FieldSource | None) -> tuple[tuple[str, str], ...]:
-    """Names and values of what a result states about itself."""
-    scene, part = stated.get("scene"), stated.get("part")
-    rows: dict[str, Any] = {
-        **{
-            name: f"{Path(file['path']).name}, SHA-256 {file.get('sha256', 'not stated')}"
-            for name, file in (("scene", scene), ("part", part))
-            if isinstance(file, dict) and file.get("path")
-        },
-        "field": f"{Path(source.path).name}, SHA-256 {source.sha256}" if source else "",
-        "origin of the field": source.origin if source else "",
-        "wavelength": f"{stated['wavelength_nm']:g} nm" if stated.get("wavelength_nm") else "",
-        "engine": stated.get("engine", ""),
-        "normals": stated.get("normals", ""),
-        "written by": f"iriftrace {stated['version']}" if "version" in stated else "",
-    }
-    return tuple((name, str(text)) for name, text in rows.items() if text)

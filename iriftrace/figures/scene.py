@@ -23,7 +23,7 @@ from iriftrace.figures.picture import (
     SIGHT_COLOUR,
     Device,
     Lines,
-    Picture,
+    SpacePicture,
     Surface,
     as_points,
     round_factor,
@@ -191,7 +191,7 @@ def _name(
     )
 
 
-def _titles(shells: ShellStack, camera: Camera, picture: Picture) -> tuple[str, str]:
+def _titles(shells: ShellStack, camera: Camera, picture: SpacePicture) -> tuple[str, str]:
     count, drawn = len(shells.shells), len(picture.shells)
     place = ", ".join(f"{value:.4g}" for value in camera.origin).replace("-", "\N{MINUS SIGN}")
     parts = [

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -12,20 +11,21 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, SetupError, without_warnings
 from iriftrace.core.units import ZERO_CELSIUS_K, counted
 from iriftrace.figures import space
+from iriftrace.figures.describe import facts_of
 from iriftrace.figures.picture import (
     BLOCKER_COLOUR,
     RAY_COLOUR,
     SECOND_COLOUR,
     Device,
+    DrawnBody,
     Lines,
-    Picture,
-    Surface,
+    SpacePicture,
     part_surface,
     round_factor,
 )
 from iriftrace.figures.style import ColourScale, number
 from iriftrace.medium.shells.stack import ShellStack
-from iriftrace.medium.source import FieldSource, synthetic_mark
+from iriftrace.medium.source import synthetic_mark
 from iriftrace.part.part import Part
 from iriftrace.tracing.scene import Scene
 
@@ -44,7 +44,7 @@ def scene_picture(
     *,
     second_name: str = "projector",
     blockers: Sequence[Part] = (),
-) -> Picture:
+) -> SpacePicture:
     """Describe part, shells and devices of a scene.
 
     The half of the shells that faces the viewer is cut away along the vertical plane through the
@@ -70,7 +70,7 @@ def scene_picture(
         most = max(_FEWEST_SHELLS, _MOST_SHELLS // len(stacks))
         for member, stack in enumerate(stacks):
             surfaces += _shells(stack, scale, member if len(stacks) > 1 else None, most)
-    return Picture(
+    return SpacePicture(
         title=f"Hot part and {'its air' if stacks else 'devices'}",
         surfaces=tuple(surfaces),
         devices=tuple(devices),
@@ -79,7 +79,7 @@ def scene_picture(
     )
 
 
-def picture_of_scene(scene: Scene) -> Picture:
+def picture_of_scene(scene: Scene) -> SpacePicture:
     """Describe a scene with what its file states, and rays whose bending is exaggerated."""
     states = scene.air.states
     stacks = [state.shells for state in states if not state.files or state.files.shells]
@@ -101,7 +101,7 @@ def picture_of_scene(scene: Scene) -> Picture:
     if bent:
         subtitle.append(bent)
     members = tuple(member.label or f"member {member.number}" for member in scene.members)
-    return Picture(
+    return SpacePicture(
         title="Scene" if scene.path is None else f"Scene {scene.path.parent.name}",
         subtitle="  ·  ".join(subtitle),
         surfaces=picture.surfaces,
@@ -111,7 +111,15 @@ def picture_of_scene(scene: Scene) -> Picture:
         towards=picture.towards,
         cut=picture.cut,
         exaggerated="Bending of the rays" if rays else "",
-        facts=_facts(scene, source),
+        facts=facts_of(
+            {
+                "scene": {"path": scene.path, "sha256": scene.sha256},
+                "part": {"path": scene.part.path, "sha256": scene.part.sha256},
+                "wavelength_nm": scene.wavelength_nm,
+                "engine": scene.engine,
+            },
+            source,
+        ),
         mark=synthetic_mark(source) or "",
     )
 
@@ -126,13 +134,15 @@ def temperature_scale(stacks: Sequence[ShellStack]) -> ColourScale:
     return ColourScale(celsius, (low, high), label, False, COLOUR_MAP, of_air=True)
 
 
-def _shells(stack: ShellStack, scale: ColourScale, member: int | None, most: int) -> list[Surface]:
+def _shells(
+    stack: ShellStack, scale: ColourScale, member: int | None, most: int
+) -> list[DrawnBody]:
     """All shells, or as many as the eye can tell apart, the outermost first."""
     drawn = np.rint(np.linspace(0, len(stack.shells) - 1, min(len(stack.shells), most)))
     opacity = float(1.0 - TRANSMITTANCE ** (1.0 / len(drawn)))
     celsius: FloatArray = stack.temperature_k - ZERO_CELSIUS_K
     return [
-        Surface(
+        DrawnBody(
             f"shell {place + 1} of {len(stack.shells)}",
             (shell := stack.shells[place]).vertices,
             shell.faces,
@@ -166,15 +176,3 @@ def _rays(scene: Scene) -> tuple[tuple[Lines, ...], str]:
     bent, straight = list(paths.bent), list(paths.straight)
     lines = Lines(f"bent rays{through}", bent, RAY_COLOUR, straight, factor, width=1.5)
     return (lines,), f"rays are bent by up to {1e3 * paths.largest_offset:.3g} µm"
-
-
-def _facts(scene: Scene, source: FieldSource | None) -> tuple[tuple[str, str], ...]:
-    rows = {
-        "scene": "" if scene.path is None else f"{scene.path.name}, SHA-256 {scene.sha256}",
-        "field": "" if not source else Path(source.path).name if source.path else "not in a file",
-        "origin of the field": source.origin if source else "",
-        "part": f"{scene.part!r}",
-        "camera": "{} x {} px, {}".format(*scene.camera.resolution, scene.camera.lens),
-        "engine": str(scene.engine),
-    }
-    return tuple((name, text) for name, text in rows.items() if text)

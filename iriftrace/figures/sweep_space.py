@@ -22,8 +22,8 @@ from iriftrace.figures.picture import (
     BLOCKER_COLOUR,
     PART_COLOUR,
     UNKNOWN_COLOUR,
-    Picture,
-    Surface,
+    DrawnBody,
+    SpacePicture,
     part_surface,
 )
 from iriftrace.figures.style import (
@@ -114,19 +114,19 @@ def sweep_scene_figure(
     return figure
 
 
-def surroundings_picture(surroundings: Surroundings) -> Picture:
+def surroundings_picture(surroundings: Surroundings) -> SpacePicture:
     """Part, what blocks the view, and the outermost shell, which is seen through."""
     surfaces = []
     if surroundings.part:
         surfaces.append(part_surface(surroundings.part))
     surfaces += [
-        Surface("blocks the view", vertices, faces, BLOCKER_COLOUR)
+        DrawnBody("blocks the view", vertices, faces, BLOCKER_COLOUR)
         for vertices, faces in surroundings.blockers
     ]
     if surroundings.hot_air:
         look: dict[str, Any] = {"colour": _SHELL_COLOUR, "opacity": _SHELL_OPACITY}
-        surfaces.append(Surface("outermost shell", *surroundings.hot_air, **look))
-    return Picture("", surfaces=tuple(surfaces))
+        surfaces.append(DrawnBody("outermost shell", *surroundings.hot_air, **look))
+    return SpacePicture("", surfaces=tuple(surfaces))
 
 
 def _surroundings_entries(surroundings: Surroundings) -> list[Artist]:

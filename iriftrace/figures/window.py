@@ -16,7 +16,7 @@ from iriftrace.core.plain import JsonObject
 from iriftrace.figures import space
 from iriftrace.figures.draw import add_picture_to
 from iriftrace.figures.page import write_page
-from iriftrace.figures.picture import Picture
+from iriftrace.figures.picture import SpacePicture
 from iriftrace.figures.pictures import picture_of
 from iriftrace.figures.style import even_ticks
 from iriftrace.image.aov_image import AovImage
@@ -99,7 +99,7 @@ def _window(title: str) -> Any:
     return plotter
 
 
-def _set_up(plotter: Any, picture: Picture) -> None:
+def _set_up(plotter: Any, picture: SpacePicture) -> None:
     plotter.view_vector(picture.towards.tolist(), viewup=(0.0, 0.0, 1.0))
     legend = picture.legend.items()
     _add_legend(plotter, {name: look for name, look in legend if name not in picture.hidden})

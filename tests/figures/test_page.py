@@ -16,7 +16,7 @@ from playwright.sync_api import Browser
 from iriftrace.camera.pose import look_at
 from iriftrace.cli import main
 from iriftrace.figures.page import frame, policy, write_page
-from iriftrace.figures.picture import Lines, Picture, Poses, Surface, round_factor
+from iriftrace.figures.picture import DrawnBody, Lines, Poses, SpacePicture, round_factor
 from iriftrace.figures.style import ColourScale
 from iriftrace.io.exr import read_exr
 from iriftrace.scenes import folder_of
@@ -35,7 +35,7 @@ def number(text: str) -> float:
     return float(text.partition(": ")[2].split()[0].replace("\N{MINUS SIGN}", "-").rstrip(","))
 
 
-def plane(**more: object) -> Surface:
+def plane(**more: object) -> DrawnBody:
     """A square of 2 x 32 x 32 triangles in z = 0 with values 3 x + y, um."""
     line = np.linspace(-40.0, 40.0, 33)
     x, y = (each.ravel() for each in np.meshgrid(line, line))
@@ -46,14 +46,14 @@ def plane(**more: object) -> Surface:
     scale = ColourScale(values, (-100.0, 100.0), "height (µm)", False)
     vertices = np.stack((x, y, 0.0 * x), axis=1)
     faces = np.concatenate((one, other))
-    return evolve(Surface("plane", vertices, faces, scale=scale, values=values), **more)
+    return evolve(DrawnBody("plane", vertices, faces, scale=scale, values=values), **more)
 
 
-def seen_from_above(*surfaces: Surface) -> Picture:
-    return Picture("A plane", surfaces=surfaces, towards=np.array((0.0, 0.01, 1.0)))
+def seen_from_above(*surfaces: DrawnBody) -> SpacePicture:
+    return SpacePicture("A plane", surfaces=surfaces, towards=np.array((0.0, 0.01, 1.0)))
 
 
-def shown(opened: Browser, picture: Picture, folder: Path) -> Shown:
+def shown(opened: Browser, picture: SpacePicture, folder: Path) -> Shown:
     file = folder / "view.html"
     write_page(file, picture)
     return Shown(opened, file)
@@ -100,7 +100,7 @@ def test_each_control_changes_the_picture(opened: Browser, tmp_path: Path) -> No
     bent = straight + np.array([(0.0, 0.0, 0.0), (0.01, 0.0, 0.0), (0.03, 0.0, 0.0)])
     matrices = np.array([look_at((x, 90.0, 60.0), (0.0, 0.0, 0.0)) for x in (-60.0, 60.0)])
     score = ColourScale(np.array((0.2, 0.7)), (0.0, 1.0), "score", False)
-    picture = Picture(
+    picture = SpacePicture(
         "All of it",
         surfaces=(surface, *shells),
         lines=(Lines("bent rays", [bent], "#b3125f", [straight], 100.0),),

@@ -12,7 +12,7 @@ from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError
 from iriftrace.figures import scene as scene_module
 from iriftrace.figures.draw import add_picture_to
-from iriftrace.figures.picture import Picture
+from iriftrace.figures.picture import SpacePicture
 from iriftrace.figures.scene import rays_figure, scene_figure
 from iriftrace.io.shells import load_shells
 from iriftrace.scenes import folder_of, shells_of
@@ -24,9 +24,9 @@ def test_rays_are_exaggerated_by_the_factor_that_the_picture_states(
     variant: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Ends are those of the same rays traced again; balls lie at both ends."""
-    drawn: list[Picture] = []
+    drawn: list[SpacePicture] = []
 
-    def draw(plotter: object, picture: Picture) -> None:
+    def draw(plotter: object, picture: SpacePicture) -> None:
         drawn.append(picture)
         add_picture_to(plotter, picture)
 

@@ -15,7 +15,7 @@ from matplotlib.colors import LogNorm, to_rgb
 from iriftrace.cli import main
 from iriftrace.cli.plot import view
 from iriftrace.core.errors import InputError, SetupError
-from iriftrace.figures import pictures, scene_picture, window
+from iriftrace.figures import pictures, scene_picture, sweep_picture, window
 from iriftrace.figures.picture import PART_COLOUR, SECOND_COLOUR, SIGHT_COLOUR
 from iriftrace.figures.result import plot, read_result
 from iriftrace.medium.origin import state_origin
@@ -87,7 +87,7 @@ def test_files_are_drawn_and_marked(
 ) -> None:
     """The origin of the air decides on a mark; a part has none, and this field states none."""
     marked: list[FieldSource | None] = []
-    for module in (pictures, scene_picture):
+    for module in (pictures, scene_picture, sweep_picture):
         monkeypatch.setattr(module, "synthetic_mark", marked.append)
     folder, _, bundled = name.rpartition("/")
     place = folder_of(folder) if folder else request.getfixturevalue("results")

@@ -84,8 +84,9 @@ def test_the_wheel_holds_code_plugins_and_whole_scenes(wheel: Path) -> None:
     assert {f"iriftrace/{path.as_posix()}" for path in plugins | (scenes - generators)} <= names
     assert generators
     assert not [name for name in names if "generators" in name]
-    templates = (CHECKOUT / "iriftrace").rglob("*.jinja")
-    assert {path.relative_to(CHECKOUT).as_posix() for path in templates} <= names
+    package = CHECKOUT / "iriftrace"
+    read = (*package.rglob("*.jinja"), *(package / "figures" / "static").iterdir())
+    assert {path.relative_to(CHECKOUT).as_posix() for path in read} <= names
     assert "iriftrace/py.typed" in names
     assert {name.split("/")[0].split("-")[0] for name in names} == {"iriftrace"}
 
