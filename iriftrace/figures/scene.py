@@ -22,9 +22,9 @@ from iriftrace.figures.draw import add_picture_to
 from iriftrace.figures.picture import (
     SIGHT_COLOUR,
     Device,
+    DrawnBody,
     Lines,
     SpacePicture,
-    Surface,
     as_points,
     round_factor,
 )
@@ -118,11 +118,11 @@ def rays_figure(scene: Scene) -> Figure:
         ),
     }
     body = picture.devices[0].body
-    bodies = [Surface("camera", as_points(body), as_faces(body), SIGHT_COLOUR)]
+    bodies = [DrawnBody("camera", as_points(body), as_faces(body), SIGHT_COLOUR)]
     ball = pv.Sphere(radius=0.017 * size)
     for name, (paths, colour) in drawn.items():
         balls = pv.PolyData(paths[:, -1]).glyph(geom=ball, scale=False, orient=False)
-        bodies.append(Surface(name, as_points(balls), as_faces(balls), colour))
+        bodies.append(DrawnBody(name, as_points(balls), as_faces(balls), colour))
     shown = evolve(
         picture,
         surfaces=(*picture.surfaces, *bodies),
