@@ -48,8 +48,8 @@ def scene_picture(
     """Describe part, shells and devices of a scene.
 
     The half of the shells that faces the viewer is cut away along the vertical plane through the
-    part's centre that is parallel to the camera's axis, so that the nesting shows. Their colours
-    are linear in the air's refractivity.
+    part's centre, or that of the air if it is elsewhere, parallel to the camera's axis, so that the
+    nesting shows. Their colours are linear in the air's refractivity.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def scene_picture(
         surfaces=tuple(surfaces),
         devices=tuple(devices),
         towards=towards,
-        cut=(part.centre, side) if stacks else None,
+        cut=(_cut_through(part, stacks[0]), side) if stacks else None,
     )
 
 
@@ -132,6 +132,13 @@ def temperature_scale(stacks: Sequence[ShellStack]) -> ColourScale:
         low, high = low - 10.0, high + 10.0
     label = "Air temperature at the shells (°C)"
     return ColourScale(celsius, (low, high), label, False, COLOUR_MAP, of_air=True)
+
+
+def _cut_through(part: Part, stack: ShellStack) -> FloatArray:
+    """(3,) array, mm: centre of the part, unless it is a board outside the hot air."""
+    low, high = (extreme(stack.shells[0].vertices, axis=0) for extreme in (np.min, np.max))
+    inside = (part.centre > low).all() and (part.centre < high).all()
+    return part.centre if inside else np.asarray((low + high) / 2.0, dtype=np.float64)
 
 
 def _shells(

@@ -11,7 +11,7 @@ import pyvista as pv
 import xarray as xr
 from matplotlib.colors import to_rgb
 
-from iriftrace.core.errors import SetupError
+from iriftrace.core.errors import InputError, SetupError
 from iriftrace.core.plain import JsonObject
 from iriftrace.figures import space
 from iriftrace.figures.draw import add_picture_to
@@ -64,12 +64,20 @@ def view(
     Raises
     ------
     InputError
-        There is nothing to show, or files of the scene or sweep cannot be read.
+        There is nothing to show, files of the scene or sweep cannot be read, or the output has
+        another ending.
     SetupError
         There is no display for a window, or no OpenGL for drawing without one.
     """
+    ending = None if output is None else Path(output).suffix.lower()
+    if ending not in (None, ".png", ".html"):
+        raise InputError(
+            f"{output} ends in neither .png nor .html, the formats of an image and a page; rename "
+            "it.",
+            code="file.ending",
+        )
     picture = picture_of(shown, numbers)
-    if output is not None and Path(output).suffix.lower() == ".html":
+    if output is not None and ending == ".html":
         write_page(output, picture)
         return
     if output is not None:

@@ -18,8 +18,10 @@ ARGUMENTS = [
 
 @contextmanager
 def browser() -> Iterator[Browser]:
-    """Debian's or Ubuntu's own Chromium."""
-    program = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
+    """Chromium of the system; pip would fetch another one."""
+    program = next(
+        filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+    )
     if program is None:
         pytest.skip("pages in a browser not tested: no chromium (apt-get install chromium)")
     with sync_playwright() as playwright:

@@ -159,6 +159,8 @@ def test_what_cannot_be_shown_says_why(tmp_path: Path) -> None:
         view(text, output=picture)
     with pytest.raises(InputError, match="type str cannot be shown"):
         window.view(str(other), picture)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"neither \.png nor \.html"):
+        window.view(pv.PolyData(), tmp_path / "view.gif")
     assert not picture.exists()
 
 

@@ -3,11 +3,11 @@
 (async () => {
   const byId = (id) => document.getElementById(id);
   const all = (selector) => [...document.querySelectorAll(selector)];
-  const number = (value) => Number(value.toPrecision(4)).toLocaleString("en", {
-    maximumSignificantDigits: 4, useGrouping: false,
-  }).replace("-", "\u2212");
+  const number = (value) => String(Number(value.toPrecision(4))).replaceAll("-", "\u2212");
   const stage = byId("stage"), canvas = byId("picture"), under = byId("under");
-  const UNLIT = 0.86, NOWHERE = 24;
+  // Shade of the darkest slope, of numbers and of bodies; pixels around the pointer that are drawn
+  // to read one, as a point is drawn only where its middle is.
+  const DARKEST = { values: "0.86", body: "0.38" }, AROUND = 24;
 
   // ---- data: a JSON header and arrays as byte planes ------------------------------------------
   const packed = Uint8Array.from(atob(byId("data").textContent), (c) => c.charCodeAt(0));
@@ -97,7 +97,7 @@
     const rgb = scale.colours, rgba = new Uint8Array(1024);
     for (let i = 0; i < 256; i++)
       for (let c = 0; c < 4; c++)
-        rgba[4 * i + c] = c < 3 ? parseInt(rgb.substr(6 * i + 2 * c, 2), 16) : 255;
+        rgba[4 * i + c] = c < 3 ? parseInt(rgb.slice(6 * i + 2 * c, 6 * i + 2 * c + 2), 16) : 255;
     const texture = new THREE.DataTexture(rgba, 256, 1);
     texture.minFilter = texture.magFilter = THREE.LinearFilter;
     texture.needsUpdate = true;
@@ -113,8 +113,8 @@
   }
 
   // Corners of faces have the mean normal of their vertex, unless it is too far from the face's.
-  function normals(corners, faces) {
-    const sums = new Float64Array(3 * (Math.max(-1, ...maxima(faces)) + 1)), n = corners.length / 9;
+  function normals(corners, faces, count) {
+    const sums = new Float64Array(3 * count), n = corners.length / 9;
     const flat = new Float32Array(corners.length), smooth = new Float32Array(corners.length);
     for (let face = 0; face < n; face++) {
       const [ax, ay, az, bx, by, bz, cx, cy, cz] = corners.subarray(9 * face, 9 * face + 9);
@@ -133,9 +133,6 @@
       for (let axis = 0; axis < 3; axis++) smooth[3 * i + axis] = (near ? b : a)[axis] / length;
     }
     return smooth;
-  }
-  function* maxima(values) {
-    for (let i = 0; i < values.length; i += 4096) yield values.subarray(i, i + 4096).reduce((a, b) => Math.max(a, b), 0);
   }
 
   // ---- objects --------------------------------------------------------------------------------
@@ -156,7 +153,7 @@
     const geometry = new THREE.BufferGeometry(), corners = spread(vertices, 3);
     const set = (name, array, width) => geometry.setAttribute(name, new THREE.BufferAttribute(array, width));
     set("position", corners, 3);
-    if (order) set("normal", normals(corners, faces), 3);
+    if (order) set("normal", normals(corners, faces, vertices.length / 3), 3);
     if (moved) set("moved", spread(moved, 3), 3);
     const item = { surface, faces, corners, geometry, ...more, shown: true, meshes: [] };
     item.moved = moved && spread(moved, 3);
@@ -172,13 +169,13 @@
     const uniforms = {
       ...shared,
       opacity: shell ? shared.opacity : { value: surface.opacity ?? 1 },
-      colour: { value: new THREE.Vector3(...[1, 3, 5].map((i) => parseInt(surface.colour.substr(i, 2), 16) / 255)) },
+      colour: { value: new THREE.Vector3(...[1, 3, 5].map((i) => parseInt(surface.colour.slice(i, i + 2), 16) / 255)) },
       table: { value: tables[surface.scale ?? 0] ?? null },
       size: { value: 1 }, lift: { value: 0 }, first: { value: item.first },
     };
     item.uniforms = uniforms;
     const transparent = shell || (surface.opacity ?? 1) < 1;
-    const defines = { PER: surface.points ? 1 : 3, DARKEST: surface.values ? UNLIT.toFixed(2) : "0.38" };
+    const defines = { PER: surface.points ? 1 : 3, DARKEST: surface.values ? DARKEST.values : DARKEST.body };
     if (surface.values) defines.VALUED = 1;
     if (shell) defines.SHELL = 1;
     const material = (extra, side) => new THREE.ShaderMaterial({
@@ -259,7 +256,7 @@
     chosen.visible = false;
   }
   const shells = items.filter((item) => "level" in item.surface);
-  const target = new THREE.WebGLRenderTarget(2 * NOWHERE + 1, 2 * NOWHERE + 1);
+  const target = new THREE.WebGLRenderTarget(2 * AROUND + 1, 2 * AROUND + 1);
 
   // ---- drawing --------------------------------------------------------------------------------
   let waiting = false, radius = 1;
@@ -272,7 +269,7 @@
   function sizes(ratio) {
     for (const item of items)
       if (item.surface.points) {
-        const px = Math.min(Math.max(item.surface.spacing * camera.zoom, 2.5), NOWHERE);
+        const px = Math.min(Math.max(item.surface.spacing * camera.zoom, 2.5), AROUND);
         item.uniforms.size.value = px * ratio;
         // A point that faces the viewer is not half hidden by the slope that it lies on.
         item.uniforms.lift.value = 4 * Math.max(px / camera.zoom, item.surface.spacing) / (camera.far - camera.near);
@@ -401,8 +398,8 @@
 
   // ---- value under the pointer ----------------------------------------------------------------
   function pick(x, y) {
-    const width = stage.clientWidth, height = stage.clientHeight, side = 2 * NOWHERE + 1;
-    camera.setViewOffset(width, height, Math.floor(x) - NOWHERE, Math.floor(y) - NOWHERE, side, side);
+    const width = stage.clientWidth, height = stage.clientHeight, side = 2 * AROUND + 1;
+    camera.setViewOffset(width, height, Math.floor(x) - AROUND, Math.floor(y) - AROUND, side, side);
     sizes(1);
     renderer.setRenderTarget(target);
     renderer.setClearColor(0x000000, 0);
@@ -410,7 +407,7 @@
     renderer.render(picking, camera);
     camera.clearViewOffset();
     const pixel = new Uint8Array(4);
-    renderer.readRenderTargetPixels(target, NOWHERE, NOWHERE, 1, 1, pixel);
+    renderer.readRenderTargetPixels(target, AROUND, AROUND, 1, 1, pixel);
     renderer.setRenderTarget(null);
     const id = pixel[0] + 256 * pixel[1] + 65536 * pixel[2];
     const item = items.find((one) => one.shown && id >= one.first && id < one.first + one.count && one.uniforms.opacity.value === 1);
