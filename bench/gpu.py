@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 from statistics import median
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from rich.console import Console
@@ -25,8 +26,8 @@ from bench.pose import Pose, kernels_launched
 from iriftrace.core.errors import InputError, SetupError
 from iriftrace.core.plain import JsonObject
 from iriftrace.image.aov_image import AovImage, Status
-from iriftrace.scenes import folder_of
 from iriftrace.tracing.load import load_scene
+from scenes.generators.bundled import paper_copied
 
 SCALES = (0.5, 1.0)
 REPEATS = 5
@@ -40,8 +41,12 @@ def measured(engine: str, scale: float, variant: str) -> tuple[JsonObject, AovIm
     `compile` is the time of Dr.Jit's code generation and of LLVM or CUDA for the kernels that
     were not compiled before in this process; `wall` includes it in the first pose.
     """
+    with TemporaryDirectory() as folder:
+        return _measured(paper_copied(Path(folder) / "cylinder"), engine, scale, variant)
+
+
+def _measured(xml: Path, engine: str, scale: float, variant: str) -> tuple[JsonObject, AovImage]:
     started = time.perf_counter()
-    xml = folder_of("cylinder") / "scene.xml"
     scene = load_scene(xml, {"scale": scale}, engine=engine, variant=variant)
     load = time.perf_counter() - started
     import drjit as dr

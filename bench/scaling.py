@@ -57,7 +57,7 @@ def measured(folder: Path) -> list[Cost]:
     """Costs over the scales with one mesh, and over the meshes at a quarter of the resolution."""
     bundled = folder_of("cylinder")
     part = read_part(bundled / "part.ply")
-    camera = load_scene(bundled / "scene.xml", {"scale": 1}).camera
+    camera = load_scene(folder_of("cylinder_paper") / "scene.xml", {"scale": 1}).camera
     air = SyntheticAir(part)
     costs = []
     for cell_mm in CELLS_MM:

@@ -16,7 +16,7 @@ import iriftrace
 from iriftrace.planning.criteria import THE_PAPERS
 from iriftrace.scenes import folder_of
 
-scene = iriftrace.load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.1})
+scene = iriftrace.load_scene(folder_of("cylinder_paper") / "scene.xml", {"scale": 0.1})
 orbit = iriftrace.Orbit(centre=(0.0, 0.0, 0.0), semi_axes_mm=iriftrace.semi_axes(scene.part, 225.0))
 azimuths = np.linspace(0.0, 90.0, 10)
 poses = iriftrace.orbit_poses(orbit, azimuths, [0.0])

@@ -12,7 +12,7 @@ from iriftrace.cli.console import notes, say, working
 from iriftrace.cli.options import LightOf, Output, Whole
 from iriftrace.cli.plan import Ranking, Several
 from iriftrace.cli.trace_options import check_light
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, SetupError
 from iriftrace.core.files import FileOrigin
 from iriftrace.image.displacement import NORM, Component
 from iriftrace.io.reading import ReadPart
@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from iriftrace.core.plain import JsonObject
 
 _MESHES = (".ply", ".stl", ".obj", ".glb", ".gltf", ".off")
+FRAME_PX = 440
+"""Height of the picture in a report that turns."""
+
 _OTHER_CLOUDS = (".asc", ".xyz", ".pts", ".pcd", ".e57")
 
 
@@ -232,16 +235,17 @@ def report(
         with working("Writing the report"):
             missing = write_report(output, dataset, summary, top=top, views=views)
     elif (top, wavelength, views) == (SHOWN, None, None):
-        from iriftrace.figures.report import write_scan_report
+        from iriftrace.figures.scan_report import write_scan_report
 
         numbers, values = _numbers(file)
         values = _decided(numbers, values, tolerance)
         picture = numbers.with_suffix(".png")
         png = picture.read_bytes() if picture.is_file() else b""
-        write_scan_report(output, values, FileOrigin.of(numbers), png)
-        missing = (
-            () if png else (f"There is no picture {picture}: compute the result with figures.",)
-        )
+        with working("Writing the report"):
+            space, turns, missing = _in_space(file)
+            write_scan_report(output, values, FileOrigin.of(numbers), png, space, turns)
+        if not png:
+            missing += (f"There is no picture {picture}: compute the result with figures.",)
     else:
         raise InputError(
             f"Rows of a ranking, views and light are for a sweep (.nc), and {file} is none; "
@@ -250,6 +254,26 @@ def report(
         )
     _print_missing(missing)
     say(f"Report in {output}")
+
+
+def _in_space(cloud: Path) -> tuple[bytes, str, tuple[str, ...]]:
+    """A cloud in space: a PNG, and HTML in which it turns; if there is none, why."""
+    from tempfile import TemporaryDirectory
+
+    from iriftrace.figures.page import frame
+    from iriftrace.figures.pictures import picture_of
+    from iriftrace.figures.window import view as show
+
+    if cloud.suffix.lower() not in (".vtp", ".ply") or not cloud.is_file():
+        return b"", "", ("Without a cloud in a .vtp or .ply there is no picture in space.",)
+    with TemporaryDirectory() as folder:
+        picture = Path(folder) / "space.png"
+        try:
+            shown, numbers = read_shown(cloud)
+            show(shown, picture, numbers=numbers)
+            return picture.read_bytes(), frame(picture_of(shown, numbers), FRAME_PX), ()
+        except (InputError, SetupError) as error:
+            return b"", "", (f"There is no picture in space: {error}",)
 
 
 def _decided(file: Path, values: JsonObject, tolerance: list[str] | None) -> JsonObject:

@@ -149,8 +149,8 @@ def demo(
     output
         Folder for the results; the scene is copied there and may be edited.
     scene
-        Name of the bundled scene: bevel_gear, concentric_cylinders, cylinder, fringe_cylinder,
-        gear_tooth, hot_plate, hybrid_cylinder, slab or wishbone.
+        Name of the bundled scene: bevel_gear, concentric_cylinders, cylinder, cylinder_paper,
+        fringe_cylinder, gear_tooth, hot_plate, hybrid_cylinder, slab or wishbone.
     """
     from iriftrace.scenes import scene_copied
 
@@ -162,7 +162,7 @@ def demo(
     with scene_copied(scene, folder) as (xml, shells):
         loaded = load(xml, trace)
         rendering, files = _render(loaded, exr, statuses(None))
-    files += _scene_picture(loaded, shells, output / f"{scene}_scene.png")
+    files += _scene_pictures(loaded, shells, output / f"{scene}_scene.png")
     _print_rendering(rendering, loaded, files)
     if loaded.second is not None:
         from iriftrace.cli.measure import write_scan
@@ -229,8 +229,8 @@ def _print_rendering(rendering: Rendering, loaded: Scene, files: list[Path]) -> 
     say("Files: " + ", ".join(map(str, files)))
 
 
-def _scene_picture(scene: Scene, shells_folder: Path, picture: Path) -> list[Path]:
-    """Draw part, shells and devices, if this machine can draw."""
+def _scene_pictures(scene: Scene, shells_folder: Path, picture: Path) -> list[Path]:
+    """Draw part, shells and devices, and bent rays, if this machine can draw."""
     from iriftrace.core.runtime.doctor import drawing_trouble
 
     with working("Drawing the scene"):
@@ -241,11 +241,13 @@ def _scene_picture(scene: Scene, shells_folder: Path, picture: Path) -> list[Pat
                 "`iriftrace doctor` shows how to repair it."
             )
             return []
-        from iriftrace.figures.scene import scene_figure
+        from iriftrace.figures.scene import rays_figure, scene_figure
         from iriftrace.figures.style import write_figure
         from iriftrace.io.shells import load_shells
 
         shells, name = load_shells(shells_folder), scene.second_id.replace("_", " ")
         figure = scene_figure(scene.part, shells, scene.camera, scene.second, name)
         write_figure(figure, picture)
-    return [picture]
+        rays = picture.with_stem(picture.stem.replace("_scene", "_rays"))
+        write_figure(rays_figure(scene), rays)
+    return [picture, rays]

@@ -12,6 +12,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
 from pathlib import Path
 from tokenize import TokenError
 
@@ -81,6 +82,11 @@ def sha256_of(path: Path) -> str:
     """Hexadecimal SHA-256 of a file's bytes."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def saved_at(path: str | Path) -> str:
+    """When a file was last changed, ISO 8601, UTC: ``"2025-03-07 12:00:00 UTC"``."""
+    return f"{datetime.fromtimestamp(Path(path).stat().st_mtime, UTC):%Y-%m-%d %H:%M:%S} UTC"
 
 
 @frozen

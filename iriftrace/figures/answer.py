@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
-from iriftrace.measuring.features.quantity import DRAWING, Quantity
+from iriftrace.measuring.features.quantity import DRAWING, Quantity, Unit
 from iriftrace.measuring.uncertainty.budget import Uncertainty
 from iriftrace.measuring.uncertainty.decision import Decision
 
@@ -55,6 +56,29 @@ def answer(name: str, value: Quantity, at: str = "") -> list[str]:
     return [text]
 
 
+def cells(value: Quantity, at: str = "", by_air: str = "") -> dict[str, str]:
+    """Cells of a row of a table by heading: what `answer` says, and "" for what is not known.
+
+    `by_air` says what hot air does to the value.
+    """
+    u, decision = value.uncertainty, value.decision
+    places = 4 if u is None else digits_of(u.expanded)
+    found = {"tolerance": "", "as measured": "", "without hot air": "", "corrected": ""}
+    if decision is not None:
+        low, high = decision.tolerance.limits
+        found["tolerance"] = f"{low:.{places}f} .. {high:.{places}f} {value.unit}"
+    drawn = at or "on the drawing"
+    clouds = dict(zip(("measured", "cold", "corrected"), list(found)[1:], strict=True))
+    for cloud, heading in {**clouds, DRAWING: drawn}.items():
+        size = value.by_cloud.get(cloud)
+        found[heading] = "" if size is None else f"{size:.{places}f} {value.unit}"
+    found["hot air makes it"] = by_air
+    least = "at least " if u is not None and u.missing else ""
+    found["U (95 %)"] = "" if u is None else f"{least}{u.expanded:.{places}f} {value.unit}"
+    found["verdict"] = "" if decision is None else decision.verdict
+    return found
+
+
 def _verdict(decision: Decision, measured: float | None, places: int, unit: str) -> str:
     low, high = decision.tolerance.limits
     text = f"Tolerance {low:.{places}f} .. {high:.{places}f} {unit}: {decision.verdict}"
@@ -92,6 +116,25 @@ def groups(stated: Uncertainty, unit: str) -> list[tuple[str, ...]]:
         )
         for one in stated.contributions
     ]
+
+
+def group_table(stated: Mapping[str, tuple[Uncertainty, Unit]]) -> tuple[tuple[str, ...], ...]:
+    """Headings, then a row for each group: its u and share of each value, its type and source."""
+    known: dict[str, dict[str, tuple[str, ...]]] = {}
+    for name, one in stated.items():
+        for group, *row in groups(*one):
+            known.setdefault(group, {})[name] = tuple(row)
+    rows = []
+    for group, of in known.items():
+        shares = (f"{of[name][0]} ({of[name][1]})" if name in of else "" for name in stated)
+        kind, source = next(iter(of.values()))[2:]
+        rows.append((group, *shares, kind, source))
+    return (
+        "group",
+        *(f"u of {name[0].lower()}{name[1:]}" for name in stated),
+        "type",
+        "from",
+    ), *rows
 
 
 def influences(stated: Uncertainty) -> str:

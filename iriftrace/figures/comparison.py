@@ -10,7 +10,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from iriftrace.core.arrays import FloatArray
-from iriftrace.figures.style import ColourScale, legend_below
+from iriftrace.figures.style import SIGNED_COLOUR_MAP, ColourScale, legend_below
 from iriftrace.measuring.comparison import Comparison
 
 COLOUR_PERCENTILE = 98.0
@@ -58,7 +58,7 @@ def comparison_figure(
     for panels, label in ((signals, "Shift (px)"), (residuals, "Residual (px)")):
         values = np.concatenate(list(panels.values())).ravel()
         limit = float(np.percentile(np.abs(values), COLOUR_PERCENTILE)) or 1.0
-        scale = ColourScale(values, (-limit, limit), label, False, "RdBu_r")
+        scale = ColourScale(values, (-limit, limit), label, False, SIGNED_COLOUR_MAP)
         for column, (name, shifts) in enumerate(panels.items(), first):
             grid[0, column].set_title(name, fontsize=10)
             for axes, component in zip(grid[:, column], shifts.T, strict=True):

@@ -251,6 +251,26 @@ def sweep_limits(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
     )
 
 
+def measured(values: JsonObject) -> Rows:
+    """What was measured or simulated, and when."""
+    cloud, system = values.get("cloud", {}), values["system"]
+    text = f"{values['points']['measured']:,} points by {_SYSTEMS.get(system, system)}"
+    if cloud.get("path"):
+        text = f"{name_of(cloud)}, saved {cloud['saved']}: {text}"
+    elif not cloud:
+        text = f"simulated: {text}"
+    return ("Part", name_of(values["part"])), ("Measured", text)
+
+
+_SYSTEMS = {"stereo": "two cameras", "fringe": "fringe projection", "laser": "a laser's line"}
+
+
+def assumed(values: JsonObject) -> tuple[str, ...]:
+    """Assumptions that a result does not test, a sentence each."""
+    texts = (str(values["assumptions"].get(key) or "") for key in ("open_boundary", "exposure"))
+    return tuple(f"{text[0].upper()}{text[1:]}." for text in texts if text)
+
+
 def scan_setting(values: JsonObject) -> Rows:
     """Part, field, scene and devices of a scan or correction, from its JSON values."""
     if "ensemble" in values:
@@ -261,8 +281,10 @@ def scan_setting(values: JsonObject) -> Rows:
         field = ("Fields by weight", listed)
     else:
         field = ("Field", file_text(values["field"] or {}))
+    cloud = values.get("cloud", {})
     return (
         ("Part", file_text(values["part"])),
+        *((("Measured cloud", file_text(cloud)),) if cloud.get("path") else ()),
         field,
         ("Scene", file_text(values["scene"])),
         ("Sensor", values["system"]),

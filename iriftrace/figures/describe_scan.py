@@ -9,7 +9,7 @@ from attrs import frozen
 
 from iriftrace.core.plain import JsonObject, structured
 from iriftrace.core.units import ZERO_CELSIUS_K, counted
-from iriftrace.figures.answer import answer
+from iriftrace.figures.answer import answer, cells
 from iriftrace.figures.describe import origin_text
 from iriftrace.measuring.features.fitted import cone_place
 from iriftrace.measuring.features.quantity import DRAWING, Quantity, Unit
@@ -40,6 +40,8 @@ _OUTCOMES = {
 }
 
 
+_BY_AIR = "air makes it"
+
 _ALL: Mapping[str | None, str] = {None: "all points"}
 """Name of what has no region."""
 
@@ -52,7 +54,7 @@ class Row:
     ----------
     group : str
         "points", "answer", "points moved", "verdict", "result", "warning", "field", "larger",
-        "feature", "planes", "region", "note".
+        "size", "feature", "planes", "region", "note".
     value : str
         The value with its unit, or a sentence without full stop.
     name : str
@@ -82,11 +84,11 @@ def describe(values: JsonObject, places: Mapping[str | None, str] | None = None)
     rows += _field(values)
     for feature in values["features"]:
         rows += _feature(feature, true, at, named)
-        rows += _result(_diameter_of(feature, named) + _height(feature, true), feature, at)
+        rows += _result(_diameter_of(feature, named) + _height(feature, true), feature, true, at)
     for relation in values.get("relations", ()):
         of = _relation_of(relation, named)
         rows += (Row("planes", text, name, of) for name, text in _value(relation, true, at))
-        rows += _result(of, relation, at)
+        rows += _result(of, relation, true, at)
     return rows + _regions(structured(values.get("regions", ()), tuple[RegionValues, ...]), named)
 
 
@@ -117,8 +119,9 @@ def table(rows: Iterable[Row], group: str) -> tuple[list[str], list[list[str]]]:
     """Headings and cells of a group, a line for each thing; a value that it has not is empty."""
     things = by_thing(rows, group)
     names = list(dict.fromkeys(chain.from_iterable(things.values())))
-    cells = [[of, *(known.get(name, "") for name in names)] for of, known in things.items()]
-    return [group, *names] if cells else [], cells
+    names = [name for name in names if any(known.get(name) for known in things.values())]
+    lines = [[of, *(known.get(name, "") for name in names)] for of, known in things.items()]
+    return [group, *names] if lines else [], lines
 
 
 def _measured(values: JsonObject) -> Iterator[Row]:
@@ -159,17 +162,21 @@ def _height(feature: JsonObject, true: str) -> str:
     return f" at {place} of its axis" if place else ""
 
 
-def _result(name: str, row: JsonObject, at: str) -> Iterator[Row]:
-    """Value, U and verdict of a feature or relation."""
+def _result(name: str, row: JsonObject, true: str, at: str) -> Iterator[Row]:
+    """Value, U and verdict of a feature or relation: cells of a table, and sentences."""
     place = f"{at[0].lower()}{at[1:]}" if at else ""
-    lines = answer(name, Quantity.of(row), place)
+    value = Quantity.of(row)
+    if by_air := dict(_value(row, true, at)).get(_BY_AIR):
+        for heading, text in cells(value, place, by_air).items():
+            yield Row("size", text, heading, name)
+    lines = answer(name, value, place)
     if lines and row.get("points"):
         used = f"{row['points']:,} points"
         used += f", {row['left_out']:,} left out as outliers" if row["left_out"] else ""
         used += f", {row['not_corrected']:,} without correction" if row["not_corrected"] else ""
         lines[0] += f"; {used}"
     group = "verdict" if "decision" in row else "result"
-    return (Row(group, line) for line in lines)
+    yield from (Row(group, line) for line in lines)
 
 
 def _corrected(values: JsonObject) -> Iterator[Row]:
@@ -244,7 +251,7 @@ def _value(row: JsonObject, true: str, at: str, drawn_at: str = "") -> Iterator[
     small = minutes if value.unit == "deg" else um
     yield "measured", f"{hot:.4f} {value.unit}"
     yield true, f"{cold:.4f} {value.unit}"
-    yield "air makes it", f"{small(abs(hot - cold))} {'smaller' if hot < cold else 'larger'}"
+    yield _BY_AIR, f"{small(abs(hot - cold))} {'smaller' if hot < cold else 'larger'}"
     if value.scatter is not None:
         yield "standard deviation", small(value.scatter)
     if value.worst is not None:

@@ -111,5 +111,4 @@ def _add_device(plotter: pv.Plotter, device: Device) -> None:
 def _add_lines(plotter: pv.Plotter, lines: Lines) -> None:
     for path in lines.drawn:
         line = pv.lines_from_points(path)
-        width = 1.5 if lines.straight else 3
-        plotter.add_mesh(line, color=lines.colour, line_width=width, lighting=False)
+        plotter.add_mesh(line, color=lines.colour, line_width=lines.width, lighting=False)

@@ -47,7 +47,7 @@ def html(picture: SpacePicture) -> str:
     """The page of a picture: HTML that needs no other file and asks no network."""
     style = _static("page.css")
     return (
-        _environment()
+        environment()
         .get_template("page.html.jinja")
         .render(
             picture=picture,
@@ -87,7 +87,8 @@ def _static(name: str) -> str:
 
 
 @cache
-def _environment() -> Environment:
+def environment() -> Environment:
+    """Templates of pages and reports."""
     loader = PackageLoader("iriftrace.figures", "templates")
     return Environment(
         loader=loader,

@@ -152,6 +152,7 @@ class Lines:
     colour: str
     straight: Sequence[FloatArray] = ()
     exaggerated: float = 1.0
+    width: float = 3.0  # px
 
     @property
     def drawn(self) -> Sequence[FloatArray]:

@@ -21,7 +21,14 @@ from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray
 from iriftrace.core.engines import Bending, engine_named
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
-from iriftrace.figures.style import COLOURS, DPI, TEXT_COLOUR, ColourScale, legend_below
+from iriftrace.figures.style import (
+    COLOURS,
+    DPI,
+    SIGNED_COLOUR_MAP,
+    TEXT_COLOUR,
+    ColourScale,
+    legend_below,
+)
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.displacement import (
     NORM,
@@ -197,7 +204,7 @@ def _scale(values: FloatArray, what: Shown) -> ColourScale:
     low, high = displacement_limits(np.abs(values))
     label = f"{what.label} (µm)"
     if what.signed:
-        return ColourScale(values, (-high, high), label, False, "RdBu_r")
+        return ColourScale(values, (-high, high), label, False, SIGNED_COLOUR_MAP)
     # Shells without an index step move nothing: then the scale starts at 0.
     return ColourScale(values, (low, high), label, logarithmic=low > 0.0)
 

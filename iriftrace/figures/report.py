@@ -1,26 +1,21 @@
-"""The report of a result: one HTML page that works offline and without Python."""
+"""The report of a sweep: one HTML page that works offline and without Python."""
 
 from __future__ import annotations
 
-import base64
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
 from iriftrace.camera.pose import pose_text
-from iriftrace.core.files import FileOrigin, write_whole
-from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import counted
-from iriftrace.figures import describe, describe_scan
-from iriftrace.figures.answer import GROUP_HEADINGS, groups, influences
-from iriftrace.figures.describe_scan import TRUE_CLOUDS, Row
+from iriftrace.figures import describe
+from iriftrace.figures.report_page import Page, png_picture
 from iriftrace.figures.style import figure_bytes
 from iriftrace.figures.sweep import sweep_charts, sweep_pictures
 from iriftrace.image.resolution import FRONTAL
-from iriftrace.io.refusals import damaged
 from iriftrace.planning import texts
 from iriftrace.planning.candidates import name_of as metric_name
 from iriftrace.planning.cover import plan_views
@@ -66,55 +61,6 @@ _SUMMARY_ROWS = 5
 """Pictures and rows of the ranking on the first page."""
 
 _MOST_REASONS = 200
-
-BlockKind = Literal["text", "answer", "doubt", "list", "lines", "numbers", "names", "pictures"]
-
-
-class Page:
-    """A page that is composed from top to bottom; what is empty is left out.
-
-    Its question stands below the title; `version` is that of the package that wrote the result.
-    """
-
-    def __init__(self, title: str, version: object, question: str = "") -> None:
-        self.title, self.version, self.question = title, str(version), question
-        self.sections: list[JsonObject] = []
-
-    def section(self, name: str, title: str = "") -> None:
-        """Begin a section."""
-        self.sections.append({"name": name, "title": title, "blocks": []})
-
-    def add(
-        self, kind: BlockKind, *content: object, title: str = "", headings: Iterable[str] = ()
-    ) -> None:
-        """Add a block to the last section: sentences, lines, rows (cells), or pictures.
-
-        Sentences are text, an answer or a doubt in a box, or a list; rows have numbers, or texts
-        after a name; pictures are those of `_picture`. The title stands above the block, and
-        headings above the columns of rows.
-        """
-        if found := tuple(filter(None, content)):
-            block = {"kind": kind, "content": found, "title": title, "headings": tuple(headings)}
-            self.sections[-1]["blocks"].append(block)
-
-    def write(self, path: Path, origin: FileOrigin | None) -> None:
-        """Write the page about a file's values, complete or not at all; its folder must exist."""
-        from jinja2 import Environment, PackageLoader, StrictUndefined
-
-        environment = Environment(
-            loader=PackageLoader("iriftrace.figures"),
-            autoescape=True,
-            undefined=StrictUndefined,
-            trim_blocks=True,
-            lstrip_blocks=True,
-        )
-        template = environment.get_template("report.html.jinja")
-        write_whole(path, template.render(page=self, origin=origin))
-
-
-def _picture(name: str, caption: str, png: bytes) -> tuple[str, str, str] | None:
-    """Anchor, caption and content of a PNG as the page has them; None if there is none."""
-    return (name, caption, base64.b64encode(png).decode("ascii")) if png else None
 
 
 def write_report(
@@ -170,7 +116,9 @@ def sweep_page(
     best = pose_text(summary.matrices[plan.best], summary.distance[plan.best])
     words = {"error": error, "title": summary.displacement.title}
     pictures = {
-        name: _picture(name, _CAPTIONS.get(name, name).format(**words), figure_bytes(figures[name]))
+        name: png_picture(
+            name, _CAPTIONS.get(name, name).format(**words), figure_bytes(figures[name])
+        )
         for name in {**_CAPTIONS, **figures}
         if name in figures
     }
@@ -298,84 +246,3 @@ def _add_stability(page: Page, summary: SweepSummary) -> None:
     low, high = (f"rank at {sign}50 %" for sign in "\N{MINUS SIGN}+")
     headings = ("weight of", low, "best pose", high, "best pose")
     page.add("numbers", *rows, title=title, headings=headings)
-
-
-def write_scan_report(path: Path, values: JsonObject, origin: FileOrigin, png: bytes = b"") -> None:
-    """Write the report of a scan or correction from the values of its JSON file and its picture.
-
-    Raises InputError if the values are not those of such a result, or the file cannot be written.
-    """
-    try:
-        page = scan_page(values, png)
-    except (LookupError, TypeError, ValueError) as error:
-        raise damaged(origin.path, repr(error), "compute the result again") from error
-    page.write(path, origin)
-
-
-def scan_page(values: JsonObject, png: bytes = b"") -> Page:
-    """The page of the JSON values of a scan or correction, with its picture."""
-    simulated = TRUE_CLOUDS[values["schema"]] == "cold"
-    rows = describe_scan.describe(values)
-    what = "What hot air adds to a measurement" if simulated else "Measured cloud, corrected"
-    page = Page(f"{what}: {describe.name_of(values['part'])}", values.get("version", ""))
-
-    page.section("answer")
-    page.add("answer", *describe_scan.sentences(rows, "answer"))
-    page.add("doubt", *(text for group in _DOUBTS for text in describe_scan.sentences(rows, group)))
-    shown = "error along the normal" if simulated else "refraction error that was removed"
-    caption = f"Left: the camera's picture, coloured by the {shown}."
-    page.add("pictures", _picture("picture", caption, png))
-
-    page.section("features", "Sizes")
-    _add_facts(page, rows, "feature")
-    page.add("text", _FEATURE_NOTE if values["features"] else _no_feature(values))
-    if values["features"] and not simulated:
-        page.add("text", _U_NOTE)
-    _add_facts(page, rows, "planes", "Distances and angles of planes")
-
-    if stated := describe_scan.uncertain_values(values):
-        page.section("uncertainty", "Uncertainty and verdicts")
-        page.add("answer", *describe_scan.sentences(rows, "verdict"))
-        page.add("text", *describe_scan.sentences(rows, "result"))
-        table = [(name, *row) for name, one in stated.items() for row in groups(*one)]
-        page.add("names", *table, title="U by group", headings=("value", *GROUP_HEADINGS))
-        page.add("list", *dict.fromkeys(influences(u) for u, _ in stated.values()))
-
-    page.section("regions", "Regions")
-    what = "Error" if simulated else "Correction"
-    _add_facts(page, rows, "region", f"{what} along the part's outward normal")
-    page.add("text", *describe_scan.sentences(rows, "note"))
-    points = [(row.name, row.value) for row in rows if row.group == "points"]
-    page.add("numbers", *points, title="Points", headings=("outcome", "points"))
-
-    assumed = describe.assumption_rows(values["assumptions"])
-    page.section("setting", "Setting")
-    page.add("names", *describe.scan_setting(values))
-    page.add("names", *assumed, title="Assumptions in force")
-    return page
-
-
-_DOUBTS = ("field", "larger", "uncertainty")
-
-_FEATURE_NOTE = (
-    "Diameters, of a cone at the stated point of its axis, and form deviations (peak to valley)."
-)
-
-_U_NOTE = (
-    "U is the larger distance of the value from the ends of its interval of 95 %, and k = U / u; "
-    "it holds for the size on the drawing where that is stated."
-)
-
-
-def _no_feature(values: JsonObject) -> str:
-    one_line = any(region["measured"] is None for region in values.get("regions", ()))
-    return (
-        "No region of the part has enough points that determine a plane, cylinder, cone or sphere"
-        f"{'; those of one line of a laser lie in a plane' * one_line}."
-    )
-
-
-def _add_facts(page: Page, rows: Sequence[Row], group: str, title: str = "") -> None:
-    """Add a table of the facts of a group."""
-    headings, cells = describe_scan.table(rows, group)
-    page.add("numbers", *cells, title=title, headings=headings)

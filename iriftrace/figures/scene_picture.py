@@ -180,5 +180,6 @@ def _rays(scene: Scene) -> tuple[tuple[Lines, ...], str]:
         return (), "no ray of a sample meets the part"
     size = float(np.linalg.norm(np.ptp(scene.part.bounds, axis=0)))
     factor = round_factor(paths.largest_offset, size)
-    lines = Lines(f"bent rays{through}", list(paths.bent), RAY_COLOUR, list(paths.straight), factor)
+    bent, straight = list(paths.bent), list(paths.straight)
+    lines = Lines(f"bent rays{through}", bent, RAY_COLOUR, straight, factor, width=1.5)
     return (lines,), f"rays are bent by up to {1e3 * paths.largest_offset:.3g} µm"

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from matplotlib.figure import Figure
 
-from iriftrace.figures.scan import draw_part
-from iriftrace.figures.style import ColourScale, finish_axes, new_figure
+from iriftrace.figures.scan import PartView
+from iriftrace.figures.style import SIGNED_COLOUR_MAP, ColourScale, finish_axes, new_figure
 from iriftrace.measuring.two_devices.sensitivity import MOST, Sensitivity
 from iriftrace.medium.source import stated_source, synthetic_mark
 from iriftrace.part.part import Part
@@ -33,7 +33,7 @@ def sensitivity_figure(found: Sensitivity, part: Part) -> Figure:
     place = camera.project(found.cells.points.astype(np.float64))
     seen = camera.holds(place) & (nm != 0.0)
     strong = seen & (np.abs(nm) > FAINT * np.abs(nm).max(initial=0.0))
-    draw_part(left, part, camera, place[strong] if strong.any() else found.scan.pixel)
+    PartView(part, camera, place[strong] if strong.any() else found.scan.pixel).draw(left)
     u, v = place[seen].T
     ends = left.axis()
     count = 50, max(1, round(50 / math.sqrt(3.0) * abs((ends[3] - ends[2]) / (ends[1] - ends[0]))))
@@ -43,7 +43,7 @@ def sensitivity_figure(found: Sensitivity, part: Part) -> Figure:
         gridsize=count,
         extent=extent,
         reduce_C_function=np.sum,
-        cmap="RdBu_r",
+        cmap=SIGNED_COLOUR_MAP,
         linewidths=0.1,
     )
     left.axis(ends)
@@ -52,7 +52,7 @@ def sensitivity_figure(found: Sensitivity, part: Part) -> Figure:
     label = "diameter by 1 % of the excess temperature (nm)"
     # The part is seen through what is as good as 0.
     shown.set_array(np.ma.masked_where(np.abs(sums) < FAINT * limit, sums))
-    scale = ColourScale(sums, (-limit, limit), label, False, "RdBu_r")
+    scale = ColourScale(sums, (-limit, limit), label, False, SIGNED_COLOUR_MAP)
     shown.set(norm=scale.norm)
     scale.add_bar(body, shown, ax=left, location="bottom")
     distances, fractions = found.by_distance

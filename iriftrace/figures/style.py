@@ -35,6 +35,9 @@ from iriftrace.planning.summary import SweepSummary
 from iriftrace.sweep.measures import Limits
 
 COLOUR_MAP = "viridis"
+SIGNED_COLOUR_MAP = "RdBu_r"
+"""Colours about 0: as even in steps as those of magnitudes, and as light at both ends."""
+
 BEST_COLOUR = "#d7191c"
 TEXT_COLOUR = "0.35"
 DPI = 200

@@ -13,7 +13,7 @@ from attrs import frozen
 from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray
 from iriftrace.core.blocks import blocks
 from iriftrace.core.errors import InputError, warn
-from iriftrace.core.files import text_in
+from iriftrace.core.files import FileOrigin, saved_at, text_in
 from iriftrace.core.units import length_factor, length_unit_of
 from iriftrace.io.part_files import remarks_of
 from iriftrace.io.ply import read_ply
@@ -65,6 +65,8 @@ class Cloud:
     columns: Columns  # (m,) each: further numbers, such as colours, intensities and normals
     # Lines ``obj_info`` of a .ply: how its rows make a grid, as also those of a .pcd.
     remarks: tuple[str, ...] = ()
+    origin: FileOrigin | None = None
+    saved: str = ""  # when its file was last changed
 
     @property
     def points(self) -> FloatArray:
@@ -135,7 +137,7 @@ def read_cloud(
     if other.any():
         rows = rows.copy()
         rows[other] = np.nan
-    cloud = Cloud(rows, measured, unit, further, remarks)
+    cloud = Cloud(rows, measured, unit, further, remarks, FileOrigin.of(file), saved_at(file))
     _warn_of_rounding(cloud.points, file)
     return cloud
 

@@ -43,9 +43,12 @@ def camera_paths(scene: Scene, across: int = ACROSS) -> Paths:
         miss the part, straight or refracted, are left out.
     """
     camera = scene.camera
+    none = Paths(np.empty((0, 2, 3)), np.empty((0, 2, 3)))
     seen = camera.project(scene.part.vertices)
-    last = np.array(camera.resolution, dtype=np.float64) - 1.0
-    seen = np.clip(seen[np.isfinite(seen).all(axis=1)], 0.0, last)
+    seen = seen[np.isfinite(seen).all(axis=1)]
+    if not len(seen):
+        return none
+    seen = np.clip(seen, 0.0, np.array(camera.resolution, dtype=np.float64) - 1.0)
     low, high = seen.min(axis=0), seen.max(axis=0)
     steps = (np.arange(across) + 0.5) / across
     u, v = np.meshgrid(*(a + steps * (b - a) for a, b in zip(low, high, strict=True)))
@@ -54,7 +57,7 @@ def camera_paths(scene: Scene, across: int = ACROSS) -> Paths:
     hits = traced_as_chosen(traced, start, along)
     whole = np.isfinite(hits.straight).all(axis=1) & np.isfinite(hits.refracted).all(axis=1)
     if not whole.any():
-        return Paths(np.empty((0, 2, 3)), np.empty((0, 2, 3)))
+        return none
     start, along = start[whole], along[whole]
     most = int(hits.crossings[whole].max())
     name = "max_steps" if traced.compiled.engine.through_cells else "max_crossings"

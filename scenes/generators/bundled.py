@@ -7,6 +7,7 @@ It runs in a checkout; the installed package has the scenes alone. With ``--hybr
 from __future__ import annotations
 
 import argparse
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -34,6 +35,9 @@ FIELD = "field.vtu"
 FIELD_ORIGIN = "OpenFOAM, coarse solution"
 SCALE = 0.5
 HOT_PLATE_K = 1373.15
+PAPER_SCENE = "cylinder_paper"
+PAPER_CAMERA_MM = (150.0, -100.0, 120.0)
+"""The paper's camera, which has 3.5 % of the visible surface outside its picture."""
 FRINGE_SCENE = "fringe_cylinder"
 FRINGE_DEVICES_MM = ((-55.0, -275.0, 60.0), (55.0, -275.0, 60.0))
 """Camera and projector, 110 mm apart along the cylinder's axis; both pictures hold all of it."""
@@ -49,20 +53,23 @@ def write_bundled(folder: str | Path) -> list[Path]:
     around = AirState(field, ready=shells, report=report_shells(shells, field, cylinder))
     tubes = concentric_cylinders()
     scenes = (
-        ("cylinder", cylinder, around, (150.0, -100.0, 120.0), "a quarter was solved and mirrored"),
-        ("slab", *slab(size_mm=160.0), (120.0, 0.0, 90.0), "analytic, plane layers"),
-        ("concentric_cylinders", *tubes, (60.0, -110.0, 60.0), "analytic, axial symmetry"),
+        (
+            *("cylinder", cylinder, around),
+            *((170.0, -150.0, 140.0), 450.0, "a quarter was solved and mirrored"),
+        ),
+        ("slab", *slab(size_mm=160.0), (120.0, 0.0, 90.0), 250.0, "analytic, plane layers"),
+        ("concentric_cylinders", *tubes, (60.0, -110.0, 60.0), 250.0, "analytic, axial symmetry"),
     )
     return [
         write_scene(
             Path(folder) / name,
             part,
             air,
-            scene_camera(origin, (0.0, 0.0, 0.0), (50.0, 250.0)),
+            scene_camera(origin, (0.0, 0.0, 0.0), (50.0, far)),
             SceneSettings(scale=SCALE, notes={"time": "steady", "symmetry": symmetry}),
             paraview=False,
         )
-        for name, part, air, origin, symmetry in scenes
+        for name, part, air, origin, far, symmetry in scenes
     ]
 
 
@@ -81,6 +88,22 @@ def write_plate(folder: Path, wall_k: float = HOT_PLATE_K) -> Path:
         ),
         paraview=False,
     )
+
+
+def write_paper(folder: Path, cylinder: Path) -> Path:
+    """Write the cylinder's scene with the paper's camera; parameters as of `write_fringe`."""
+    camera = scene_camera(PAPER_CAMERA_MM, (0.0, 0.0, 0.0), (50.0, 250.0))
+    part = read_part(cylinder / PART_FILE)
+    return write_beside(folder / PAPER_SCENE, cylinder, part, camera, SceneSettings(scale=SCALE))
+
+
+def paper_copied(folder: Path) -> Path:
+    """Copy the paper's scene with its shells and its field into a new folder; returns the XML."""
+    shutil.copytree(folder_of("cylinder"), folder)
+    text = (folder_of(PAPER_SCENE) / "scene.xml").read_text(encoding="utf-8")
+    xml = folder / "scene.xml"
+    xml.write_text(text.replace("../cylinder/", ""), encoding="utf-8")
+    return xml
 
 
 def write_fringe(folder: Path, cylinder: Path) -> Path:
@@ -116,7 +139,8 @@ def main() -> None:
     given = vars(parser.parse_args())
     fields = {name: given[name] for name in COMPONENTS if given[name] is not None}
     written = write_bundled(given["folder"])
-    written.append(write_fringe(given["folder"], given["folder"] / "cylinder"))
+    for write in (write_paper, write_fringe):
+        written.append(write(given["folder"], given["folder"] / "cylinder"))
     written.append(write_plate(given["folder"]))
     for path in [*written, *write_components(given["folder"], fields)]:
         print(path)

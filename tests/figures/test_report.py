@@ -16,7 +16,8 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.plain import plain
 from iriftrace.figures import report as report_module
 from iriftrace.figures.describe import fields_of
-from iriftrace.figures.report import BlockKind, sweep_page, write_report
+from iriftrace.figures.report import sweep_page, write_report
+from iriftrace.figures.report_page import BlockKind
 from iriftrace.image.aov_image import Status
 from iriftrace.medium.source import FieldFacts, FieldKind, FieldSource
 from iriftrace.planning.criteria import Criteria, Views
@@ -293,7 +294,7 @@ def test_several_views_and_the_best_pose_are_shown(
     write_report(tmp_path / "report.html", table, summarise(table), views=Views(2))
     page = read_page(tmp_path / "report.html")
     assert "What the best pose sees." in page.by_id["summary"]
-    assert "What the best pose sees." not in page.by_id["figures"]
+    assert "figures" not in page.by_id, "no empty section"
     # Pose 1 sees both faces that any pose sees, 3 of 4 mm^2; another one would add nothing.
     assert "Together they see 75.00 % of the area of the part" in page.by_id["views"]
     chosen = next(rows for rows in page.tables if rows[0][0] == "view")

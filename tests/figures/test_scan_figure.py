@@ -1,20 +1,25 @@
 """The figures of a scan and a correction, what colours and bins mean, and their reports."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 from attrs import evolve
+from browser import browser
 from scipy.spatial import cKDTree
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.core.files import FileOrigin
 from iriftrace.core.plain import JsonObject
-from iriftrace.figures.report import scan_page, write_scan_report
+from iriftrace.figures.page import frame
+from iriftrace.figures.pictures import picture_of
 from iriftrace.figures.scan import correction_figure, scan_figure
+from iriftrace.figures.scan_report import scan_page, write_scan_report
+from iriftrace.figures.style import figure_bytes
 from iriftrace.measuring.two_devices.correct import correct
 from iriftrace.measuring.two_devices.correction import Correction
 from iriftrace.measuring.two_devices.correction_status import CorrectionStatus
@@ -49,31 +54,54 @@ def report_of(numbers: Path) -> Path:
     return page
 
 
-def test_colours_are_the_removed_error_and_say_that_they_end() -> None:
-    """A correction along the normal would have the other sign; points lie beyond one end."""
+@pytest.mark.parametrize("long", [True, False])
+def test_before_by_air_and_after_have_one_scale_and_add_up(long: bool) -> None:
+    """A part 3 um too large through air that takes 1 to 2 um; points lie beyond one end.
+
+    The camera looks at a wide picture or, turned, at a high one.
+    """
     part = cylinder()
     count = 1000
     rng = np.random.default_rng(2)
-    normal = np.tile((0.0, -1.0, 0.0), (count, 1))
-    along = -1e-3 * np.linspace(1.0, 2.0, count)
-    along[:5] = -0.1
-    measured = np.column_stack((rng.uniform(-20, 20, count), np.full(count, -13.5), along))
     face = np.full(count, int(np.argmin(part.surface.normals[:, 1])))
+    normal = part.surface.normals[face]
+    air = -1e-3 * np.linspace(1.0, 2.0, count)
+    air[:5] = -0.1
+    on_part = np.column_stack((rng.uniform(-20, 20, count), np.zeros(count), np.zeros(count)))
+    on_part += (part.face_offsets[face] / normal[:, 1])[:, None] * (0.0, 1.0, 0.0)
+    on_part += 0.003 * normal
     found = Correction(
-        measured=measured,
-        error=along[:, None] * normal,
+        measured=on_part + air[:, None] * normal,
+        error=air[:, None] * normal,
         status=np.zeros(count, dtype=np.int64),
         face=face,
         face_normals=part.surface.normals,
         system="fringe",
         provenance={"field": {"source": "a solver"}},
     )
-    (body,) = correction_figure(found, part, CAMERA).subfigs
-    left, right, bar = body.axes
-    assert left.collections[0].get_array().max() < 0.0
-    assert bar.get_xlabel() == "error along the normal (µm)"
-    assert left.collections[0].colorbar.extend == "min"
-    assert "beyond" in right.get_xlabel()
+    up = None if long else (1.0, 0.0, 0.0)
+    camera = CAMERA if long else CAMERA.at(look_at((0.0, -300.0, 0.0), (0.0, 0.0, 0.0), up))
+    (body,) = correction_figure(found, part, camera).subfigs
+    names = ["as measured", "by hot air", "corrected"]
+    titled = {axes.get_title(): axes for axes in body.axes}
+    maps = [titled[name] for name in names]
+    (histogram,) = (axes for axes in body.axes if axes.get_legend())
+    bar = body.axes[-1]
+    measured, by_air, corrected = (axes.collections[0] for axes in maps)
+    assert by_air.get_array().max() < 0.0
+    np.testing.assert_allclose(corrected.get_array(), 3.0, rtol=1e-6)
+    np.testing.assert_allclose(measured.get_array(), by_air.get_array() + 3.0, rtol=1e-6)
+    limits = {(drawn.norm.vmin, drawn.norm.vmax) for drawn in (measured, by_air, corrected)}
+    assert len(limits) == 1
+    assert bar.get_xlabel() == "deviation along the normal (µm)"
+    assert "beyond" in histogram.get_xlabel()
+    assert [text.get_text() for text in histogram.get_legend().get_texts()] == names
+    # No room is wasted: wide maps are stacked, high ones lie in a row.
+    figure = body.figure
+    figure.draw_without_rendering()
+    boxes = [axes.get_window_extent() for axes in maps]
+    same = [box.x0 for box in boxes] if long else [box.y0 for box in boxes]
+    np.testing.assert_allclose(same, same[0], atol=1.0)
 
 
 def test_a_laser_line_is_drawn_on_the_part_as_measured_and_corrected(
@@ -139,7 +167,7 @@ def test_a_report_has_distances_at_the_drawings_temperature(tmp_path: Path) -> N
     tables = read_page(report_of(numbers)).tables
     (table,) = (table for table in tables if "planes" in table[0])
     headings, rows = table[0], [row for row in table if "Distance" in row[0]]
-    column = headings.index("On the drawing at 20 degC")
+    column = headings.index("On the drawing at 20 °C")
     assert [row[column] for row in rows] == ["20.0000 mm", "30.0000 mm", "40.0000 mm"]
     assert all(
         row[-1].endswith("; not known: air around the part, growth of the part)") for row in rows
@@ -155,19 +183,74 @@ def test_a_report_has_u_by_group_and_the_verdict(variant: str, tmp_path: Path) -
     (feature,) = found.features(scene.part, ["cylinder"], tolerances=asked)
     _, numbers = found.save(tmp_path / "c.xyz", [feature])
     page = read_page(report_of(numbers))
-    (table,) = (one for one in page.tables if one[0][:2] == ["value", "quantity"])
+    (table,) = (one for one in page.tables if one[0][0] == "group")
+    assert table[0] == ["group", "u of diameter of cylinder lateral", "type", "from"]
     size = feature.size
     assert size.uncertainty is not None
     by_air = 0.05 * abs(size.difference("corrected", "measured") or 0.0)
-    u = {group: value for _, group, value, *_ in table[1:]}
-    assert u["contrast of the air"] == f"{1e3 * by_air:.3g} um"
+    u, share = (
+        {group: re.split(r" \(|\)", value)[number] for group, value, *_ in table[1:]}
+        for number in (0, 1)
+    )
+    assert u["contrast of the air"] == f"{1e3 * by_air:.3g} µm"
     assert len(u) == len(size.uncertainty.contributions) == 2
-    assert all(row[0] == "Diameter of cylinder lateral" for row in table[1:])
-    shares = [float(row[3].removesuffix(" %")) for row in table[1:]]
+    shares = [float(text.removesuffix(" %")) for text in share.values()]
     assert sum(shares) == pytest.approx(100.0, abs=1.0)
-    assert "26.95000 .. 27.05000 mm: accepted" in page.by_id["uncertainty"]
-    assert "Not in U: turbulence" in page.text
-    assert "U is the larger distance of the value from the ends" in page.text
+    (sizes,) = (one for one in page.tables if one[0][0] == "size")
+    stated = dict(zip(*sizes, strict=True))
+    assert stated["tolerance"] == "26.95000 .. 27.05000 mm"
+    assert stated["verdict"] == "accepted"
+    assert stated["corrected"] == f"{size.uncertainty.value:.5f} mm"
+    assert stated["U (95 %)"] == f"{size.uncertainty.expanded:.5f} mm"
+    assert stated["hot air makes it"].endswith(" µm smaller")
+    assert "26.95000 .. 27.05000 mm: accepted" in page.by_id["answer"]
+    assert "Not in U: turbulence" in page.by_id["uncertainty"]
+    assert " um" not in page.text
+
+
+@pytest.mark.parametrize("count", [1, 4])
+def test_a_report_prints_on_one_sheet(variant: str, tmp_path: Path, count: int) -> None:
+    """Of a correction with toleranced sizes; the picture that turns asks for no other file.
+
+    What is folded is not printed, nor the picture that turns, in whose place is an image.
+    """
+    scene = load_scene(folder_of("fringe_cylinder") / "scene.xml", {"scale": 0.05}, variant=variant)
+    inputs = Inputs(air=0.05, sensor_mm=0.002, wall_k=10.0, pressure_pa=200.0)
+    found = correct(measure(scene).points, scene, inputs=inputs)
+    asked = {"cylinder:lateral": Tolerance(27.0, -0.05, 0.05)}
+    features = found.features(scene.part, ["cylinder"], tolerances=asked)
+    values = found.values(features, found.regions(scene.part))
+    values["features"] = [
+        row | {"region": f"lateral {number}"}
+        for number in range(count)
+        for row in values["features"]
+    ]
+    numbers = tmp_path / "c.json"
+    numbers.write_text(json.dumps(values))
+    png = figure_bytes(correction_figure(found, scene.part, scene.camera))
+    file, wrong = tmp_path / "r.html", list[str]()
+    write_scan_report(file, values, FileOrigin.of(numbers), png, png, frame(picture_of(found)))
+    with browser() as program:
+        # A frame that is not to be seen is not drawn.
+        page = program.new_page(viewport={"width": 1300, "height": 2400})
+        page.on("console", lambda message: wrong.append(message.text))
+        page.on("request", lambda request: wrong.append(request.url))
+        page.goto(file.as_uri())
+        page.frame_locator("iframe").locator("html[data-drawn]").wait_for(state="attached")
+        hidden, folded = page.locator("#space img"), page.locator("#setting table").first
+        assert not hidden.is_visible()
+        assert not folded.is_visible()
+        paper = page.pdf(prefer_css_page_size=True)
+        page.emulate_media(media="print")
+        assert hidden.is_visible()
+        assert not page.locator("iframe").is_visible()
+        page.emulate_media(media="screen")
+        page.locator("#setting summary").click()
+        assert folded.is_visible()
+    # A srcdoc frame is no request beyond the page.
+    assert [text for text in wrong if text != "about:srcdoc"] == [file.as_uri()]
+    assert len(re.findall(rb"/Type\s*/Page\b", paper)) == 1
+    assert re.search(rb"/MediaBox\s*\[0 0 59[45][.\d]* 84[12]", paper), "A4"
 
 
 def test_a_report_says_where_the_devices_stand_and_how_fields_count(variant: str) -> None:

@@ -33,7 +33,7 @@ HUES = {
     "scan.vtp": {"#4695c4": 0.004},
     "corrected.ply": {"#21918c": 0.0005},
     # The outer shells are violet air in front of white.
-    "cylinder/scene.xml": {PART_COLOUR: 0.003, "#a78bbf": 0.004},
+    "cylinder_paper/scene.xml": {PART_COLOUR: 0.003, "#a78bbf": 0.004},
     # Yellow is the wall, blue the air far from it.
     "cylinder/field.vtu": {"#f0f921": 0.003, "#0d0887": 0.05},
     "wishbone/part.ply": {"#1f77b4": 0.01},

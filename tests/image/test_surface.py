@@ -22,7 +22,13 @@ VECTOR = ("displacement.X", "displacement.Y", "displacement.Z")
 def image(tmp_path_factory: pytest.TempPathFactory) -> AovImage:
     """The bundled cylinder, with hits in focus, hits out of focus and misses."""
     exr = tmp_path_factory.mktemp("surface") / "out.exr"
-    words = ["render", str(folder_of("cylinder") / "scene.xml"), "-o", str(exr), "--no-figures"]
+    words = [
+        "render",
+        str(folder_of("cylinder_paper") / "scene.xml"),
+        "-o",
+        str(exr),
+        "--no-figures",
+    ]
     assert main([*words, "-D", "scale=0.05", "--surface", str(exr.with_suffix(".vtp"))]) == 0
     assert exr.with_suffix(".vtp").is_file()
     return read_exr(exr)

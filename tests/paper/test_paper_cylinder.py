@@ -20,7 +20,7 @@ FULL_LENGTH_MM, RADIUS_MM = 170.0, 13.5
 
 @pytest.fixture(scope="module")
 def scene(variant: str) -> Scene:
-    return load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.25}, variant=variant)
+    return load_scene(folder_of("cylinder_paper") / "scene.xml", {"scale": 0.25}, variant=variant)
 
 
 @pytest.fixture(scope="module")

@@ -26,7 +26,7 @@ def test_index_matched_shells_of_the_real_scene_displace_nothing(tmp_path: Path)
     assert image.channels["displacement.norm"].max() <= 1e-9
     # Crossings: the real shells bend rays by micrometres, so nearly all meet the same triangles,
     # and there the index steps must add up, but for the ray that the ledger knows (1 of 289,111).
-    real = pose_image(load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.25}))
+    real = pose_image(load_scene(folder_of("cylinder_paper") / "scene.xml", {"scale": 0.25}))
     assert (real.status == Status.INDEX_MISMATCH).sum() <= 1
     crossings = (image.channels["path.crossings"], real.channels["path.crossings"])
     assert (crossings[0] != crossings[1])[hit].mean() < 1e-3

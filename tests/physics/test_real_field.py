@@ -85,7 +85,7 @@ def test_rays_that_run_down_along_the_plume_are_counted_right(
     One query in a few thousand found the neighbouring triangle from the wrong side (94 of 33,616
     hits at 80 degrees had index steps that do not add up).
     """
-    scene = load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.2})
+    scene = load_scene(folder_of("cylinder_paper") / "scene.xml", {"scale": 0.2})
     elevation = np.radians(elevation_deg)
     origin = (310 * np.cos(elevation), 0.0, 238.5 * np.sin(elevation))
     camera = scene.camera.at(look_at(origin, (0.0, 0.0, 0.0)))

@@ -32,7 +32,7 @@ BY_ERROR = Criteria(
 def swept(variant: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The bundled cylinder from seven places 15 degrees apart."""
     file = tmp_path_factory.mktemp("pairs") / "sweep.nc"
-    xml = folder_of("cylinder") / "scene.xml"
+    xml = folder_of("cylinder_paper") / "scene.xml"
     orbit = ["--azimuth=90", "--elevation=-45:45:7", "-D", "scale=0.12"]
     assert main(["sweep", str(xml), "-o", str(file), *orbit]) == 0
     return file
@@ -165,7 +165,7 @@ def test_a_search_never_returns_anything_worse(
     assert found.evaluations == len(seen) == 10
     assert (np.diff(seen) <= 0).all()
     assert found.best.score == min(seen) <= found.start.score
-    scene = load_scene(folder_of("cylinder") / "scene.xml")
+    scene = load_scene(folder_of("cylinder_paper") / "scene.xml")
     camera = swept_camera(dataset, 0)
     scan = measure(scene, *(camera.at(matrix) for matrix in found.best.matrices), system="fringe")
     (feature,) = scan.features(scene.part, [FeatureChoice("cylinder", "lateral")])

@@ -21,6 +21,7 @@ from iriftrace.project.run import do_steps
 from iriftrace.project.stamps import states_of
 from iriftrace.scenes import folder_of
 from iriftrace.tracing.load import load_scene
+from validation.oracles.html_page import read_page
 
 Printed = pytest.CaptureFixture[str]
 FILE = Path("iriftrace.toml")
@@ -93,7 +94,9 @@ def test_an_example_runs_at_once_and_decides_nothing(
     assert "accepted" not in said
     assert reasons() == {}
     page = Path("build/report/report.html")
-    assert "accepted" not in page.read_text(encoding="utf-8")
+    written = read_page(page).text
+    assert "Example air: from formulas, not of your hall, so nothing is decided." in written
+    assert "accepted" not in written
 
     def read(path: Path) -> str:
         raise AssertionError(f"{path} was read again")

@@ -108,7 +108,6 @@ def test_demo(run: Run, tmp_path: Path) -> None:
         r"coverage │ [\d.]+ ?% of the part's area seen \(faces hit",
         r"lateral [\d.]+ um, axial",
         r"50,225 launched",
-        r"out of focus \([\d.]+ % of",
         r"region lateral │ median [\d.]+ um",
         r"time │ load",
         r"geometric optics",
@@ -117,7 +116,7 @@ def test_demo(run: Run, tmp_path: Path) -> None:
         assert re.search(words, flat), words
     out = tmp_path / "out"
     names = {path.name for path in out.iterdir()}
-    pictures = {"cylinder.png", "cylinder_scene.png"}
+    pictures = {"cylinder.png", "cylinder_scene.png", "cylinder_rays.png"}
     assert names == {"scene", "cylinder.exr", "cylinder.json", *pictures}
     assert all(path.read_bytes()[:4] == b"\x89PNG" for path in out.glob("*.png"))
     run("render", out / "scene" / "scene.xml", "-D", "scale=0.1", "--no-figures")

@@ -3,6 +3,7 @@
 import json
 import math
 import shlex
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from iriftrace.cli import main
 from iriftrace.scenes import folder_of
 from iriftrace.tracing.load import load_scene
-from scenes.generators.bundled import FRINGE_SCENE, write_fringe
+from scenes.generators.bundled import FRINGE_SCENE, PAPER_SCENE, write_fringe, write_paper
 from validation.inputs import hot_block
 
 pytestmark = pytest.mark.usefixtures("variant")
@@ -100,9 +101,26 @@ def test_devices_out_of_focus_are_told_so(words: list[str], capsys: Printed) -> 
     assert "out of focus" in " ".join(capsys.readouterr().err.split())
 
 
-def test_the_script_writes_the_bundled_scene(tmp_path: Path) -> None:
-    written = write_fringe(tmp_path, folder_of("cylinder"))
-    assert written.read_text() == (folder_of(FRINGE_SCENE) / "scene.xml").read_text()
+@pytest.mark.parametrize(
+    ("write", "name"), [(write_fringe, FRINGE_SCENE), (write_paper, PAPER_SCENE)]
+)
+def test_the_script_writes_the_bundled_scene(
+    tmp_path: Path, write: Callable[[Path, Path], Path], name: str
+) -> None:
+    written = write(tmp_path, folder_of("cylinder"))
+    assert written.read_text() == (folder_of(name) / "scene.xml").read_text()
+
+
+def test_the_bundled_cylinder_is_whole_in_the_picture_and_in_focus() -> None:
+    """Every vertex, with room at each side; the paper's camera cuts its own view off."""
+    for name, whole in (("cylinder", True), (PAPER_SCENE, False)):
+        scene = load_scene(folder_of(name) / "scene.xml")
+        place = scene.camera.project(scene.part.vertices)
+        distance = np.linalg.norm(scene.camera.origin - scene.part.vertices, axis=1)
+        near, far = scene.camera.focus_mm
+        inside = ((place > 0) & (place < scene.camera.resolution)).all()
+        sharp = (near < distance).all() and (distance < far).all()
+        assert inside == sharp == whole
 
 
 @pytest.mark.usefixtures("no_driver")

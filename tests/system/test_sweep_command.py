@@ -64,7 +64,7 @@ def test_what_the_default_orbit_misses_is_said(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The part is 170 mm long; 150 mm off it, at 163.5 mm, the picture is 163.5 * 0.67 mm wide."""
-    scene, file = folder_of("cylinder") / "scene.xml", tmp_path / "a.nc"
+    scene, file = folder_of("cylinder_paper") / "scene.xml", tmp_path / "a.nc"
     words = ["sweep", str(scene), "-o", str(file), "--azimuth=90", "--elevation=0"]
     assert main([*words, "-D", "scale=0.03"]) == 0
     said = capsys.readouterr().out.splitlines()[0]

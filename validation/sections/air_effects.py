@@ -26,7 +26,7 @@ BOUND_PERCENT = 0.1
 def median_um(folder: Path, air: Air) -> float:
     """Median displacement in the bundled cylinder's pose, a quarter of the resolution."""
     cylinder = folder_of("cylinder")
-    camera = load_scene(cylinder / "scene.xml").camera
+    camera = load_scene(folder_of("cylinder_paper") / "scene.xml").camera
     shells = contour_shells(read_field(cylinder / "field.vtu", air=air))
     scene = write_scene(folder, read_part(cylinder / "part.ply"), shells, camera, paraview=False)
     metrics = render_scene(load_scene(scene, {"scale": 0.25})).metrics

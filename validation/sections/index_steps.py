@@ -55,7 +55,7 @@ def in_real_air() -> list[Line]:
     """Mean and median of the bundled pose with 13 shells, against 160."""
     folder = folder_of("cylinder")
     field = read_field(folder / "field.vtu")
-    camera = load_scene(folder / "scene.xml", {"scale": 0.25}).camera
+    camera = load_scene(folder_of("cylinder_paper") / "scene.xml", {"scale": 0.25}).camera
     part = read_part(folder / "part.ply")
     scene = Scene(part, HotAir(field), camera, variant=ensure())
     lines = []

@@ -52,7 +52,7 @@ def _lines(folder: Path) -> list[Line]:
 
     from iriftrace.plugins.kernels.vertex_table import aligned
 
-    scene = load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.25}, engine="shells")
+    scene = load_scene(folder_of("cylinder_paper") / "scene.xml", {"scale": 0.25}, engine="shells")
     camera: Camera = scene.camera
     sensor = scene.compiled.mitsuba_scene.sensors()[0]
     width, height = camera.resolution

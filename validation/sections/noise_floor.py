@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 import warnings
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.pose_image import pose_image
 from iriftrace.tracing.rays import trace_rays
 from iriftrace.tracing.scene import Scene
+from scenes.generators.bundled import paper_copied
 from validation.line import Line, Section
 from validation.oracles.numpy_tracer import numpy_tracer
 
@@ -28,8 +28,7 @@ EDGE_MM = 1e-4
 
 def matched_scene(folder: Path, scale: float) -> Scene:
     """The bundled cylinder with shells that have one index on both sides."""
-    shutil.copytree(folder_of("cylinder"), folder)
-    xml = folder / "scene.xml"
+    xml = paper_copied(folder)
     xml.write_text(
         re.sub(r'(ext_ior|int_ior)" value="[^"]*"', r'\1" value="1.0002"', xml.read_text())
     )
@@ -60,7 +59,7 @@ def matched(folder: Path) -> list[Line]:
 
 def oracle(rays: int = ORACLE_RAYS) -> list[Line]:
     """Random rays from all around, aimed at the part."""
-    xml = folder_of("cylinder") / "scene.xml"
+    xml = folder_of("cylinder_paper") / "scene.xml"
     scene = load_scene(xml, {"normals": "facet"}, engine="shells")
     random = np.random.default_rng(20251121)
     start = random.normal(size=(rays, 3))
@@ -98,7 +97,7 @@ def oracle(rays: int = ORACLE_RAYS) -> list[Line]:
 
 def sent_back() -> list[Line]:
     """Light takes the same path back."""
-    scene = load_scene(folder_of("cylinder") / "scene.xml", engine="shells")
+    scene = load_scene(folder_of("cylinder_paper") / "scene.xml", engine="shells")
     camera = np.array(CAMERA_MM)
     random = np.random.default_rng(7)
     aim = random.uniform(-1, 1, size=(REVERSED_RAYS, 3)) * (70, 9, 9)

@@ -342,6 +342,7 @@ class Correction:
             "cloud": {"frame": "cloud" if in_cloud_frame else "scene", "length_unit": unit},
         }
         if cloud is not None:
+            values["cloud"] |= {"saved": cloud.saved, **plain(cloud.origin or {})}
             values["points"] |= {"not_measured": int((~cloud.measured).sum())}
         return values
 
