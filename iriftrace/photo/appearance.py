@@ -62,17 +62,21 @@ class Appearance:
                 )
 
     def emissivities(
-        self, points: FloatArray, normals: FloatArray, cosine: FloatArray, blur: FloatArray
+        self, points: FloatArray, normals: FloatArray, cosine: FloatArray, footprint: FloatArray
     ) -> FloatArray:
         """Emissivities (n,) at points (n, 3), mm, with unit normals, seen at cosines (n,).
 
-        Edges of the print are blurred over widths (n,), mm.
+        Edges of the print are blurred over the footprint (2, n, 3), mm: how far the point moves
+        over a sample of the picture, to the right and down.
         """
         own = self.emissivity
         value = np.asarray(own(cosine)) if callable(own) else np.full(len(points), own)
         if self.printed is None:
             return value
-        rotation = self.to_world[:3, :3]
-        places = (points - self.to_world[:3, 3]) @ np.linalg.inv(rotation).T
-        ink = np.where(normals @ rotation[:, 2] > 0.0, self.printed.ink(places[:, :2], blur), 0.0)
+        # Not by BLAS, whose threads wait for cores that the tracer's own threads still hold.
+        to_print = np.linalg.inv(self.to_world[:3, :3])[:2]
+        places = np.einsum("ij,kj->ki", to_print, points - self.to_world[:3, 3])
+        blur = np.abs(np.einsum("ij,skj->ski", to_print, footprint)).sum(axis=0)
+        facing = np.einsum("ij,j->i", normals, self.to_world[:3, 2]) > 0.0
+        ink = np.where(facing, self.printed.ink(places, blur), 0.0)
         return value + ink * (self.ink_emissivity - value)

@@ -1,7 +1,7 @@
 """Prints on a surface: dots, a checkerboard or a bitmap, as the fraction of ink at a place.
 
 Places (n, 2), mm, are in the print's own frame, x to the right, y up, the origin in its middle.
-Edges are blurred over a width (n,), mm: the footprint of a sample of the picture.
+Edges are blurred over widths (n, 2), mm, across and up: the footprint of a sample of the picture.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Print(Protocol):
     """What is printed on a surface."""
 
     def ink(self, places: FloatArray, blur: FloatArray) -> FloatArray:
-        """Fraction of ink (n,), 0 to 1, at places (n, 2), mm, blurred over widths (n,), mm."""
+        """Fraction of ink (n,), 0 to 1, at places (n, 2), mm, blurred over widths (n, 2), mm."""
 
 
 @frozen(eq=False)
@@ -53,8 +53,12 @@ class Dots:
 
     def ink(self, places: FloatArray, blur: FloatArray) -> FloatArray:
         """Fraction of ink; see `Print`."""
-        distance, dot = self._tree.query(places)
-        return as_float64(_covered(0.5 * self.diameters[dot] - distance, blur))
+        blur = blur.mean(axis=1)
+        reach = 0.5 * self.diameters.max() + blur.max(initial=0.0)
+        distance, dot = self._tree.query(places, distance_upper_bound=reach)
+        # No dot is near where the distance is infinite.
+        radius = 0.5 * np.append(self.diameters, 0.0)[dot]
+        return as_float64(_covered(radius - distance, blur))
 
 
 @frozen
@@ -76,13 +80,14 @@ class Checkerboard:
     def ink(self, places: FloatArray, blur: FloatArray) -> FloatArray:
         """Fraction of ink; see `Print`."""
         colour, inside = np.ones(len(places)), np.ones(len(places))
-        for place, count in zip((places * (1.0, -1.0)).T, self.squares, strict=True):
+        axes = zip((places * (1.0, -1.0)).T, blur.T, self.squares, strict=True)
+        for place, width, count in axes:
             along = place / self.square_mm + 0.5 * count
             # Distance to the next line between squares: positive in the first, third ... square.
             within = np.clip(along, 0.5, count - 0.5)
             edge = 0.5 - np.abs((within + 0.5) % 2.0 - 1.0)
-            colour *= np.clip(2.0 * edge * self.square_mm / blur, -1.0, 1.0)
-            inside *= _covered((0.5 * count - np.abs(along - 0.5 * count)) * self.square_mm, blur)
+            colour *= np.clip(2.0 * edge * self.square_mm / width, -1.0, 1.0)
+            inside *= _covered((0.5 * count - np.abs(along - 0.5 * count)) * self.square_mm, width)
         return 0.5 * (1.0 + colour) * inside
 
 

@@ -21,7 +21,6 @@ from attrs import frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.mesh.triangles import row_lengths
 from iriftrace.measuring.two_devices.measure import CLEAR_MM
 from iriftrace.measuring.two_devices.two_points import lines_of_sight
 from iriftrace.photo.appearance import Appearance, planck
@@ -31,6 +30,9 @@ from iriftrace.tracing.scene import Scene
 
 Temperatures = Callable[[FloatArray], FloatArray]
 """From points (n, 3), mm, to temperatures (n,), K."""
+
+GRAZING = 1e-3
+"""Least cosine by which footprints are stretched."""
 
 
 @frozen(eq=False)
@@ -63,16 +65,16 @@ class Shading:
         if len(rows):
             places, ahead = ends.point[rows], np.ones(len(rows))
             # Bodies that only block the view have no normals here, and so no print.
-            emitted = self.blockers.emissivities(places, np.zeros((len(rows), 3)), ahead, ahead)
+            flat = np.zeros((len(rows), 3))
+            emitted = self.blockers.emissivities(places, flat, ahead, np.ones((2, len(rows), 3)))
             found[:, rows] = self._own(emitted, self.blockers_k, places)
         rows = np.flatnonzero((ends.face >= 0) & ~ends.lost)
         if not len(rows):
             return found
         points, normals = ends.point[rows], self._normals(ends, rows)
         cosine = -np.einsum("ij,ij->i", normals, ends.direction[rows])
-        distance = row_lengths(points - camera.origin)
-        blur = size_px * distance / np.sqrt(np.prod(camera.focal_px))
-        emitted = self.part.emissivities(points, normals, cosine, blur)
+        footprint = _footprint(camera, points, normals, ends.direction[rows]) * size_px
+        emitted = self.part.emissivities(points, normals, cosine, footprint)
         found[:, rows] = self._own(emitted, self.part_k, points)
         if self.patterns:
             places, lit = self.lit(points, normals)
@@ -133,3 +135,16 @@ class Shading:
         return places, irradiance
 
 
+
+
+def _footprint(
+    camera: Camera, points: FloatArray, normals: FloatArray, directions: FloatArray
+) -> FloatArray:
+    """How far points (n, 3) on faces move over a pixel to the right and down, (2, n, 3), mm."""
+    depth = camera.to_camera(points)[:, 2]
+    slope = np.minimum(np.einsum("ij,ij->i", normals, directions), -GRAZING)
+    moves = []
+    for axis, focal in zip(camera.matrix[:3, :2].T, camera.focal_px, strict=True):
+        along = np.einsum("ij,j->i", normals, axis) / slope
+        moves.append((axis - along[:, None] * directions) * (depth / focal)[:, None])
+    return np.array(moves)
