@@ -15,21 +15,17 @@ from iriftrace.cli.options import Output, Whole
 from iriftrace.cli.trace_options import Tracing, load
 from iriftrace.core.mesh.transform import parse_transform
 from iriftrace.core.units import Length
-from iriftrace.photo.appearance import Appearance
+from iriftrace.photo.appearance import EMISSIVITY, Appearance
 from iriftrace.photo.image_sensor import ImageSensor
 from iriftrace.photo.light import Light, LightKind
-from iriftrace.photo.photograph import AMBIENT, SAMPLES, AirOfPicture
+from iriftrace.photo.photograph import AMBIENT, SAMPLES, USUAL_SENSOR, AirOfPicture
 from iriftrace.photo.photograph import photograph as take
 from iriftrace.photo.prints import read_print
 from iriftrace.tracing.options import TRACE_AS_STATED
 
 LIGHT = Light()
-SENSOR = ImageSensor()
-SURFACE = Appearance()
 
-Lamp = Annotated[
-    Light, group(Light, "Light of the second device", 2, kind=Parameter(parse=False))
-]
+Lamp = Annotated[Light, group(Light, "Light of the second device", 2, kind=Parameter(parse=False))]
 Chip = Annotated[ImageSensor, group(ImageSensor, "Lens and image sensor", 3)]
 
 
@@ -39,7 +35,7 @@ def photograph(
     output: Output = Path("photograph/image.tiff"),
     air: AirOfPicture = "hot",
     temperature: list[str] | None = None,
-    emissivity: float = float(SURFACE.emissivity),  # type: ignore[arg-type]
+    emissivity: float = EMISSIVITY,
     blocker_temperature: str | None = None,
     printed: Annotated[str | None, Parameter(name="--print")] = None,
     print_width: Length | None = None,
@@ -47,7 +43,7 @@ def photograph(
     ambient: float = AMBIENT,
     light: LightKind | None = None,
     lamp: Lamp = LIGHT,
-    sensor: Chip = SENSOR,
+    sensor: Chip = USUAL_SENSOR,
     samples: Whole = SAMPLES,
     seed: Whole = 0,
     noise: bool = True,
@@ -58,7 +54,7 @@ def photograph(
     Writes 16-bit TIFF, truth.exr (where each pixel's point is, its shift, and the place in the
     second device's picture that lights it) and README.md with the numbers into the output's folder.
 
-    Example: ``iriftrace photograph scene/scene.xml -o picture/image.tiff --temperature "1100 degC"``
+    Example: ``iriftrace photograph scene.xml -o photo/image.tiff --temperature "1100 degC"``
 
     Parameters
     ----------
@@ -97,12 +93,11 @@ def photograph(
     """
     checks.scenes(scene)
     checks.output(output, "image.tiff", ".tif", make=True)
-    part = Appearance(
-        emissivity,
-        temperature,
-        None if printed is None else read_print(printed, print_width),
-        **({} if print_to_world is None else {"to_world": parse_transform(print_to_world)}),
-    )
+    part = Appearance(emissivity, temperature)
+    if printed is not None:
+        part = evolve(part, printed=read_print(printed, print_width))
+    if print_to_world is not None:
+        part = evolve(part, to_world=parse_transform(print_to_world))
     loaded = load(scene, trace)
     with working("Taking the picture"):
         found = take(

@@ -83,5 +83,9 @@ def _text(files: Mapping[str, str], truth: AovImage, numbers: JsonObject) -> str
     ]
     for key, value in numbers.items():
         pairs = value.items() if isinstance(value, dict) else [("", value)]
-        lines += [f"| {key} {name} | {each} |".replace("  ", " ") for name, each in pairs]
+        lines += [f"| {f'{key} {name}'.strip()} | {_shown(each)} |" for name, each in pairs]
     return "\n".join([*lines, ""])
+
+
+def _shown(value: object) -> str:
+    return ", ".join(map(_shown, value)) if isinstance(value, list) else str(value)

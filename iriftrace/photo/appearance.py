@@ -14,6 +14,9 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.mesh.transform import checked_matrix
 from iriftrace.photo.prints import Print
 
+EMISSIVITY = 0.8
+"""Of oxidised steel, as most that is forged or hardened."""
+
 
 def planck(wavelength_nm: float, kelvin: ArrayLike) -> FloatArray:
     """Spectral radiance of a black body, W/(m^2 sr nm), at temperatures (n,), K (Planck 1901)."""
@@ -45,7 +48,7 @@ class Appearance:
     """
 
     emissivity: float | Callable[[FloatArray], FloatArray] = field(
-        default=0.8, converter=_as_emissivity
+        default=EMISSIVITY, converter=_as_emissivity
     )
     temperature: str | float | Sequence[str] | None = None
     printed: Print | None = None
@@ -70,13 +73,13 @@ class Appearance:
         over a sample of the picture, to the right and down.
         """
         own = self.emissivity
-        value = np.asarray(own(cosine)) if callable(own) else np.full(len(points), own)
+        value = np.array(own(cosine)) if callable(own) else np.full(len(points), own)
         if self.printed is None:
             return value
         # Not by BLAS, whose threads wait for cores that the tracer's own threads still hold.
+        rows = np.flatnonzero(np.einsum("ij,j->i", normals, self.to_world[:3, 2]) > 0.0)
         to_print = np.linalg.inv(self.to_world[:3, :3])[:2]
-        places = np.einsum("ij,kj->ki", to_print, points - self.to_world[:3, 3])
-        blur = np.abs(np.einsum("ij,skj->ski", to_print, footprint)).sum(axis=0)
-        facing = np.einsum("ij,j->i", normals, self.to_world[:3, 2]) > 0.0
-        ink = np.where(facing, self.printed.ink(places, blur), 0.0)
-        return value + ink * (self.ink_emissivity - value)
+        places = np.einsum("ij,kj->ki", to_print, points[rows] - self.to_world[:3, 3])
+        blur = np.abs(np.einsum("ij,skj->ski", to_print, footprint[:, rows])).sum(axis=0)
+        value[rows] += self.printed.ink(places, blur) * (self.ink_emissivity - value[rows])
+        return value

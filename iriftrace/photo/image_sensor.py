@@ -8,7 +8,7 @@ from attrs.converters import optional as if_given
 from numpy.typing import NDArray
 from scipy.constants import c, h
 
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import FloatArray, as_float64
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import Duration, FNumber, Wavelength
 
@@ -32,7 +32,8 @@ class ImageSensor:
     Parameters
     ----------
     exposure
-        Exposure time, "5 ms"; by default that at which the brightest pixels fill 80 % of the full well.
+        Exposure time, "5 ms"; by default that at which the brightest pixels fill 80 % of the full
+        well.
     f_number
         Of the lens, "f/8", which images without vignetting and blur.
     bandwidth
@@ -78,7 +79,7 @@ class ImageSensor:
         """Photoelectrons per second in pixels of an area, from their radiance, W/(m^2 sr nm)."""
         irradiance = radiance * self.bandwidth * np.pi / (4.0 * self.f_number**2)
         photons = irradiance * 1e-6 * area_mm2 * 1e-9 * wavelength_nm / (h * c)
-        return self.quantum_efficiency * photons
+        return as_float64(self.quantum_efficiency * photons)
 
     def exposure_for(self, rates: list[FloatArray]) -> float:
         """The exposure time, s, of pictures with these electrons per second, the same for all."""

@@ -71,8 +71,8 @@ class Light:
         def shifted(step: int) -> Pattern:
             # Fringes begin at the first pixel's outer edge.
             turns = 0.5 / period - step / self.steps
-            return lambda places: 0.5 + 0.5 * np.cos(
-                2.0 * np.pi * (places[:, axis] / period + turns)
+            return lambda places: (
+                0.5 + 0.5 * np.cos(2.0 * np.pi * (places[:, axis] / period + turns))
             )
 
         def bit(number: int) -> Pattern:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator
 from math import ceil
 from pathlib import Path
 from typing import Literal
@@ -38,6 +38,8 @@ AMBIENT = 0.05
 """Diffuse light of a room, W/(m^2 nm)."""
 
 SAMPLES = 3
+
+GREY, USUAL_SENSOR = Appearance(), ImageSensor()
 
 RAYS = 1 << 19
 """Rays that are traced at once."""
@@ -93,11 +95,11 @@ def photograph(
     scene: Scene,
     *,
     air: AirOfPicture = "hot",
-    part: Appearance = Appearance(),
-    blockers: Appearance = Appearance(),
+    part: Appearance = GREY,
+    blockers: Appearance = GREY,
     light: Light | None = None,
     ambient: float = AMBIENT,
-    sensor: ImageSensor = ImageSensor(),
+    sensor: ImageSensor = USUAL_SENSOR,
     samples: int = SAMPLES,
     seed: int | None = 0,
 ) -> Photograph:
@@ -147,34 +149,34 @@ def photograph(
     loaded = ready_scene(scene)
     wavelength_nm = _checked(loaded, air, light, samples)
     camera, second = loaded.camera, loaded.second
-    lit = second is not None and light is not None
-    chosen = choose(loaded, camera, *([second] if lit else [])).scene
-    patterns = light.patterns(second) if second is not None and light is not None else {"": None}
-    rates: dict[str, FloatArray] = {}
+    patterns = {} if light is None or second is None else light.patterns(second)
+    devices = [camera, second] if patterns else [camera]
+    chosen = loaded if air == "cold" else choose(loaded, *devices).scene
     truth = pose_image(chosen)
     shift_px = max(float(np.abs(truth.channels[f"shift.px.{axis}"]).max()) for axis in "XY")
     seen = _seen(chosen, shift_px)
+    rates: dict[str, FloatArray] = {}
+
+    def shading(one: Scene, state: str) -> Shading:
+        return Shading(
+            scene=one,
+            bent=state == "hot",
+            wavelength_nm=wavelength_nm,
+            part=part,
+            blockers=blockers,
+            part_k=_temperatures(one, one.part, part, state),
+            blockers_k=_temperatures(one, (*one.blockers, one.part)[0], blockers, state),
+            ambient=ambient,
+            irradiance=0.0 if light is None else light.irradiance,
+            patterns=list(patterns.values()),
+        )
+
     for state in ("hot", "cold") if air == "both" else (air,):
-        radiance, places = 0.0, 0.0
-        for weight, one in _fields(chosen, state):
-            shading = Shading(
-                scene=one,
-                bent=state == "hot",
-                wavelength_nm=wavelength_nm,
-                part=part,
-                blockers=blockers,
-                part_k=_temperatures(one, one.part, part, state),
-                blockers_k=_temperatures(one, (*one.blockers, one.part)[0], blockers, state),
-                ambient=ambient,
-                irradiance=0.0 if light is None else light.irradiance,
-                patterns=[pattern for pattern in patterns.values() if pattern is not None],
-            )
-            radiance = radiance + weight * _picture(shading, camera, seen, samples)
-            if lit:
-                places = places + weight * shading.places(camera)
-        if lit:
+        fields = ((weight, shading(one, state)) for weight, one in _fields(chosen, state))
+        radiance, places = _exposed(fields, camera, seen, samples)
+        if patterns:
             truth = _with_places(truth, state, places)
-        for name, plane in zip(patterns, radiance, strict=True):
+        for name, plane in zip(patterns or [""], radiance, strict=True):
             rate = sensor.electrons(plane, camera.pixel_area_mm2, wavelength_nm)
             rates["_".join(filter(None, (state, name)))] = rate
     exposure = sensor.exposure_for(list(rates.values()))
@@ -183,7 +185,7 @@ def photograph(
     numbers = {
         "air": air,
         "wavelength_nm": wavelength_nm,
-        "light": None if light is None else asdict(light),
+        "light": "dark" if light is None else asdict(light),
         "ambient_irradiance": ambient,
         "part": _described(part),
         "blockers": _described(blockers),
@@ -275,6 +277,20 @@ def _seen(scene: Scene, shift_px: float) -> IntArray:
     return np.flatnonzero(binary_dilation(mask, around))
 
 
+def _exposed(
+    fields: Iterable[tuple[float, Shading]], camera: Camera, seen: IntArray, samples: int
+) -> tuple[FloatArray, FloatArray]:
+    """Weighted means of the radiance, (pictures, h, w), and of the places that light pixels."""
+    radiance, places, dark = np.zeros(()), np.zeros(()), np.zeros((), dtype=bool)
+    for weight, shading in fields:
+        radiance = radiance + weight * _picture(shading, camera, seen, samples)
+        if shading.patterns:
+            lit_from = shading.places(camera)
+            dark = dark | (lit_from == -1.0)
+            places = places + weight * lit_from
+    return radiance, np.where(dark, -1.0, places)
+
+
 def _picture(shading: Shading, camera: Camera, seen: IntArray, samples: int) -> FloatArray:
     """Radiance of a camera's pixels in each picture, (pictures, h, w) array."""
     width, height = camera.resolution
@@ -300,10 +316,14 @@ def _with_places(truth: AovImage, state: str, places: FloatArray) -> AovImage:
 def _described(appearance: Appearance) -> JsonObject:
     """An appearance as plain JSON values."""
     own, printed = appearance.emissivity, appearance.printed
-    return {
+    found = {
         "emissivity": "a function of the angle" if callable(own) else own,
-        "temperature": appearance.temperature,
-        "printed": None if printed is None else type(printed).__name__,
-        "ink_emissivity": appearance.ink_emissivity,
-        "print_to_world": appearance.to_world.tolist(),
+        "temperature": appearance.temperature or "does not glow",
     }
+    if printed is not None:
+        found |= {
+            "printed": type(printed).__name__,
+            "ink_emissivity": appearance.ink_emissivity,
+            "print_to_world": appearance.to_world.tolist(),
+        }
+    return found

@@ -20,7 +20,7 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.camera.camera import Camera
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.measuring.two_devices.measure import CLEAR_MM
 from iriftrace.measuring.two_devices.two_points import lines_of_sight
 from iriftrace.photo.appearance import Appearance, planck
@@ -92,11 +92,11 @@ class Shading:
             own += emissivity * planck(self.wavelength_nm, kelvin(points))
         return own
 
-    def _normals(self, ends: RayEnds, rows: FloatArray) -> FloatArray:
+    def _normals(self, ends: RayEnds, rows: IntArray) -> FloatArray:
         """Unit normals (m, 3) of the hits of rays (m,), on the camera's side."""
         normals = self.scene.part.face_normals[ends.face[rows]]
         seen_from_behind = np.einsum("ij,ij->i", normals, ends.direction[rows]) > 0.0
-        return np.where(seen_from_behind[:, None], -normals, normals)
+        return as_float64(np.where(seen_from_behind[:, None], -normals, normals))
 
     def places(self, camera: Camera) -> FloatArray:
         """Places in the second device's picture, (h, w, 2), px, that light a camera's pixels.
@@ -133,8 +133,6 @@ class Shading:
         middle = device.to_camera(self.scene.part.centre[None])[0, 2]
         irradiance[rows] = self.irradiance * middle**2 * facing[rows] / depth**3
         return places, irradiance
-
-
 
 
 def _footprint(

@@ -215,7 +215,10 @@ def refracted_hits(
             hit = straight_hits(prepared, start, heading, coherent=True)
             outcome, row, ahead = hit.outcome, hit.face, heading
             place = start + heading * dr.select(dr.isfinite(hit.distance), hit.distance, 0)
-            crossings, lost = dr.zeros(mi.UInt32, len(directions)), dr.zeros(mi.Bool, len(directions))
+            crossings, lost = (
+                dr.zeros(mi.UInt32, len(directions)),
+                dr.zeros(mi.Bool, len(directions)),
+            )
         dr.eval(place, ahead, outcome, row, crossings, lost)
         face = np.array(row, dtype=np.int64) - prepared.tables.part_first_face
         ended = np.array(outcome)
