@@ -6,7 +6,8 @@ import time
 from statistics import median
 
 from iriftrace.photo.light import Light
-from iriftrace.photo.photograph import SAMPLES, photograph
+from iriftrace.photo.options import SAMPLES
+from iriftrace.photo.photograph import photograph
 from iriftrace.tracing.render import render_scene
 from iriftrace.tracing.scene import Scene
 

@@ -13,14 +13,10 @@ from iriftrace.cli.console import say, working
 from iriftrace.cli.groups import group
 from iriftrace.cli.options import Output, Whole
 from iriftrace.cli.trace_options import Tracing, load
-from iriftrace.core.mesh.transform import parse_transform
 from iriftrace.core.units import Length
-from iriftrace.photo.appearance import EMISSIVITY, Appearance
-from iriftrace.photo.image_sensor import ImageSensor
+from iriftrace.photo.image_sensor import USUAL_SENSOR, ImageSensor
 from iriftrace.photo.light import Light, LightKind
-from iriftrace.photo.photograph import AMBIENT, SAMPLES, USUAL_SENSOR, AirOfPicture
-from iriftrace.photo.photograph import photograph as take
-from iriftrace.photo.prints import read_print
+from iriftrace.photo.options import AMBIENT, EMISSIVITY, HOT, SAMPLES, AirOfPicture
 from iriftrace.tracing.options import TRACE_AS_STATED
 
 LIGHT = Light()
@@ -33,7 +29,7 @@ def photograph(
     scene: Path,
     *,
     output: Output = Path("photograph/image.tiff"),
-    air: AirOfPicture = "hot",
+    air: AirOfPicture = HOT,
     temperature: list[str] | None = None,
     emissivity: float = EMISSIVITY,
     blocker_temperature: str | None = None,
@@ -91,6 +87,11 @@ def photograph(
     noise
         Shot and read noise.
     """
+    from iriftrace.core.mesh.transform import parse_transform
+    from iriftrace.photo.appearance import Appearance
+    from iriftrace.photo.photograph import photograph as take
+    from iriftrace.photo.prints import read_print
+
     checks.scenes(scene)
     checks.output(output, "image.tiff", ".tif", make=True)
     part = Appearance(emissivity, temperature)

@@ -12,10 +12,8 @@ from scipy.constants import c, h, k
 from iriftrace.core.arrays import FloatArray, as_float64
 from iriftrace.core.errors import InputError
 from iriftrace.core.mesh.transform import checked_matrix
+from iriftrace.photo.options import EMISSIVITY
 from iriftrace.photo.prints import Print
-
-EMISSIVITY = 0.8
-"""Of oxidised steel, as most that is forged or hardened."""
 
 
 def planck(wavelength_nm: float, kelvin: ArrayLike) -> FloatArray:

@@ -107,3 +107,6 @@ class ImageSensor:
             read = read + generator.normal(0.0, self.dark_noise, read.shape)
         values = np.rint(self.gain * read + self.offset)
         return np.clip(values, 0, WHITE).astype(np.uint16)
+
+
+USUAL_SENSOR = ImageSensor()

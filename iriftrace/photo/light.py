@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import ceil, log2
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from attrs import frozen
 
-from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
+
+if TYPE_CHECKING:
+    from iriftrace.camera.camera import Camera
 
 LightKind = Literal["uniform", "fringes", "laser"]
 Lines = Literal["columns", "rows"]

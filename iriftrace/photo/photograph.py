@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from math import ceil
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from attrs import asdict, evolve, frozen
@@ -24,22 +23,16 @@ from iriftrace.io.photographs import write_photographs
 from iriftrace.part.hot_temperature import HotTemperatures
 from iriftrace.part.part import Part
 from iriftrace.photo.appearance import Appearance
-from iriftrace.photo.image_sensor import ImageSensor
+from iriftrace.photo.image_sensor import USUAL_SENSOR, ImageSensor
 from iriftrace.photo.light import Light
+from iriftrace.photo.options import AMBIENT, HOT, SAMPLES, AirOfPicture
 from iriftrace.photo.shading import Shading, Temperatures
 from iriftrace.tracing.engine import choose
 from iriftrace.tracing.pose_image import pose_image
 from iriftrace.tracing.rays import refracted_hits
 from iriftrace.tracing.scene import Scene, ready_scene
 
-AirOfPicture = Literal["hot", "cold", "both"]
-
-AMBIENT = 0.05
-"""Diffuse light of a room, W/(m^2 nm)."""
-
-SAMPLES = 3
-
-GREY, USUAL_SENSOR = Appearance(), ImageSensor()
+GREY = Appearance()
 
 RAYS = 1 << 19
 """Rays that are traced at once."""
@@ -94,7 +87,7 @@ class Photograph:
 def photograph(
     scene: Scene,
     *,
-    air: AirOfPicture = "hot",
+    air: AirOfPicture = HOT,
     part: Appearance = GREY,
     blockers: Appearance = GREY,
     light: Light | None = None,
