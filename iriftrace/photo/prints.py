@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import FloatArray, as_float64
 from iriftrace.core.errors import InputError
+from iriftrace.core.files import text_in
 from iriftrace.io.refusals import check_exists, damaged
 from iriftrace.part.board import COLUMNS, Board
 
@@ -125,8 +126,13 @@ def read_print(text: str, width_mm: float | None = None) -> Print:
     if path.suffix.lower() == ".csv":
         check_exists(path, "give the table that `iriftrace part board` wrote")
         try:
-            table = np.loadtxt(path, delimiter=",", skiprows=1, usecols=(2, 3, 4), ndmin=2)
-        except (ValueError, UnicodeDecodeError) as error:
+            lines = filter(str.strip, text_in(path).splitlines()[1:])
+            table = np.array([line.split(",")[2:5] for line in lines], dtype=np.float64)
+            if not (
+                table.shape[1:] == (3,) and np.isfinite(table).all() and (table[:, 2] > 0.0).all()
+            ):
+                raise ValueError("it has no dots, or some without place or diameter")
+        except (ValueError, OverflowError) as error:
             raise damaged(path, error, f"its columns are {', '.join(COLUMNS)}") from error
         return Dots(table[:, :2], table[:, 2])
     if width_mm is None or not width_mm > 0.0:
@@ -145,7 +151,7 @@ def read_print(text: str, width_mm: float | None = None) -> Print:
     try:
         with Image.open(path) as picture:
             values = np.asarray(picture if picture.mode.startswith("I") else picture.convert("L"))
-    except (OSError, ValueError) as error:
+    except Exception as error:  # Pillow lets any through
         raise damaged(path, error, "give a .png or .tiff") from error
     return Bitmap(values / np.iinfo(values.dtype).max, width_mm)
 
