@@ -18,7 +18,7 @@ from iriftrace.core.blocks import blocks
 from iriftrace.core.errors import InputError
 from iriftrace.core.html import html_table
 from iriftrace.core.plain import JsonObject
-from iriftrace.image.aov_image import AovImage
+from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.io.photographs import write_photographs
 from iriftrace.part.hot_temperature import HotTemperatures
 from iriftrace.part.part import Part
@@ -28,6 +28,7 @@ from iriftrace.photo.light import Light
 from iriftrace.photo.options import AMBIENT, HOT, SAMPLES, AirOfPicture
 from iriftrace.photo.shading import Shading, Temperatures
 from iriftrace.tracing.engine import choose
+from iriftrace.tracing.lost import warn_of_lost_points
 from iriftrace.tracing.pose_image import pose_image
 from iriftrace.tracing.rays import refracted_hits
 from iriftrace.tracing.scene import Scene, ready_scene
@@ -137,7 +138,7 @@ def photograph(
     Warns
     -----
     IriftraceWarning
-        As :func:`iriftrace.tracing.engine.choose`.
+        As :func:`iriftrace.tracing.engine.choose`; or rays are lost, which leaves pixels dark.
     """
     loaded = ready_scene(scene)
     wavelength_nm = _checked(loaded, air, light, samples)
@@ -148,6 +149,10 @@ def photograph(
     truth = pose_image(chosen)
     shift_px = max(float(np.abs(truth.channels[f"shift.px.{axis}"]).max()) for axis in "XY")
     seen = _seen(chosen, shift_px)
+    if air != "cold":
+        lost = np.isin(truth.channels["status.code"], [code for code in Status if code.lost])
+        hit = np.count_nonzero(truth.channels["part.face"])
+        warn_of_lost_points(int(lost.sum()), hit, "are dark in the picture")
     rates: dict[str, FloatArray] = {}
 
     def shading(one: Scene, state: str) -> Shading:
