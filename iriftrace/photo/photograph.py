@@ -151,7 +151,7 @@ def photograph(
     seen = _seen(chosen, shift_px)
     if air != "cold":
         lost = np.isin(truth.channels["status.code"], [code for code in Status if code.lost])
-        hit = np.count_nonzero(truth.channels["part.face"])
+        hit = int(np.count_nonzero(truth.channels["part.face"]))
         warn_of_lost_points(int(lost.sum()), hit, "are dark in the picture")
     rates: dict[str, FloatArray] = {}
 
