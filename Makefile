@@ -6,7 +6,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help demo test test-all lint docs bench bench-gpu bench-scaling accuracy validation statements attack clean llvm openfoam
+.PHONY: help demo test test-all lint docs dist bench bench-gpu bench-scaling accuracy validation statements attack clean llvm openfoam
 .DEFAULT_GOAL := help
 
 help:
@@ -15,6 +15,7 @@ help:
 	@echo 'make test-all  run all tests: OpenFOAM, the accuracy page, killed sweeps, fine fields'
 	@echo 'make lint    check format, style, the direction of imports and types'
 	@echo 'make docs    build the site into docs/_build/html; executes the gallery'
+	@echo 'make dist    build the wheel and the source archive of the last commit into dist/'
 	@echo 'make bench   print the speed ratios'
 	@echo 'make bench-gpu  print the times of poses on a CUDA device, as a table to send in'
 	@echo 'make bench-scaling  draw the time over rays, triangles and cells: docs/scaling.png'
@@ -59,6 +60,19 @@ lint: $(VENV)/installed-dev
 
 docs: $(VENV)/installed-dev $(VENV)/drawing llvm
 	$(BIN)/python -m sphinx --builder html --fail-on-warning --keep-going --quiet docs docs/_build/html
+
+# From the last commit alone, so that no other file of this folder gets in, and with its time, one owner
+# and one mode in both archives: the same commit and setuptools give the same bytes. GNU tar sorts.
+dist: $(VENV)/installed-dev
+	rm -rf build/dist dist
+	mkdir -p build/dist
+	umask 022 && git archive HEAD | tar -x --no-same-permissions -C build/dist
+	umask 022 && export SOURCE_DATE_EPOCH=$$(git log -1 --format=%ct) && \
+	    $(BIN)/python -m build --quiet --outdir dist build/dist && cd dist && for sdist in *.tar.gz; do \
+	        tar -xzf $$sdist && tar --sort=name --mtime=@$$SOURCE_DATE_EPOCH --owner=0 --group=0 \
+	            --numeric-owner -c $${sdist%.tar.gz} | gzip -9n >$$sdist.new && \
+	        mv $$sdist.new $$sdist && rm -r $${sdist%.tar.gz}; done
+	$(BIN)/python -m twine check --strict dist/*
 
 bench: $(VENV)/installed llvm
 	$(BIN)/python -m bench
@@ -109,7 +123,8 @@ WORKS = $(BIN)/python -c 'from iriftrace.core.runtime.variant import ensure; ens
 llvm: $(VENV)/installed
 	@$(WORKS) 2>/dev/null || { \
 	    [ -z "$$DRJIT_LIBLLVM_PATH" ] && $(WORKS) 2>&1 | grep -q 'apt-get install' && \
-	    $(call apt_install,libllvm19 libatomic1) && $(WORKS) 2>/dev/null; \
+	    { $(call apt_install,libllvm19 libatomic1) || $(call apt_install,llvm libatomic1); } && \
+	    $(WORKS) 2>/dev/null; \
 	} || { $(WORKS) 2>&1 | tail -n 1 | sed 's/^iriftrace.core.errors.SetupError: //' >&2; exit 1; }
 
 # VTK draws the 3-D picture; without a driver there is none, and the rest goes on.

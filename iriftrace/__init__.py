@@ -10,6 +10,8 @@ from typing import Any
 
 import lazy_loader
 
+from iriftrace.core.html import draw_with
+
 _attribute, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 __all__ += ["__version__"]
 
@@ -21,3 +23,14 @@ def __getattr__(name: str) -> Any:
 
         return version("iriftrace")
     return _attribute(name)
+
+
+def _framed(value: object, numbers: dict[str, Any] | None) -> str:
+    """The page of a value for notebooks."""
+    from iriftrace.figures.page import frame
+    from iriftrace.figures.pictures import picture_of
+
+    return frame(picture_of(value, numbers))
+
+
+draw_with(_framed)

@@ -13,6 +13,8 @@ from pathlib import Path
 from iriftrace.core.errors import InputError, IriftraceError
 from iriftrace.core.runtime import variant as runtime
 
+_LEAST_THREADS = 2
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Render scenes by their own integrators; a wrong one ends the program with status 2."""
@@ -68,6 +70,12 @@ def _render(scene: Path, given: argparse.Namespace) -> None:
         raise InputError(
             f"There is no sensor {given.sensor}, as {scene} has {len(sensors)}; count from 0.",
             code="scene.no_sensor",
+        )
+    if dr.thread_count() < _LEAST_THREADS:
+        raise InputError(
+            "Mitsuba's writer of EXR files waits for ever with fewer than two threads; give 2 or "
+            "more.",
+            code="scene.few_threads",
         )
     loaded.integrator().render(loaded, sensors[given.sensor], develop=False)
     sensors[given.sensor].film().write(str(given.output or scene.with_suffix(".exr")))

@@ -53,8 +53,9 @@ def fit(
         Or temperatures in the air: .csv with the columns x,
         y, z (mm), T (K) or T (degC), and U, their expanded uncertainty, if it is known.
     output
-        XML file of the weighted scene, in a folder of its own; the fit's numbers (fit.json) go
-        next to it.
+        XML file of the weighted scene, in a folder of its own; the fit's numbers (fit.json), and
+        what it leaves of the shift of each dot (fit.vtp, fit_2.vtp of a second view ...), go next
+        to it.
     view
         Scene and shifts of a further board or camera in the same air, with the same members
         (--view BOARD_2 SHIFTS_2); repeatable. One view hardly sees how far a plume leans along its
@@ -102,9 +103,14 @@ def fit(
         )
     if of_board:
         say("The board's first blocker, the hot part, is the part of the fitted scene.")
-    numbers = output.with_name("fit.json")
-    write_json(numbers, found.as_dict())
-    say(f"Files: {output} with {len(listed)} members, {numbers}")
+    numbers, values = output.with_name("fit.json"), found.as_dict()
+    write_json(numbers, values)
+    files = [numbers]
+    for place, dots in enumerate(filter(None, (one.dots for one in found.views)), start=1):
+        cloud = output.with_name("fit.vtp" if place == 1 else f"fit_{place}.vtp")
+        files += dots.save(cloud, values)
+    listing = ", ".join(dict.fromkeys(map(str, files)))
+    say(f"Files: {output} with {len(listed)} members, {listing}")
     say(f"Correct a cloud with it:  {command_line('correct', 'CLOUD', output)}")
 
 

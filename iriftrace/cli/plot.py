@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     import pyvista as pv
 
     from iriftrace.core.plain import JsonObject
-    from iriftrace.medium.source import FieldSource
 
 _MESHES = (".ply", ".stl", ".obj", ".glb", ".gltf", ".off")
 _OTHER_CLOUDS = (".asc", ".xyz", ".pts", ".pcd", ".e57")
@@ -87,36 +86,39 @@ def plot(
     say(f"Pictures in {output}: {', '.join(path.name for path in pictures)}")
 
 
-def view(file: Path, *, picture: Path | None = None, length_unit: str | None = None) -> None:
-    """Show a scene, a result, a field or a part in an interactive window.
+def view(file: Path, *, output: Output | None = None, length_unit: str | None = None) -> None:
+    """Show a scene, a result, a field or a part in a window, on a page or as an image.
 
-    Example: ``iriftrace view scene.xml``
+    Example: ``iriftrace view scene.xml -o view.html``
 
     Parameters
     ----------
     file
-        A scene (.xml) with part, shells cut open and devices; a pose (.exr) with its hits, coloured
-        by displacement; a sweep (.nc) with its cameras, coloured by score; a cloud (.vtp, .ply)
-        that ``measure``, ``correct`` or ``render --surface`` wrote, coloured by the error; a field
-        (.vtu ...), cut open; a part (.ply .stl .obj .glb) with its regions.
-    picture
-        Draw without a window into this PNG.
+        A scene (.xml) with part, shells cut open, devices and rays; a pose (.exr) with its hits,
+        coloured by displacement; a sweep (.nc) with its cameras, coloured by score; a cloud (.vtp,
+        .ply) that ``measure``, ``correct``, ``fit`` or ``render --surface`` wrote, coloured by the
+        error; the derivatives (.vtu) that ``sensitivity`` wrote; a field (.vtu ...), cut open; a
+        part (.ply .stl .obj .glb) with its regions.
+    output
+        Write a page (.html) that any browser turns offline, or an image (.png); by default a window
+        opens.
     length_unit
         Unit of a part's coordinates; by default the unit that the file states (glTF: m), else mm.
     """
     from iriftrace.figures.window import view as show
 
-    checks.output(picture, "view.png")
+    checks.output(output, "view.html", ".png")
     checks.inputs(file)
     with working("Reading"):
-        shown, source = _shown(file, length_unit)
-    show(shown, picture, source=source, title=f"iriftrace: {file}")
-    if picture is not None:
-        say(f"Picture: {picture}")
+        shown, numbers = read_shown(file, length_unit)
+    with working("Drawing"):
+        show(shown, output, numbers=numbers, title=f"iriftrace: {file}")
+    if output is not None:
+        say(f"{'Image' if output.suffix.lower() == '.png' else 'Page'}: {output}")
 
 
-def _shown(file: Path, length_unit: str | None) -> tuple[Any, FieldSource | None]:
-    """What a file holds, and the source of its field if it is a cloud."""
+def read_shown(file: Path, length_unit: str | None = None) -> tuple[Any, JsonObject | None]:
+    """What a file holds, and the numbers next to it if it is a cloud."""
     if not file.exists():
         raise InputError(f"There is no file {file}; give an existing one.", code="file.missing")
     suffix = file.suffix.lower()
@@ -134,7 +136,7 @@ def _shown(file: Path, length_unit: str | None) -> tuple[Any, FieldSource | None
         )
     cloud = _cloud(file) if suffix in (".vtp", ".ply") else None
     if cloud is not None:
-        return cloud, _source_beside(file)
+        return cloud, _numbers_beside(file)
     if suffix in _MESHES:
         from iriftrace.io.part_files import read_part
 
@@ -147,6 +149,16 @@ def _shown(file: Path, length_unit: str | None) -> tuple[Any, FieldSource | None
         from iriftrace.figures.result import read_result
 
         return read_result(file), None
+    numbers = _numbers_beside(file)
+    if str((numbers or {}).get("schema")).startswith("iriftrace.sensitivity/"):
+        import pyvista as pv
+
+        from iriftrace.io.vtk_check import read_file
+
+        grid = pv.wrap(read_file(file))
+        points = pv.PolyData(grid.points)
+        points.point_data.update(grid.point_data)
+        return points, numbers
     from iriftrace.io.field import read_field
 
     return read_field(file), None
@@ -171,15 +183,13 @@ def _cloud(file: Path) -> pv.PolyData | None:
     return points
 
 
-def _source_beside(cloud: Path) -> FieldSource | None:
-    """Source of the field from the numbers next to a cloud; None if they do not exist."""
-    from iriftrace.medium.source import stated_source
-
+def _numbers_beside(cloud: Path) -> JsonObject | None:
+    """JSON values that lie next to a cloud; None if they do not exist."""
     try:
         values = json.loads(cloud.with_suffix(".json").read_text(encoding="utf-8"))
-        return stated_source(values["field"])
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError):
         return None
+    return values if isinstance(values, dict) else None
 
 
 def report(

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from base64 import b64encode
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from html import escape
+
+from iriftrace.core.errors import InputError, SetupError
+from iriftrace.core.plain import JsonObject
+
+_drawing: list[Callable[[object, JsonObject | None], str]] = []
 
 
 def html_table(title: str, rows: Mapping[str, object]) -> str:
@@ -17,8 +21,17 @@ def html_table(title: str, rows: Mapping[str, object]) -> str:
     return f"<table><caption>{escape(title)}</caption>{cells}</table>"
 
 
-def picture(png: bytes) -> str:
-    """An image of the bytes of a PNG; "" without them."""
-    if not png:
+def draw_with(function: Callable[[object, JsonObject | None], str]) -> None:
+    """Register the function by which `picture` draws, which lies above the values it draws."""
+    _drawing[:] = [function]
+
+
+def picture(value: object, numbers: JsonObject | None = None) -> str:
+    """A frame with the picture in space of a value; "" where it cannot be drawn.
+
+    `numbers` are JSON values that lie next to a cloud.
+    """
+    try:
+        return "".join(function(value, numbers) for function in _drawing)
+    except (InputError, SetupError):
         return ""
-    return f'<img src="data:image/png;base64,{b64encode(png).decode("ascii")}" width="800">'

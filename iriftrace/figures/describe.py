@@ -14,7 +14,7 @@ from iriftrace.camera.pose import PoseText, pose_text
 from iriftrace.core.plain import JsonObject
 from iriftrace.image.aov_image import Status
 from iriftrace.image.ray_statistics import percent
-from iriftrace.medium.source import stated_source, synthetic_mark
+from iriftrace.medium.source import FieldSource, stated_source, synthetic_mark
 from iriftrace.sweep.store import attribute, scene_of, traced_through_cells
 
 if TYPE_CHECKING:
@@ -39,6 +39,25 @@ def file_text(named: JsonObject) -> str:
         return "not stated"
     sha256 = str(named.get("sha256") or "")
     return name_of(named) + (f" (SHA-256 {sha256[:12]}\N{HORIZONTAL ELLIPSIS})" if sha256 else "")
+
+
+def facts_of(stated: JsonObject, source: FieldSource | None) -> Rows:
+    """Names and values of what a result states about itself, with whole checksums."""
+    named = {name: stated.get(name) for name in ("scene", "part")}
+    rows = {
+        **{
+            name: f"{Path(file['path']).name}, SHA-256 {file.get('sha256') or 'not stated'}"
+            for name, file in named.items()
+            if isinstance(file, dict) and file.get("path")
+        },
+        "field": f"{Path(source.path).name}, SHA-256 {source.sha256}" if source else "",
+        "origin of the field": source.origin if source else "",
+        "wavelength": f"{stated['wavelength_nm']:g} nm" if stated.get("wavelength_nm") else "",
+        "engine": stated.get("engine", ""),
+        "normals": stated.get("normals", ""),
+        "written by": f"iriftrace {stated['version']}" if "version" in stated else "",
+    }
+    return tuple((name, str(text)) for name, text in rows.items() if text)
 
 
 def camera_text(camera: JsonObject, *, varied: bool = False) -> str:

@@ -23,7 +23,7 @@ def sensitivity_figure(found: Sensitivity, part: Part) -> Figure:
     Each hexagon has the sum along the lines of sight, unless it is below `FAINT`; the curve is the
     fraction of the effects' sizes within a distance from the part.
     """
-    nm = 1e4 * found.of_air
+    nm = found.effect_nm
     mark = synthetic_mark(stated_source(found.scan.provenance["field"]))
     title = f"Which air moves the diameter of {found.name}" + (f" ({mark})" if mark else "")
     figure, body = new_figure(8.0, 4.4, title, f"{found.sentence}; grey: part")

@@ -8,7 +8,7 @@ need room around the box that depends on the view.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import product
 from typing import Any
@@ -19,24 +19,13 @@ from attrs import frozen
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
-from vtkmodules.vtkFiltersCore import vtkBinnedDecimation
 
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import SetupError
-from iriftrace.core.mesh.triangles import polydata
 from iriftrace.figures.style import DPI, TEXT_COLOUR, even_ticks, number
-from iriftrace.part.part import Part
-
-BLOCKER_COLOUR = "#9aa0a6"
-PART_COLOUR = "#ff8c1a"
 
 SIZE_PX = (1600, 1200)
 """Width and height of the figures."""
-
-# For one surface. The time of the reduction grows with the third power of the bins along each side;
-# these are about as fine as the picture's pixels and cost 0.07 s.
-_MOST_TRIANGLES = 100_000
-_BINS = 400
 
 _GRID_COLOUR = "#d3d7dc"
 _LABEL_COLOUR = "0.25"
@@ -263,37 +252,6 @@ def opens(window: Any) -> bool:
     """True if a window of VTK has a working OpenGL."""
     window.Initialize()
     return bool(window.GetInitialized())
-
-
-def add_part(plotter: pv.Plotter, part: Part) -> None:
-    """Add the part with its edges sharp, as hot steel."""
-    surface = thinned(polydata(part.vertices, part.faces))
-    surface = surface.clean().compute_normals(
-        split_vertices=True, feature_angle=30.0, auto_orient_normals=False
-    )
-    plotter.add_mesh(surface, color=PART_COLOUR, smooth_shading=True, ambient=0.35, specular=0.2)
-
-
-def add_blockers(plotter: pv.Plotter, blockers: Sequence[tuple[FloatArray, IntArray]]) -> None:
-    """Add bodies that only block the view, (n, 3) vertices, mm, world, and (m, 3) faces of each."""
-    for vertices, faces in blockers:
-        surface = thinned(polydata(vertices, faces))
-        plotter.add_mesh(surface, color=BLOCKER_COLOUR, ambient=0.35)
-
-
-def thinned(surface: pv.PolyData) -> pv.PolyData:
-    """The surface itself or, if it is huge, with vertices merged that lie in one bin."""
-    if surface.n_cells <= _MOST_TRIANGLES:
-        return surface
-    thinning = vtkBinnedDecimation()
-    thinning.SetInputData(surface)
-    thinning.AutoAdjustNumberOfDivisionsOff()
-    size = np.ptp(np.asarray(surface.bounds).reshape(3, 2), axis=1)
-    divisions = np.maximum(1, np.ceil(_BINS * size / size.max())).astype(int)
-    thinning.SetNumberOfDivisions(*divisions.tolist())
-    thinning.SetProducePointData(True)
-    thinning.Update()
-    return pv.wrap(thinning.GetOutput())
 
 
 def titled_figure(title: str, subtitle: str) -> Figure:

@@ -17,7 +17,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_pdf import FigureCanvasPdf
 from matplotlib.cm import ScalarMappable
 from matplotlib.colorbar import Colorbar
-from matplotlib.colors import LogNorm, Normalize
+from matplotlib.colors import FuncNorm, LogNorm, Normalize
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.gridspec import GridSpec
 from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
-from iriftrace.core.units import counted
+from iriftrace.core.units import ZERO_CELSIUS_K, counted
 from iriftrace.planning.quantities import PoseQuantity
 from iriftrace.planning.summary import SweepSummary
 from iriftrace.sweep.measures import Limits
@@ -137,7 +137,8 @@ class ColourScale:
     """Colours of numbers, and the colour bar that explains them.
 
     Values that are not finite are ignored; if others lie beyond the limits, the bar has a
-    pointed end. The label gives name and unit.
+    pointed end. The label gives name and unit. Those `of_air` are of temperatures, degC, and linear
+    in 1/T, hence in the refractivity.
     """
 
     values: FloatArray
@@ -145,10 +146,13 @@ class ColourScale:
     label: str
     logarithmic: bool
     colour_map: str = COLOUR_MAP
+    of_air: bool = False
 
     @property
     def norm(self) -> Normalize:
         """The mapping of numbers to 0 .. 1."""
+        if self.of_air:
+            return FuncNorm((_of_temperature, _temperature_of), *self.limits)
         # Clipped, because a ray that crosses no shell has a displacement of 0, which has no
         # logarithm: it would leave a hole in the part.
         return (LogNorm if self.logarithmic else Normalize)(*self.limits, clip=True)
@@ -161,6 +165,8 @@ class ColourScale:
     @property
     def ticks(self) -> FloatArray:
         """Round numbers that label the bar without crowding it."""
+        if self.of_air:
+            return _temperature_ticks(self.norm)
         return (round_ticks if self.logarithmic else even_ticks)(self.limits)
 
     def rgb(self, values: ArrayLike) -> FloatArray:
@@ -189,6 +195,25 @@ class ColourScale:
         bar.set_ticks(self.ticks.tolist(), labels=[number(tick) for tick in self.ticks])
         bar.set_ticks([], minor=True)
         return bar
+
+
+def _of_temperature(celsius: ArrayLike) -> FloatArray:
+    return -1.0 / (np.asarray(celsius, dtype=np.float64) + ZERO_CELSIUS_K)
+
+
+def _temperature_of(place: ArrayLike) -> FloatArray:
+    return -1.0 / np.asarray(place, dtype=np.float64) - ZERO_CELSIUS_K
+
+
+def _temperature_ticks(norm: Normalize) -> FloatArray:
+    """Round temperatures that do not crowd the colour bar."""
+    rounds = np.array([20, 30, 40, 50, 75, 100, 150, 200, 300, 400, 500, 700, 1000, 1500, 2000])
+    low, high = (float(t) for t in norm.inverse(np.array((0.0, 1.0))))
+    ticks: list[float] = []
+    for tick in rounds[(rounds >= low) & (rounds <= high)].tolist():
+        if not ticks or norm(tick) - norm(ticks[-1]) > 0.045:
+            ticks.append(tick)
+    return np.array(ticks if len(ticks) > 1 else [round(low), round(high)], dtype=np.float64)
 
 
 def round_ticks(limits: Limits) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pyvista as pv
@@ -17,6 +17,15 @@ from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.mesh.triangles import polydata
 from iriftrace.figures import space
+from iriftrace.figures.draw import add_picture_to
+from iriftrace.figures.picture import (
+    BLOCKER_COLOUR,
+    PART_COLOUR,
+    UNKNOWN_COLOUR,
+    DrawnBody,
+    SpacePicture,
+    part_surface,
+)
 from iriftrace.figures.style import (
     BEST_RING,
     TEXT_COLOUR,
@@ -38,8 +47,7 @@ _FOOT_PX = 70
 
 _SHELL_COLOUR = "#7aa6c9"
 _SHELL_OPACITY = 0.25
-_UNKNOWN_COLOUR = "#7f7f7f"
-_UNSEEN_COLOUR = "#c9c9c9"
+_RING_COLOUR = "#7f7f7f"
 _EDGE_COLOUR = "#303030"
 _SHARP_DEG = 30.0
 
@@ -92,8 +100,8 @@ def sweep_scene_figure(
         ring = pv.Disc(inner=0.72, outer=1.0, normal=view.towards, c_res=32)
         rings = _marks(ring, summary.origins[unknown], radii[unknown])
         if rings.n_cells:
-            plotter.add_mesh(rings, color=_UNKNOWN_COLOUR, lighting=False)
-        add_surroundings(plotter, surroundings)
+            plotter.add_mesh(rings, color=_RING_COLOUR, lighting=False)
+        add_picture_to(plotter, surroundings_picture(surroundings))
 
     hidden = "" if shown.all() else "  ·  the best at each place"
     entries = [*marks(summary, ~quantity.known, BEST_RING), *_surroundings_entries(surroundings)]
@@ -106,29 +114,28 @@ def sweep_scene_figure(
     return figure
 
 
-def add_surroundings(plotter: pv.Plotter, surroundings: Surroundings) -> None:
-    """Add part and blockers, and the hot air, which is blended with what was added before."""
+def surroundings_picture(surroundings: Surroundings) -> SpacePicture:
+    """Part, what blocks the view, and the outermost shell, which is seen through."""
+    surfaces = []
     if surroundings.part:
-        space.add_part(plotter, surroundings.part)
-    space.add_blockers(plotter, surroundings.blockers)
+        surfaces.append(part_surface(surroundings.part))
+    surfaces += [
+        DrawnBody("blocks the view", vertices, faces, BLOCKER_COLOUR)
+        for vertices, faces in surroundings.blockers
+    ]
     if surroundings.hot_air:
-        plotter.add_mesh(
-            space.thinned(polydata(*surroundings.hot_air)),
-            color=_SHELL_COLOUR,
-            opacity=_SHELL_OPACITY,
-            culling="back",
-            smooth_shading=True,
-            ambient=0.5,
-        )
+        look: dict[str, Any] = {"colour": _SHELL_COLOUR, "opacity": _SHELL_OPACITY}
+        surfaces.append(DrawnBody("outermost shell", *surroundings.hot_air, **look))
+    return SpacePicture("", surfaces=tuple(surfaces))
 
 
 def _surroundings_entries(surroundings: Surroundings) -> list[Artist]:
     """Legend entries for everything that is drawn besides the poses."""
     entries: list[Artist] = []
     if surroundings.part:
-        entries.append(Patch(facecolor=space.PART_COLOUR, label="Part"))
+        entries.append(Patch(facecolor=PART_COLOUR, label="Part"))
     if surroundings.blockers:
-        entries.append(Patch(facecolor=space.BLOCKER_COLOUR, label="Blocks the view"))
+        entries.append(Patch(facecolor=BLOCKER_COLOUR, label="Blocks the view"))
     if surroundings.hot_air:
         entries.append(Patch(facecolor=_SHELL_COLOUR, alpha=0.5, label="Outermost shell"))
     return entries
@@ -166,7 +173,7 @@ def sweep_face_figure(summary: SweepSummary, part: Part, values: FaceMap) -> Fig
     scale = ColourScale(values.values, values.limits, values.label, values.limits[0] > 0.0)
     seen = np.isfinite(values.values)
     surface = polydata(part.vertices, part.faces)
-    colours = np.tile(to_rgb(_UNSEEN_COLOUR), (len(part.faces), 1))
+    colours = np.tile(to_rgb(UNKNOWN_COLOUR), (len(part.faces), 1))
     colours[seen] = scale.rgb(values.values[seen])
 
     def draw(plotter: pv.Plotter) -> None:
@@ -178,7 +185,7 @@ def sweep_face_figure(summary: SweepSummary, part: Part, values: FaceMap) -> Fig
             plotter.add_mesh(edges, color=_EDGE_COLOUR, line_width=2, lighting=False)
 
     text = f"Seen by no pose: {np.count_nonzero(~seen):,} of {len(seen):,} faces"
-    entries = [Patch(facecolor=_UNSEEN_COLOUR, edgecolor="0.4", label=text)]
+    entries = [Patch(facecolor=UNKNOWN_COLOUR, edgecolor="0.4", label=text)]
     figure = _framed(values.title, summary.subtitle, scale, entries)
     towards = towards_cameras(summary.origins - part.centre)
     box = space.box_around(part.bounds)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Self
 from attrs import field, frozen
 
 from iriftrace.cli.console import PROJECT_FILE, out
+from iriftrace.cli.plot import read_shown
 from iriftrace.cli.program import app
 from iriftrace.cli.project_file import NO_VERDICT, ProjectFile, read_project_file
 from iriftrace.core.html import html_table, picture
@@ -19,7 +20,7 @@ from iriftrace.figures.describe_scan import describe, sentences
 from iriftrace.measuring.options import USUAL_DEVICES
 from iriftrace.measuring.uncertainty.options import NOTHING_ASKED
 from iriftrace.project.results import corrected_values
-from iriftrace.project.run import defaults_of, do_steps
+from iriftrace.project.run import do_steps, options_of
 from iriftrace.project.stamps import states_of
 from iriftrace.tracing.options import TRACE_AS_STATED
 
@@ -195,9 +196,8 @@ class Project:
 
     def _options(self, *words: str) -> dict[str, Any]:
         """Arguments of a command's function as the file states them."""
-        with self._here(), defaults_of(self.file, NO_VERDICT):
-            _, bound, _ = app.parse_args(list(words), exit_on_error=False, print_error=False)
-        return dict(bound.arguments)
+        with self._here():
+            return options_of(self.file, *words, without=NO_VERDICT)
 
     @contextmanager
     def _here(self) -> Iterator[None]:
@@ -217,10 +217,11 @@ class Project:
             name: state.reason or str(state.stamp.get("result") or "up to date")
             for name, state in states.items()
         }
-        drawn = [
-            (self.folder / states[name].step.product).with_suffix(".png")
+        products = [
+            self.folder / states[name].step.product
             for name in ("correct", "measure", "render")
             if name in states
         ]
-        shown = next((png.read_bytes() for png in drawn if png.is_file()), b"")
-        return html_table(f"Project in {self.folder}", rows) + picture(shown)
+        last = next((product for product in products if product.is_file()), None)
+        shown = "" if last is None else picture(*read_shown(last))
+        return html_table(f"Project in {self.folder}", rows) + shown

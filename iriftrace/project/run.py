@@ -6,6 +6,8 @@ import shutil
 import time
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
 
 from iriftrace.cli.program import app
 from iriftrace.cli.project_file import Defaults, ProjectFile
@@ -26,7 +28,23 @@ def chosen_states(file: ProjectFile, names: Collection[str]) -> dict[str, StepSt
     for name, state in reversed(states.items()):
         if name in needed:
             needed.update(state.step.after)
-    return {name: state for name, state in states.items() if name in needed}
+    chosen = {name: state for name, state in states.items() if name in needed}
+    if any(state.reason for state in chosen.values()):
+        _check_features(file)
+    return chosen
+
+
+def _check_features(file: ProjectFile) -> None:
+    """Refuse a feature of a region that the part does not have, before a flow is solved for it."""
+    mesh, devices = file.get("part", "mesh"), options_of(file, "measure", "SCENE").get("devices")
+    if mesh is None or not Path(mesh).is_file() or devices is None or not devices.feature:
+        return
+    from iriftrace.io.part_files import read_part
+    from iriftrace.io.reading import ReadPart
+    from iriftrace.measuring.features.choice import checked_choices
+
+    scene = options_of(file, "scene", "FIELD", "PART", "--output=scene.xml")
+    checked_choices(devices.feature, read_part(mesh, scene.get("part_reading") or ReadPart()))
 
 
 def do_steps(
@@ -69,6 +87,13 @@ def _do(file: ProjectFile, state: StepState) -> None:
 
     seconds = round(time.perf_counter() - started, 1)
     state.write(done=True, seconds=seconds, result=result_of(file, step))
+
+
+def options_of(file: ProjectFile, *words: str, without: Collection[str] = ()) -> dict[str, Any]:
+    """Arguments of a command's function as a project's file states them."""
+    with defaults_of(file, without):
+        _, bound, _ = app.parse_args(list(words), exit_on_error=False, print_error=False)
+    return dict(bound.arguments)
 
 
 @contextmanager

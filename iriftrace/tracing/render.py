@@ -11,7 +11,7 @@ from attrs import evolve, frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
-from iriftrace.core.html import html_table
+from iriftrace.core.html import html_table, picture
 from iriftrace.core.plain import JsonObject
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.metrics import PoseMetrics, pose_metrics, write_metrics
@@ -34,7 +34,7 @@ class Rendering:
         return f"Rendering({width} x {height} px, {self.metrics!r})"
 
     def _repr_html_(self) -> str:
-        """The numbers of the picture, for notebooks."""
+        """Numbers and picture, for notebooks."""
         size, metrics = self.image.resolution, self.metrics
         found, shift = metrics.displacement_mm, metrics.shift_px
         rows = {
@@ -43,7 +43,7 @@ class Rendering:
             "shift in the picture, median": f"{shift.median or 0.0:.3g} px",
             "rays on the part": f"{metrics.rays.hit:,}",
         }
-        return html_table(f"Rendering, {size[0]} x {size[1]} px", rows)
+        return html_table(f"Rendering, {size[0]} x {size[1]} px", rows) + picture(self)
 
     def save(self, path: str | Path, *, rgb: str | None = None) -> tuple[Path, Path]:
         """Write the AOV EXR and, next to it, the metrics JSON; returns both names.

@@ -141,7 +141,7 @@ def _path(
     stops = np.unique(np.linspace(1, max(crossings, 1), min(crossings, MOST_POINTS)).astype(int))
     points = [start[0]]
     for stop in stops.tolist():
-        with _limited(scene, name, stop):
+        with limited(scene, name, stop):
             points.append(traced_as_chosen(scene, start, along).last_point[0])
     if not np.array_equal(points[-1], hits.last_point[0]):
         points.append(hits.last_point[0])
@@ -150,7 +150,7 @@ def _path(
 
 
 @contextmanager
-def _limited(scene: Scene, name: str, most: int) -> Iterator[None]:
+def limited(scene: Scene, name: str, most: int) -> Iterator[None]:
     """Lower an integrator's limit of crossings or steps inside the block."""
     integrator = scene.compiled.integrator
     former = getattr(integrator, name)

@@ -16,7 +16,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.engines import Bending, Engine, engine_named
 from iriftrace.core.errors import InputError, warn, without_warnings
-from iriftrace.core.html import html_table
+from iriftrace.core.html import html_table, picture
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.runtime import variant as runtime
 from iriftrace.part.part import Part
@@ -113,7 +113,7 @@ class Scene:
     def _repr_html_(self) -> str:
         """Part, air and devices, for notebooks."""
         second = "none" if self.second is None else self.second_id
-        return html_table(self.name, {"scene": repr(self), "second device": second})
+        return html_table(self.name, {"scene": repr(self), "second device": second}) + picture(self)
 
     @property
     def name(self) -> str:

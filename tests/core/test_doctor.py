@@ -57,6 +57,7 @@ def test_versions_of_the_packages_that_matter_are_listed(machine) -> None:
     ("system", "step"),
     [
         ("debian", "sudo apt-get update && sudo apt-get install -y libllvm19"),
+        ("debian", "|| sudo apt-get install -y llvm"),  # releases without LLVM 19
         ("fedora", "sudo dnf install -y llvm-libs"),
         ("macos", "brew install llvm"),
         ("windows", "winget install LLVM.LLVM"),

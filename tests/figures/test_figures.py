@@ -20,12 +20,8 @@ from iriftrace.core.errors import InputError, SetupError
 from iriftrace.figures import space
 from iriftrace.figures.pose import displacement_figure
 from iriftrace.figures.result import plot, read_result
-from iriftrace.figures.scene import (
-    celsius_of,
-    scene_figure,
-    temperature_norm,
-    temperature_ticks,
-)
+from iriftrace.figures.scene import scene_figure
+from iriftrace.figures.scene_picture import temperature_scale
 from iriftrace.figures.space import View, box_around, fitting_view, view_direction
 from iriftrace.figures.style import write_figure
 from iriftrace.image.aov_image import CHANNELS, SCHEMA, AovImage, Status
@@ -293,12 +289,12 @@ def test_orthographic_and_vertical_views_can_be_drawn(cube: Part) -> None:
 def test_colours_are_linear_in_refractivity() -> None:
     """Equal index steps get equal colour steps, from 0 at the coolest to 1 at the hottest shell."""
     shells = spheres(9)
-    norm = temperature_norm(shells)
-    np.testing.assert_allclose(norm(celsius_of(shells)), np.linspace(0, 1, 9), atol=1e-9)
-    ticks = temperature_ticks(norm)
+    scale = temperature_scale([shells])
+    np.testing.assert_allclose(scale.norm(scale.values), np.linspace(0, 1, 9), atol=1e-9)
+    ticks = scale.ticks
     assert len(ticks) >= 4
-    assert min(ticks) >= celsius_of(shells).min()
-    assert max(ticks) <= celsius_of(shells).max()
+    assert min(ticks) >= scale.values.min()
+    assert max(ticks) <= scale.values.max()
 
 
 def test_labels_meet_what_vtk_draws(cube: Part) -> None:

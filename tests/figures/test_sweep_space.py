@@ -11,7 +11,7 @@ from matplotlib import colormaps
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
-from iriftrace.figures.space import PART_COLOUR
+from iriftrace.figures.picture import PART_COLOUR
 from iriftrace.figures.style import scale_of
 from iriftrace.figures.sweep_charts import (
     rays_figure,

@@ -15,10 +15,9 @@ from matplotlib.colors import LogNorm, to_rgb
 from iriftrace.cli import main
 from iriftrace.cli.plot import view
 from iriftrace.core.errors import InputError, SetupError
-from iriftrace.figures import window
+from iriftrace.figures import pictures, scene_picture, sweep_picture, window
+from iriftrace.figures.picture import PART_COLOUR, SECOND_COLOUR, SIGHT_COLOUR
 from iriftrace.figures.result import plot, read_result
-from iriftrace.figures.scene import SECOND_COLOUR, SIGHT_COLOUR
-from iriftrace.figures.space import PART_COLOUR
 from iriftrace.medium.origin import state_origin
 from iriftrace.medium.source import FieldFacts, FieldKind, FieldSource
 from iriftrace.scenes import folder_of
@@ -26,7 +25,8 @@ from iriftrace.scenes import folder_of
 SCALE = ("-D", "scale=0.05")
 
 HUES = {
-    "pose.exr": {PART_COLOUR: 0.0005},
+    # The part is grey; the middle of the scale.
+    "pose.exr": {"#21918c": 0.0005},
     # The best pose of four is the dark end of the scale, as in the maps of `plot`.
     "sweep.nc": {"#440154": 0.0005},
     # Hot air makes the cylinder too small: errors are below 0, and blue; the bar alone is 0.002.
@@ -75,7 +75,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def drawn(file: Path, folder: Path) -> Path:
     picture = folder / f"{file.name}.png"
-    assert main(["view", str(file), "--picture", str(picture)]) == 0
+    assert main(["view", str(file), "-o", str(picture)]) == 0
     return picture
 
 
@@ -87,13 +87,15 @@ def test_files_are_drawn_and_marked(
 ) -> None:
     """The origin of the air decides on a mark; a part has none, and this field states none."""
     marked: list[FieldSource | None] = []
-    monkeypatch.setattr(window, "synthetic_mark", marked.append)
+    for module in (pictures, scene_picture, sweep_picture):
+        monkeypatch.setattr(module, "synthetic_mark", marked.append)
     folder, _, bundled = name.rpartition("/")
     place = folder_of(folder) if folder else request.getfixturevalue("results")
     picture = drawn(place / bundled, tmp_path)
     for hue, share in HUES[name].items():
         assert share_like(picture, hue) > share
-    (source,) = marked
+    source = marked[0] if marked else None
+    assert len(marked) == (bundled != "part.ply")
     origin = {"part.ply": None, "field.vtu": ""}.get(bundled, "OpenFOAM")
     assert (source and source.origin.partition(",")[0]) == origin
     if bundled == "part.ply":
@@ -141,22 +143,24 @@ def test_what_cannot_be_shown_says_why(tmp_path: Path) -> None:
     pv.PolyData(np.zeros((3, 3))).save(other)
     picture = tmp_path / "view.png"
     with pytest.raises(InputError, match="no column"):
-        view(other, picture=picture)
+        view(other, output=picture)
     damaged = tmp_path / "cloud.ply"
     damaged.write_bytes((folder_of("cylinder") / "part.ply").read_bytes()[:500])
     with pytest.raises(InputError, match="cannot be read"):
-        view(damaged, picture=picture)
+        view(damaged, output=picture)
     with pytest.raises(InputError, match="There is no file"):
-        view(tmp_path / "gone.vtp", picture=picture)
+        view(tmp_path / "gone.vtp", output=picture)
     (tmp_path / "cloud.asc").write_text("0 0 0")
     with pytest.raises(InputError, match=r"shown from a \.vtp or \.ply"):
-        view(tmp_path / "cloud.asc", picture=picture)
+        view(tmp_path / "cloud.asc", output=picture)
     text = tmp_path / "notes.md"
     text.write_text("x")
     with pytest.raises(InputError, match="not a field file"):
-        view(text, picture=picture)
+        view(text, output=picture)
     with pytest.raises(InputError, match="type str cannot be shown"):
         window.view(str(other), picture)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"neither \.png nor \.html"):
+        window.view(pv.PolyData(), tmp_path / "view.gif")
     assert not picture.exists()
 
 
@@ -164,4 +168,4 @@ def test_without_a_display_a_file_is_proposed(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.delenv("DISPLAY", raising=False)
     with pytest.raises(SetupError) as error:
         view(folder_of("cylinder") / "part.ply")
-    assert (error.value.code, error.value.argument) == ("window.no_display", "picture")
+    assert (error.value.code, error.value.argument) == ("window.no_display", "output")

@@ -186,6 +186,11 @@ def test_the_command_writes_field_numbers_and_picture(
     contrast = 0.01 * kelvin * (kelvin - 293.15) / 293.15
     effect = numbers["effects_mm"]["contrast +1 %"]
     assert 1e-3 * data["d_size_d_T"] @ contrast == pytest.approx(effect, rel=1e-6)
+    excess_nm = 1e3 * data["d_size_d_T"] * 0.01 * (kelvin - 293.15)
+    np.testing.assert_allclose(data["effect_of_1_percent"], excess_nm, rtol=1e-6, atol=1e-12)
+    page = out.with_suffix(".html")
+    assert main(["view", str(out), "-o", str(page)]) == 0
+    assert "excess temperature (nm)" in page.read_text()
     volume = pv.read(out).compute_cell_sizes().cell_data["Volume"].sum()
     known = data["d_size_d_T_per_cm3"] != 0.0
     by_point = 1e3 * data["d_size_d_T"][known] / data["d_size_d_T_per_cm3"][known]

@@ -83,9 +83,9 @@ def test_wrong_input(
 def test_options_that_a_command_does_not_have_are_those_of_another(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["view", "points.txt", "--picture", "a.png"]) == 2
+    assert main(["view", "points.txt", "-o", "a.png"]) == 2
     said = capsys.readouterr().err
     assert "choose another if that is not meant (--time of iriftrace scene)." in said
     assert "(sectionwise format) (--part of iriftrace scene)." in said
-    assert main(["view", "part.stl", "--picture", "a.png", "--length-unit", "um"]) == 0
+    assert main(["view", "part.stl", "-o", "a.png", "--length-unit", "um"]) == 0
     assert "check length_unit (--length-unit)." in capsys.readouterr().err

@@ -131,6 +131,17 @@ def test_an_example_runs_at_once_and_decides_nothing(
 
 
 @pytest.mark.usefixtures("variant")
+def test_a_region_that_the_part_lacks_is_refused_before_anything_is_done(
+    project: Path, capsys: Printed
+) -> None:
+    """With a flow it would else be told after the minutes of the solver."""
+    replaced('region = "lateral"', 'region = "laterl"')
+    for words in (["run", "--dry-run"], ["run"]):
+        assert main(words) == 2
+        assert "no region 'laterl'; use one of" in " ".join(capsys.readouterr().err.split())
+    assert not (project / "build").exists()
+
+
 def test_a_scan_is_corrected_and_decided(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Printed
 ) -> None:
@@ -232,7 +243,7 @@ def test_a_flow_has_a_folder_without_other_files_and_is_continued(
         (solved / "case.json").write_text("{}")
         raise KeyboardInterrupt
 
-    bound = SimpleNamespace(args=(), kwargs={})
+    bound = SimpleNamespace(args=(), kwargs={}, arguments={})
     monkeypatch.setattr(type(app), "parse_args", lambda *_, **__: (killed, bound, None))
     for wall in (1050, 1050, 1040):
         FILE.write_text(FILE.read_text().replace('ure = "1050', f'ure = "{wall}'))
@@ -298,8 +309,9 @@ def test_a_project_in_python_has_the_values_of_its_products(
     assert found.budget.features[0].size.decision is None
     assert found.figure().axes
     for value in (found, found.scene, found.scan):
-        assert value._repr_html_().startswith("<table><caption>")
-    assert "data:image/png;base64," in found._repr_html_()
+        shown = value._repr_html_()
+        assert shown.startswith("<table><caption>")
+        assert "<iframe srcdoc=" in shown
     with pytest.raises(iriftrace.InputError, match=r"\[scan\] cloud: it is missing"):
         _ = found.correction
 

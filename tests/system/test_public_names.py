@@ -72,7 +72,7 @@ def test_what_traces_takes_a_scene_and_no_path() -> None:
 PATH = re.compile(r"\b(Path|PathLike)\b")
 OF_FILES = re.compile(r"(read|load|import)(_|$)|save|write")
 ASKING = re.compile(r'"""(What|How|Which|Where|When|Why)\b')
-DESTINATIONS = {"view.picture", "run_sweep.path"}
+DESTINATIONS = {"view.output", "run_sweep.path"}
 COMPUTE = ("camera", "figures", "image", "measuring", "medium", "part", "planning")
 
 

@@ -67,7 +67,7 @@ def program(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 def test_the_wheel_holds_code_plugins_and_whole_scenes(wheel: Path) -> None:
-    """Every file of a scene is needed; of the checkout's tests and caches none is.
+    """All files of a scene and all templates are needed, tests and caches of the checkout are not.
 
     What writes the scenes stays at home, and what somebody rendered into them (.exr, .png).
     """
@@ -84,9 +84,13 @@ def test_the_wheel_holds_code_plugins_and_whole_scenes(wheel: Path) -> None:
     assert {f"iriftrace/{path.as_posix()}" for path in plugins | (scenes - generators)} <= names
     assert generators
     assert not [name for name in names if "generators" in name]
-    templates = (CHECKOUT / "iriftrace").rglob("*.jinja")
-    assert {path.relative_to(CHECKOUT).as_posix() for path in templates} <= names
-    assert "iriftrace/py.typed" in names
+    data = {
+        path.relative_to(CHECKOUT).as_posix()
+        for path in (CHECKOUT / "iriftrace").rglob("*")
+        if path.is_file() and path.suffix not in (".py", ".pyc")
+    }
+    assert {"iriftrace/py.typed", "iriftrace/figures/templates/report.html.jinja"} <= data <= names
+    assert not [name for name in names if "node_modules" in name or "__pycache__" in name]
     assert {name.split("/")[0].split("-")[0] for name in names} == {"iriftrace"}
 
 
@@ -114,3 +118,22 @@ def test_the_demo_runs_in_an_empty_folder_outside_the_checkout(
     ]
     assert len(metrics) == 1
     assert metrics[0]["rays"]["good"] > 0
+
+
+@pytest.mark.slow
+def test_doctor_and_measure_run_in_an_empty_folder_outside_the_checkout(
+    program: Path, wheel: Path, tmp_path: Path
+) -> None:
+    """The installed program names its version, checks this machine and measures a bundled part.
+
+    With all pixels the median error of the cylinder's points is -1.20 um; a tenth of them suffices.
+    """
+    version = run(program, "--version", cwd=tmp_path).stdout.strip()
+    assert wheel.name.startswith(f"iriftrace-{version}-")
+    assert f"iriftrace  {version}" in run(program, "doctor", cwd=tmp_path).stdout
+    where = "import iriftrace.scenes as s; print(s.folder_of('fringe_cylinder') / 'scene.xml')"
+    scene = run(program.with_name("python"), "-c", where, cwd=tmp_path).stdout.strip()
+    run(program, "measure", scene, "-o", "scan.vtp", "-D", "scale=0.1", cwd=tmp_path)
+    assert (tmp_path / "scan.vtp").is_file()
+    scan = json.loads((tmp_path / "scan.json").read_text())
+    assert scan["error_normal_mm"]["median"] == pytest.approx(-1.20e-3, rel=0.05)

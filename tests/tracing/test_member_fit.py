@@ -9,6 +9,7 @@ from pathlib import Path
 import attrs
 import numpy as np
 import pytest
+import pyvista as pv
 
 import iriftrace
 from iriftrace.cli import main
@@ -322,6 +323,13 @@ def test_command(
     assert "These members reproduce what was measured" in printed
     assert "first blocker, the hot part, is the part of the fitted scene" in printed
     written = json.loads((tmp_path / "fitted" / "fit.json").read_text())
+    dots = pv.read(tmp_path / "fitted" / "fit.vtp").point_data
+    used = dots["used"] == 1
+    left = np.concatenate([dots[f"residual_{axis}"][used] for axis in "uv"])
+    assert np.sqrt(np.mean(left**2)) == pytest.approx(written["views"][0]["residual"], rel=1e-9)
+    page = tmp_path / "fit.html"
+    assert main(["view", str(tmp_path / "fitted" / "fit.vtp"), "-o", str(page)]) == 0
+    assert "residual of the fit at the dots (px)" in page.read_text()
     weights = [row["weight"] for row in written["members"]]
     np.testing.assert_allclose(weights, fit.weights.weights, atol=1e-6)
     fitted = load_scene(tmp_path / "fitted" / "scene.xml")

@@ -42,8 +42,12 @@ _MACOS_FOLDERS = (
 )
 
 # Dr.Jit's wheel also needs libatomic, which comes with compilers and is missing on bare systems.
+# Debian 12's default LLVM is 14, hence 19 by name; releases after Debian 13 have only newer ones.
 _INSTALL = {
-    "debian": "sudo apt-get update && sudo apt-get install -y libllvm19 libatomic1",
+    "debian": (
+        "sudo apt-get update && sudo apt-get install -y libllvm19 libatomic1 "
+        "|| sudo apt-get install -y llvm libatomic1"
+    ),
     "fedora": "sudo dnf install -y llvm-libs libatomic",
     "macos": "brew install llvm",
     "windows": (

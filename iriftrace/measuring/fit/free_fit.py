@@ -160,7 +160,7 @@ def fit_free(
 
     start = np.zeros(len(names))
     before = mixture(start)
-    found = least_squares(left, start, jac=slopes, method="trf", xtol=1e-4, ftol=1e-6)
+    found = least_squares(left, start, jac=slopes, method="lm", xtol=1e-4, ftol=1e-6)
     sizes = np.linalg.svd(found.jac, compute_uv=False)
     if not sizes[-1] > _FLAT * sizes[0]:
         raise InputError(

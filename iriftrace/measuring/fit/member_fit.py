@@ -6,16 +6,18 @@ Weights are not negative and sum to 1, so the fit is a mixture of the members.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from attrs import evolve, field, frozen
 
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import FileOrigin
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.plain import JsonObject, plain
 from iriftrace.core.statistics import rms
+from iriftrace.io.cloud_write import save_cloud
 from iriftrace.measuring.fit.next_members import members_to_solve
 from iriftrace.measuring.fit.shift_mixture import MOST_OUTLIERS, ShiftMixture
 from iriftrace.tracing.hot_air import FieldMember
@@ -38,6 +40,42 @@ INDISTINCT = 0.1
 
 
 @frozen(eq=False)
+class FittedDots:
+    """The n dots of a board that a camera saw.
+
+    Attributes
+    ----------
+    points : (n, 3) array, mm, world
+    shift, residual : (n, 2) arrays, px
+        Measured shifts, and these less the fit's.
+    used : (n,) array of bool
+        Dots that are not outliers.
+    provenance : dict
+        Of the scene with this board.
+    """
+
+    points: FloatArray = field(repr=False)
+    shift: FloatArray = field(repr=False)
+    residual: FloatArray = field(repr=False)
+    used: BoolArray = field(repr=False)
+    provenance: JsonObject = field(repr=False)
+
+    def save(self, path: str | Path, values: JsonObject) -> tuple[Path, Path]:
+        """Write the dots as a cloud with further JSON values next to it.
+
+        Columns, px: ``shift_u``, ``shift_v``, ``residual_u``, ``residual_v``, and ``residual``,
+        the length; ``used`` is 1 for dots that are not outliers.
+        """
+        (du, dv), (left_u, left_v) = self.shift.T, self.residual.T
+        columns = {
+            **{"shift_u": du, "shift_v": dv, "residual_u": left_u, "residual_v": left_v},
+            "residual": np.hypot(left_u, left_v),
+            "used": self.used.astype(np.int32),
+        }
+        return save_cloud(path, self.points, columns, {**values, **self.provenance})
+
+
+@frozen(eq=False)
 class FittedView:
     """What a fit leaves of one file of measured values.
 
@@ -50,12 +88,15 @@ class FittedView:
     motion : (6,) array or None
         Translation, mm, and rotation vector, rad, of the camera between the pictures, in its own
         frame; None where it was not fitted.
+    dots : FittedDots or None
+        Of a board.
     """
 
     origin: FileOrigin
     residual: float
     noise: float
     motion: FloatArray | None = None
+    dots: FittedDots | None = None
 
     def as_dict(self) -> JsonObject:
         """Plain JSON values."""

@@ -22,6 +22,7 @@ from iriftrace.io.measured_shift import MeasuredShift
 from iriftrace.measuring.camera_motion import interaction_matrix
 from iriftrace.measuring.fit.member_fit import (
     INDISTINCT,
+    FittedDots,
     FittedView,
     MemberFit,
     check_count,
@@ -45,8 +46,9 @@ OFF_BOARD = 0.2
 class BoardView:
     """What one camera saw of one board, and what the members predict; n dots, k members.
 
-    `hot` (n, 2) are their places in the hot picture, px. `free` (n, 2, 6)
-    are derivatives of the shifts by a motion of the camera, if it is fitted.
+    `hot` (n, 2) are their places in the hot picture, px, and `seen` (n, 3), mm, world, on the
+    board. `free` (n, 2, 6) are derivatives of the shifts by a motion of the camera, if it is
+    fitted.
     """
 
     scene: Scene
@@ -54,6 +56,7 @@ class BoardView:
     shifts: MeasuredShift
     places: FloatArray = field(repr=False)
     hot: FloatArray = field(repr=False)
+    seen: FloatArray = field(repr=False)
     predicted: FloatArray = field(repr=False)
     measured: FloatArray = field(repr=False)
     free: FloatArray | None = field(repr=False)
@@ -172,8 +175,9 @@ def view_of(
     if noise is None:
         alone = ShiftMixture(predicted, measured, free)
         noise = shift_noise(places[alone.used], alone.left(alone.weights))
+    seen = points[0][good]
     return BoardView(
-        traced, camera, shifts, places, hot[good], predicted, measured, free, dots, noise
+        *(traced, camera, shifts, places, hot[good], seen, predicted, measured, free, dots, noise)
     )
 
 
@@ -196,6 +200,10 @@ def _fitted(
             residual=rms((rest[used] / scale).ravel()),
             noise=view.noise,
             motion=motion,
+            dots=FittedDots(
+                *(view.seen, view.measured, rest / scale, used),
+                provenance(view.scene, view.camera),
+            ),
         )
         for (scale, view), rest, used, motion in zip(
             views, np.split(left, ends[:-1]), np.split(found.used, ends[:-1]), motions, strict=True

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from iriftrace.core.arrays import AnyArray, AnyIntArray, BoolArray, FloatArray, as_float64
 from iriftrace.core.blocks import CloudBlocks, by_block
 from iriftrace.core.errors import without_warnings
-from iriftrace.core.html import html_table
+from iriftrace.core.html import html_table, picture
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.mesh.transform import apply
 from iriftrace.core.mesh.triangles import row_lengths
@@ -110,7 +110,7 @@ class Correction:
     changes: tuple[Changes, ...] = ()
 
     def _repr_html_(self) -> str:
-        """The numbers of the correction, for notebooks."""
+        """Numbers and picture of the correction, for notebooks."""
         moved = np.linalg.norm(self.error[self.corrected], axis=1)
         rows = {
             "points": f"{int(self.corrected.sum()):,} of {len(self.measured):,} corrected",
@@ -118,7 +118,7 @@ class Correction:
             "95th percentile": f"{1e3 * np.quantile(moved, 0.95):.3g} um",
             "not known of U": ", ".join(self.groups.missing) or "nothing",
         }
-        return html_table(f"Corrected {self.system} measurement", rows)
+        return html_table(f"Corrected {self.system} measurement", rows) + picture(self)
 
     @property
     def corrected(self) -> BoolArray:

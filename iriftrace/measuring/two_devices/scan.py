@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray, IntArray
-from iriftrace.core.html import html_table
+from iriftrace.core.html import html_table, picture
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.plain import JsonObject, plain
 from iriftrace.core.statistics import spread
@@ -125,7 +125,7 @@ class Scan:
         return f"Scan({len(self.points):,} points, {self.system}, error {middle:.3g} um (median))"
 
     def _repr_html_(self) -> str:
-        """The numbers of the measurement, for notebooks."""
+        """Numbers and picture of the measurement, for notebooks."""
         size = np.abs(self.error_normal)
         rows = {
             "points": f"{len(self.points):,}",
@@ -133,7 +133,7 @@ class Scan:
             "its size, 95th percentile": f"{1e3 * np.quantile(size, 0.95):.3g} um",
             "field": self.provenance.get("assumptions", {}).get("field_origin", "not stated"),
         }
-        return html_table(f"Simulated {self.system} measurement", rows)
+        return html_table(f"Simulated {self.system} measurement", rows) + picture(self)
 
     @property
     def one_line(self) -> bool:

@@ -50,6 +50,9 @@ from iriftrace.tracing.second_options import System
 SCHEMA = "iriftrace.sensitivity/1"
 """Value of ``schema`` in the JSON."""
 
+EFFECT_COLUMN = "effect_of_1_percent"
+"""Point data of the .vtu with `Sensitivity.effect_nm`."""
+
 MOST = 0.8
 """Fraction of the effect of the air whose distance from the part is stated."""
 
@@ -100,6 +103,11 @@ class Sensitivity:
         """(m,) array, mm: derivative times excess temperature, of which the size is the effect."""
         return self.gradient * (self.temperature - self.cells.air.temperature_k)
 
+    @property
+    def effect_nm(self) -> FloatArray:
+        """(m,) array, nm: effect of 1 % of the excess temperature."""
+        return 1e4 * self.of_air
+
     @cached_property
     def by_distance(self) -> tuple[FloatArray, FloatArray]:
         """Distances (m,) from the part, mm, rising, and fractions of the sizes of `of_air` there.
@@ -138,7 +146,8 @@ class Sensitivity:
         """Write the derivatives (.vtu) and, next to them, the numbers (.json).
 
         Point data: ``T`` (K), ``d_size_d_T`` (um/K), the same per volume of air,
-        ``d_size_d_T_per_cm3`` (um/K/cm3), and ``distance`` from the part (mm).
+        ``d_size_d_T_per_cm3`` (um/K/cm3), ``effect_of_1_percent`` (nm), `effect_nm`, and
+        ``distance`` from the part (mm).
         """
         path = Path(path)
         grid, um = self.cells.grid(), 1e3 * self.gradient
@@ -148,6 +157,7 @@ class Sensitivity:
         grid.point_data["d_size_d_T_per_cm3"] = np.divide(
             um, volume, out=np.zeros_like(um), where=volume > 0.0
         )
+        grid.point_data[EFFECT_COLUMN] = self.effect_nm
         grid.point_data["distance"] = self.distance
         write_vtk(path, grid)
         numbers = path.with_suffix(".json")
