@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from bench.measure import budget_beyond_traces, bytes_a_point, correction, measure_over_trace
+from bench.photo import photograph_over_trace
 from bench.pose import (
     cells_over_shells,
     kernels_of_second_pose,
@@ -85,6 +86,11 @@ def _measure(xml: Path) -> None:
         "budget of two members without its traces / refracted trace",
         f"{budget_beyond_traces(two, REPEATS):.1f}",
         "8",
+    )
+    table.add_row(
+        "photographs of a fringe sensor / straight and refracted trace of as many rays",
+        f"{photograph_over_trace(two, REPEATS):.1f}",
+        "6",
     )
     cells = load_scene(xml, engine="cells")
     traces, poses = cells_over_shells(cells, scene, REPEATS)

@@ -121,6 +121,14 @@ from .part.part import Part as Part
 from .part.part import part_of_mesh as part_of_mesh
 from .part.regions import Regions as Regions
 from .part.standards import cylinder as cylinder
+from .photo.appearance import Appearance as Appearance
+from .photo.image_sensor import ImageSensor as ImageSensor
+from .photo.light import Light as Light
+from .photo.photograph import Photograph as Photograph
+from .photo.photograph import photograph as photograph
+from .photo.prints import Bitmap as Bitmap
+from .photo.prints import Checkerboard as Checkerboard
+from .photo.prints import Dots as Dots
 from .planning.cover import ViewSet as ViewSet
 from .planning.cover import choose_views as choose_views
 from .planning.criteria import Criteria as Criteria

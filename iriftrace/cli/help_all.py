@@ -25,6 +25,8 @@ _COMMON = {
     "field simulate": "part output length-unit expansion hot-temperature wall-temperature "
     "wall-temperature-from region-temperature ambient pressure resolution symmetry body floor "
     "end-time processes draught draughts draught-from vary",
+    "photograph": "scene output air temperature emissivity blocker-temperature print print-width "
+    "print-to-world ambient light irradiance lines period steps gray exposure samples noise define",
     "sweep": "scenes output azimuth elevation target stand-off semi-axes fibonacci poses turntable "
     "length-unit robot focal-length define engine export surface scheduler workers",
     "plan": "sweep statistic region criterion outside min-hits min-coverage top views "

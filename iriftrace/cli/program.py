@@ -115,6 +115,7 @@ _SMALLER = {
     "part": "a part of fewer triangles",
     "render": _PICTURE,
     "measure": _PICTURE,
+    "photograph": _PICTURE,
     "sweep": _PICTURE,
 }
 """Inputs that need the memory of a command, in a size that may fit."""
@@ -265,6 +266,7 @@ for _module, _names in {
     "cli.plan": ("plan",),
     "cli.plot": ("plot", "view", "report"),
     "cli.measure": ("measure",),
+    "cli.photograph": ("photograph",),
     "cli.correct": ("correct",),
     "cli.budget": ("budget",),
     "cli.sensitivity": ("sensitivity",),

@@ -56,12 +56,16 @@ SCATTER_CHANNELS: tuple[str, ...] = (
 )
 """Standard deviations over an ensemble's members, mm and pixels, and its worst member."""
 
+LIGHT_CHANNELS = tuple(f"second{air}.px.{axis}" for air in ("", ".cold") for axis in "XY")
+"""Place in the second device's picture, px, from where the refracted hit is lit (``second.cold``:
+the straight hit without hot air); -1 where it is not. Photographs have them."""
+
 SCHEMA = "iriftrace.aov/1"
 """Value of the header entry ``schema`` of the files that this version writes and reads."""
 
 
 NEEDED = ("part", "camera", "pose", "counts", "assumptions", "time_s")
-KNOWN = (*CHANNELS, ERROR_CHANNEL, U_CHANNEL, *SCATTER_CHANNELS)
+KNOWN = (*CHANNELS, ERROR_CHANNEL, U_CHANNEL, *SCATTER_CHANNELS, *LIGHT_CHANNELS)
 
 
 class Status(IntEnum):

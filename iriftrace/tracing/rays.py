@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from attrs import frozen
@@ -176,39 +176,59 @@ def traced_as_chosen(
         )
 
 
+class RayEnds(NamedTuple):
+    """Ends of n rays from one point."""
+
+    point: FloatArray  # (n, 3), mm: where each hit or was last bent
+    direction: FloatArray  # (n, 3), unit: from there
+    face: IntArray  # of the part under the hit; -1 where it ends elsewhere
+    crossings: IntArray  # shells, or pieces of the field, that it met
+    lost: BoolArray  # where it ends is not known (`Status.lost`)
+    blocked: BoolArray  # it ends on a body that only blocks the view
+
+
 def refracted_hits(
-    scene: Scene, origin: FloatArray, directions: FloatArray
-) -> tuple[FloatArray, FloatArray, IntArray, IntArray, BoolArray]:
+    scene: Scene, origin: FloatArray, directions: FloatArray, *, bent: bool = True
+) -> RayEnds:
     """Trace neighbouring rays from one point along their refracted paths alone, in one field.
 
-    From a (3,) array, mm, and (n, 3) unit vectors, world: (n, 3) points where each ray hit or was
-    last bent, mm, and unit directions from there; (n,) faces of the part under the hit, -1 where it
-    ends elsewhere, and numbers of shells, or pieces of the field, that it met; (n,) mask of the
-    rays that are lost (`Status.lost`).
+    From a (3,) array, mm, and (n, 3) unit vectors, world. Rays that are not `bent` run straight, as
+    without the hot air.
     """
     with runtime.using(scene.compiled.variant):
         import drjit as dr
         import mitsuba as mi
 
-        from iriftrace.plugins.kernels.bundle import is_lost
-        from iriftrace.plugins.kernels.queries import HIT_PART
+        from iriftrace.plugins.kernels.bundle import is_lost, straight_hits
+        from iriftrace.plugins.kernels.queries import HIT_BLOCKER, HIT_PART
 
         integrator = scene.compiled.integrator
         prepared = integrator.prepare(scene.compiled.mitsuba_scene)
-        bend = integrator.bender(prepared, coherent=True)
         rays = dr.arange(mi.UInt32, len(directions))
         heading = dr.gather(mi.Vector3d, _on_device(directions), rays)
         start = mi.Point3d(*(dr.opaque(mi.Float64, float(value)) for value in origin))
-        ends = bend(start, heading)
-        lost = is_lost(heading, ends)
-        dr.eval(*ends, lost)
-        face = np.array(ends.face, dtype=np.int64) - prepared.tables.part_first_face
-        return (
-            np.array(ends.point, dtype=np.float64).T,
-            np.array(ends.direction, dtype=np.float64).T,
-            np.where(np.array(ends.outcome) == HIT_PART, face, -1),
-            np.array(ends.crossings, dtype=np.int64),
+        if bent:
+            ends = integrator.bender(prepared, coherent=True)(start, heading)
+            place, ahead, outcome, row = ends.point, ends.direction, ends.outcome, ends.face
+            crossings, lost = ends.crossings, is_lost(heading, ends)
+        else:
+            hit = straight_hits(prepared, start, heading, coherent=True)
+            outcome, row, ahead = hit.outcome, hit.face, heading
+            place = start + heading * dr.select(dr.isfinite(hit.distance), hit.distance, 0)
+            crossings, lost = (
+                dr.zeros(mi.UInt32, len(directions)),
+                dr.zeros(mi.Bool, len(directions)),
+            )
+        dr.eval(place, ahead, outcome, row, crossings, lost)
+        face = np.array(row, dtype=np.int64) - prepared.tables.part_first_face
+        ended = np.array(outcome)
+        return RayEnds(
+            np.array(place, dtype=np.float64).T,
+            np.array(ahead, dtype=np.float64).T,
+            np.where(ended == HIT_PART, face, -1),
+            np.array(crossings, dtype=np.int64),
             np.array(lost),
+            ended == HIT_BLOCKER,
         )
 
 

@@ -19,6 +19,7 @@ from iriftrace.io.measured_shift import read_measured_shift
 from iriftrace.io.part_files import read_part
 from iriftrace.io.poses import read_poses
 from iriftrace.io.shells import load_shells
+from iriftrace.photo.prints import read_print
 from iriftrace.sweep.journal import journal_of, open_journal
 from iriftrace.sweep.store import read_sweep
 from iriftrace.tracing.hot_air import HotAir
@@ -197,6 +198,15 @@ DOORS = (
     Door("measured shift, EXR", samples.shift_map, _shift("shift.exr")),
     Door("measured shift, npy", samples.shift_array, _shift("shift.npy")),
     Door("measured shift, csv", samples.markers, _shift("shift.csv")),
+    *(
+        Door(
+            f"print, {name}",
+            samples.printed,
+            lambda folder, name=name: read_print(str(folder / name), 60.0),
+            (name,),
+        )
+        for name in ("board.csv", "print.png")
+    ),
     Door("journal", samples.journal, _read_journal, (journal_of(Path("sweep.nc")).name,)),
 )
 

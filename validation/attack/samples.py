@@ -12,6 +12,7 @@ import numpy as np
 import OpenEXR
 import pyvista as pv
 import trimesh
+from PIL import Image
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose_set import PoseSet
@@ -22,6 +23,7 @@ from iriftrace.io.field import read_field
 from iriftrace.io.lost_rays import write_lost_rays
 from iriftrace.io.part_files import read_part, save_part
 from iriftrace.io.poses import write_poses
+from iriftrace.part.board import Board
 from iriftrace.sweep.journal import Piece, Work, open_journal
 from iriftrace.tracing.hot_air import HotAir
 from iriftrace.tracing.scene import Scene
@@ -253,3 +255,9 @@ def rays(folder: Path) -> None:
     ray = LostRay(0, "camera", (3.0, 4.0), (0.0, 0.0, 9.0), (0.0, 0.6, -0.8), 6)
     found = LostRays.of([ray] * 2, 2, {"version": "1", "scene": where, **facts})
     write_lost_rays(folder / "out.rays.json", found)
+
+
+def printed(folder: Path) -> None:
+    """Dots of a board and a picture to print."""
+    Board((60.0, 50.0), 8.0).save_centres(folder / "board.csv")
+    Image.fromarray(np.arange(96, dtype=np.uint8).reshape(8, 12)).save(folder / "print.png")

@@ -58,11 +58,13 @@ def lines_of_sight(
     offset: FloatArray | None = None,
     *,
     rounds: int = ROUNDS,
+    bent: bool = True,
 ) -> LinesOfSight:
     """Find the straight lines along which a device at (3,) sees points (n, 3), mm, world.
 
     They lie on the part or near it, in one field. `offset` is a first guess of
-    `LinesOfSight.offset`; each point is traced `rounds` times at most.
+    `LinesOfSight.offset`; each point is traced `rounds` times at most. Rays that are
+    not `bent` run straight, as without the hot air.
     """
     aim = points + (0.0 if offset is None else offset)
     direction = unit_vectors(aim - origin)
@@ -76,14 +78,13 @@ def lines_of_sight(
             break
         # Not copied while all are active.
         rays = slice(None) if len(active) == len(points) else active
-        last_point, last_direction, face[rays], crossings, lost[rays] = refracted_hits(
-            scene, origin, direction[rays]
-        )
-        beyond = points[rays] - last_point
-        along = np.einsum("ij,ij->i", beyond, last_direction)
-        off = along[:, None] * last_direction - beyond
+        ends = refracted_hits(scene, origin, direction[rays], bent=bent)
+        face[rays], lost[rays] = ends.face, ends.lost
+        beyond = points[rays] - ends.point
+        along = np.einsum("ij,ij->i", beyond, ends.direction)
+        off = along[:, None] * ends.direction - beyond
         residual[rays] = np.where(face[rays] >= 0, along, np.nan)
-        in_air[rays] = crossings > 0
+        in_air[rays] = ends.crossings > 0
         now = row_lengths(off)
         foretold = MARGIN * now**2 / miss[rays]
         corrected = ~(now <= MISS_MM) & ~lost[rays]
