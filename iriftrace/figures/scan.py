@@ -49,7 +49,7 @@ def scan_figure(scan: Scan, part: Part) -> Figure:
     """
     error = 1e3 * scan.error_normal
     title = f"What hot air adds to a {scan.system} measurement"
-    view = PartView(part, scan.camera, scan.pixel)
+    view = PartOutline(part, scan.camera, scan.pixel)
     figure, body, (axes,), right = _panels(title, scan.provenance, _spread(error), "measured", view)
     limit = float(np.percentile(np.abs(error), 99))
     scale = _scale(error, limit, _ERROR)
@@ -88,7 +88,7 @@ def correction_figure(found: Correction, part: Part, camera: Camera) -> Figure:
     deviation -= 1e3 * part.face_offsets[face][good]
     maps = {"as measured": deviation, "by hot air": along, "corrected": deviation - along}
     place = camera.project(measured)
-    view = PartView(part, camera, place[good])
+    view = PartOutline(part, camera, place[good])
     title = "Deviation from the part: as measured = by hot air + corrected"
     subtitle = f"by hot air: {_spread(along)}"
     figure, body, axes, right = _panels(
@@ -107,7 +107,7 @@ def correction_figure(found: Correction, part: Part, camera: Camera) -> Figure:
     return figure
 
 
-class PartView:
+class PartOutline:
     """A part as a camera sees it, and the limits of the picture of it and of points (n, 2), px."""
 
     def __init__(self, part: Part, camera: Camera, place: FloatArray) -> None:
@@ -145,7 +145,7 @@ def _panels(
     provenance: JsonObject,
     subtitle: str,
     outcome: str,
-    view: PartView,
+    view: PartOutline,
     names: tuple[str, ...] = ("",),
 ) -> tuple[Figure, SubFigure, list[Axes], Axes]:
     """A figure with room for named maps and a histogram; marked if the field is synthetic.

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from matplotlib.figure import Figure
 
-from iriftrace.figures.scan import PartView
+from iriftrace.figures.scan import PartOutline
 from iriftrace.figures.style import SIGNED_COLOUR_MAP, ColourScale, finish_axes, new_figure
 from iriftrace.measuring.two_devices.sensitivity import MOST, Sensitivity
 from iriftrace.medium.source import stated_source, synthetic_mark
@@ -33,7 +33,7 @@ def sensitivity_figure(found: Sensitivity, part: Part) -> Figure:
     place = camera.project(found.cells.points.astype(np.float64))
     seen = camera.holds(place) & (nm != 0.0)
     strong = seen & (np.abs(nm) > FAINT * np.abs(nm).max(initial=0.0))
-    PartView(part, camera, place[strong] if strong.any() else found.scan.pixel).draw(left)
+    PartOutline(part, camera, place[strong] if strong.any() else found.scan.pixel).draw(left)
     u, v = place[seen].T
     ends = left.axis()
     count = 50, max(1, round(50 / math.sqrt(3.0) * abs((ends[3] - ends[2]) / (ends[1] - ends[0]))))
