@@ -4,6 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 CHECKOUT = Path(__file__).parents[2]
 FLOW = "iriftrace.flow"
 TOP_FOLDERS = {
@@ -38,6 +40,7 @@ def modules() -> list[str]:
     ]
 
 
+@pytest.mark.slow
 def test_all_other_modules_are_imported_with_this_room_blocked() -> None:
     commands = [f"iriftrace.cli.{name}" for name in ("field", "simulate", "sections")]
     projects = "iriftrace.cli.project_file", "iriftrace.project."

@@ -34,6 +34,7 @@ from validation.inputs.leaning_air import (
 )
 
 pytestmark = [
+    pytest.mark.slow,
     pytest.mark.usefixtures("variant"),
     pytest.mark.filterwarnings("ignore:Hits of this view"),
 ]

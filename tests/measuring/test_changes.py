@@ -137,6 +137,7 @@ def mixed(scene: Scene) -> tuple[Changes, Scan]:
     return found, scan
 
 
+@pytest.mark.slow
 def test_terms_of_higher_order_are_quadratic_in_the_contrast(tmp_path: Path) -> None:
     """With the gradients of the cells themselves, which are linear in the index."""
     fields = [leaning(lean, tmp_path) for lean in (0.0, 0.5)]

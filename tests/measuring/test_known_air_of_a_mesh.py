@@ -38,7 +38,7 @@ from validation.oracles.curved_rays import first_hits
 
 RAYS = 150
 
-pytestmark = pytest.mark.usefixtures("variant")
+pytestmark = [pytest.mark.usefixtures("variant"), pytest.mark.slow]
 
 
 @pytest.fixture(scope="module")

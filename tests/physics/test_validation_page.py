@@ -27,6 +27,7 @@ def test_the_page_has_the_figures_of_the_formulas() -> None:
     np.testing.assert_allclose(found, written, rtol=1e-3, atol=0.11)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("variant")
 def test_meshes_in_a_hall_are_compared_with_the_finest(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path

@@ -22,7 +22,10 @@ pytestmark = [
 SCALES = (0.1, 0.35)
 
 
-@pytest.fixture(scope="module", params=["cylinder", "bevel_gear"])
+@pytest.fixture(
+    scope="module",
+    params=["cylinder", pytest.param("bevel_gear", marks=pytest.mark.slow)],
+)
 def sweeps(
     variant: str, request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> list[xr.Dataset]:

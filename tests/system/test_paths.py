@@ -3,11 +3,13 @@
 import shutil
 from pathlib import Path
 
+import pytest
 from failing import Run
 
 from validation.inputs.hot_block import CAMERA, HotBlock
 
 
+@pytest.mark.slow
 def test_commands_accept_every_character_in_a_path(hot: HotBlock, run: Run) -> None:
     """From field and part to cloud, correction, plan and page; each name has another of them."""
     folder = Path('Kern\'s "heißer" teil')
