@@ -35,7 +35,7 @@ def load(variant: str) -> Callable[..., Scene]:
 
     @cache
     def loaded(name: str, scale: str, engine: str, bending: str = "layers") -> Scene:
-        # Where fewer rays go over to other triangles of the shells between both ends of a difference.
+        # Where fewer rays go over to other triangles of shells between the ends of a difference.
         view = "cylinder_paper" if (name, engine) == ("cylinder", "shells") else name
         file = folder_of(view) / "scene.xml"
         return iriftrace.load_scene(file, {"scale": scale, "bending": bending}, engine=engine)
