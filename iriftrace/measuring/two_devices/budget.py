@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from attrs import frozen
 
-from iriftrace.core.errors import InputError, without_warnings
+from iriftrace.core.errors import InputError
 from iriftrace.measuring.features.choice import FeatureChoice
 from iriftrace.measuring.features.fitted import FittedFeature
 from iriftrace.measuring.features.relations import Relation
@@ -19,12 +19,12 @@ from iriftrace.measuring.two_devices.changes import mixture_changes, pose_change
 from iriftrace.measuring.two_devices.correction import Correction
 from iriftrace.measuring.two_devices.correction_status import CorrectionStatus
 from iriftrace.measuring.two_devices.devices import sensor_of
-from iriftrace.measuring.two_devices.measure import measure
+from iriftrace.measuring.two_devices.measure import measured
 from iriftrace.measuring.uncertainty.air_groups import AirGroups
 from iriftrace.measuring.uncertainty.decision import Tolerance
 from iriftrace.measuring.uncertainty.inputs import NOTHING_STATED, Inputs
 from iriftrace.tracing.engine import choose
-from iriftrace.tracing.scene import Scene, ready_scene
+from iriftrace.tracing.scene import Scene
 from iriftrace.tracing.second_options import System
 
 
@@ -55,11 +55,9 @@ def feature_budget(
     sample of the points in mixed air and with moved devices. `choices`, `tolerances` and `gate` are
     those of `Correction.features`, and `progress` that of `measure`.
     """
-    ready = ready_scene(scene)
-    scan = measure(ready, system=system, phase=phase, varied=True, progress=progress)
-    _, sensor = sensor_of(ready, None, None, system, phase)
-    with without_warnings():  # which `measure` has issued
-        traced = choose(ready, *sensor.devices).scene
+    ready, sensor = sensor_of(scene, None, None, system, phase)
+    traced = choose(ready, *sensor.devices).scene
+    scan = measured(traced, sensor, varied=True, progress=progress)
     groups, unchecked = AirGroups.of(ready, inputs), ""
     changes = pose_changes(traced, sensor, inputs, scan.true, scan.face)
     try:

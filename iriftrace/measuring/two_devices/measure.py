@@ -102,23 +102,31 @@ def measure(
     """
     loaded, sensor = sensor_of(scene, camera, second, system, phase)
     started = time.perf_counter()
-    chosen = choose(loaded, *sensor.devices).scene
-    if not chosen.members:
-        found = _scan(chosen, sensor)
-    else:
-        places = range(len(chosen.members)) if varied else chosen.counted
-        members = [chosen.members[place] for place in places]
-        scans: list[Scan | None] = []
-        for listed, member in zip(members, chosen.alone(places), strict=True):
-            if progress is not None:
-                progress(len(scans), len(members))
-            scans.append(_scan_of(listed, member, sensor))
-        together = _together(scans, members, chosen.weights.of_places(places))
-        found = evolve(together, provenance=provenance_of_two(chosen, sensor.camera))
+    found = measured(choose(loaded, *sensor.devices).scene, sensor, varied, progress)
     measure_s = time.perf_counter() - started
     compiled = loaded.compiled
     time_s = {"load": compiled.load_s, "build": compiled.build_s, "measure": measure_s}
     return evolve(found, time_s=time_s)
+
+
+def measured(
+    chosen: Scene,
+    sensor: Sensor,
+    varied: bool,
+    progress: Callable[[int, int], None] | None = None,
+) -> Scan:
+    """What :func:`measure` finds by the engine of a scene, without its times."""
+    if not chosen.members:
+        return _scan(chosen, sensor)
+    places = range(len(chosen.members)) if varied else chosen.counted
+    members = [chosen.members[place] for place in places]
+    scans: list[Scan | None] = []
+    for listed, member in zip(members, chosen.alone(places), strict=True):
+        if progress is not None:
+            progress(len(scans), len(members))
+        scans.append(_scan_of(listed, member, sensor))
+    together = _together(scans, members, chosen.weights.of_places(places))
+    return evolve(together, provenance=provenance_of_two(chosen, sensor.camera))
 
 
 def _scan_of(listed: FieldMember, scene: Scene, sensor: Sensor) -> Scan | None:
