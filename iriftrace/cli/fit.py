@@ -140,7 +140,9 @@ def _fit_free(
         found = fit_free(
             board, measured, names, others=others, noise_px=noise, camera_motion=camera_motion
         )
-    target = board if scene is None else load(scene, trace)
+    whole = evolve(trace, define=[*(trace.define or ()), "scale=1"])
+    target = load(scene or views[0][0], whole)
+    seen = board if scene is None else load(scene, trace)
     changed = Scene(
         part=target.part,
         air=found.air,
@@ -155,7 +157,7 @@ def _fit_free(
         changed = evolve(changed, part=board.blockers[0], blockers=board.blockers[1:])
         say("The board's first blocker, the hot part, is the part of the fitted scene.")
     with working("Writing the scene"):
-        changed.save(output)
+        changed.save(output, scale=seen.camera.resolution[0] / target.camera.resolution[0])
     numbers = output.with_name("fit.json")
     write_json(numbers, found.as_dict())
     rows = [

@@ -67,7 +67,7 @@ class ProjectFile:
         value = self.get(section, key)
         if value is None:
             return []
-        listed = [_text(one) for one in value] if isinstance(value, list) else [_text(value)]
+        listed = _words(value)
         several = argument is None or argument.token_count()[1]
         return listed if several else [",".join(listed)]
 
@@ -89,8 +89,10 @@ def _feature(values: Values, key: str) -> list[str]:
     return [f"{name}={number} {limits} {unit}"]
 
 
-def _text(value: object) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)
+def _words(value: object) -> list[str]:
+    if isinstance(value, list):
+        return [text for one in value for text in _words(one)]
+    return [str(value).lower() if isinstance(value, bool) else str(value)]
 
 
 def read_project_file(path: Path, app: App) -> ProjectFile:
@@ -209,6 +211,14 @@ def _check_options(file: ProjectFile, app: App) -> dict[str, tuple[tuple[str, st
             known.setdefault(section, set()).add(key)
             if not _fill(file, section, key, argument):
                 continue
+            count, several = argument.token_count()
+            if several and len(argument.tokens) % count:
+                raise file.fault(
+                    f"a list of {len(argument.tokens)} is given, but {count} belong together; "
+                    f"write lists of {count}.",
+                    *(section, key),
+                    code="project.value_count",
+                )
             _convert(file, section, key, argument)
             found[command] = (*found.get(command, ()), (section, key))
             if group is not None:

@@ -134,7 +134,8 @@ def scene(
         A further field of the same part, which makes an ensemble with the first; repeatable.
     blocker
         Mesh of a body that only blocks the view, in the scene's frame; repeatable. If PART is a
-        board that is seen past a hot part, that part is the first one. The bodies of ``field
+        board that is seen past a hot part, that part is the first one, and the camera looks at it
+        unless a target is given. The bodies of ``field
         simulate --body`` are found next to the field.
     blocker_length_unit
         Unit of the blockers' coordinates; by default that of their files (glTF: m), else mm.
@@ -146,7 +147,7 @@ def scene(
     from iriftrace.io.field import read_field
     from iriftrace.io.members import chosen_members
     from iriftrace.io.part_files import read_part as read_body
-    from iriftrace.medium.part_fit import refuse_expanded_board
+    from iriftrace.medium.part_fit import body_in_air, refuse_expanded_board
     from iriftrace.medium.shells.contour import cut_shells
     from iriftrace.tracing.hot_air import AirState
     from iriftrace.tracing.save import save_scene
@@ -182,7 +183,7 @@ def scene(
             code="field.isosurfaces",
             argument="isosurfaces",
         )
-    place = devices_of(camera_options, second_options, stereo_options, measured, say)
+    place = devices_of(camera_options, second_options, stereo_options, say)
     wall_k = part_reading.hot.single
 
     def bodies(volume: IndexField) -> list[Part]:
@@ -193,19 +194,20 @@ def scene(
             say(f"Bodies of the field that block the view: {', '.join(b.path for b in found)}.")
         return found
 
-    def devices(volume: IndexField | None, stack: ShellStack) -> tuple[Camera, SceneSettings]:
-        """The camera, and the settings of the scene's file."""
+    def devices(volume: IndexField | None, stack: ShellStack) -> tuple[Camera, SceneSettings, Part]:
+        """The camera, the settings of the scene's file, and the body at which devices look."""
         if volume and part_reading.expansion is not None:
             refuse_expanded_board(volume, measured, blockers)
+        seen = body_in_air(volume, measured, blockers) if volume else measured
         settings = SceneSettings(
             scale=scale,
             normals=normals,
             notes=reading.notes,
             blockers=(*blockers, *(bodies(volume) if volume else ())),
         )
-        camera, settings = place(settings, volume, stack)
+        camera, settings = place(seen, settings, volume, stack)
         camera.scaled(scale)  # refuses a scale that leaves no pixel
-        return camera, settings
+        return camera, settings, seen
 
     if len(states) > len(fields) and reading.time is None:
         # A further field of one state may be a variation, which is not in the mean.
@@ -226,12 +228,12 @@ def scene(
     # Without --time the reader of the file states which of several states it is.
     number = states[0].index if states and reading.time is not None else None
     stack, volume = _cut(field, measured, number, air, reading, shell_options)
-    camera, settings = devices(volume, stack)
+    camera, settings, seen = devices(volume, stack)
     with working("Comparing part and field, measuring the shells"):
         state = AirState(volume, ready=stack)
         saved = save_scene(output, measured, [state], camera, settings, wall_temperature_k=wall_k)
     print_shells(saved.shells, saved.reports[0], saved.fits[0])
-    _print_scene(output, camera, measured, settings)
+    _print_scene(output, camera, seen, settings)
 
 
 def _cut(
@@ -263,7 +265,7 @@ def _ensemble(
     given: Sequence[Member],
     part: Part,
     output: Path,
-    devices: Callable[[IndexField | None, ShellStack], tuple[Camera, SceneSettings]],
+    devices: Callable[[IndexField | None, ShellStack], tuple[Camera, SceneSettings, Part]],
     cut: Callable[[Member], tuple[ShellStack, IndexField]],
     wall_k: float | None,
 ) -> None:
@@ -289,7 +291,7 @@ def _ensemble(
 
     fields = members()
     first = next(fields)
-    camera, settings = devices(first.field, first.shells)
+    camera, settings, seen = devices(first.field, first.shells)
     # An iterator lets go of its list at the end, a list in the chain stays.
     states = chain(iter([first]), fields)
     del first
@@ -324,7 +326,7 @@ def _ensemble(
     for origin in dict.fromkeys(member.source.origin for member in saved.members):
         if origin:
             say(f"Field: {origin}.")
-    _print_scene(output, camera, part, settings, f" of an ensemble of {len(saved.members)} fields")
+    _print_scene(output, camera, seen, settings, f" of an ensemble of {len(saved.members)} fields")
 
 
 def _print_scene(

@@ -45,7 +45,7 @@ SECTIONS = {
     "sweep": Section((SweepPoses,), {"sweep": ("focal_length", "include", "scheduler", "workers")}),
     "plan": Section((Criteria,), {"plan": ("top",)}),
     "board": Section(
-        options={"fit": ("noise", "camera_motion", "without_zeros")},
+        options={"fit": ("view", "noise", "camera_motion", "free", "without_zeros")},
         own=("mesh", "length_unit", "transform", "shifts"),
     ),
     "scan": Section(

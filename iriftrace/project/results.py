@@ -26,6 +26,11 @@ def result_of(file: ProjectFile, step: ProjectStep) -> str:
     """The main number of a step that has been done; "" if it has none."""
     if step.name == "report" and step.after == ("correct",):
         return _first(corrected_values(file, step.without))
+    if step.name == "fit":
+        fitted = json.loads(step.product.with_name("fit.json").read_text(encoding="utf-8"))
+        numbers = fitted.get("values", {})
+        listed = [f"{name} {x:.3g} {fitted['units'][name]}".rstrip() for name, x in numbers.items()]
+        return _short([fitted["verdict"]]) if "verdict" in fitted else ", ".join(listed)
     if step.name not in ("measure", "correct", "budget", "render"):
         return ""
     values = json.loads(step.product.with_suffix(".json").read_text(encoding="utf-8"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -29,9 +29,22 @@ def chosen_states(file: ProjectFile, names: Collection[str]) -> dict[str, StepSt
         if name in needed:
             needed.update(state.step.after)
     chosen = {name: state for name, state in states.items() if name in needed}
+    _check_files(file, chosen)
     if any(state.reason for state in chosen.values()):
         _check_features(file)
     return chosen
+
+
+def _check_files(file: ProjectFile, chosen: Mapping[str, StepState]) -> None:
+    """Refuse a step whose files are missing, before those before it are done."""
+    for name, state in chosen.items():
+        for path in state.step.files:
+            if not Path(path).exists():
+                raise InputError(
+                    f"{file.path}: there is no {path}, which the step {name} reads; give an "
+                    "existing file.",
+                    code="project.no_file",
+                )
 
 
 def _check_features(file: ProjectFile) -> None:

@@ -11,7 +11,6 @@ from pathlib import Path
 from attrs import frozen
 
 from iriftrace.cli.project_file import ProjectFile, is_among
-from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of, write_json
 from iriftrace.core.plain import JsonObject
 from iriftrace.project.steps import ProjectStep, steps_of
@@ -67,18 +66,11 @@ def _state(step: ProjectStep, file: ProjectFile, before: Mapping[str, StepState]
     files: dict[str, list[int | str]] = {}
     inputs = {"version": version("iriftrace"), "command": step.command}
     read = list(step.files)
-    for section, key in file.options.get(step.command, ()):
+    for section, key in (*file.options.get(step.command, ()), *step.keys):
         if not is_among(section, key, step.without):
             texts = file.texts(section, key)
             inputs[f"[{section}] {key}"] = json.dumps(texts)
             read += texts
-    for name in step.files:
-        if not Path(name).exists():
-            raise InputError(
-                f"{file.path}: there is no {name}, which the step {step.name} reads; give an "
-                "existing file.",
-                code="project.no_file",
-            )
     for path in _files(read):
         size_and_time = _size_and_time(path)
         known = stamp.get("files", {}).get(str(path), [])
@@ -96,6 +88,9 @@ def _state(step: ProjectStep, file: ProjectFile, before: Mapping[str, StepState]
 def _reason(
     step: ProjectStep, inputs: Mapping[str, str], stamp: JsonObject, waits: str | None
 ) -> str:
+    missing = next((name for name in step.files if not Path(name).exists()), None)
+    if missing is not None:
+        return f"{missing} is missing"
     if not stamp:
         return "not done yet"
     past = stamp["inputs"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 from attrs import frozen
 
@@ -34,6 +34,8 @@ class ProjectStep:
         Steps that it needs.
     files : tuple of str
         Files that it reads besides.
+    keys : tuple of (str, str)
+        Section and key of values of the project's file that its words have.
     without : tuple of str
         Sections and keys that the command does not take from the file.
     resumes : bool
@@ -46,6 +48,7 @@ class ProjectStep:
     product: Path
     after: tuple[str, ...] = ()
     files: tuple[str, ...] = ()
+    keys: tuple[tuple[str, str], ...] = ()
     without: tuple[str, ...] = ()
     resumes: bool = False
 
@@ -87,7 +90,7 @@ def _steps(file: ProjectFile) -> Iterator[ProjectStep]:
         part: str,
         words: Sequence[str] = (),
         after: tuple[str, ...] = (),
-        without: tuple[str, ...] = (),
+        **more: Any,
     ) -> ProjectStep:
         product = BUILD / name / SCENE.name
         pose = [f"--pose={POSES}"] if planned else []
@@ -98,7 +101,7 @@ def _steps(file: ProjectFile) -> Iterator[ProjectStep]:
             return [first, part, f"--output={product}", *members, *pose, *words]
 
         needs, files = (*(one.name for one in air), *planned, *after), (part, *given)
-        return ProjectStep(name, "scene", called, product, needs, files, without)
+        return ProjectStep(name, "scene", called, product, needs, files, **more)
 
     if file.get("camera", "pose") == PLANNED:
         yield scene("first_scene", mesh)
@@ -128,14 +131,15 @@ def _measured(file: ProjectFile, scene: Callable[..., ProjectStep]) -> Iterator[
         yield ProjectStep("render", "render", lambda: drawn, picture, after)
     board, shifts = file.get("board", "mesh"), file.get("board", "shifts")
     if board is not None:
-        _check_place(file)
-        more = [
-            f"{option}={text}"
+        # The same devices as those of the part's scene, which a board's look at the part, too.
+        placed = [
+            f"{option}={','.join(texts)}"
             for key, option in _BOARD_KEYS.items()
-            for text in file.texts("board", key)
+            if (texts := file.texts("board", key))
         ]
-        more.append(f"--blocker={SCENE.with_name('part.ply')}")
-        yield scene("board", board, more, after=after, without=("part", "second"))
+        placed.append(f"--blocker={SCENE.with_name('part.ply')}")
+        keys = tuple(("board", key) for key in _BOARD_KEYS)
+        yield scene("board", board, placed, after=after, keys=keys, without=("part",))
         if shifts is not None:
             best = BUILD / "fit" / "scene.xml"
             fitted = [str(BUILD / "board" / "scene.xml"), shifts, f"--output={best}"]
@@ -162,18 +166,6 @@ def _measured(file: ProjectFile, scene: Callable[..., ProjectStep]) -> Iterator[
         yield ProjectStep(
             *("report", "report", lambda: made, page, needs),
             without=NO_VERDICT if doubtful else (),
-        )
-
-
-def _check_place(file: ProjectFile) -> None:
-    """Refuse a board whose camera would stand where it sees all of the board."""
-    placed = [file.get("camera", key) for key in ("origin", "pose", "calibration")]
-    if not any([*placed, file.get("second", "stereo_calibration")]):
-        raise file.fault(
-            "it is missing, so the camera that sees the board has no place; give origin, pose or a "
-            "calibration with its pose.",
-            *("camera", "origin"),
-            code="project.no_place",
         )
 
 

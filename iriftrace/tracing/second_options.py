@@ -228,7 +228,7 @@ def moved(first: CameraOptions, devices: Sequence[Camera]) -> Sequence[Camera]:
 
 
 Placing = Callable[
-    ["SceneSettings", "IndexField | None", "ShellStack"], tuple["Camera", "SceneSettings"]
+    ["Part", "SceneSettings", "IndexField | None", "ShellStack"], tuple["Camera", "SceneSettings"]
 ]
 
 
@@ -236,11 +236,11 @@ def devices_of(
     first: CameraOptions,
     second: SecondOptions,
     rig: StereoOptions,
-    part: Part,
     say: Callable[[str], None] = lambda text: None,
 ) -> Placing:
     """Check the options, and return the function that places the camera and the second device.
 
+    They see the part that it is given, at which they look unless a target is stated.
     It adds the second device, if there is one, to a scene's settings. `say` is called with a line
     about a stereo calibration.
     """
@@ -248,7 +248,7 @@ def devices_of(
     two_devices = place_both is not None or second.given()
 
     def place(
-        settings: SceneSettings, field: IndexField | None, stack: ShellStack
+        part: Part, settings: SceneSettings, field: IndexField | None, stack: ShellStack
     ) -> tuple[Camera, SceneSettings]:
         if not two_devices:
             return moved(first, [first.camera(part, field, stack)])[0], settings

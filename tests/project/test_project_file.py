@@ -7,6 +7,7 @@ import pytest
 from iriftrace.cli import main
 from iriftrace.cli.program import app
 from iriftrace.cli.project_file import read_project_file
+from iriftrace.cli.sections import key_of, keyed
 from iriftrace.core.errors import InputError
 from iriftrace.project.run import defaults_of
 from validation.inputs import hot_block
@@ -124,3 +125,23 @@ def test_commands_in_the_folder_take_values_that_they_are_not_given(
     assert main([*words, "-o", "c/scene.xml"]) == 2
     assert "did you mean ambient?" in capsys.readouterr().err
     assert not Path("c").exists()
+
+
+def test_every_option_of_a_fit_is_a_key(tmp_path: Path) -> None:
+    arguments = app["fit"].assemble_argument_collection()
+    keys = {key for _, key, _, _ in keyed("fit", arguments)}
+    options = {key_of(one) for one in arguments if one.parse and not one.children}
+    assert options - keys == {"board", "measured", "output", "scene"}
+    path, board = tmp_path / "iriftrace.toml", '[board]\nfree = ["contrast", "lean"]\n'
+    for view in (
+        '["a.xml", "a.csv", "b.xml", "b.csv"]',
+        '[["a.xml", "a.csv"], ["b.xml", "b.csv"]]',
+    ):
+        path.write_text(f"{TEXT}{board}view = {view}", encoding="utf-8")
+        with defaults_of(read_project_file(path, app)):
+            _, bound, _ = app.parse_args(["fit", "s.xml", "s.csv", "-o", "f.xml"])
+        assert bound.arguments["free"] == "contrast,lean"
+        files = [tuple(map(str, one)) for one in bound.arguments["view"]]
+        assert files == [("a.xml", "a.csv"), ("b.xml", "b.csv")]
+    said = read(tmp_path, f'{TEXT}{board}view = ["a.xml"]')
+    assert said == ", [board] view: a list of 1 is given, but 2 belong together; write lists of 2."

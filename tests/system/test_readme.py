@@ -1,10 +1,12 @@
 """Everything that the README and the pages in docs/ tell the reader to type is typed here."""
 
+import json
 import re
 import shlex
 import shutil
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +14,11 @@ import numpy as np
 import pytest
 
 from iriftrace.cli.program import app
+from iriftrace.cli.project_file import read_project_file
 from iriftrace.core.runtime.variant import using
 from iriftrace.image.aov_image import CHANNELS
 from iriftrace.io.exr import read_exr
+from iriftrace.project.steps import steps_of
 from iriftrace.scenes import folder_of
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.render import render_scene
@@ -30,13 +34,15 @@ COMMANDS = {
     "README.md": ["doctor", "demo", "part", "field", "scene", "render", "metrics"],
     "camera_position.md": ["sweep", "plan", "plan", "plan", "plot", "report", "plan"],
     "fields.md": ["field", "field"],
-    "project.md": ["demo", "new", "run", "run"],
+    "project.md": ["demo", "new", "run", "run", "part", "part", "run", "run"],
     "tutorial_scanner.md": ["part", "field", "scene", "measure", "correct"],
 }
 """Commands that each page runs; all other pages run nothing."""
 WITH_FILES = {"project.md", "tutorial_scanner.md"}
 """Pages whose commands need files that they show."""
-PYTHON_EXAMPLES = {"README.md": 1, "mitsuba.md": 4, "python.md": 6, "triangulation.md": 1}
+PYTHON_EXAMPLES = {
+    **{"README.md": 1, "mitsuba.md": 4, "project.md": 2, "python.md": 6, "triangulation.md": 1}
+}
 
 
 def blocks(page: str, language: str) -> list[str]:
@@ -106,19 +112,62 @@ def test_the_tutorial_ends_with_the_sentence_that_it_quotes(tmp_path: Path) -> N
 @pytest.mark.slow
 def test_the_project_ends_with_the_verdict_that_its_page_quotes(tmp_path: Path) -> None:
     page = "project.md"
-    demo, new, first, last = commands(page)
+    demo, new, first, last, *_ = commands(page)
     folder = tmp_path / new[2]
     run(["-m", "iriftrace", *demo[1:]], tmp_path)
     run(["-m", "iriftrace", *new[1:]], tmp_path)
     assert "nothing is decided" in run(["-m", "iriftrace", *first[1:]], folder)
-    (text,) = blocks(page, "toml")
+    text, _ = blocks(page, "toml")
     (folder / "iriftrace.toml").write_text(text.replace('cloud = "scan.vtp"', ""))
     run(["-m", "iriftrace", "run", "measure"], folder)
     shutil.copy(folder / "build" / "measure" / "scan.vtp", folder)
     (folder / "iriftrace.toml").write_text(text)
     said = " ".join(run(["-m", "iriftrace", *last[1:]], folder).split())
-    (quoted,) = re.findall(r"^> (.*)$", PAGES[page], re.MULTILINE)
+    quoted, *_ = re.findall(r"^> (.*)$", PAGES[page], re.MULTILINE)
     assert quoted in said
+
+
+@pytest.mark.slow
+def test_the_project_with_a_board_finds_the_size_that_its_page_quotes(tmp_path: Path) -> None:
+    page = "project.md"
+    part, board, scenes, last = commands(page)[4:]
+    of_air, of_hall = blocks(page, "python")
+    for words in (part, board):
+        run(["-m", "iriftrace", *words[1:]], tmp_path)
+    run(["-c", of_air], tmp_path)
+    (tmp_path / "iriftrace.toml").write_text(blocks(page, "toml")[1])
+    run(["-m", "iriftrace", *scenes[1:]], tmp_path)
+    truth = float(run(["-c", of_hall], tmp_path))
+    assert f"without the air, {truth:.4f} mm" in PAGES[page]
+    said = " ".join(run(["-m", "iriftrace", *last[1:]], tmp_path).split())
+    _, fit, size, verdict = re.findall(r"^> (.*)$", PAGES[page], re.MULTILINE)
+    assert all(quoted in said for quoted in (fit, size, verdict))
+    stamp = json.loads((tmp_path / "build" / "fit" / "step.json").read_text())
+    assert stamp["result"] == fit
+    corrected, u, *_, measured = map(float, re.findall(r"(\d+\.\d+) mm", size))
+    assert abs(corrected - truth) <= u < 0.5 * abs(measured - truth)
+    assert "All is up to date." in run(["-m", "iriftrace", *last[1:]], tmp_path)
+    # Another picture of the board repeats what follows from it, another place the board's scene.
+    for name, repeated in {
+        "shifts.csv": ["fit", "correct", "budget", "report"],
+        "board_pose.txt": ["board", "fit", "correct", "budget", "report"],
+    }.items():
+        with (tmp_path / name).open("a") as file:
+            file.write("\n")
+        said = run(["-m", "iriftrace", *last[1:], "--dry-run"], tmp_path)
+        assert re.findall(r"^ +(\w+) +(?!up to date)(?:\S+ changed|after)", said, re.M) == repeated
+
+
+def test_the_projects_own_hall_has_keys_that_exist(tmp_path: Path) -> None:
+    _, text = blocks("project.md", "toml")
+    (hall,) = re.findall(
+        r"^    \[air\.simulate\]\n(?:    .*\n)+", PAGES["project.md"], re.MULTILINE
+    )
+    path = tmp_path / "iriftrace.toml"
+    path.write_text(re.sub(r"fields = .*", textwrap.dedent(hall), text))
+    file = read_project_file(path, app)
+    assert file.get("air.simulate", "floor") == "-16 mm"
+    assert "field" in steps_of(file)
 
 
 @pytest.mark.slow

@@ -149,18 +149,23 @@ def test_air_around_no_cavity_has_a_contrast_but_leans_from_nothing(fields: Fiel
 def test_the_command_writes_the_changed_air(
     fields: Fields, shifts: MeasuredShift, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    xml = board_in(iriftrace.HotAir(fields[0], layers=9)).save(tmp_path / "board" / "scene.xml")
+    board = board_in(iriftrace.HotAir(fields[0], layers=9))
+    xml = board.save(tmp_path / "board" / "scene.xml", scale=0.25)
     rows = np.hstack((shifts.places, shifts.shifts))
     np.savetxt(tmp_path / "s.csv", rows, delimiter=",", header="u,v,du,dv", comments="")
     out = tmp_path / "fitted" / "scene.xml"
-    words = ["fit", str(Path(xml)), str(tmp_path / "s.csv"), "-o", str(out), "-D", "scale=1"]
+    words = ["fit", str(Path(xml)), str(tmp_path / "s.csv"), "-o", str(out)]
     assert main([*words, "--free", "contrast", "--noise", "0.05"]) == 0
     assert "Numbers of the air" in capsys.readouterr().out
     values = json.loads(out.with_name("fit.json").read_text())
     fitted = iriftrace.load_scene(out)
+    assert fitted.camera.resolution == board.camera.scaled(0.25).resolution
+    assert iriftrace.load_scene(out, {"scale": 1}).camera.resolution == board.camera.resolution
     assert [one.label for one in fitted.members] == ["fitted", "fitted contrast + u"]
     assert [len(state.shells.shells) for state in fitted.air.states] == [9, 9]
     first, second = (state.cells for state in fitted.air.states)
+    stated = f"changed by a fit (contrast {values['values']['contrast']:.4g})"
+    assert first.source.origin.endswith(stated)
     peak = np.abs(first.refractivity - first.ambient).max()
     more = np.abs(second.refractivity - second.ambient).max() / peak - 1.0
     assert more == pytest.approx(values["u"]["contrast"] / (1 + values["values"]["contrast"]), 0.01)

@@ -253,10 +253,13 @@ class _Air:
         ]
         fields, labels = [], []
         for changed, what in zip(sets, ["", *(f" {name} + u" for name in values)], strict=True):
+            by = ", ".join(f"{name} {x:.4g} {UNITS[name]}".rstrip() for name, x in changed.items())
             for k in used:
                 cells = _changed(self.cells[k], changed, self.wall[k] if self.wall else 0.0)
                 name = self.members[k].label if self.members else "fitted"
-                fields.append(IndexField(cells.grid(), cells.refractivity, cells.air, cells.source))
+                origins = filter(None, (cells.source.origin, f"changed by a fit ({by})"))
+                source = evolve(cells.source, origin=", ".join(origins))
+                fields.append(IndexField(cells.grid(), cells.refractivity, cells.air, source))
                 labels.append(name + what)
         weights = best.weights[used]
         # By a number: the mean of its members less that of the others.
