@@ -27,6 +27,9 @@ _MESHES = (".ply", ".stl", ".obj", ".glb", ".gltf", ".off")
 FRAME_PX = 440
 """Height of the picture in a report that turns."""
 
+IMAGE_PX = (1200, 900)
+"""Size for which the image is drawn that is printed; less than its own, so its text is larger."""
+
 _OTHER_CLOUDS = (".asc", ".xyz", ".pts", ".pcd", ".e57")
 
 
@@ -262,16 +265,16 @@ def _in_space(cloud: Path) -> tuple[bytes, str, tuple[str, ...]]:
 
     from iriftrace.figures.page import frame
     from iriftrace.figures.pictures import picture_of
-    from iriftrace.figures.window import view as show
+    from iriftrace.figures.window import write_image
 
     if cloud.suffix.lower() not in (".vtp", ".ply") or not cloud.is_file():
         return b"", "", ("Without a cloud in a .vtp or .ply there is no picture in space.",)
     with TemporaryDirectory() as folder:
-        picture = Path(folder) / "space.png"
+        image = Path(folder) / "space.png"
         try:
-            shown, numbers = read_shown(cloud)
-            show(shown, picture, numbers=numbers)
-            return picture.read_bytes(), frame(picture_of(shown, numbers), FRAME_PX), ()
+            picture = picture_of(*read_shown(cloud))
+            write_image(image, picture, IMAGE_PX)
+            return image.read_bytes(), frame(picture, FRAME_PX), ()
         except (InputError, SetupError) as error:
             return b"", "", (f"There is no picture in space: {error}",)
 

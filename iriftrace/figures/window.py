@@ -81,15 +81,22 @@ def view(
         write_page(output, picture)
         return
     if output is not None:
-        with space.off_screen(space.SIZE_PX) as plotter:
-            _set_up(plotter, picture)
-            plotter.screenshot(str(output))
+        write_image(output, picture)
         return
     window = _window(title)
     _set_up(window, picture)
     # Here nested transparent shells are seen from all sides.
     window.enable_depth_peeling()
     window.show()
+
+
+def write_image(
+    output: str | Path, picture: SpacePicture, size_px: tuple[int, int] = space.SIZE_PX
+) -> None:
+    """Draw a picture into a PNG; in a smaller one its text is larger. Raises SetupError."""
+    with space.off_screen(size_px) as plotter:
+        _set_up(plotter, picture)
+        plotter.screenshot(str(output))
 
 
 def _window(title: str) -> Any:
