@@ -32,7 +32,7 @@ class Section:
 
 
 SECTIONS = {
-    "part": Section((ReadPart,), own=("mesh",)),
+    "part": Section((ReadPart,), {"scene": ("blocker",)}, own=("mesh",)),
     "air": Section((Air, ReadField), own=("fields",)),
     "air.simulate": Section(
         (SimulationOptions, DraughtOptions),

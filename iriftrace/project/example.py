@@ -38,6 +38,7 @@ length_unit = "{unit}"
 # Keys of a part that is drawn cold:
 # expansion = "14e-6/K"
 # hot_temperature = ["1050 degC", "hub*=900 degC"]
+# blocker = ["fixture.stl"]  # bodies that only block the view
 
 [air]
 ambient = "20 degC"  # EXAMPLE

@@ -137,7 +137,8 @@ def _measured(file: ProjectFile, scene: Callable[..., ProjectStep]) -> Iterator[
             for key, option in _BOARD_KEYS.items()
             if (texts := file.texts("board", key))
         ]
-        placed.append(f"--blocker={SCENE.with_name('part.ply')}")
+        blockers = [str(SCENE.with_name("part.ply")), *file.texts("part", "blocker")]
+        placed += [f"--blocker={one}" for one in blockers]
         keys = tuple(("board", key) for key in _BOARD_KEYS)
         yield scene("board", board, placed, after=after, keys=keys, without=("part",))
         if shifts is not None:

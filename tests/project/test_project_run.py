@@ -16,7 +16,7 @@ from iriftrace.cli.program import app
 from iriftrace.cli.project_file import read_project_file
 from iriftrace.io.poses import write_poses
 from iriftrace.project import stamps
-from iriftrace.project.run import do_steps
+from iriftrace.project.run import do_steps, options_of
 from iriftrace.project.stamps import states_of
 from iriftrace.scenes import folder_of
 from iriftrace.tracing.load import load_scene
@@ -143,6 +143,20 @@ def test_a_region_that_the_part_lacks_is_refused_before_anything_is_done(
         assert main(words) == 2
         assert "no region 'laterl'; use one of" in " ".join(capsys.readouterr().err.split())
     assert not (project / "build").exists()
+
+
+def test_a_fixture_blocks_the_view_of_the_part_and_of_the_board(project: Path) -> None:
+    board = '[board]\nmesh = "board.stl"\n[part]\nblocker = ["fixture.stl"]'
+    FILE.write_text(FILE.read_text().replace("[part]", board))
+    for name in ("board.stl", "fixture.stl"):
+        shutil.copy(read_project_file(FILE, app).get("part", "mesh") or "", name)
+    file = read_project_file(FILE, app)
+    states = states_of(file)
+    assert "fixture.stl" in states["scene"].files
+    blocked = [word for word in states["board"].step.words() if word.startswith("--blocker")]
+    assert blocked == ["--blocker=build/scene/part.ply", "--blocker=fixture.stl"]
+    scene = options_of(file, "scene", "FIELD", "PART", "--output=scene.xml")
+    assert scene["blocker"] == [Path("fixture.stl")]
 
 
 def test_a_scan_is_corrected_and_decided(
