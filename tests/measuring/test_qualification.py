@@ -27,6 +27,9 @@ NAMES = [
 ]
 
 
+pytestmark = pytest.mark.slow  # the kit takes long to compute
+
+
 @pytest.fixture(scope="module")
 def kit(variant: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A kit that the command wrote, with the verdicts on both engines next to it."""
@@ -40,7 +43,6 @@ def verdicts(path: Path) -> dict[str, list[dict[str, Any]]]:
     return dict(json.loads(path.read_text(encoding="utf-8"))["verdicts"])
 
 
-@pytest.mark.slow
 def test_both_engines_pass_every_scenario(kit: Path) -> None:
     found = verdicts(kit.with_name("verdicts.json"))
     assert set(found) == {"iriftrace, shells", "iriftrace, cells"}
@@ -49,7 +51,6 @@ def test_both_engines_pass_every_scenario(kit: Path) -> None:
         assert all(row["passes"] and 0.0 < row["error"] <= row["bound"] <= 0.03 for row in rows)
 
 
-@pytest.mark.slow
 def test_shells_at_the_layers_outer_index_fail_every_scenario(
     kit: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

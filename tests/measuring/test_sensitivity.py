@@ -97,6 +97,7 @@ def smooth_changes(air: FieldCells, distance: np.ndarray) -> dict[str, np.ndarra
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("system", "feature", "bound"),
     [("fringe", LATERAL, 2e-3), ("stereo", LATERAL, 2e-3), ("laser", "circle:lateral", 1e-2)],

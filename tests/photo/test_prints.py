@@ -121,6 +121,7 @@ def saddles(picture: np.ndarray, places: np.ndarray) -> np.ndarray:
     return places
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:The part does not fill")
 def test_checkerboards_give_the_camera_back(scene: iriftrace.Scene, tmp_path: Path) -> None:
     """Found by OpenCV, refined to the saddle points, and calibrated by OpenCV."""

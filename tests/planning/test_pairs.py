@@ -43,6 +43,7 @@ def dataset(swept: Path) -> xr.Dataset:
     return read_sweep(swept)
 
 
+@pytest.mark.slow
 def test_the_order_is_that_of_what_the_pairs_measure(dataset: xr.Dataset) -> None:
     """To a tenth: a sweep's rays leave out faces that the projector grazes, with large errors."""
     found = plan_pairs(dataset, BY_ERROR)

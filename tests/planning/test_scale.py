@@ -24,7 +24,7 @@ SCALES = (0.1, 0.35)
 
 @pytest.fixture(
     scope="module",
-    params=["cylinder", pytest.param("bevel_gear", marks=pytest.mark.slow)],
+    params=["cylinder", "bevel_gear"],
 )
 def sweeps(
     variant: str, request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
@@ -42,6 +42,7 @@ def sweeps(
     return found
 
 
+@pytest.mark.slow
 def test_what_each_pose_sees(sweeps: list[xr.Dataset]) -> None:
     """The area is equal within 2 %; the faces hit are not, least of all on the gear."""
     low, high = (table.sel(region="part") for table in sweeps)

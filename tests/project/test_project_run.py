@@ -203,6 +203,7 @@ def test_a_scan_is_corrected_and_decided(
     assert "rejected" in said
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("variant")
 def test_the_pose_of_a_plan_is_that_of_the_scene(project: Path) -> None:
     text = FILE.read_text()
@@ -217,6 +218,7 @@ def test_the_pose_of_a_plan_is_that_of_the_scene(project: Path) -> None:
     assert main(["run"]) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("variant")
 def test_a_second_device_moves_with_the_pose(project: Path) -> None:
     """As on a rigid frame: the pose of one in the other's frame stays."""

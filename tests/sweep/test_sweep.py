@@ -50,6 +50,7 @@ def same_results(one: xr.Dataset, other: xr.Dataset) -> bool:
     return bool(one.drop_vars(times).identical(other.drop_vars(times)))
 
 
+@pytest.mark.slow
 def test_each_pose_holds_the_metrics_of_its_own_rendering(
     scene: Scene, poses: PoseSet, swept: tuple[Path, xr.Dataset]
 ) -> None:

@@ -137,6 +137,7 @@ def test_u_covers_where_members_have_hot_air(
     assert fit.solve_next.startswith(hotter) == ("contrast" in truth)
 
 
+@pytest.mark.slow
 def test_where_no_member_has_hot_air_the_verdict_says_so(
     board: iriftrace.Scene, part: iriftrace.Part, tmp_path: Path
 ) -> None:

@@ -112,6 +112,7 @@ def test_only_the_part_can_be_hidden(scene: iriftrace.Scene, engine: str) -> Non
         rendered(-200.0, floor)
 
 
+@pytest.mark.slow
 def test_command_takes_blockers_and_finds_bodies_of_the_field(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

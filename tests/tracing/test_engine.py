@@ -237,6 +237,7 @@ def test_rays_of_a_bundle_are_chosen_for_as_those_of_a_picture(
     assert np.nanmax(away) > 0.05 * np.nanmax(np.linalg.norm(cells.displacement, axis=1))
 
 
+@pytest.mark.slow
 def test_an_ensemble_is_traced_alike_in_all_members(tmp_path: Path) -> None:
     """Cells of all members where the shells of one are too few."""
     field = read_field(folder_of("cylinder") / "field.vtu")

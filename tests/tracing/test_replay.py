@@ -214,6 +214,7 @@ def test_a_measurement_keeps_the_rays_of_both_devices(giving_up: iriftrace.Scene
     assert {ray.device for ray in scan.lost_rays.rays} == {"camera", "second"}
 
 
+@pytest.mark.slow
 def test_an_ensembles_ray_is_replayed_in_its_member(tmp_path: Path) -> None:
     """Without a number, in the first member that loses it; in none: an error."""
     loaded = load_scene(BUNDLED, engine="shells")
