@@ -21,6 +21,9 @@ from iriftrace.tracing.scene import Scene
 pytestmark = pytest.mark.usefixtures("variant")
 
 CYLINDER, HOT_PLATE = ("cylinder", "0.08"), ("hot_plate", "0.1")
+SEEN_FROM_NEAR = ("cylinder_paper", "0.08")
+"""In the other view one ray meets a shell so near an edge that differences are of both sides; with
+a step of 1e-5 it has the derivative that is found."""
 PLACES = [pytest.param(CYLINDER, id="cylinder")]
 PLACES.append(pytest.param(HOT_PLATE, id="hot_plate", marks=pytest.mark.slow))
 WEIGHTS = (0.3, -0.5, 0.8)
@@ -35,9 +38,7 @@ def load(variant: str) -> Callable[..., Scene]:
 
     @cache
     def loaded(name: str, scale: str, engine: str, bending: str = "layers") -> Scene:
-        # Where fewer rays go over to other triangles of shells between the ends of a difference.
-        view = "cylinder_paper" if (name, engine) == ("cylinder", "shells") else name
-        file = folder_of(view) / "scene.xml"
+        file = folder_of(name) / "scene.xml"
         return iriftrace.load_scene(file, {"scale": scale, "bending": bending}, engine=engine)
 
     return loaded
@@ -181,14 +182,15 @@ def test_by_one_shells_index(
     three = [inner.replace("int_ior", name) for name in ("int_ior", "ext_ior", "iso_ior")]
     start = {name: mi.Float64(parameters[name]) for name in three}
 
-    for changed in ((inner,), tuple(three)):
+    # Alone, the inner side changes the step of the index, 1e-5, which bends by more than its share.
+    for changed, step in (((inner,), 3e-7), (tuple(three), 1e-6)):
 
         def change(number: Any, changed: tuple[str, ...] = changed) -> None:
             for name in changed:
                 parameters[name] = start[name] + number
             parameters.update()
 
-        assert_close(derivatives(scene, change, 1e-6), 1e-4)
+        assert_close(derivatives(scene, change, step), 1e-4)
 
 
 def camera_changes(scene: Scene) -> dict[str, Set]:
@@ -236,8 +238,12 @@ KINDS = ("move", "turn", "focal_length", "principal_point", "k1")
         (CYLINDER, "cells", ("move",)),
         *(
             pytest.param(place, engine, KINDS, marks=pytest.mark.slow)
-            for place in (CYLINDER, HOT_PLATE)
-            for engine in ("shells", "cells")
+            for place, engine in (
+                (SEEN_FROM_NEAR, "shells"),
+                (CYLINDER, "cells"),
+                (HOT_PLATE, "shells"),
+                (HOT_PLATE, "cells"),
+            )
         ),
     ],
 )
