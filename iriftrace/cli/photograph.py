@@ -88,12 +88,14 @@ def photograph(
         Shot and read noise.
     """
     from iriftrace.core.mesh.transform import parse_transform
+    from iriftrace.io.photographs import check_folder
     from iriftrace.photo.appearance import Appearance
     from iriftrace.photo.photograph import photograph as take
     from iriftrace.photo.prints import read_print
 
     checks.scenes(scene)
     checks.output(output, "image.tiff", ".tif", make=True)
+    check_folder(output.parent)
     part = Appearance(emissivity, temperature)
     if printed is not None:
         part = evolve(part, printed=read_print(printed, print_width))

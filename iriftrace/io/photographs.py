@@ -16,6 +16,9 @@ from iriftrace.io.exr import write_exr
 
 TRUTH, NUMBERS = "truth.exr", "README.md"
 
+TITLE = "# Photographs"
+"""First line of `NUMBERS`, by which earlier photographs are known that may be replaced."""
+
 
 def write_tiff(path: str | Path, picture: NDArray[np.uint16]) -> None:
     """Write a grey picture (h, w) with 16 bits, as in `whole_file`."""
@@ -34,6 +37,20 @@ def picture_files(path: Path, names: Mapping[str, object]) -> dict[str, Path]:
     }
 
 
+def check_folder(folder: Path) -> None:
+    """Raise InputError if files of a folder that are no earlier photographs' would be lost."""
+    text, truth = folder / NUMBERS, folder / TRUTH
+    ours = text.is_file() and text.read_bytes().startswith(TITLE.encode())
+    lost = next((file for file in (text, truth) if file.exists()), None)
+    if lost is not None and not ours:
+        raise InputError(
+            f"Photographs fill a folder of their own, and {lost}, another file, would be lost; "
+            "give a picture in a new folder.",
+            code="output.replaces",
+            argument="output",
+        )
+
+
 def write_photographs(
     path: Path, pictures: Mapping[str, NDArray[np.uint16]], truth: AovImage, numbers: JsonObject
 ) -> list[Path]:
@@ -45,6 +62,7 @@ def write_photographs(
             code="file.ending",
             argument="output",
         )
+    check_folder(path.parent)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -68,7 +86,7 @@ def _text(files: Mapping[str, str], truth: AovImage, numbers: JsonObject) -> str
     scene = truth.header["scene"]
     channels = [name for name in KNOWN if name in truth.channels]
     lines = [
-        "# Photographs",
+        TITLE,
         "",
         f"{width} x {height} px, 16 bits, simulated by iriftrace {truth.header['version']}.",
         "",

@@ -16,6 +16,17 @@ pytestmark = pytest.mark.usefixtures("variant")
 SCENE = str(folder_of("fringe_cylinder") / "scene.xml")
 
 
+@pytest.mark.parametrize("name", ["README.md", "truth.exr"])
+def test_another_file_is_not_replaced(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    (tmp_path / name).write_text("# My project\n")
+    assert main(["photograph", SCENE, "-o", str(tmp_path / "image.tiff"), "-D", "scale=0.05"]) == 2
+    assert f"{name}, another file, would be lost" in " ".join(capsys.readouterr().err.split())
+    assert [file.name for file in tmp_path.iterdir()] == [name]
+    assert (tmp_path / name).read_text() == "# My project\n"
+
+
 def test_the_command_writes_pictures_truth_and_numbers(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
