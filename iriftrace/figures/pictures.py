@@ -30,8 +30,8 @@ from iriftrace.figures.picture import (
     as_points,
     part_surface,
 )
-from iriftrace.figures.scene_picture import COLOUR_MAP, picture_of_scene
-from iriftrace.figures.style import ColourScale, number
+from iriftrace.figures.scene_picture import AIR_COLOUR_MAP, picture_of_scene
+from iriftrace.figures.style import COLOUR_MAP, SIGNED_COLOUR_MAP, ColourScale, number
 from iriftrace.figures.sweep_picture import sweep_picture
 from iriftrace.figures.sweep_space import towards_cameras
 from iriftrace.image.aov_image import AovImage
@@ -182,12 +182,12 @@ def _points(cloud: pv.PolyData, numbers: JsonObject | None = None) -> SpacePictu
     scalar = values.ndim == 1
     values = column.factor * (values if scalar else np.linalg.norm(values, axis=1))
     # Nothing is known of points of another status, which does not mean 0.
-    good = columns.get("status", np.zeros(len(values))) == 0
+    good = (columns.get("status", np.zeros(len(values))) == 0) & np.isfinite(values)
     if column is EFFECT:
         good &= np.abs(values) > FAINT * np.abs(values).max(initial=0.0)
     if not good.any():
         raise InputError(
-            "The cloud has no point of status 0, so there is nothing to show.",
+            "The cloud has no point of status 0 with a value, so there is nothing to show.",
             code="cloud.no_point",
         )
     u = column.factor * columns[column.u][good] if column.u in columns else None
@@ -223,7 +223,7 @@ def _field(field: IndexField, numbers: JsonObject | None = None) -> SpacePicture
     half = half.triangulate()
     celsius = np.asarray(half.point_data[name], dtype=np.float64)
     limits = float(celsius.min()), float(celsius.max())
-    scale = ColourScale(celsius, limits, name, False, COLOUR_MAP)
+    scale = ColourScale(celsius, limits, name, False, AIR_COLOUR_MAP)
     surface = DrawnBody("air", as_points(half), half.regular_faces, scale=scale, values=celsius)
     outline = grid.outline()
     edges = [
@@ -270,7 +270,7 @@ def _cloud(points: FloatArray, values: FloatArray, column: CloudColumn, **more: 
     most = float(np.nanpercentile(np.abs(values), 99)) or 1.0
     limits = (-most, most) if signed else displacement_limits(values)
     logarithmic = not signed and limits[0] > 0.0
-    colours = "RdBu_r" if signed else "viridis"
+    colours = SIGNED_COLOUR_MAP if signed else COLOUR_MAP
     scale = ColourScale(values, limits, column.label, logarithmic, colours)
     place = np.asarray(points, dtype=np.float64)
     none = np.empty((0, 3), dtype=np.int64)

@@ -31,7 +31,7 @@ from iriftrace.tracing.scene import Scene
 
 _MOST_SHELLS = 20
 _FEWEST_SHELLS = 4
-COLOUR_MAP = "plasma"
+AIR_COLOUR_MAP = "plasma"
 TRANSMITTANCE = 0.2
 """Of all shells together, through which the part must remain visible."""
 
@@ -131,7 +131,7 @@ def temperature_scale(stacks: Sequence[ShellStack]) -> ColourScale:
     if high - low < 1.0:
         low, high = low - 10.0, high + 10.0
     label = "Air temperature at the shells (°C)"
-    return ColourScale(celsius, (low, high), label, False, COLOUR_MAP, of_air=True)
+    return ColourScale(celsius, (low, high), label, False, AIR_COLOUR_MAP, of_air=True)
 
 
 def _cut_through(part: Part, stack: ShellStack) -> FloatArray:
