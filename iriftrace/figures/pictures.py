@@ -17,7 +17,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K, counted
-from iriftrace.figures.describe import facts_of
+from iriftrace.figures.describe import provenance_rows
 from iriftrace.figures.picture import (
     BLOCKER_COLOUR,
     SECOND_COLOUR,
@@ -235,7 +235,7 @@ def _field(field: IndexField, numbers: JsonObject | None = None) -> SpacePicture
         subtitle=f"{counted(grid.n_points, 'point')}, {low} to {high} °C",
         surfaces=(surface,),
         lines=(Lines("end of the data", edges, "#666666"),),
-        facts=facts_of({}, field.source),
+        facts=provenance_rows({}, field.source),
         mark=synthetic_mark(field.source) or "",
     )
 
@@ -311,7 +311,7 @@ def _measured(
         towards=towards,
         hidden=tuple(device.name for device in devices),
         exaggerated="" if cloud.moved is None else "Displacement of the points",
-        facts=facts_of(stated, source),
+        facts=provenance_rows(stated, source),
         mark=synthetic_mark(source) or "",
     )
 

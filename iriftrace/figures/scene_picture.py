@@ -11,7 +11,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, SetupError, without_warnings
 from iriftrace.core.units import ZERO_CELSIUS_K, counted
 from iriftrace.figures import space
-from iriftrace.figures.describe import facts_of
+from iriftrace.figures.describe import provenance_rows
 from iriftrace.figures.picture import (
     BLOCKER_COLOUR,
     RAY_COLOUR,
@@ -111,12 +111,13 @@ def picture_of_scene(scene: Scene) -> SpacePicture:
         towards=picture.towards,
         cut=picture.cut,
         exaggerated="Bending of the rays" if rays else "",
-        facts=facts_of(
+        facts=provenance_rows(
             {
                 "scene": {"path": scene.path, "sha256": scene.sha256},
                 "part": {"path": scene.part.path, "sha256": scene.part.sha256},
                 "wavelength_nm": scene.wavelength_nm,
                 "engine": scene.engine,
+                "ensemble": {"members": [member.as_dict() for member in scene.members]},
             },
             source,
         ),

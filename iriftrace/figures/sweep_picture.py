@@ -10,7 +10,7 @@ from attrs import evolve
 from matplotlib.image import imsave
 
 from iriftrace.core.errors import InputError, SetupError
-from iriftrace.figures.describe import facts_of
+from iriftrace.figures.describe import provenance_rows
 from iriftrace.figures.picture import Lines, Poses, SpacePicture
 from iriftrace.figures.style import BEST_COLOUR, ColourScale, number, scale_of
 from iriftrace.figures.sweep_space import surroundings_picture, towards_cameras
@@ -61,7 +61,8 @@ def sweep_picture(dataset: xr.Dataset) -> SpacePicture:
         BEST_COLOUR,
     )
     around = surroundings_of(dataset)
-    source = stated_source(attribute(dataset, "field"))
+    stated = {name: attribute(dataset, name) for name in ("scene", "part", "field", "ensemble")}
+    source = stated_source(stated["field"])
     return evolve(
         surroundings_picture(around),
         title="Score of each camera pose",
@@ -69,7 +70,7 @@ def sweep_picture(dataset: xr.Dataset) -> SpacePicture:
         lines=(sight,),
         poses=poses,
         towards=towards_cameras(summary.origins - summary.targets.mean(axis=0)),
-        facts=facts_of({**dataset.attrs, "field": attribute(dataset, "field")}, source),
+        facts=provenance_rows({**dataset.attrs, **stated}, source),
         mark=synthetic_mark(source) or "",
     )
 
