@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -234,10 +234,8 @@ class Poses:
     headings, rows : tuple of str, tuple of tuples of str
         Table of the poses' numbers.
     best : int
-    maps : mapping of bytes
-        PNGs of what poses see.
-    caption : str
-        Of these maps, with the unit and the limits of their colours.
+    draw_maps : callable
+        Returns `maps`; it may render poses, for which only a page waits.
     """
 
     matrices: FloatArray
@@ -246,8 +244,12 @@ class Poses:
     headings: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     best: int
-    maps: Mapping[int, bytes] = Factory(dict)
-    caption: str = ""
+    draw_maps: Callable[[], tuple[Mapping[int, bytes], str]] = lambda: ({}, "")
+
+    @cached_property
+    def maps(self) -> tuple[Mapping[int, bytes], str]:
+        """PNGs of what poses see, and their caption with the unit and limits of their colours."""
+        return self.draw_maps()
 
     @property
     def origins(self) -> FloatArray:

@@ -30,6 +30,7 @@ from iriftrace.figures.picture import (
     as_points,
     part_surface,
 )
+from iriftrace.figures.scan import MOST_POINTS
 from iriftrace.figures.scene_picture import AIR_COLOUR_MAP, picture_of_scene
 from iriftrace.figures.style import COLOUR_MAP, SIGNED_COLOUR_MAP, ColourScale, number
 from iriftrace.figures.sweep_picture import sweep_picture
@@ -45,9 +46,6 @@ from iriftrace.part.part import Part
 from iriftrace.sweep.faces import displacement_limits
 from iriftrace.tracing.render import Rendering
 from iriftrace.tracing.scene import Scene
-
-MOST_POINTS = 300_000
-"""Of a larger cloud one of every so many points is drawn."""
 
 FAINT = 0.05
 """Fraction of the largest effect of the air below which one is not drawn."""

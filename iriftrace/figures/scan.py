@@ -31,7 +31,7 @@ from iriftrace.part.part import Part
 from iriftrace.sweep.measures import Limits
 
 MOST_POINTS = 300_000
-"""Largest number of points that the figure of a correction draws."""
+"""Of a larger cloud one of every so many points is drawn."""
 
 _ERROR = "error along the normal (µm)"
 _WIDE = 1.6, 3.0

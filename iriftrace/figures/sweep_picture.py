@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from io import BytesIO
 from typing import TYPE_CHECKING
 
@@ -48,12 +49,10 @@ def sweep_picture(dataset: xr.Dataset) -> SpacePicture:
         "elevation (°)",
         *(_short(one.title, one.unit) for one in quantities),
     )
-    maps, caption = pose_maps(dataset, summary)
     best = summary.plan.best
     poses = Poses(
         *(summary.matrices, summary.targets, scale_of(summary.score), headings, rows, best),
-        maps=maps,
-        caption=caption,
+        draw_maps=partial(pose_maps, dataset, summary),
     )
     sight = Lines(
         f"line of sight of pose {best}, the best by score",
@@ -81,19 +80,21 @@ def pose_maps(dataset: xr.Dataset, summary: SweepSummary) -> tuple[dict[int, byt
     The poses whose images the sweep stored, at most `MOST`, and the extreme ones, which are
     rendered again if their files still exist.
     """
-    swept = file_of(dataset)
-    images: dict[int, AovImage] = {}
-    for pose, name in enumerate(dataset["exr"].values.tolist()):
-        file = swept.parent / name if swept and name else None
-        if file and file.is_file() and len(images) < MOST:
-            images[pose] = read_exr(file)
+    small: dict[int, np.ndarray] = {}
+    trouble = ""
     try:
         extreme = extreme_poses(summary)
-        images |= {extreme[which]: image for which, image in extreme_images(dataset, summary)}
+        for which, image in extreme_images(dataset, summary):
+            small[extreme[which]] = _um(image)
     except (InputError, SetupError) as error:
-        if not images:
-            return {}, f"no picture of a pose is stored ({str(error).rstrip('.')})"
-    small = {pose: _um(image) for pose, image in images.items()}
+        trouble = f"no picture of a pose is stored ({str(error).rstrip('.')})"
+    swept = file_of(dataset)
+    for pose, name in enumerate(dataset["exr"].values.tolist()):
+        file = swept.parent / name if swept and name else None
+        if file and file.is_file() and pose not in small and len(small) < MOST:
+            small[pose] = _um(read_exr(file))
+    if not small:
+        return {}, trouble
     known = np.concatenate([um[np.isfinite(um)] for um in small.values()])
     if not len(known):
         return {}, "no pose has a good ray"
@@ -107,8 +108,8 @@ def pose_maps(dataset: xr.Dataset, summary: SweepSummary) -> tuple[dict[int, byt
 def _um(image: AovImage) -> np.ndarray:
     """Displacements, um, of every so many pixels; NaN where no ray is good."""
     step = -(-image.resolution[0] // WIDTH_PX)
-    um = 1e3 * image.channels["displacement.norm"].astype(np.float64)
-    return np.where(good_mask(image), um, np.nan)[::step, ::step]
+    um = 1e3 * image.channels["displacement.norm"][::step, ::step].astype(np.float64)
+    return np.where(good_mask(image)[::step, ::step], um, np.nan)
 
 
 def _png(um: np.ndarray, scale: ColourScale) -> bytes:
