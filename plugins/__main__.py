@@ -73,8 +73,7 @@ def _render(scene: Path, given: argparse.Namespace) -> None:
         )
     if dr.thread_count() < _LEAST_THREADS:
         raise InputError(
-            "Mitsuba's writer of EXR files waits for ever with fewer than two threads; give 2 or "
-            "more.",
+            "Mitsuba hangs when it writes an EXR file with fewer than two threads; give 2 or more.",
             code="scene.few_threads",
         )
     loaded.integrator().render(loaded, sensors[given.sensor], develop=False)

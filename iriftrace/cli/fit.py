@@ -130,19 +130,21 @@ def _fit_free(
     from iriftrace.core.files import write_json
     from iriftrace.measuring.fit.free_fit import UNITS, fit_free
     from iriftrace.medium.part_fit import in_air
+    from iriftrace.tracing.file import parameters_of, read_xml
     from iriftrace.tracing.scene import Scene
 
     names = [name.strip() for name in free.split(",")]
     (board, measured), *others = [
         (load(one, trace), read_shifts(shifts, without_zeros)) for one, shifts in views
     ]
+    path, whole = scene or views[0][0], trace
+    if "scale" in parameters_of(read_xml(path)):
+        whole = evolve(trace, define=[*(trace.define or ()), "scale=1"])
+    seen, target = board if scene is None else load(path, trace), load(path, whole)
     with working("Fitting the air"):
         found = fit_free(
             board, measured, names, others=others, noise_px=noise, camera_motion=camera_motion
         )
-    whole = evolve(trace, define=[*(trace.define or ()), "scale=1"])
-    target = load(scene or views[0][0], whole)
-    seen = board if scene is None else load(scene, trace)
     changed = Scene(
         part=target.part,
         air=found.air,

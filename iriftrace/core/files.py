@@ -84,6 +84,18 @@ def sha256_of(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def make_folder(folder: Path) -> None:
+    """Create a folder with those above it if it is missing; InputError if that fails."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"cannot make the folder {folder}: {error.strerror}.",
+            code="output.unwritable",
+            argument="output",
+        ) from error
+
+
 def saved_at(path: str | Path) -> str:
     """When a file was last changed, ISO 8601, UTC: ``"2025-03-07 12:00:00 UTC"``."""
     return f"{datetime.fromtimestamp(Path(path).stat().st_mtime, UTC):%Y-%m-%d %H:%M:%S} UTC"

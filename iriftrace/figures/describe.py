@@ -41,16 +41,19 @@ def file_text(named: JsonObject) -> str:
     return name_of(named) + (f" (SHA-256 {sha256[:12]}\N{HORIZONTAL ELLIPSIS})" if sha256 else "")
 
 
-def facts_of(stated: JsonObject, source: FieldSource | None) -> Rows:
+def provenance_rows(stated: JsonObject, source: FieldSource | None) -> Rows:
     """Names and values of what a result states about itself, with whole checksums."""
-    named = {name: stated.get(name) for name in ("scene", "part")}
+    files = {name: stated.get(name) or {} for name in ("scene", "part")}
+    if members := (stated.get("ensemble") or {}).get("members"):
+        files |= {f"field {member['number']}": member["source"] for member in members}
+    elif source is not None:
+        files["field"] = {"path": source.path, "sha256": source.sha256}
     rows = {
         **{
             name: f"{Path(file['path']).name}, SHA-256 {file.get('sha256') or 'not stated'}"
-            for name, file in named.items()
-            if isinstance(file, dict) and file.get("path")
+            for name, file in files.items()
+            if file.get("path")
         },
-        "field": f"{Path(source.path).name}, SHA-256 {source.sha256}" if source else "",
         "origin of the field": source.origin if source else "",
         "wavelength": f"{stated['wavelength_nm']:g} nm" if stated.get("wavelength_nm") else "",
         "engine": stated.get("engine", ""),

@@ -248,7 +248,7 @@ def _poses(
     ends = np.stack((poses.origins, poses.targets), axis=1)
     images = {
         pose: f"data:image/png;base64,{base64.b64encode(png).decode('ascii')}"
-        for pose, png in poses.maps.items()
+        for pose, png in poses.maps[0].items()
     }
     cones: dict[str, Any] = _surface(block, poses.cones, scales, picture)
     ends_at = block.add(ends.ravel(), "float32")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -27,6 +27,8 @@ UNKNOWN_COLOUR = "#c9c9c9"
 # A body is drawn as large as this fraction of the part's diagonal; a bent ray bows by the other.
 _DEVICE_SIZE = 0.09
 _BOW = 0.1
+_MOST_TIMES = 1e8
+"""Largest exaggeration to begin with: what it does not show is rounding."""
 
 # For one surface. The time of the reduction grows with the third power of the bins along each side;
 # these are about as fine as the picture's pixels and cost 0.07 s.
@@ -232,10 +234,8 @@ class Poses:
     headings, rows : tuple of str, tuple of tuples of str
         Table of the poses' numbers.
     best : int
-    maps : mapping of bytes
-        PNGs of what poses see.
-    caption : str
-        Of these maps, with the unit and the limits of their colours.
+    draw_maps : callable
+        Returns `maps`; it may render poses, for which only a page waits.
     """
 
     matrices: FloatArray
@@ -244,8 +244,12 @@ class Poses:
     headings: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     best: int
-    maps: Mapping[int, bytes] = Factory(dict)
-    caption: str = ""
+    draw_maps: Callable[[], tuple[Mapping[int, bytes], str]] = lambda: ({}, "")
+
+    @cached_property
+    def maps(self) -> tuple[Mapping[int, bytes], str]:
+        """PNGs of what poses see, and their caption with the unit and limits of their colours."""
+        return self.draw_maps()
 
     @property
     def origins(self) -> FloatArray:
@@ -380,6 +384,6 @@ def round_factor(largest: float, size: float) -> float:
     """A round factor (1, 2, 5, 10 ...) that makes the largest bow visible next to a size."""
     if not largest > 0.0:
         return 1.0
-    factor = max(1.0, _BOW * size / largest)
+    factor = min(max(1.0, _BOW * size / largest), _MOST_TIMES)
     power = 10.0 ** math.floor(math.log10(factor))
     return power * max(step for step in (1.0, 2.0, 5.0) if step * power <= factor * (1 + 1e-9))

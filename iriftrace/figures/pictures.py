@@ -17,7 +17,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K, counted
-from iriftrace.figures.describe import facts_of
+from iriftrace.figures.describe import provenance_rows
 from iriftrace.figures.picture import (
     BLOCKER_COLOUR,
     SECOND_COLOUR,
@@ -30,8 +30,9 @@ from iriftrace.figures.picture import (
     as_points,
     part_surface,
 )
-from iriftrace.figures.scene_picture import COLOUR_MAP, picture_of_scene
-from iriftrace.figures.style import ColourScale, number
+from iriftrace.figures.scan import MOST_POINTS
+from iriftrace.figures.scene_picture import AIR_COLOUR_MAP, picture_of_scene
+from iriftrace.figures.style import COLOUR_MAP, SIGNED_COLOUR_MAP, ColourScale, number
 from iriftrace.figures.sweep_picture import sweep_picture
 from iriftrace.figures.sweep_space import towards_cameras
 from iriftrace.image.aov_image import AovImage
@@ -45,9 +46,6 @@ from iriftrace.part.part import Part
 from iriftrace.sweep.faces import displacement_limits
 from iriftrace.tracing.render import Rendering
 from iriftrace.tracing.scene import Scene
-
-MOST_POINTS = 300_000
-"""Of a larger cloud one of every so many points is drawn."""
 
 FAINT = 0.05
 """Fraction of the largest effect of the air below which one is not drawn."""
@@ -182,12 +180,12 @@ def _points(cloud: pv.PolyData, numbers: JsonObject | None = None) -> SpacePictu
     scalar = values.ndim == 1
     values = column.factor * (values if scalar else np.linalg.norm(values, axis=1))
     # Nothing is known of points of another status, which does not mean 0.
-    good = columns.get("status", np.zeros(len(values))) == 0
+    good = (columns.get("status", np.zeros(len(values))) == 0) & np.isfinite(values)
     if column is EFFECT:
         good &= np.abs(values) > FAINT * np.abs(values).max(initial=0.0)
     if not good.any():
         raise InputError(
-            "The cloud has no point of status 0, so there is nothing to show.",
+            "The cloud has no point of status 0 with a value, so there is nothing to show.",
             code="cloud.no_point",
         )
     u = column.factor * columns[column.u][good] if column.u in columns else None
@@ -223,7 +221,7 @@ def _field(field: IndexField, numbers: JsonObject | None = None) -> SpacePicture
     half = half.triangulate()
     celsius = np.asarray(half.point_data[name], dtype=np.float64)
     limits = float(celsius.min()), float(celsius.max())
-    scale = ColourScale(celsius, limits, name, False, COLOUR_MAP)
+    scale = ColourScale(celsius, limits, name, False, AIR_COLOUR_MAP)
     surface = DrawnBody("air", as_points(half), half.regular_faces, scale=scale, values=celsius)
     outline = grid.outline()
     edges = [
@@ -235,7 +233,7 @@ def _field(field: IndexField, numbers: JsonObject | None = None) -> SpacePicture
         subtitle=f"{counted(grid.n_points, 'point')}, {low} to {high} °C",
         surfaces=(surface,),
         lines=(Lines("end of the data", edges, "#666666"),),
-        facts=facts_of({}, field.source),
+        facts=provenance_rows({}, field.source),
         mark=synthetic_mark(field.source) or "",
     )
 
@@ -270,7 +268,7 @@ def _cloud(points: FloatArray, values: FloatArray, column: CloudColumn, **more: 
     most = float(np.nanpercentile(np.abs(values), 99)) or 1.0
     limits = (-most, most) if signed else displacement_limits(values)
     logarithmic = not signed and limits[0] > 0.0
-    colours = "RdBu_r" if signed else "viridis"
+    colours = SIGNED_COLOUR_MAP if signed else COLOUR_MAP
     scale = ColourScale(values, limits, column.label, logarithmic, colours)
     place = np.asarray(points, dtype=np.float64)
     none = np.empty((0, 3), dtype=np.int64)
@@ -311,7 +309,7 @@ def _measured(
         towards=towards,
         hidden=tuple(device.name for device in devices),
         exaggerated="" if cloud.moved is None else "Displacement of the points",
-        facts=facts_of(stated, source),
+        facts=provenance_rows(stated, source),
         mark=synthetic_mark(source) or "",
     )
 

@@ -31,7 +31,7 @@ from iriftrace.part.part import Part
 from iriftrace.sweep.measures import Limits
 
 MOST_POINTS = 300_000
-"""Largest number of points that the figure of a correction draws."""
+"""Of a larger cloud one of every so many points is drawn."""
 
 _ERROR = "error along the normal (µm)"
 _WIDE = 1.6, 3.0
@@ -150,8 +150,8 @@ def _panels(
 ) -> tuple[Figure, SubFigure, list[Axes], Axes]:
     """A figure with room for named maps and a histogram; marked if the field is synthetic.
 
-    Several wide maps are stacked, others lie in a row. The histogram lies beside a stack and beside
-    a single map that is not wide, else below.
+    Several wide maps are stacked, others lie in a row. The histogram lies to the
+    right of a stack and of a single map that is not wide, else below.
     """
     subtitle += f"; light grey: part, dark: not {outcome}"
     mark = synthetic_mark(stated_source(provenance["field"]))

@@ -11,7 +11,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, SetupError, without_warnings
 from iriftrace.core.units import ZERO_CELSIUS_K, counted
 from iriftrace.figures import space
-from iriftrace.figures.describe import facts_of
+from iriftrace.figures.describe import provenance_rows
 from iriftrace.figures.picture import (
     BLOCKER_COLOUR,
     RAY_COLOUR,
@@ -31,7 +31,7 @@ from iriftrace.tracing.scene import Scene
 
 _MOST_SHELLS = 20
 _FEWEST_SHELLS = 4
-COLOUR_MAP = "plasma"
+AIR_COLOUR_MAP = "plasma"
 TRANSMITTANCE = 0.2
 """Of all shells together, through which the part must remain visible."""
 
@@ -111,12 +111,13 @@ def picture_of_scene(scene: Scene) -> SpacePicture:
         towards=picture.towards,
         cut=picture.cut,
         exaggerated="Bending of the rays" if rays else "",
-        facts=facts_of(
+        facts=provenance_rows(
             {
                 "scene": {"path": scene.path, "sha256": scene.sha256},
                 "part": {"path": scene.part.path, "sha256": scene.part.sha256},
                 "wavelength_nm": scene.wavelength_nm,
                 "engine": scene.engine,
+                "ensemble": {"members": [member.as_dict() for member in scene.members]},
             },
             source,
         ),
@@ -131,7 +132,7 @@ def temperature_scale(stacks: Sequence[ShellStack]) -> ColourScale:
     if high - low < 1.0:
         low, high = low - 10.0, high + 10.0
     label = "Air temperature at the shells (°C)"
-    return ColourScale(celsius, (low, high), label, False, COLOUR_MAP, of_air=True)
+    return ColourScale(celsius, (low, high), label, False, AIR_COLOUR_MAP, of_air=True)
 
 
 def _cut_through(part: Part, stack: ShellStack) -> FloatArray:

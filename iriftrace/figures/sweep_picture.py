@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from io import BytesIO
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,7 @@ from attrs import evolve
 from matplotlib.image import imsave
 
 from iriftrace.core.errors import InputError, SetupError
-from iriftrace.figures.describe import facts_of
+from iriftrace.figures.describe import provenance_rows
 from iriftrace.figures.picture import Lines, Poses, SpacePicture
 from iriftrace.figures.style import BEST_COLOUR, ColourScale, number, scale_of
 from iriftrace.figures.sweep_space import surroundings_picture, towards_cameras
@@ -48,12 +49,10 @@ def sweep_picture(dataset: xr.Dataset) -> SpacePicture:
         "elevation (°)",
         *(_short(one.title, one.unit) for one in quantities),
     )
-    maps, caption = pose_maps(dataset, summary)
     best = summary.plan.best
     poses = Poses(
         *(summary.matrices, summary.targets, scale_of(summary.score), headings, rows, best),
-        maps=maps,
-        caption=caption,
+        draw_maps=partial(pose_maps, dataset, summary),
     )
     sight = Lines(
         f"line of sight of pose {best}, the best by score",
@@ -61,7 +60,8 @@ def sweep_picture(dataset: xr.Dataset) -> SpacePicture:
         BEST_COLOUR,
     )
     around = surroundings_of(dataset)
-    source = stated_source(attribute(dataset, "field"))
+    stated = {name: attribute(dataset, name) for name in ("scene", "part", "field", "ensemble")}
+    source = stated_source(stated["field"])
     return evolve(
         surroundings_picture(around),
         title="Score of each camera pose",
@@ -69,7 +69,7 @@ def sweep_picture(dataset: xr.Dataset) -> SpacePicture:
         lines=(sight,),
         poses=poses,
         towards=towards_cameras(summary.origins - summary.targets.mean(axis=0)),
-        facts=facts_of({**dataset.attrs, "field": attribute(dataset, "field")}, source),
+        facts=provenance_rows({**dataset.attrs, **stated}, source),
         mark=synthetic_mark(source) or "",
     )
 
@@ -80,19 +80,21 @@ def pose_maps(dataset: xr.Dataset, summary: SweepSummary) -> tuple[dict[int, byt
     The poses whose images the sweep stored, at most `MOST`, and the extreme ones, which are
     rendered again if their files still exist.
     """
-    swept = file_of(dataset)
-    images: dict[int, AovImage] = {}
-    for pose, name in enumerate(dataset["exr"].values.tolist()):
-        file = swept.parent / name if swept and name else None
-        if file and file.is_file() and len(images) < MOST:
-            images[pose] = read_exr(file)
+    small: dict[int, np.ndarray] = {}
+    trouble = ""
     try:
         extreme = extreme_poses(summary)
-        images |= {extreme[which]: image for which, image in extreme_images(dataset, summary)}
+        for which, image in extreme_images(dataset, summary):
+            small[extreme[which]] = _um(image)
     except (InputError, SetupError) as error:
-        if not images:
-            return {}, f"no picture of a pose is stored ({str(error).rstrip('.')})"
-    small = {pose: _um(image) for pose, image in images.items()}
+        trouble = f"no picture of a pose is stored ({str(error).rstrip('.')})"
+    swept = file_of(dataset)
+    for pose, name in enumerate(dataset["exr"].values.tolist()):
+        file = swept.parent / name if swept and name else None
+        if file and file.is_file() and pose not in small and len(small) < MOST:
+            small[pose] = _um(read_exr(file))
+    if not small:
+        return {}, trouble
     known = np.concatenate([um[np.isfinite(um)] for um in small.values()])
     if not len(known):
         return {}, "no pose has a good ray"
@@ -106,8 +108,8 @@ def pose_maps(dataset: xr.Dataset, summary: SweepSummary) -> tuple[dict[int, byt
 def _um(image: AovImage) -> np.ndarray:
     """Displacements, um, of every so many pixels; NaN where no ray is good."""
     step = -(-image.resolution[0] // WIDTH_PX)
-    um = 1e3 * image.channels["displacement.norm"].astype(np.float64)
-    return np.where(good_mask(image), um, np.nan)[::step, ::step]
+    um = 1e3 * image.channels["displacement.norm"][::step, ::step].astype(np.float64)
+    return np.where(good_mask(image)[::step, ::step], um, np.nan)
 
 
 def _png(um: np.ndarray, scale: ColourScale) -> bytes:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import whole_file, write_whole
+from iriftrace.core.files import make_folder, whole_file, write_whole
 from iriftrace.core.plain import JsonObject
 from iriftrace.image.aov_image import KNOWN, AovImage
 from iriftrace.io.exr import write_exr
@@ -63,14 +63,7 @@ def write_photographs(
             argument="output",
         )
     check_folder(path.parent)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"cannot make the folder {path.parent}: {error.strerror}.",
-            code="output.unwritable",
-            argument="output",
-        ) from error
+    make_folder(path.parent)
     files = picture_files(path, pictures)
     for name, picture in pictures.items():
         write_tiff(files[name], picture)

@@ -12,7 +12,7 @@ from attrs import evolve
 
 from iriftrace.core.arrays import AnyIntArray, Float32Array
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import seen_from, sha256_of, write_json, write_whole
+from iriftrace.core.files import make_folder, seen_from, sha256_of, write_json, write_whole
 from iriftrace.core.mesh.triangles import polydata
 from iriftrace.core.plain import plain
 from iriftrace.io import ply
@@ -61,12 +61,7 @@ def save_shells(
             code="shells.report",
         )
     folder = Path(directory)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"cannot make the folder {folder}: {error.strerror}.", code="file.not_written"
-        ) from error
+    make_folder(folder)
     written = [folder / f"{_stem(shell)}.ply" for shell in stack.shells]
     for path, shell in zip(written, stack.shells, strict=True):
         write_shell(path, shell.vertices, shell.faces, shell.normals, shell.derivatives)

@@ -1,1 +1,1 @@
-"""Photographs through hot air: light on surfaces, the image sensor, and the truth beside them."""
+"""Photographs through hot air: light on surfaces, the image sensor, and the truth of each pixel."""

@@ -103,7 +103,9 @@ class ImageSensor:
         if generator is None:
             read = np.minimum(collected, self.full_well)
         else:
-            read = np.minimum(generator.poisson(collected), self.full_well)
+            # NumPy draws no larger numbers, and the full well is far below.
+            counted = generator.poisson(np.minimum(collected, 1e18))
+            read = np.minimum(counted, self.full_well)
             read = read + generator.normal(0.0, self.dark_noise, read.shape)
         values = np.rint(self.gain * read + self.offset)
         return np.clip(values, 0, WHITE).astype(np.uint16)

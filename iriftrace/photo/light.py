@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import ceil, log2
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 from attrs import frozen
@@ -57,6 +57,14 @@ class Light:
     line_radius: float = 2.0
 
     def __attrs_post_init__(self) -> None:
+        for name, choices in (("kind", LightKind), ("lines", Lines)):
+            value, known = getattr(self, name), get_args(choices)
+            if value not in known:
+                raise InputError(
+                    f"The {name} of light {value!r} is not known; use one of {', '.join(known)}.",
+                    code="photo.unknown_light",
+                    argument=name,
+                )
         if self.steps < 3 or min(self.period, self.line_radius, self.irradiance) <= 0.0:
             raise InputError(
                 f"Light of {self.irradiance:g} W/(m^2 nm) with {self.steps} steps of fringes of "

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from math import ceil
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +29,7 @@ from iriftrace.photo.shading import Shading, Temperatures
 from iriftrace.tracing.engine import choose
 from iriftrace.tracing.lost import warn_of_lost_points
 from iriftrace.tracing.pose_image import pose_image
-from iriftrace.tracing.rays import refracted_hits
+from iriftrace.tracing.rays import RayEnds
 from iriftrace.tracing.scene import Scene, ready_scene
 
 GREY = Appearance()
@@ -141,14 +140,12 @@ def photograph(
         As :func:`iriftrace.tracing.engine.choose`; or rays are lost, which leaves pixels dark.
     """
     loaded = ready_scene(scene)
-    wavelength_nm = _checked(loaded, air, light, samples)
+    wavelength_nm = _checked(loaded, air, light, samples, ambient=ambient, seed=seed or 0)
     camera, second = loaded.camera, loaded.second
     patterns = {} if light is None or second is None else light.patterns(second)
     devices = [camera, second] if patterns else [camera]
     chosen = loaded if air == "cold" else choose(loaded, *devices).scene
     truth = pose_image(chosen)
-    shift_px = max(float(np.abs(truth.channels[f"shift.px.{axis}"]).max()) for axis in "XY")
-    seen = _seen(chosen, shift_px)
     if air != "cold":
         lost = np.isin(truth.channels["status.code"], [code for code in Status if code.lost])
         hit = int(np.count_nonzero(truth.channels["part.face"]))
@@ -171,7 +168,7 @@ def photograph(
 
     for state in ("hot", "cold") if air == "both" else (air,):
         fields = ((weight, shading(one, state)) for weight, one in _fields(chosen, state))
-        radiance, places = _exposed(fields, camera, seen, samples)
+        radiance, places = _exposed(fields, camera, samples)
         if patterns:
             truth = _with_places(truth, state, places)
         for name, plane in zip(patterns or [""], radiance, strict=True):
@@ -203,8 +200,15 @@ def photograph(
     )
 
 
-def _checked(scene: Scene, air: str, light: Light | None, samples: int) -> float:
+def _checked(scene: Scene, air: str, light: Light | None, samples: int, **numbers: float) -> float:
     """Wavelength of a scene, nm; InputError if it cannot be photographed."""
+    for name, value in numbers.items():
+        if not 0.0 <= value < np.inf:
+            raise InputError(
+                f"{name} is {value:g}, with which no picture can be taken; give 0 or more.",
+                code="photo.negative",
+                argument=name,
+            )
     if air not in ("hot", "cold", "both") or samples < 1:
         raise InputError(
             f"No picture can be taken with air {air!r} and {samples} samples; use hot, cold or "
@@ -265,25 +269,24 @@ def _temperatures(
     return HotTemperatures.of(appearance.temperature).at_walls(body, field_wall)
 
 
-def _seen(scene: Scene, shift_px: float) -> IntArray:
-    """Row-major numbers of pixels that see anything along rays which shift by so much at most."""
-    one = next(scene.alone(scene.counted[:1]))
-    width, height = scene.camera.resolution
-    ends = refracted_hits(one, scene.camera.origin, scene.camera.rays()[1], bent=False)
+def _seen(ends: RayEnds, camera: Camera) -> IntArray:
+    """Row-major numbers of pixels whose centre sees anything, and of those around them."""
+    width, height = camera.resolution
     mask = ((ends.face >= 0) | ends.blocked).reshape(height, width)
-    around = np.ones((2 * ceil(shift_px) + 3,) * 2, dtype=bool)
-    return np.flatnonzero(binary_dilation(mask, around))
+    return np.flatnonzero(binary_dilation(mask, np.ones((5, 5), dtype=bool)))
 
 
 def _exposed(
-    fields: Iterable[tuple[float, Shading]], camera: Camera, seen: IntArray, samples: int
+    fields: Iterable[tuple[float, Shading]], camera: Camera, samples: int
 ) -> tuple[FloatArray, FloatArray]:
     """Weighted means of the radiance, (pictures, h, w), and of the places that light pixels."""
     radiance, places, dark = np.zeros(()), np.zeros(()), np.zeros((), dtype=bool)
     for weight, shading in fields:
-        radiance = radiance + weight * _picture(shading, camera, seen, samples)
+        ends = shading.hits(camera)
+        radiance = radiance + weight * _picture(shading, camera, _seen(ends, camera), samples)
         if shading.patterns:
-            lit_from = shading.places(camera)
+            width, height = camera.resolution
+            lit_from = shading.places(ends).reshape(height, width, 2)
             dark = dark | (lit_from == -1.0)
             places = places + weight * lit_from
     return radiance, np.where(dark, -1.0, places)

@@ -53,8 +53,8 @@ class Shading:
     irradiance: float  # W/(m^2 nm): of the second device, in a plane at the part's middle
     patterns: Sequence[Pattern]  # one for each picture; none if the second device is dark
 
-    def hits(self, camera: Camera, pixels: FloatArray) -> RayEnds:
-        """Ends of the rays through places (n, 2), px."""
+    def hits(self, camera: Camera, pixels: FloatArray | None = None) -> RayEnds:
+        """Ends of the rays through places (n, 2), px, by default the pixels' centres."""
         return refracted_hits(self.scene, camera.origin, camera.rays(pixels)[1], bent=self.bent)
 
     def radiance(self, camera: Camera, pixels: FloatArray, size_px: float) -> FloatArray:
@@ -101,19 +101,16 @@ class Shading:
         seen_from_behind = np.einsum("ij,ij->i", normals, ends.direction[rows]) > 0.0
         return as_float64(np.where(seen_from_behind[:, None], -normals, normals))
 
-    def places(self, camera: Camera) -> FloatArray:
-        """Places in the second device's picture, (h, w, 2), px, that light a camera's pixels.
+    def places(self, ends: RayEnds) -> FloatArray:
+        """Places in the second device's picture, (n, 2), px, that light where rays end.
 
         -1 where nothing is lit.
         """
-        width, height = camera.resolution
-        column, row = np.meshgrid(np.arange(width), np.arange(height))
-        ends = self.hits(camera, np.column_stack((column.ravel(), row.ravel())).astype(np.float64))
         rows = np.flatnonzero(ends.face >= 0)
-        found = np.full((width * height, 2), -1.0)
+        found = np.full((len(ends.face), 2), -1.0)
         places, lit = self.lit(ends.point[rows], self._normals(ends, rows))
         found[rows[lit > 0.0]] = places[lit > 0.0]
-        return found.reshape(height, width, 2)
+        return found
 
     def lit(self, points: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Places (n, 2), px, of the second device that light points (n, 3), and irradiances (n,).

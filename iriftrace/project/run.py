@@ -30,7 +30,7 @@ def chosen_states(file: ProjectFile, names: Collection[str]) -> dict[str, StepSt
             needed.update(state.step.after)
     chosen = {name: state for name, state in states.items() if name in needed}
     _check_files(file, chosen)
-    if any(state.reason for state in chosen.values()):
+    if states["scene"].reason:
         _check_features(file)
     return chosen
 
@@ -49,14 +49,15 @@ def _check_files(file: ProjectFile, chosen: Mapping[str, StepState]) -> None:
 
 def _check_features(file: ProjectFile) -> None:
     """Refuse a feature of a region that the part does not have, before a flow is solved for it."""
-    mesh, devices = file.get("part", "mesh"), options_of(file, "measure", "SCENE").get("devices")
-    if mesh is None or not Path(mesh).is_file() or devices is None or not devices.feature:
+    devices = options_of(file, "measure", "SCENE").get("devices")
+    if devices is None or not devices.feature:
         return
     from iriftrace.io.part_files import read_part
     from iriftrace.io.reading import ReadPart
     from iriftrace.measuring.features.choice import checked_choices
 
     scene = options_of(file, "scene", "FIELD", "PART", "--output=scene.xml")
+    (mesh,) = file.texts("part", "mesh")
     checked_choices(devices.feature, read_part(mesh, scene.get("part_reading") or ReadPart()))
 
 

@@ -6,6 +6,7 @@ from attrs import evolve
 
 from iriftrace.core.plain import plain
 from iriftrace.figures.answer import groups
+from iriftrace.figures.describe import provenance_rows
 from iriftrace.figures.describe_scan import by_thing, describe, sentences, table
 from iriftrace.measuring.two_devices.correction import SCHEMA
 from iriftrace.measuring.uncertainty.budget import Contribution, Uncertainty
@@ -13,6 +14,21 @@ from iriftrace.medium.source import FieldFacts, FieldKind, FieldSource
 
 FACTS = FieldFacts(FieldKind.SYNTHETIC)
 FIELD = FieldSource("air.vtu", "12", "T", "temperature", "mm", "synthetic: formulas", facts=FACTS)
+
+
+def test_a_result_names_the_files_of_all_fields() -> None:
+    """Of an ensemble those of its members, else the only one."""
+    stated = {"scene": {"path": "a/scene.xml", "sha256": "1"}, "part": {"path": None}}
+    rows = provenance_rows(stated, FIELD)
+    assert rows[:2] == (("scene", "scene.xml, SHA-256 1"), ("field", "air.vtu, SHA-256 12"))
+    members = [
+        {"number": number, "source": plain(evolve(FIELD, path=f"{number}.vtu"))}
+        for number in (1, 2)
+    ]
+    rows = provenance_rows({**stated, "ensemble": {"members": members}}, FIELD)
+    assert [text for name, text in rows if name.startswith("field")] == [
+        f"{number}.vtu, SHA-256 12" for number in (1, 2)
+    ]
 
 
 def clouds(measured: Any, corrected: Any, drawing: Any) -> dict[str, Any]:

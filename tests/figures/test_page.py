@@ -15,8 +15,10 @@ from playwright.sync_api import Browser
 
 from iriftrace.camera.pose import look_at
 from iriftrace.cli import main
+from iriftrace.core.errors import InputError
 from iriftrace.figures.page import frame, policy, write_page
 from iriftrace.figures.picture import DrawnBody, Lines, Poses, SpacePicture, round_factor
+from iriftrace.figures.pictures import picture_of
 from iriftrace.figures.style import ColourScale
 from iriftrace.io.exr import read_exr
 from iriftrace.scenes import folder_of
@@ -170,6 +172,27 @@ def test_exaggerations_are_round_and_visible() -> None:
         assert 2.0 < factor * largest <= 10.0
     assert round_factor(0.0, 100.0) == 1.0
     assert round_factor(50.0, 100.0) == 1.0
+
+
+def test_rays_that_bend_by_rounding_alone_have_a_page(tmp_path: Path) -> None:
+    """As in air of one temperature; the exaggeration is among those to choose from."""
+    line = np.zeros((2, 3)), np.ones((2, 3))
+    rays = Lines("rays", line, "#000000", line, round_factor(1e-14, 100.0))
+    picture = evolve(seen_from_above(plane()), lines=(rays,), exaggerated="bending")
+    assert picture.factor in picture.factors
+    write_page(tmp_path / "view.html", picture)
+
+
+def test_points_without_a_value_are_left_out() -> None:
+    cloud = pv.PolyData(np.eye(3))
+    cloud.point_data["error_normal"] = np.array((1e-3, np.nan, 3e-3))
+    picture = picture_of(cloud)
+    assert picture.subtitle.startswith("2 points, median 2 µm")
+    np.testing.assert_array_equal(picture.surfaces[-1].vertices, np.eye(3)[[0, 2]])
+    cloud.point_data["error_normal"] = np.full(3, np.nan)
+    with pytest.raises(InputError) as error:
+        picture_of(cloud)
+    assert error.value.code == "cloud.no_point"
 
 
 @pytest.mark.slow

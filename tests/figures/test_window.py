@@ -106,6 +106,12 @@ def test_files_are_drawn_and_marked(
         assert share_of(picture, SECOND_COLOUR) == 0.0
 
 
+def test_a_sweep_states_its_files(results: Path) -> None:
+    facts = dict(pictures.picture_of(read_result(results / "sweep.nc")).facts)
+    assert {"scene", "part", "field", "engine"} <= facts.keys()
+    assert facts["part"].startswith("part.ply, SHA-256 ")
+
+
 def test_a_pose_has_the_scale_of_its_picture(
     results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

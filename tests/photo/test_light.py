@@ -221,8 +221,11 @@ def test_the_sensor_is_linear_with_poisson_noise() -> None:
     assert slope == pytest.approx(4.0, rel=0.01)
     assert dark == pytest.approx(16.0 * 25.0 + 1.0 / 12.0, rel=0.5)
     assert variances[0] == pytest.approx(16.0 * 25.0 + 1.0 / 12.0, rel=0.01)
-    full = sensor.grey_values(np.full(10, 1e6), 1e-3, None)
-    assert (full == 4.0 * sensor.full_well + 500.0).all()
+    for electrons in (1e6, 1e30):
+        full = sensor.grey_values(np.full(10, electrons), 1e-3, None)
+        assert (full == 4.0 * sensor.full_well + 500.0).all()
+        noisy = sensor.grey_values(np.full(10, electrons), 1e-3, generator)
+        np.testing.assert_allclose(noisy, full, atol=6.0 * 4.0 * 5.0)
 
 
 @pytest.mark.parametrize(
@@ -230,6 +233,8 @@ def test_the_sensor_is_linear_with_poisson_noise() -> None:
     [
         (lambda: iriftrace.Appearance(1.2), "photo.emissivity"),
         (lambda: iriftrace.Light("fringes", steps=2), "photo.light"),
+        (lambda: iriftrace.Light("stripes"), "photo.unknown_light"),
+        (lambda: iriftrace.Light("fringes", lines="column"), "photo.unknown_light"),
         (lambda: iriftrace.ImageSensor(gain=0.0), "photo.image_sensor"),
         (lambda: iriftrace.Checkerboard((0, 3)), "photo.checkerboard"),
     ],

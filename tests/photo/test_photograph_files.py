@@ -104,6 +104,8 @@ def test_the_boards_own_table_is_read(tmp_path: Path) -> None:
         (["-o", "a/image.tiff", "--emissivity", "3"], "between 0 and 1"),
         (["-o", "a/image.tiff", "--gain", "0"], "Gain of the image sensor is 0"),
         (["-o", "a/image.tiff", "--samples", "0"], "at least 1 sample"),
+        (["-o", "a/image.tiff", "--ambient=-1", "--exposure", "5 ms"], "give 0 or more"),
+        (["-o", "a/image.tiff", "--seed=-1"], "(--seed)"),
     ],
 )
 def test_wrong_input_is_refused_in_a_sentence(

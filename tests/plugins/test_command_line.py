@@ -54,7 +54,7 @@ def test_other_pictures_have_no_channels(tmp_path: Path) -> None:
         (["-D", "scal=0.05"], "unused parameters"),
         (["-D", "scale"], "'scale' defines no parameter"),
         (["-D", "scale=0.05", "-s", "1"], "There is no sensor 1"),
-        (["-D", "scale=0.05", "-t", "1"], "waits for ever"),
+        (["-D", "scale=0.05", "-t", "1"], "Mitsuba hangs"),
         (["-m", "scalar_rgb"], "choose llvm_ad_mono"),
         (["-D", "scale=-1"], "scale"),
         (["other.xml", "-o", "picture.exr"], "leave it out"),

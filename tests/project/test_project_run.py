@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from project_file import FILE, reasons, replaced
 
 import iriftrace
 from iriftrace.camera.pose import look_at
@@ -16,53 +17,14 @@ from iriftrace.cli.program import app
 from iriftrace.cli.project_file import read_project_file
 from iriftrace.io.poses import write_poses
 from iriftrace.project import stamps
-from iriftrace.project.run import do_steps, options_of
+from iriftrace.project.run import do_steps
 from iriftrace.project.stamps import states_of
 from iriftrace.scenes import folder_of
 from iriftrace.tracing.load import load_scene
-from validation.inputs.stereo_files import opencv
 from validation.oracles.html_page import read_page
 
 Printed = pytest.CaptureFixture[str]
-FILE = Path("iriftrace.toml")
 DRAUGHTS = 'draughts = "0:0.1:0.1"\ndraught_from = "270"\n'
-
-
-def replaced(right: str, other: str) -> None:
-    text = FILE.read_text(encoding="utf-8")
-    assert right in text
-    FILE.write_text(text.replace(right, other), encoding="utf-8")
-
-
-def reasons() -> dict[str, str]:
-    """Why each step has to be done, of those that have."""
-    states = states_of(read_project_file(FILE, app))
-    return {name: state.reason for name, state in states.items() if state.reason}
-
-
-@pytest.fixture(scope="module")
-def example(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A project as it is written for a part, at a small scale."""
-    folder = tmp_path_factory.mktemp("lab") / "my part"
-    folder.mkdir()
-    assert main(["part", "cylinder", "-o", str(folder / "part.stl"), "--segments=40"]) == 0
-    assert main(["new", str(folder), "--part", str(folder / "part.stl")]) == 0
-    file = folder / FILE
-    text = file.read_text().replace("scale = 0.25", "scale = 0.06")
-    file.write_text(
-        text.replace(
-            "\n[air.synthetic]", "[shells]\nlayers = 3\n[air.synthetic]\ncell_size = '4 mm'"
-        )
-    )
-    return folder
-
-
-@pytest.fixture
-def project(example: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A copy of it, as the current folder."""
-    folder = shutil.copytree(example, tmp_path / "project")
-    monkeypatch.chdir(folder)
-    return folder
 
 
 def test_the_file_of_a_part_has_every_key_in_place(project: Path) -> None:
@@ -143,20 +105,6 @@ def test_a_region_that_the_part_lacks_is_refused_before_anything_is_done(
         assert main(words) == 2
         assert "no region 'laterl'; use one of" in " ".join(capsys.readouterr().err.split())
     assert not (project / "build").exists()
-
-
-def test_a_fixture_blocks_the_view_of_the_part_and_of_the_board(project: Path) -> None:
-    board = '[board]\nmesh = "board.stl"\n[part]\nblocker = ["fixture.stl"]'
-    FILE.write_text(FILE.read_text().replace("[part]", board))
-    for name in ("board.stl", "fixture.stl"):
-        shutil.copy(read_project_file(FILE, app).get("part", "mesh") or "", name)
-    file = read_project_file(FILE, app)
-    states = states_of(file)
-    assert "fixture.stl" in states["scene"].files
-    blocked = [word for word in states["board"].step.words() if word.startswith("--blocker")]
-    assert blocked == ["--blocker=build/scene/part.ply", "--blocker=fixture.stl"]
-    scene = options_of(file, "scene", "FIELD", "PART", "--output=scene.xml")
-    assert scene["blocker"] == [Path("fixture.stl")]
 
 
 def test_a_scan_is_corrected_and_decided(
@@ -333,93 +281,3 @@ def test_a_project_in_python_has_the_values_of_its_products(
         assert "<iframe srcdoc=" in shown
     with pytest.raises(iriftrace.InputError, match=r"\[scan\] cloud: it is missing"):
         _ = found.correction
-
-
-def with_board(*files: str) -> None:
-    """Uncomment board and scan in the file, and make empty files."""
-    text = FILE.read_text().replace("# [board]", "[board]").replace("# [scan]", "[scan]")
-    for key in ('mesh = "board', "transform", "shifts", 'cloud = "scan'):
-        text = text.replace(f"# {key}", key)
-    FILE.write_text(text)
-    for name in files:
-        Path(name).touch()
-
-
-def test_a_board_is_fitted_before_a_scan_is_corrected(
-    project: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The steps and their words; the page of the project runs them."""
-    with_board("board.stl", "shifts.csv", "scan.ply")
-    states = states_of(read_project_file(FILE, app))
-    assert [*states] == [
-        *("field", "scene", "measure", "board", "fit", "correct", "budget", "report")
-    ]
-    words = states["fit"].step.words()
-    assert words[:2] == ["build/board/scene.xml", "shifts.csv"]
-    assert words[3] == "--scene=build/scene/scene.xml"
-    words = states["board"].step.words()
-    assert words[:2] == ["build/field/field.vtu", "board.stl"]
-    assert words[-2:] == ["--part-transform=board_pose.txt", "--blocker=build/scene/part.ply"]
-    assert states["correct"].step.words()[1] == "build/fit/scene.xml"
-    assert "[feature] tolerance" not in states["correct"].inputs
-    # Of a chain of steps, each stamp has its own inputs alone.
-    assert len(json.dumps(states["report"].inputs)) < 1000
-    # In Python, too, devices measure in the air before the fit.
-    monkeypatch.setattr(iriftrace.Project, "_product", lambda self, step: step)
-    monkeypatch.setattr("iriftrace.tracing.load.load_scene", lambda product, *_, **__: product)
-    monkeypatch.setattr("iriftrace.measuring.two_devices.measure.measure", lambda scene, **_: scene)
-    found = iriftrace.Project.read()
-    assert (found.scan, found.scene) == ("scene", "fit")
-
-
-def test_a_board_in_another_place_has_another_scene(project: Path) -> None:
-    with_board("board.stl", "board_pose.txt", "shifts.csv", "scan.ply")
-    board = states_of(read_project_file(FILE, app))["board"]
-    board.step.folder.mkdir(parents=True)
-    board.step.product.touch()
-    board.write(done=True)
-    assert reasons()["board"] == "after field"
-    Path("board_pose.txt").write_text("1 0 0 0")
-    assert reasons()["board"] == "board_pose.txt changed"
-    Path("board_pose.txt").write_text("")
-    replaced('mesh = "board.stl"', 'mesh = "board.stl"\nlength_unit = "m"')
-    assert reasons()["board"] == "[board] length_unit changed"
-
-
-def test_steps_before_a_missing_file_are_done(project: Path, capsys: Printed) -> None:
-    """Pictures and scan are taken after the scenes that say where to put the board."""
-    with_board("board.stl")
-    assert reasons()["fit"] == "shifts.csv is missing"
-    assert reasons()["correct"] == "scan.ply is missing"
-    assert main(["run", "--dry-run", "scene", "board"]) == 0
-    assert main(["run"]) == 2
-    assert "there is no shifts.csv, which the step fit reads" in capsys.readouterr().err
-    assert not Path("build").exists()
-
-
-@pytest.mark.usefixtures("variant")
-@pytest.mark.parametrize("given", ["origin", "stereo", ""])
-def test_a_board_is_seen_by_the_camera_of_the_part(project: Path, given: str) -> None:
-    """Without a target or a place it looks at the part; two calibrated cameras, too."""
-    with_board()
-    assert main(["part", "board", "-o", "board.stl", "--size=200x200", "--pitch=10"]) == 0
-    place = np.eye(4)
-    place[:3, 3] = (-150.0, 150.0, -80.0)
-    np.savetxt("board_pose.txt", place)
-    text = FILE.read_text()
-    camera, second = text.index("[camera]"), text.index("[board]")
-    opencv(Path("stereo.yaml"))
-    devices = f"""[camera]
-    {"origin = [250, -300, 150]" if given else ""}
-    scale = 0.06
-    """
-    rig = """pixel_size = "3.45 um"
-    [second]
-    stereo_calibration = ["stereo.yaml"]
-    """
-    FILE.write_text(text[:camera] + devices + (rig if given == "stereo" else "") + text[second:])
-    replaced(', "second"', "")
-    assert main(["run", "board"]) == 0
-    found = [load_scene(f"build/{name}/scene.xml").camera for name in ("scene", "board")]
-    np.testing.assert_allclose(found[1].matrix, found[0].matrix, atol=1e-9)
-    assert found[1].resolution == found[0].resolution

@@ -171,3 +171,10 @@ def test_the_command_writes_the_changed_air(
     assert more == pytest.approx(values["u"]["contrast"] / (1 + values["values"]["contrast"]), 0.01)
     assert main([*words, "--free", "field"]) == 2
     assert "--free" in capsys.readouterr().err
+    # A file written by hand may have no parameter for the resolution.
+    text = Path(xml).read_text(encoding="utf-8")
+    text = text.replace('<default name="scale" value="0.25"/>', "").replace("$scale", "0.25")
+    Path(xml).write_text(text, encoding="utf-8")
+    words[-1] = str(tmp_path / "again" / "scene.xml")
+    assert main([*words, "--free", "contrast", "--noise", "0.05"]) == 0
+    assert iriftrace.load_scene(words[-1]).camera.resolution == fitted.camera.resolution

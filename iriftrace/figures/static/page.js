@@ -455,7 +455,7 @@
       ? `${label}: ${number(found.value)} ${unit ?? ""}${found.u == null ? "" : `, u ${number(found.u)} ${unit ?? ""}`}`
       : "no value");
     const rank = found.index * (found.item.surface.every ?? 1);
-    const kind = pose !== null ? `pose ${pose}` : found.item.surface.points ? `point ${rank}` : found.name;
+    const kind = pose !== null ? `pose ${pose}` : found.item.surface.points ? "point" : found.name;
     under.textContent = [kind, value, `at (${found.place.map(number).join(", ")}) mm`].filter(Boolean).join("\n");
     under.dataset.index = rank;
     return found;

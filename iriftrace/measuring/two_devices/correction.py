@@ -24,7 +24,7 @@ from iriftrace.core.units import length_factor
 from iriftrace.io.cloud_write import by_axis, save_blocks
 from iriftrace.io.clouds import Cloud
 from iriftrace.measuring.features.choice import FeatureChoice, on_region
-from iriftrace.measuring.features.drawing import drawing_cloud, u_of_growth
+from iriftrace.measuring.features.drawing import drawing_cloud
 from iriftrace.measuring.features.feature import Feature
 from iriftrace.measuring.features.fitted import (
     FittedFeature,
@@ -33,20 +33,16 @@ from iriftrace.measuring.features.fitted import (
     is_worse,
     warn_of_worse,
 )
-from iriftrace.measuring.features.quantity import DRAWING, Quantity
+from iriftrace.measuring.features.quantity import Quantity
 from iriftrace.measuring.features.relations import Relation, relations
 from iriftrace.measuring.options import GATE
 from iriftrace.measuring.two_devices.changes import Changes
 from iriftrace.measuring.two_devices.correction_status import CorrectionStatus, is_corrected
 from iriftrace.measuring.two_devices.larger import Larger
-from iriftrace.measuring.two_devices.statistics import (
-    RegionValues,
-    region_values,
-    worst_member,
-)
-from iriftrace.measuring.uncertainty.air_groups import OTHER_AIR, AirGroups
-from iriftrace.measuring.uncertainty.budget import Contribution, uncertainty_of
-from iriftrace.measuring.uncertainty.decision import Tolerance, decide
+from iriftrace.measuring.two_devices.statistics import RegionValues, region_values
+from iriftrace.measuring.two_devices.uncertain_value import with_uncertainty
+from iriftrace.measuring.uncertainty.air_groups import AirGroups
+from iriftrace.measuring.uncertainty.decision import Tolerance
 from iriftrace.measuring.uncertainty.inputs import NOTHING_STATED, Inputs
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
@@ -254,49 +250,8 @@ class Correction:
     def _with_uncertainty(
         self, value: Quantity, tolerance: Tolerance | None = None, *, doubted: bool
     ) -> Quantity:
-        """A value with its uncertainty by groups, and with the verdict on a tolerance.
-
-        Of a doubted one the air was another than the scene's, so U is a lower bound.
-        """
-        measured, corrected = value.by_cloud["measured"], value.by_cloud["corrected"]
-        if measured is None or corrected is None:
-            return value
-        members, worst = None, None
-        if self.weights is not None:
-            members = np.array(value.by_member, dtype=np.float64)
-            if self.weights.several:
-                numbers = range(1, len(members) + 1)
-                worst = worst_member(members, corrected, self.weights, numbers)
-        effect = None if members is None else members - measured
-        parts = self.groups.parts(corrected - measured, effect)
-        sources = self.groups.sources()
-        found = [Contribution(name, float(u), "B", sources[name]) for name, u in parts.items()]
-        drawn = value.by_cloud.get(DRAWING)
-        by_points = value.u["corrected" if drawn is None else DRAWING]
-        if by_points is not None:
-            stated = self.inputs.sensor_mm is not None
-            how = "stated" if stated else "scatter of the points"
-            found.append(Contribution("sensor", by_points, "B" if stated else "A", how))
-        missing = [*self.groups.missing, *([OTHER_AIR] if doubted else [])]
-        for change in self.changes:
-            by_change = value.u_of_group(change.group)
-            if by_change is None:
-                missing.append(change.group)
-            else:
-                found.append(Contribution(change.group, by_change, "B", change.source))
-        angle = value.unit == "deg"
-        if drawn is not None and self.growth is not None:
-            by_growth = u_of_growth(self.inputs, self.growth, corrected, drawn, angle)
-            if by_growth is None:
-                missing.append("growth of the part")
-            else:
-                found.append(Contribution("growth of the part", by_growth, "B", "stated"))
-        if self.inputs.other_mm and not angle:
-            found.append(Contribution("other", self.inputs.other_mm, "B", "stated"))
-        mixture = self.groups.mixture(effect)
-        u = uncertainty_of(corrected if drawn is None else drawn, found, mixture, missing)
-        decision = None if tolerance is None else decide(tolerance, u, measured)
-        return evolve(value, uncertainty=u, decision=decision, worst=worst)
+        known = self.groups, self.inputs, self.changes, self.growth
+        return with_uncertainty(value, *known, tolerance, doubted=doubted)
 
     def as_dict(self) -> JsonObject:
         """Plain JSON values, schema `SCHEMA`."""

@@ -1,0 +1,21 @@
+"""Changes of a project's file in the current folder, and what they make out of date."""
+
+from pathlib import Path
+
+from iriftrace.cli.program import app
+from iriftrace.cli.project_file import read_project_file
+from iriftrace.project.stamps import states_of
+
+FILE = Path("iriftrace.toml")
+
+
+def replaced(right: str, other: str) -> None:
+    text = FILE.read_text(encoding="utf-8")
+    assert right in text
+    FILE.write_text(text.replace(right, other), encoding="utf-8")
+
+
+def reasons() -> dict[str, str]:
+    """Why each step has to be done, of those that have."""
+    states = states_of(read_project_file(FILE, app))
+    return {name: state.reason for name, state in states.items() if state.reason}
