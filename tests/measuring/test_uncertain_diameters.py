@@ -6,12 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista as pv
+from attrs import evolve
 
 from iriftrace.cli import main
 from iriftrace.figures.answer import digits_of
+from iriftrace.measuring.two_devices.correct import correct
+from iriftrace.measuring.two_devices.correction_status import CorrectionStatus
 from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.measuring.two_devices.scan import Scan
 from iriftrace.measuring.uncertainty.air_groups import AIR, CONTRAST
+from iriftrace.measuring.uncertainty.decision import Tolerance
+from iriftrace.measuring.uncertainty.inputs import Inputs
 from iriftrace.scenes import folder_of
 from iriftrace.tracing.load import load_scene
 from validation.inputs import hot_block
@@ -153,3 +158,22 @@ def test_several_fields_become_a_scene_with_two_devices(tmp_path: Path, capsys: 
     assert main(["correct", str(cloud), str(xml), "-o", str(tmp_path / "c.vtp")]) == 0
     found = json.loads((tmp_path / "c.json").read_text())
     assert found["u_normal_mm"]["median"] > 0
+
+
+def test_a_field_that_ends_at_the_feature_leaves_its_diameter_undecided(
+    fringe: tuple[Scan, Path], variant: str
+) -> None:
+    """Where points are seen through no known hot air, that of their neighbours is cut off, too."""
+    scene = load_scene(FRINGE, {"scale": 0.1}, variant=variant)
+    tolerance = {"cylinder:lateral": Tolerance(27.0, -0.1, 0.1)}
+    found = correct(fringe[0].points, scene, inputs=Inputs(air=0.05, sensor_mm=0.001))
+    for share, missing in ((0.04, ()), (0.1, ("air beyond the data",))):
+        status = found.status.copy()
+        status[: int(share * len(status))] = CorrectionStatus.OUTSIDE_FIELD
+        cut = evolve(found, status=status)
+        (lateral,) = cut.features(scene.part, ["cylinder:lateral"], tolerances=tolerance)
+        assert lateral.size.uncertainty is not None
+        assert lateral.size.decision is not None
+        assert lateral.doubts == missing
+        assert set(missing) <= set(lateral.size.uncertainty.missing)
+        assert lateral.size.decision.verdict == ("not decided" if missing else "accepted")

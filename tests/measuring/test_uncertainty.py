@@ -134,7 +134,7 @@ def test_weights_on_disk_are_those_of_the_mean(variant: str, tmp_path: Path) -> 
     clouds = {"measured": 10.1, "corrected": 10.0}
     sizes = Quantity("mm", clouds, {"corrected": 1e-3}, (9.7, 10.0, 10.2))
     real = evolve(found, groups=evolve(found.groups, source="fitted"))
-    stated = real._with_uncertainty(sizes, doubted=False).uncertainty
+    stated = real._with_uncertainty(sizes, doubts=()).uncertainty
     assert stated is not None
     assert stated.coverage_factor == pytest.approx(2.0)
     assert stated.parts[AIR] == pytest.approx(np.linalg.norm((-0.4, -0.1, 0.1) @ factor))

@@ -49,6 +49,10 @@ def test_a_budget_of_a_camera_states_displacement_and_shift(
     assert "--uncertainty" in capsys.readouterr().err
 
 
+CONE = "cone:lateral=27 -0.1 0.1 mm"
+"""Of a cone the diameter depends on the height at which it was measured, and so on the view."""
+
+
 def test_a_budget_of_two_devices_decides_on_a_tolerance(tmp_path: Path, capsys: Printed) -> None:
     out = tmp_path / "budget.json"
     words = ["budget", FRINGE, *SMALL, "-o", str(out), "--uncertainty=air 5 %, sensor 8 um"]
@@ -60,6 +64,11 @@ def test_a_budget_of_two_devices_decides_on_a_tolerance(tmp_path: Path, capsys: 
     assert sum(one["share"] for one in row["contributions"]) == pytest.approx(1.0)
     assert main([*words, "--tolerance=cylinder:lateral=27 0.05 0.06 mm"]) == 0
     assert "rejected" in capsys.readouterr().out
-    for wrong in ("cylinder:lateral=27", "cylinder:bore=27 0 1 mm", "cylinder:lateral=27 0 1"):
+    for wrong in (
+        "cylinder:lateral=27",
+        "cylinder:bore=27 0 1 mm",
+        "cylinder:lateral=27 0 1",
+        CONE,
+    ):
         assert main([*words, f"--tolerance={wrong}"]) == 2
         assert "--tolerance" in capsys.readouterr().err

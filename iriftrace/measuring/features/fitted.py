@@ -62,6 +62,8 @@ class FittedFeature:
         Diameter, mm.
     not_corrected : int
         Points of the region that were measured but have no correction, and were not fitted.
+    doubts : tuple of str
+        Groups of inputs that are not known here, without which U is a lower bound.
     """
 
     kind: str
@@ -75,6 +77,7 @@ class FittedFeature:
         default=Factory(lambda feature: _size(feature.fits, feature.by_member), takes_self=True)
     )
     not_corrected: int = 0
+    doubts: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:

@@ -41,9 +41,10 @@ from iriftrace.measuring.two_devices.correction_status import CorrectionStatus, 
 from iriftrace.measuring.two_devices.larger import Larger
 from iriftrace.measuring.two_devices.statistics import RegionValues, region_values
 from iriftrace.measuring.two_devices.uncertain_value import with_uncertainty
-from iriftrace.measuring.uncertainty.air_groups import AirGroups
+from iriftrace.measuring.uncertainty.air_groups import BEYOND, OTHER_AIR, AirGroups
 from iriftrace.measuring.uncertainty.decision import Tolerance
 from iriftrace.measuring.uncertainty.inputs import NOTHING_STATED, Inputs
+from iriftrace.medium.part_fit import LARGEST_BARE_SHARE
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
 
@@ -208,17 +209,26 @@ class Correction:
             for each in fitted
         )
         stays = self.face[~good & (self.face >= 0)]
+        doubts = {each.name: self._doubts(each, part) for each in fitted}
         check_names(tolerances, [one.name for one in fitted if one.size.answer is not None])
         return tuple(
             evolve(
                 each,
                 size=self._with_uncertainty(
-                    each.size, tolerances.get(each.name), doubted=is_worse(each)
+                    each.size, tolerances.get(each.name), doubts=doubts[each.name]
                 ),
                 not_corrected=int(on_region(each.region, stays, part).sum()),
+                doubts=doubts[each.name],
             )
             for each in fitted
         )
+
+    def _doubts(self, feature: FittedFeature, part: Part) -> tuple[str, ...]:
+        """`FittedFeature.doubts`."""
+        status = self.status[on_region(feature.region, self.face, part) & (self.face >= 0)]
+        beyond = np.mean(status == CorrectionStatus.OUTSIDE_FIELD) > LARGEST_BARE_SHARE
+        found = {OTHER_AIR: is_worse(feature), BEYOND: beyond}
+        return tuple(name for name, doubted in found.items() if doubted)
 
     def _refitted(
         self, change: Changes, part: Part, fitted: Sequence[FittedFeature], gate: float | None
@@ -236,22 +246,23 @@ class Correction:
 
     def relations(self, features: Sequence[FittedFeature]) -> tuple[Relation, ...]:
         """Distances and angles between `features`, with the same statements."""
-        doubted = {one.region for one in features if is_worse(one)}
+        doubts = {one.region: one.doubts for one in features}
         return tuple(
             evolve(
                 each,
                 value=self._with_uncertainty(
-                    each.value, doubted=not doubted.isdisjoint(each.regions)
+                    each.value,
+                    doubts=sorted({name for one in each.regions for name in doubts.get(one, ())}),
                 ),
             )
             for each in relations(features)
         )
 
     def _with_uncertainty(
-        self, value: Quantity, tolerance: Tolerance | None = None, *, doubted: bool
+        self, value: Quantity, tolerance: Tolerance | None = None, *, doubts: Sequence[str]
     ) -> Quantity:
         known = self.groups, self.inputs, self.changes, self.growth
-        return with_uncertainty(value, *known, tolerance, doubted=doubted)
+        return with_uncertainty(value, *known, tolerance, doubts=doubts)
 
     def as_dict(self) -> JsonObject:
         """Plain JSON values, schema `SCHEMA`."""

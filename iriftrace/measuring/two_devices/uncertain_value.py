@@ -11,7 +11,7 @@ from iriftrace.measuring.features.drawing import u_of_growth
 from iriftrace.measuring.features.quantity import DRAWING, Quantity
 from iriftrace.measuring.two_devices.changes import Changes
 from iriftrace.measuring.two_devices.statistics import worst_member
-from iriftrace.measuring.uncertainty.air_groups import OTHER_AIR, AirGroups
+from iriftrace.measuring.uncertainty.air_groups import AirGroups
 from iriftrace.measuring.uncertainty.budget import Contribution, uncertainty_of
 from iriftrace.measuring.uncertainty.decision import Tolerance, decide
 from iriftrace.measuring.uncertainty.inputs import Inputs
@@ -26,11 +26,11 @@ def with_uncertainty(
     growth: Growth | None,
     tolerance: Tolerance | None = None,
     *,
-    doubted: bool,
+    doubts: Sequence[str] = (),
 ) -> Quantity:
     """A value with its uncertainty by groups, and with the verdict on a tolerance.
 
-    Of a doubted one the air was another than the scene's, so U is a lower bound.
+    `doubts` are groups that are not known of this value, without which U is a lower bound.
     """
     measured, corrected = value.by_cloud["measured"], value.by_cloud["corrected"]
     if measured is None or corrected is None:
@@ -51,7 +51,7 @@ def with_uncertainty(
         stated = inputs.sensor_mm is not None
         how = "stated" if stated else "scatter of the points"
         found.append(Contribution("sensor", by_points, "B" if stated else "A", how))
-    missing = [*groups.missing, *([OTHER_AIR] if doubted else [])]
+    missing = [*groups.missing, *doubts]
     for change in changes:
         by_change = value.u_of_group(change.group)
         if by_change is None:

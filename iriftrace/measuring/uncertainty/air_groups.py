@@ -38,6 +38,9 @@ UNSTEADY = "unsteadiness of the air"
 OTHER_AIR = "air other than the scene's"
 """The group of air by which corrected points scatter more than the measured ones."""
 
+BEYOND = "air beyond the data"
+"""The group of a field that ends at a feature, some of whose points are seen through no hot air."""
+
 _RANGE = 2.0 * np.sqrt(3.0)
 """Range over standard deviation of a value that may lie anywhere in between (GUM, 4.3.7)."""
 

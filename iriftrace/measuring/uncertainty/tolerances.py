@@ -19,7 +19,8 @@ _TEXT = re.compile(
 def tolerances_of(texts: Iterable[str]) -> dict[str, Tolerance]:
     """Tolerances, mm, of diameters: ``"cylinder:bore=20.22 -0.02 +0.02 mm"`` by the feature's name.
 
-    Raises InputError for another text, a tolerance without unit or width, or one given twice.
+    Raises InputError for another text, a tolerance without unit or width, of a cone, or one given
+    twice.
     """
     found: dict[str, Tolerance] = {}
     for text in texts:
@@ -32,6 +33,13 @@ def tolerances_of(texts: Iterable[str]) -> dict[str, Tolerance]:
                 argument="tolerance",
             )
         name = match["name"].strip()
+        if name.partition(":")[0] == "cone":
+            raise InputError(
+                f"{name!r} has no one diameter that a tolerance could be of: a cone has another at "
+                "each height, and that of the measured points depends on the view; leave it out.",
+                code="tolerance.of_cone",
+                argument="tolerance",
+            )
         if name in found:
             raise InputError(
                 f"{name!r} has two tolerances; give one.",
