@@ -5,7 +5,7 @@ import pytest
 from matplotlib import colormaps
 
 from iriftrace.core.arrays import FloatArray
-from iriftrace.figures.scene_picture import COLOUR_MAP as AIR_COLOUR_MAP
+from iriftrace.figures.scene_picture import AIR_COLOUR_MAP
 from iriftrace.figures.style import COLOUR_MAP, SIGNED_COLOUR_MAP
 
 TO_XYZ = np.array(
