@@ -190,6 +190,8 @@ def test_a_kind_alone_means_the_regions_that_are_one() -> None:
     points = part.vertices[part.faces[face, 0]]
     with pytest.warns(IriftraceWarning, match="cylinder is left out: No region .* 100 measured"):
         assert fit_features({"cold": points}, face, part, [FeatureChoice("cylinder")]) == ()
+    with pytest.warns(IriftraceWarning, match=r"are not fitted: cylinder:lateral \(50\); look"):
+        assert fit_features({"cold": points}, face, part) == ()
 
 
 def test_diameters_of_a_cone_hold_at_one_height() -> None:

@@ -68,6 +68,7 @@ def test_a_budget_of_two_devices_decides_on_a_tolerance(tmp_path: Path, capsys: 
         "cylinder:lateral=27",
         "cylinder:bore=27 0 1 mm",
         "cylinder:lateral=27 0 1",
+        "lateral=27 -0.1 0.1 mm",
         CONE,
     ):
         assert main([*words, f"--tolerance={wrong}"]) == 2
