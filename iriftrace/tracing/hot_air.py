@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from attrs import Factory, evolve, field, frozen
 
 from iriftrace.core.errors import InputError
+from iriftrace.core.files import short_names
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.plain import JsonObject, plain
 from iriftrace.io.field_npz import load_field_file
@@ -275,7 +276,9 @@ class HotAir:
                 "Ready-made shells belong to one field, but several are given; omit the shells.",
                 code="shells.several_fields",
             )
-        names = list(labels) or ["" if one is None else f"{one.source.path}" for one in fields]
+        names = list(labels) or short_names(
+            ["" if one is None else one.source.path for one in fields]
+        )
         if len(names) != len(fields):
             raise InputError(
                 f"There are {len(names)} labels for {len(fields)} fields.",
