@@ -95,4 +95,5 @@ def feature_budget(
         changes=changes,
     )
     features = correction.features(ready.part, choices, gate, tolerances=tolerances)
+        without_noise=True,
     return FeatureBudget(correction, features, correction.relations(features), unchecked)

@@ -40,7 +40,7 @@ from iriftrace.measuring.two_devices.changes import Changes
 from iriftrace.measuring.two_devices.correction_status import CorrectionStatus, is_corrected
 from iriftrace.measuring.two_devices.larger import Larger
 from iriftrace.measuring.two_devices.statistics import RegionValues, region_values
-from iriftrace.measuring.two_devices.uncertain_value import with_uncertainty
+from iriftrace.measuring.two_devices.uncertain_value import SENSOR, with_uncertainty
 from iriftrace.measuring.uncertainty.air_groups import BEYOND, OTHER_AIR, AirGroups
 from iriftrace.measuring.uncertainty.decision import Tolerance
 from iriftrace.measuring.uncertainty.inputs import NOTHING_STATED, Inputs
@@ -88,6 +88,8 @@ class Correction:
         The points are those of one line of a laser.
     changes : tuple of Changes
         Changes of the error at a sample of points by further groups of inputs.
+    without_noise : bool
+        The points are simulated, so that their scatter about a feature is not that of a sensor.
     """
 
     measured: FloatArray
@@ -105,6 +107,7 @@ class Correction:
     growth: Growth | None = None
     one_line: bool = False
     changes: tuple[Changes, ...] = ()
+    without_noise: bool = False
 
     def _repr_html_(self) -> str:
         """Numbers and picture of the correction, for notebooks."""
@@ -227,7 +230,8 @@ class Correction:
         """`FittedFeature.doubts`."""
         status = self.status[on_region(feature.region, self.face, part) & (self.face >= 0)]
         beyond = np.mean(status == CorrectionStatus.OUTSIDE_FIELD) > LARGEST_BARE_SHARE
-        found = {OTHER_AIR: is_worse(feature), BEYOND: beyond}
+        unknown_noise = self.without_noise and self.inputs.sensor_mm is None
+        found = {OTHER_AIR: is_worse(feature), BEYOND: beyond, SENSOR: unknown_noise}
         return tuple(name for name, doubted in found.items() if doubted)
 
     def _refitted(
