@@ -60,6 +60,25 @@ class FeatureChoice:
         return self.kind if self.region is None else f"{self.kind}:{self.region}"
 
 
+def check_diameter(name: str) -> None:
+    """Raise InputError for a feature without one diameter, by its name, such as "cone:tip"."""
+    kind = FeatureChoice.of(name).kind
+    if kind == "cone":
+        raise InputError(
+            f"{name!r} has no one diameter that a tolerance could be of: a cone has another at "
+            "each height, and that of the measured points depends on the view; leave it out.",
+            code="tolerance.of_cone",
+            argument="tolerance",
+        )
+    if kind not in WITH_DIAMETER:
+        raise InputError(
+            f"A tolerance is of a diameter, and {name!r} has none; name a feature by kind and "
+            "region, such as cylinder:bore.",
+            code="tolerance.of_no_diameter",
+            argument="tolerance",
+        )
+
+
 def on_region(region: str | None, face: AnyIntArray, part: Part) -> BoolArray:
     """Mask (n,) of the points of a region, all without one, that lie on faces (n,) of the part.
 

@@ -19,6 +19,7 @@ from iriftrace.measuring.features.choice import (
     FEWEST_MEASURED,
     FOUND_KINDS,
     FeatureChoice,
+    check_diameter,
     checked_choices,
     found_features,
     hardly_measured,
@@ -153,11 +154,15 @@ def warn_of_worse(features: Iterable[FittedFeature]) -> None:
 
 
 def check_names(names: Iterable[str], known: Sequence[str]) -> None:
-    """Raise InputError for a name that is not among those of the fitted features with a size."""
+    """Raise InputError for the name of a tolerance of none of the fitted features.
+
+    Or of one without one diameter.
+    """
     for name in names:
+        check_diameter(name)
         if name not in known:
             raise InputError(
-                f"There is a tolerance of {name!r}, which is not among the diameters that were "
+                f"There is a tolerance of {name!r}, which is not among the features that were "
                 f"fitted: {', '.join(known) or 'none'}.",
                 code="tolerance.of_no_feature",
                 argument="tolerance",

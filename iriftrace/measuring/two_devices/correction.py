@@ -191,7 +191,8 @@ class Correction:
         corrected points carried back onto its drawing. Sizes have their uncertainties by group
         (the air is not known for synthetic air), of an ensemble the member by which they are
         farthest from the mean, and the verdict on those of `tolerances`, by the names of features,
-        such as "cylinder:bore". Raises InputError for a tolerance of no fitted feature.
+        such as "cylinder:bore". Raises InputError for a tolerance of no fitted feature, or of one
+        without one diameter, such as a cone.
         """
         good, points = self.corrected, self.points
         drawn = drawing_cloud(points, self.face, part)
@@ -213,7 +214,7 @@ class Correction:
         )
         stays = self.face[~good & (self.face >= 0)]
         doubts = {each.name: self._doubts(each, part) for each in fitted}
-        check_names(tolerances, [one.name for one in fitted if one.size.answer is not None])
+        check_names(tolerances, [one.name for one in fitted])
         return tuple(
             evolve(
                 each,

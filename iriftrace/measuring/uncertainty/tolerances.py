@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import parse_quantity
-from iriftrace.measuring.features.choice import WITH_DIAMETER
+from iriftrace.measuring.features.choice import check_diameter
 from iriftrace.measuring.uncertainty.decision import Tolerance
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)"
@@ -34,21 +34,7 @@ def tolerances_of(texts: Iterable[str]) -> dict[str, Tolerance]:
                 argument="tolerance",
             )
         name = match["name"].strip()
-        kind = name.partition(":")[0]
-        if kind == "cone":
-            raise InputError(
-                f"{name!r} has no one diameter that a tolerance could be of: a cone has another at "
-                "each height, and that of the measured points depends on the view; leave it out.",
-                code="tolerance.of_cone",
-                argument="tolerance",
-            )
-        if kind not in WITH_DIAMETER:
-            raise InputError(
-                f"A tolerance is of a diameter, and {name!r} has none; name a feature by kind and "
-                "region, such as cylinder:bore.",
-                code="tolerance.of_no_diameter",
-                argument="tolerance",
-            )
+        check_diameter(name)
         if name in found:
             raise InputError(
                 f"{name!r} has two tolerances; give one.",
