@@ -28,8 +28,7 @@ def decided(values: JsonObject, tolerances: Mapping[str, Tolerance]) -> JsonObje
         value = found[name]
         kept = {key: one for key, one in row.items() if key != "decision"}
         if name in tolerances and value.uncertainty is not None:
-            measured = value.by_cloud["measured"]
-            decision = decide(tolerances[name], value.uncertainty, measured)
+            decision = decide(tolerances[name], value.uncertainty, value.uncorrected)
             kept["decision"] = decision.as_dict()
         features.append(kept)
     return {**values, "features": features}

@@ -73,5 +73,5 @@ def with_uncertainty(
         found.append(Contribution("other", inputs.other_mm, "B", "stated"))
     mixture = groups.mixture(effect)
     u = uncertainty_of(corrected if drawn is None else drawn, found, mixture, missing)
-    decision = None if tolerance is None else decide(tolerance, u, measured)
+    decision = None if tolerance is None else decide(tolerance, u, value.uncorrected)
     return evolve(value, uncertainty=u, decision=decision, worst=worst)
