@@ -12,6 +12,7 @@ from attrs import frozen
 
 from iriftrace.core.errors import InputError
 from iriftrace.measuring.features.choice import FeatureChoice
+from iriftrace.measuring.features.drawing import check_growth
 from iriftrace.measuring.features.fitted import FittedFeature
 from iriftrace.measuring.features.relations import Relation
 from iriftrace.measuring.options import GATE, Phase
@@ -59,6 +60,7 @@ def feature_budget(
     seen through hot air, or `inputs` state the uncertainty of a growth that the part does not have.
     """
     ready, sensor = sensor_of(scene, None, None, system, phase)
+    check_growth(inputs, ready.part.growth)
     traced = choose(ready, *sensor.devices).scene
     scan = measured(traced, sensor, varied=True, progress=progress)
     groups, unchecked = AirGroups.of(ready, inputs), ""

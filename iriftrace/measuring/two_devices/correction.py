@@ -251,7 +251,7 @@ class Correction:
 
     def relations(self, features: Sequence[FittedFeature]) -> tuple[Relation, ...]:
         """Distances and angles between `features`, with the same statements."""
-        doubts = {one.region: one.doubts for one in features}
+        doubts = {one.region: one.doubts for one in features if one.kind == "plane"}
         return tuple(
             evolve(
                 each,
