@@ -11,8 +11,8 @@ from attrs import evolve
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
 from iriftrace.figures.answer import digits_of
-from iriftrace.measuring.two_devices.correct import correct
 from iriftrace.measuring.two_devices.budget import feature_budget
+from iriftrace.measuring.two_devices.correct import correct
 from iriftrace.measuring.two_devices.correction_status import CorrectionStatus
 from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.measuring.two_devices.scan import Scan

@@ -12,14 +12,12 @@ from attrs import frozen
 from iriftrace.core.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.measuring.features.fit import FEWEST, SAMPLE, FeatureKind, check_kind, fit_feature
+from iriftrace.measuring.uncertainty.tolerances import WITH_DIAMETER
 from iriftrace.part.part import Part
 
 FOUND_KINDS: tuple[FeatureKind, ...] = ("plane", "cylinder", "cone", "sphere")
 """Surfaces that regions can be, in order of precedence: a plane fits as a wide cylinder too, a
 cylinder as a cone, and two rings of corners of any surface lie on a sphere."""
-
-WITH_DIAMETER: tuple[FeatureKind, ...] = ("cylinder", "sphere", "circle")
-"""Surfaces with one diameter: a cone has another at each height."""
 
 FOUND_SHARE = 1e-3
 """Largest distance of a region from the surface it is taken for, as a fraction of its extent. Files
@@ -58,25 +56,6 @@ class FeatureChoice:
 
     def __str__(self) -> str:
         return self.kind if self.region is None else f"{self.kind}:{self.region}"
-
-
-def check_diameter(name: str) -> None:
-    """Raise InputError for a feature without one diameter, by its name, such as "cone:tip"."""
-    kind = FeatureChoice.of(name).kind
-    if kind == "cone":
-        raise InputError(
-            f"{name!r} has no one diameter that a tolerance could be of: a cone has another at "
-            "each height, and that of the measured points depends on the view; leave it out.",
-            code="tolerance.of_cone",
-            argument="tolerance",
-        )
-    if kind not in WITH_DIAMETER:
-        raise InputError(
-            f"A tolerance is of a diameter, and {name!r} has none; name a feature by kind and "
-            "region, such as cylinder:bore.",
-            code="tolerance.of_no_diameter",
-            argument="tolerance",
-        )
 
 
 def on_region(region: str | None, face: AnyIntArray, part: Part) -> BoolArray:

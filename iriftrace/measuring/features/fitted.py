@@ -19,7 +19,6 @@ from iriftrace.measuring.features.choice import (
     FEWEST_MEASURED,
     FOUND_KINDS,
     FeatureChoice,
-    check_diameter,
     checked_choices,
     found_features,
     hardly_measured,
@@ -32,6 +31,7 @@ from iriftrace.measuring.features.outliers import inliers
 from iriftrace.measuring.features.points import Points, extent
 from iriftrace.measuring.features.quantity import DRAWING, Quantity
 from iriftrace.measuring.options import GATE, check_gate
+from iriftrace.measuring.uncertainty.tolerances import check_diameter
 from iriftrace.part.part import Part
 
 NO_FEATURE = 0.1

@@ -52,8 +52,8 @@ def feature_budget(
 ) -> FeatureBudget:
     """Simulate what two devices measure, and state the uncertainty of its corrected features.
 
-    Costs as much as :func:`iriftrace.measure`, whose errors and warnings it has, and traces a
     The points are simulated without noise: if `inputs` state no sensor, U is a lower bound.
+    Costs as much as :func:`iriftrace.measure`, whose errors and warnings it has, and traces a
     sample of the points in mixed air and with moved devices. Points that are seen through no hot
     air are not corrected, as by `correct`. `choices`, `tolerances` and `gate` are those of
     `Correction.features`, and `progress` that of `measure`. Raises InputError also if no point is
@@ -63,9 +63,6 @@ def feature_budget(
     check_growth(inputs, ready.part.growth)
     traced = choose(ready, *sensor.devices).scene
     scan = measured(traced, sensor, varied=True, progress=progress)
-    groups, unchecked = AirGroups.of(ready, inputs), ""
-    sampled = np.where(scan.in_air, scan.face, -1)
-    changes = pose_changes(traced, sensor, inputs, scan.true, sampled)
     if not scan.in_air.any():
         raise InputError(
             f"None of the {len(scan.points):,} points is seen through hot air that is known, so "
@@ -74,6 +71,9 @@ def feature_budget(
             code="devices.no_hot_air",
         )
     in_air = scan.in_air[:, None]
+    groups, unchecked = AirGroups.of(ready, inputs), ""
+    sampled = np.where(scan.in_air, scan.face, -1)
+    changes = pose_changes(traced, sensor, inputs, scan.true, sampled)
     try:
         mixed = mixture_changes(ready, sensor, groups, scan.true, sampled)
         changes += () if mixed is None else (mixed,)
@@ -95,7 +95,7 @@ def feature_budget(
         growth=scan.growth,
         one_line=scan.one_line,
         changes=changes,
+        without_noise=True,
     )
     features = correction.features(ready.part, choices, gate, tolerances=tolerances)
-        without_noise=True,
     return FeatureBudget(correction, features, correction.relations(features), unchecked)
