@@ -16,7 +16,9 @@ from iriftrace.measuring.features.fit import fit_feature
 from iriftrace.measuring.features.fitted import FittedFeature, fit_features
 from iriftrace.measuring.features.relations import Relation, relations
 from iriftrace.measuring.two_devices.correction import Correction
+from iriftrace.measuring.two_devices.decided import decided
 from iriftrace.measuring.uncertainty.air_groups import AIR
+from iriftrace.measuring.uncertainty.decision import Tolerance
 from iriftrace.measuring.uncertainty.inputs import Inputs
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part, part_of_mesh
@@ -188,6 +190,26 @@ def test_an_evenly_hot_part_has_the_scatter_of_its_growth() -> None:
     (size,) = [each.size for each in unknown.features(part, ["cylinder:lateral"])]
     assert size.uncertainty is not None
     assert size.uncertainty.missing == (AIR, "growth of the part")
+
+
+def test_a_hot_measurement_is_held_against_a_cold_tolerance_on_the_drawing() -> None:
+    """60.8652 mm at 1050 degC are 60 mm on the drawing, and 0.1 mm of air 0.0986 mm."""
+    cold, growth = cylinder(60.0, 120.0), Growth(ALPHA, COLD_K, 1323.15)
+    part = evolve(cold, vertices=growth.factor * cold.vertices, growth=growth)
+    face = np.repeat(np.flatnonzero(part.region_of_face == 0), 3)
+    points = part.vertices[part.faces[face[::3]]].reshape(-1, 3)
+    outwards = points * (0.0, 1.0, 1.0) / 60.8652
+    true = corrected(part, points, face)
+    for air_mm, within in ((0.0, True), (0.05, True), (0.1, False)):
+        error = air_mm * outwards
+        found = evolve(true, measured=points + error, error=error)
+        stated = {"cylinder:lateral": Tolerance(60.0, -0.06, 0.06)}
+        (one,) = found.features(part, ["cylinder:lateral"], tolerances=stated)
+        assert one.size.uncorrected == pytest.approx(60.0 + air_mm / growth.factor, abs=1e-5)
+        assert one.size.decision is not None
+        assert one.size.decision.measured is within
+        (row,) = decided({"features": [one.as_dict()]}, stated)["features"]
+        assert row["decision"]["as_measured_within"] is within
 
 
 def test_a_part_that_was_moved_has_its_place_on_the_drawing(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from iriftrace.measuring.features.fitted import fit_features
 from iriftrace.measuring.features.outliers import inliers
 from iriftrace.measuring.features.quantity import Quantity
 from iriftrace.measuring.two_devices.correction import Correction
+from iriftrace.measuring.two_devices.decided import decided
 from iriftrace.measuring.uncertainty.air_groups import OTHER_AIR, AirGroups
 from iriftrace.measuring.uncertainty.decision import Tolerance
 from iriftrace.part.part import Part, part_of_mesh
@@ -227,6 +228,30 @@ def test_a_turned_cone_has_the_same_diameters_as_measured_and_as_corrected() -> 
 
 
 KNOWN = AirGroups(source="known", missing=())
+
+
+def test_a_tolerance_of_a_cone_is_refused_from_python_too() -> None:
+    """Also of a correction that has been saved; only features with one diameter are named."""
+    points, part = grid("cone"), cylinder()
+    found = Correction(
+        *(points, np.zeros_like(points), np.zeros(len(points), dtype=np.int64)),
+        *(np.zeros(len(points), dtype=np.int64), part.face_normals, "fringe"),
+        provenance={},
+    )
+    features = found.features(part, ["cone:"], gate=None)
+    saved = {"features": [one.as_dict() for one in features]}
+    for name, code in (
+        ("cone", "tolerance.of_cone"),
+        ("plane:top", "tolerance.of_no_diameter"),
+        ("cylinder:bore", "tolerance.of_no_feature"),
+    ):
+        tolerances = {name: Tolerance(15.0, -0.1, 0.1)}
+        with pytest.raises(InputError) as error:
+            found.features(part, ["cone:"], gate=None, tolerances=tolerances)
+        assert error.value.code == code
+        with pytest.raises(InputError) as error:
+            decided(saved, tolerances)
+        assert error.value.code == code
 
 
 def test_a_correction_after_which_points_scatter_more_is_doubted() -> None:

@@ -12,14 +12,12 @@ from attrs import frozen
 from iriftrace.core.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.measuring.features.fit import FEWEST, SAMPLE, FeatureKind, check_kind, fit_feature
+from iriftrace.measuring.uncertainty.tolerances import WITH_DIAMETER
 from iriftrace.part.part import Part
 
 FOUND_KINDS: tuple[FeatureKind, ...] = ("plane", "cylinder", "cone", "sphere")
 """Surfaces that regions can be, in order of precedence: a plane fits as a wide cylinder too, a
 cylinder as a cone, and two rings of corners of any surface lie on a sphere."""
-
-WITH_DIAMETER: tuple[FeatureKind, ...] = ("cylinder", "sphere", "circle")
-"""Surfaces with one diameter: a cone has another at each height."""
 
 FOUND_SHARE = 1e-3
 """Largest distance of a region from the surface it is taken for, as a fraction of its extent. Files

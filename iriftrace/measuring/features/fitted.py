@@ -31,6 +31,7 @@ from iriftrace.measuring.features.outliers import inliers
 from iriftrace.measuring.features.points import Points, extent
 from iriftrace.measuring.features.quantity import DRAWING, Quantity
 from iriftrace.measuring.options import GATE, check_gate
+from iriftrace.measuring.uncertainty.tolerances import check_diameter
 from iriftrace.part.part import Part
 
 NO_FEATURE = 0.1
@@ -153,11 +154,15 @@ def warn_of_worse(features: Iterable[FittedFeature]) -> None:
 
 
 def check_names(names: Iterable[str], known: Sequence[str]) -> None:
-    """Raise InputError for a name that is not among those of the fitted features with a size."""
+    """Raise InputError for the name of a tolerance of none of the fitted features.
+
+    Or of one without one diameter.
+    """
     for name in names:
+        check_diameter(name)
         if name not in known:
             raise InputError(
-                f"There is a tolerance of {name!r}, which is not among the diameters that were "
+                f"There is a tolerance of {name!r}, which is not among the features that were "
                 f"fitted: {', '.join(known) or 'none'}.",
                 code="tolerance.of_no_feature",
                 argument="tolerance",

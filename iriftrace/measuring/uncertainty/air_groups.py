@@ -17,11 +17,12 @@ from numpy.typing import ArrayLike
 from scipy.special import ndtri
 
 from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import warn
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.measuring.uncertainty.budget import SEED, Mixture, dirichlet
 from iriftrace.measuring.uncertainty.inputs import Inputs
 from iriftrace.measuring.uncertainty.similarity import SOURCE, humidity_effect, relative_effects
-from iriftrace.medium.source import FieldFacts, FieldKind, FieldSource
+from iriftrace.medium.source import FieldKind, FieldSource
 from iriftrace.tracing.hot_air import OUTSIDE
 
 if TYPE_CHECKING:
@@ -178,6 +179,13 @@ class AirGroups:
         missing += [name for name in _stated_of_flow(inputs) if name not in {**scaled, **varied}]
         if OUTSIDE in scene.compiled.stated.notes:
             missing.append("air outside the members")
+        if (states := inputs.states or 1.0) > 1.0 and UNSTEADY not in scaled:
+            warn(
+                f"The {states:g} states that are averaged change nothing, as the scene's air "
+                "states no range over time (it is steady, fitted to a measurement, several "
+                "snapshots, or of an unknown range); leave them out.",
+                argument="uncertainty",
+            )
         return cls(weights, scaled, varied, source, tuple(missing), synthetic)
 
 
@@ -248,17 +256,18 @@ def _unsteady(scene: Scene) -> float | None:
 
     By the larger of the relative ranges of heat flow and plume that each field of the mean states,
     as a rectangular distribution. 0 for steady air, for snapshots whose scatter has it, and for
-    weights that a measurement has chosen; None if a range is not known.
+    weights that a measurement has chosen; None if a range is not known, as that of a mean over time
+    by another program.
     """
     fields, heating_k = _in_mean(scene), scene.compiled.stated.heating_k
     fitted = bool(scene.members) and scene.weights.covariance is not None
-    snapshots = [_is_snapshot(one.facts, scene) for one in fields]
-    if fitted or (len(fields) > 1 and all(snapshots)):
+    times = [_time(one, scene) for one in fields]
+    if fitted or (len(fields) > 1 and set(times) == {"snapshot"}):
         return 0.0
     ranges = []
-    for one, snapshot in zip(fields, snapshots, strict=True):
+    for one, time in zip(fields, times, strict=True):
         facts = one.facts
-        if facts.kind is not FieldKind.UNSTEADY and not snapshot:
+        if facts.kind is not FieldKind.UNSTEADY and time not in ("mean", "snapshot"):
             ranges.append(0.0)
         elif facts.heat_variation is None or facts.plume_swing_k is None or heating_k is None:
             return None
@@ -268,7 +277,6 @@ def _unsteady(scene: Scene) -> float | None:
     return float(weights[weights > 0.0] @ ranges / _RANGE) if ranges else 0.0
 
 
-def _is_snapshot(facts: FieldFacts, scene: Scene) -> bool:
-    """True for one moment of a flow that changes, as the file or the user states."""
-    stated = scene.compiled.stated.notes.get("time", facts.time)
-    return stated == "snapshot" and facts.kind is not FieldKind.STEADY
+def _time(source: FieldSource, scene: Scene) -> str:
+    """Time dependence of a field, as its file or the user states; "" if neither does."""
+    return source.time if source.steady else scene.compiled.stated.notes.get("time", source.time)
