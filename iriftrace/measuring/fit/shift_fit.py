@@ -213,7 +213,7 @@ def _fitted(
 
 def _check_members(first: Scene, other: Scene) -> None:
     """Refuse views whose members are not the same fields in the same order."""
-    listed = [[(m.source.sha256, m.time) for m in members_in(scene)] for scene in (first, other)]
+    listed = [[m.state for m in members_in(scene)] for scene in (first, other)]
     if listed[0] != listed[1]:
         raise InputError(
             f"{other.name} has other members than {first.name}, so one fit cannot use both views; "
