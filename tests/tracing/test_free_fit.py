@@ -126,6 +126,9 @@ def test_what_cannot_be_fitted_is_refused(fields: Fields, shifts: MeasuredShift)
             iriftrace.fit_free(scene, shifts, free)
         assert refused.value.code == code
         assert refused.value.argument == "free"
+    with pytest.raises(InputError) as refused:
+        iriftrace.fit_free(scene, attrs.evolve(shifts, resolution=(1200, 1000)), ["contrast"])
+    assert refused.value.code == "shifts.other_size"
 
 
 @pytest.mark.filterwarnings("ignore:The field has no cavity")
