@@ -148,6 +148,11 @@ class FieldMember:
         return cls(number, state.label, state.time, source, weight, state.covariance)
 
     @property
+    def state(self) -> tuple[str, str, float | None]:
+        """Key of its air, the same in another scene."""
+        return *self.source.state, self.time
+
+    @property
     def variation(self) -> Variation | None:
         """What it varies in another member; None for a state of the air."""
         return self.source.facts.variation
@@ -188,6 +193,16 @@ def check_variations(members: Sequence[FieldMember]) -> None:
                 code="air.varies_nothing",
                 argument="member",
             )
+
+
+def solved_again(members: Sequence[FieldMember], quantity: str) -> list[tuple[int, int, float]]:
+    """Places from 0 of each member that varies an input and of what it varies, and the step."""
+    place = {one.source.sha256: number for number, one in enumerate(members)}
+    return [
+        (number, place[one.variation.of], one.variation.step)
+        for number, one in enumerate(members)
+        if one.variation is not None and one.variation.quantity == quantity
+    ]
 
 
 def weights_of(members: Sequence[FieldMember]) -> MemberWeights:

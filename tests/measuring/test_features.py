@@ -289,6 +289,22 @@ def test_what_points_do_not_determine_is_left_out() -> None:
             fit_features({"cold": points}, face, part, [FeatureChoice.of(choice)])
 
 
+@pytest.mark.parametrize("kind", ["plane", "line", "circle", "cylinder"])
+def test_a_direction_at_45_degrees_has_the_sense_of_the_first_fit(kind: str) -> None:
+    """Its two largest components swap their rank between both clouds."""
+    points = grid(kind, 0.3)
+    along, _ = Rotation.align_vectors(((1.0, -1.0, 0.0),), (fit_feature(points, kind).direction,))
+    first, second = (
+        Rotation.from_euler("z", angle, degrees=True).apply(along.apply(points))
+        for angle in (-1e-6, 1e-6)
+    )
+    fit = fit_feature(first, kind)
+    assert fit.direction @ fit_feature(second, kind).direction < 0.0
+    near = fit_feature(second, kind, near=fit)
+    assert fit.direction == pytest.approx(near.direction, abs=1e-7)
+    assert near.distances(second) == pytest.approx(near.residuals, abs=1e-9)
+
+
 def test_a_published_circle() -> None:
     """Six points and their best circle by Gander, Golub and Strebel, BIT 34 (1994) 558."""
     places = np.array([(1, 7), (2, 6), (5, 8), (7, 7), (9, 5), (3, 7)], dtype=float)

@@ -74,6 +74,24 @@ def test_a_relation_has_the_doubts_of_its_planes_alone() -> None:
     assert OTHER_AIR in height.value.uncertainty.missing
 
 
+def test_an_angle_does_not_depend_on_the_rank_of_equal_components() -> None:
+    """A box turned by 45 degrees: two faces 0.1 degrees off square, in clouds and members."""
+    part = box()
+    points, face = part.surface.even_places(3000)
+    leaning = np.array(part.region_names)[part.region_of_face[face]] == "plane +x"
+    points[leaning] = Rotation.from_euler("z", 0.1, degrees=True).apply(points[leaning])
+    turned = [
+        Rotation.from_euler("z", 45.0 + angle, degrees=True).apply(points)
+        for angle in (-1e-6, 1e-6)
+    ]
+    clouds = {"cold": turned[0], "measured": turned[1]}
+    found = relations(fit_features(clouds, face, part, PLANES, turned, gate=None))
+    (value,) = (one.value for one in found if set(one.regions) == {"plane +x", "plane +y"})
+    angle = value.by_cloud["cold"]
+    assert abs(angle - 90.0) == pytest.approx(0.1, abs=1e-9)
+    assert [value.by_cloud["measured"], *value.by_member] == pytest.approx([angle] * 3, abs=1e-9)
+
+
 def test_uncertainties_are_those_of_repeated_measurements() -> None:
     """Noise of 10 um on two faces of which different ends were seen: 300 draws, to a tenth."""
     part = box()

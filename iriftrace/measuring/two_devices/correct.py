@@ -139,7 +139,9 @@ def correct(
     traced = choose(loaded, *sensor.devices).scene
     groups = AirGroups.of(traced, inputs)
     order, in_view = _order(measured, near_box, sensor)
-    varied = {place for one in groups.varied.values() for place in (one.member, one.base)}
+    varied = [
+        place for one in groups.varied.values() for place in np.flatnonzero(one.change).tolist()
+    ]
     places = sorted({*traced.counted, *varied})
     found = {
         place: _in_one_field(measured, in_view, order, member, sensor)

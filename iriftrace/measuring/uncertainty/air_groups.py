@@ -23,7 +23,7 @@ from iriftrace.measuring.uncertainty.budget import SEED, Mixture, dirichlet
 from iriftrace.measuring.uncertainty.inputs import Inputs
 from iriftrace.measuring.uncertainty.similarity import SOURCE, humidity_effect, relative_effects
 from iriftrace.medium.source import FieldKind, FieldSource
-from iriftrace.tracing.hot_air import OUTSIDE
+from iriftrace.tracing.hot_air import OUTSIDE, solved_again
 
 if TYPE_CHECKING:
     from iriftrace.tracing.scene import Scene
@@ -54,16 +54,15 @@ class Scaled:
     source: str
 
 
-@frozen
+@frozen(eq=False)
 class SolvedAgain:
-    """A group by a member that was solved again: its number and that of what it varies, from 0.
+    """A group by members that were solved again with one input changed.
 
-    `factor` is the stated standard uncertainty over the step between both.
+    `change` (k,) are the multiples of the members' effects whose sum is the change of the effect by
+    one standard uncertainty; they add up to 0.
     """
 
-    member: int
-    base: int
-    factor: float
+    change: FloatArray
     source: str
 
 
@@ -111,8 +110,8 @@ class AirGroups:
         largest = np.abs(np.asarray(mean, dtype=np.float64))
         if by_member is not None and self.weights is not None:
             for name, one in self.varied.items():
-                step = by_member[one.member] - by_member[one.base]
-                found[name] = np.abs(one.factor * step)
+                used = np.flatnonzero(one.change)
+                found[name] = np.abs(np.tensordot(one.change[used], by_member[used], axes=1))
             if self.source:
                 found[AIR] = self.weights.uncertainty(by_member)
                 # The variance of a product: what scales the effect scales that of the real air.
@@ -144,9 +143,7 @@ class AirGroups:
         found = np.zeros((count, len(self.weights.weights)))
         found[:, used] = dirichlet(self.weights.weights[used], units[:, : len(used)])
         for one, unit in zip(self.varied.values(), units.T[len(used) :], strict=True):
-            step = one.factor * ndtri(unit)
-            found[:, one.member] += step
-            found[:, one.base] -= step
+            found += np.outer(ndtri(unit), one.change)
         return found
 
     def total(self, mean: ArrayLike, by_member: FloatArray | None) -> FloatArray:
@@ -236,18 +233,24 @@ def _scaled(scene: Scene, inputs: Inputs) -> dict[str, Scaled]:
 
 
 def _varied(scene: Scene, inputs: Inputs) -> dict[str, SolvedAgain]:
-    """Groups of the members that were solved again with one input changed."""
-    given = _stated_of_flow(inputs)
-    found: dict[str, SolvedAgain] = {}
-    place = {one.source.sha256: number for number, one in enumerate(scene.members)}
-    for number, one in enumerate(scene.members):
-        variation = one.variation
-        if variation is None:
+    """Groups of the members that were solved again with one input changed.
+
+    If several members were with the same input, the change is the mean of theirs, weighted as the
+    members that they vary.
+    """
+    found = {}
+    for name, stated in _stated_of_flow(inputs).items():
+        solved = solved_again(scene.members, name)
+        if not solved:
             continue
-        base, stated = place[variation.of], given.get(variation.quantity)
-        if stated is not None:
-            factor = stated / variation.step
-            found[variation.quantity] = SolvedAgain(number, base, factor, "solved again")
+        weights = np.array([scene.weights.weights[base] for _, base, _ in solved])
+        if not weights.any():
+            weights[:] = 1.0
+        change = np.zeros(len(scene.members))
+        for (number, base, step), share in zip(solved, weights / weights.sum(), strict=True):
+            change[number] += share * stated / step
+            change[base] -= share * stated / step
+        found[name] = SolvedAgain(change, "solved again")
     return found
 
 
