@@ -11,8 +11,9 @@ from pathlib import Path
 from attrs import frozen
 
 from iriftrace.cli.project_file import ProjectFile, is_among
-from iriftrace.core.files import sha256_of, write_json
+from iriftrace.core.files import seen_from, sha256_of, write_json
 from iriftrace.core.plain import JsonObject
+from iriftrace.io.named_files import named_files
 from iriftrace.project.steps import ProjectStep, steps_of
 
 STAMP = "step.json"
@@ -29,8 +30,8 @@ class StepState:
     ----------
     step : ProjectStep
     inputs : mapping
-        Values by the name of each input: a key of the file, a file, a step before (a digest of its
-        inputs), the version.
+        Values by the name of each input: a key of the file, a file, the files that it names (a
+        digest of their sizes and times), a step before (a digest of its inputs), the version.
     files : mapping
         Size, time and SHA-256 of each file that it reads.
     stamp : mapping
@@ -71,16 +72,19 @@ def _state(step: ProjectStep, file: ProjectFile, before: Mapping[str, StepState]
             texts = file.texts(section, key)
             inputs[f"[{section}] {key}"] = json.dumps(texts)
             read += texts
-    for path in _files(read):
-        size_and_time = _size_and_time(path)
-        known = stamp.get("files", {}).get(str(path), [])
-        sha256 = known[2] if known[:2] == size_and_time else sha256_of(path)
-        files[str(path)] = [*(size_and_time or ()), sha256]
-        inputs[str(path)] = sha256
+    for path in _existing(read):
+        if path.is_file():
+            size_and_time = _size_and_time(path)
+            known = stamp.get("files", {}).get(str(path), [])
+            sha256 = known[2] if known[:2] == size_and_time else sha256_of(path)
+            files[str(path)] = [*(size_and_time or ()), sha256]
+            inputs[str(path)] = sha256
+        # Not their contents: a case of many times may have a terabyte.
+        if named := [(seen_from(Path(), one), _size_and_time(one)) for one in named_files(path)]:
+            inputs[f"files of {path}"] = _digest(named)
     for name in step.after:
         # A digest: the inputs of a long chain written out would double with each step.
-        listed = json.dumps(before[name].inputs, sort_keys=True)
-        inputs[f"step {name}"] = hashlib.sha256(listed.encode()).hexdigest()
+        inputs[f"step {name}"] = _digest(before[name].inputs)
     waits = next((name for name in step.after if before[name].reason), None)
     return StepState(step, inputs, files, stamp, _reason(step, inputs, stamp, waits))
 
@@ -108,6 +112,11 @@ def _reason(
     return ""
 
 
+def _digest(values: object) -> str:
+    """SHA-256 of plain values."""
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
+
+
 def _stamp(path: Path) -> JsonObject:
     """What a stamp says; empty if there is none of this version."""
     try:
@@ -126,14 +135,12 @@ def _size_and_time(path: Path) -> list[int] | None:
     return [stated.st_size, stated.st_mtime_ns]
 
 
-def _files(names: list[str]) -> Iterator[Path]:
-    """The files among texts, and those in folders among them, such as an OpenFOAM case."""
+def _existing(names: list[str]) -> Iterator[Path]:
+    """The files and folders among texts."""
     for path in map(Path, dict.fromkeys(names)):
         try:
-            folder, file = path.is_dir(), path.is_file()
+            exists = path.exists()
         except (OSError, ValueError):  # a text that no name can be
             continue
-        if file:
+        if exists:
             yield path
-        elif folder:
-            yield from sorted(one for one in path.rglob("*") if one.is_file())

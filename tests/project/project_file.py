@@ -19,3 +19,13 @@ def reasons() -> dict[str, str]:
     """Why each step has to be done, of those that have."""
     states = states_of(read_project_file(FILE, app))
     return {name: state.reason for name, state in states.items() if state.reason}
+
+
+def all_done() -> None:
+    """Write a product and the stamp of each step, as if all were done."""
+    for state in states_of(read_project_file(FILE, app)).values():
+        state.step.folder.mkdir(parents=True, exist_ok=True)
+        state.step.product.parent.mkdir(parents=True, exist_ok=True)
+        state.step.product.touch()
+        state.write(done=True)
+    assert reasons() == {}
