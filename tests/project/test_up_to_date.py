@@ -5,6 +5,11 @@ from pathlib import Path
 import pytest
 from project_file import FILE, all_done, reasons, replaced
 
+from iriftrace.cli.program import app
+from iriftrace.cli.project_file import read_project_file
+from iriftrace.cli.sections import COMMANDS
+from iriftrace.project.stamps import states_of
+
 
 def with_fields(*names: str) -> None:
     """Give the project fields in place of the example air."""
@@ -39,3 +44,15 @@ def test_new_results_under_the_same_names_are_seen(
     found = reasons()
     assert found["scene"] == f"files of {field} changed"
     assert found["measure"] == "after scene"
+
+
+def test_a_picture_is_made_again_with_another_engine(project: Path) -> None:
+    text = FILE.read_text()
+    begin, end = text.index("[second]"), text.index("# [board]")
+    FILE.write_text(text[:begin] + '[trace]\nengine = "shells"\n' + text[end:])
+    replaced(', "second"', "")
+    all_done()
+    replaced('engine = "shells"', 'engine = "cells"')
+    assert reasons()["render"] == "[trace] engine changed"
+    commands = {one.step.command for one in states_of(read_project_file(FILE, app)).values()}
+    assert commands <= set(COMMANDS)
