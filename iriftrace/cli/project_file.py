@@ -200,8 +200,8 @@ def _check_plan(file: ProjectFile) -> None:
     planned = file.get("camera", "pose") == PLANNED
     if planned and file.get("sweep", "focal_length") is not None:
         raise file.fault(
-            "the pose would be planned for it, but the scene has the focal length of [camera]; "
-            "write it there.",
+            "the best pose is of this lens, but the scene has that of [camera]; write the focal "
+            "length there.",
             *("sweep", "focal_length"),
             code="project.other_lens",
         )

@@ -88,7 +88,7 @@ def _do(file: ProjectFile, state: StepState) -> None:
                 "move it away.",
                 code="project.other_folder",
             )
-        if step.resumes and state.stamp.get("inputs") != state.inputs:
+        if step.resumes and not state.continues:
             shutil.rmtree(folder)
     folder.mkdir(parents=True, exist_ok=True)
     state.write(done=False)

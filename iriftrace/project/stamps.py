@@ -21,6 +21,9 @@ STAMP = "step.json"
 
 SCHEMA = "iriftrace.step/1"
 
+_NO_INPUTS = ("workers", "scheduler", "processes")
+"""Keys that state who does the work, and change no result."""
+
 
 @frozen
 class StepState:
@@ -46,6 +49,12 @@ class StepState:
     stamp: JsonObject
     reason: str
 
+    @property
+    def continues(self) -> bool:
+        """True if the command can continue what is there, by the inputs that have changed."""
+        extended = {_name(*key) for key in self.step.extended}
+        return extended.issuperset(_changed(self.inputs, self.stamp.get("inputs", {})))
+
     def write(self, *, done: bool, **facts: object) -> None:
         """Write the stamp, the last file of a step that is done."""
         product = _size_and_time(self.step.product) if done else None
@@ -68,9 +77,9 @@ def _state(step: ProjectStep, file: ProjectFile, before: Mapping[str, StepState]
     inputs = {"version": version("iriftrace"), "command": step.command}
     read = list(step.files)
     for section, key in (*file.options.get(step.command, ()), *step.keys):
-        if not is_among(section, key, step.without):
+        if key not in _NO_INPUTS and not is_among(section, key, step.without):
             texts = file.texts(section, key)
-            inputs[f"[{section}] {key}"] = json.dumps(texts)
+            inputs[_name(section, key)] = json.dumps(texts)
             read += texts
     for path in _existing(read):
         if path.is_file():
@@ -97,8 +106,7 @@ def _reason(
         return f"{missing} is missing"
     if not stamp:
         return "not done yet"
-    past = stamp["inputs"]
-    changed = [name for name in {**inputs, **past} if inputs.get(name) != past.get(name)]
+    changed = _changed(inputs, stamp["inputs"])
     own = [name for name in changed if not name.startswith("step ")]
     if own:
         return f"{', '.join(own)} changed"
@@ -110,6 +118,16 @@ def _reason(
     if now != stamp["product"]:
         return f"{step.product} {'is missing' if now is None else 'was changed'}"
     return ""
+
+
+def _name(section: str, key: str) -> str:
+    """The name of a key among inputs."""
+    return f"[{section}] {key}"
+
+
+def _changed(inputs: Mapping[str, str], past: Mapping[str, str]) -> list[str]:
+    """Names of the inputs that differ from those of a stamp."""
+    return [name for name in {**inputs, **past} if inputs.get(name) != past.get(name)]
 
 
 def _digest(values: object) -> str:

@@ -17,6 +17,7 @@ BUILD = Path("build")
 
 SCENE, POSES = BUILD / "scene" / "scene.xml", BUILD / "plan" / "poses.json"
 
+_TIMES = tuple(("air.simulate", key) for key in ("end_time", "average_time", "snapshots"))
 _BOARD_KEYS = {"length_unit": "--length-unit", "transform": "--part-transform"}
 
 
@@ -40,6 +41,8 @@ class ProjectStep:
         Sections and keys that the command does not take from the file.
     resumes : bool
         The command continues what it began, so products of other inputs are removed before.
+    extended : tuple of (str, str)
+        Section and key of values with which the command continues, too, if they have changed.
     """
 
     name: str
@@ -51,6 +54,7 @@ class ProjectStep:
     keys: tuple[tuple[str, str], ...] = ()
     without: tuple[str, ...] = ()
     resumes: bool = False
+    extended: tuple[tuple[str, str], ...] = ()
 
     @property
     def folder(self) -> Path:
@@ -182,7 +186,10 @@ def _field(file: ProjectFile, mesh: str) -> ProjectStep:
     product = solved / ("family.json" if "draughts" in simulate else "field.vtu")
     words = [mesh, f"--output={solved}"]
     return ProjectStep(
-        *("field", "field simulate", lambda: words, product), files=(mesh,), resumes=True
+        *("field", "field simulate", lambda: words, product),
+        files=(mesh,),
+        resumes=True,
+        extended=_TIMES,
     )
 
 

@@ -9,7 +9,9 @@ from iriftrace.io.named_files import named_files
 PVD = '<VTKFile><Collection><DataSet timestep="0" file="{}"/></Collection></VTKFile>'
 PVTU = "<VTKFile><PUnstructuredGrid><Piece Source='{}'/></PUnstructuredGrid></VTKFile>"
 XDMF = '<Xdmf><DataItem Dimensions="8" Format="HDF">\n  {}:/T\n</DataItem></Xdmf>'
-CASE = 'FORMAT\ntype: ensight gold\nGEOMETRY\nmodel: "{}"\nVARIABLE\nscalar per node: 1 T air.T***\n'
+CASE = (
+    'FORMAT\ntype: ensight gold\nGEOMETRY\nmodel: "{}"\nVARIABLE\nscalar per node: 1 T air.T***\n'
+)
 
 
 def made(folder: Path, *names: str) -> set[Path]:

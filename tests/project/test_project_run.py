@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from project_file import FILE, reasons, replaced
+from project_file import FILE, plan, reasons, replaced, simulate
 
 import iriftrace
 from iriftrace.camera.pose import look_at
@@ -154,9 +154,7 @@ def test_a_scan_is_corrected_and_decided(
 @pytest.mark.slow
 @pytest.mark.usefixtures("variant")
 def test_the_pose_of_a_plan_is_that_of_the_scene(project: Path) -> None:
-    text = FILE.read_text()
-    lines = [line for line in text.splitlines() if not line.startswith(("origin", "target"))]
-    FILE.write_text("\n".join(lines).replace("# pose", "pose") + "\n[sweep]\nfibonacci = 4\n")
+    plan("fibonacci = 4")
     assert main(["run", "scene"]) == 0
     assert reasons().keys() == {"measure", "budget", "report"}
     poses = json.loads(Path("build/plan/poses.json").read_text())
@@ -185,15 +183,6 @@ def test_a_second_device_moves_with_the_pose(project: Path) -> None:
     np.testing.assert_allclose(scene.camera.matrix, pose, atol=1e-9)
     np.testing.assert_allclose(between[1], between[0], atol=1e-9)
     assert main([*words, "--pose=pose.json", "--origin=1,2,300", "-o", "c/scene.xml"]) == 2
-
-
-def simulate(more: str) -> None:
-    """Declare a flow in place of the example air, with further keys."""
-    replaced(', "air.synthetic.wall_temperature"', "")
-    text = FILE.read_text()
-    begin, end = text.index("\n[air.synthetic]"), text.index("# [air.simulate]")
-    text = (text[:begin] + "\n" + text[end:]).replace("# [air.simulate]", "[air.simulate]")
-    FILE.write_text(text.replace("# wall_t", more + "wall_t"))
 
 
 @pytest.mark.parametrize("more", ["", DRAUGHTS])

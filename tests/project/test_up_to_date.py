@@ -1,24 +1,16 @@
 """What makes a step of a project out of date, and what does not."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
-from project_file import FILE, all_done, reasons, replaced
+from project_file import FILE, all_done, plan, reasons, replaced, simulate, with_fields
 
 from iriftrace.cli.program import app
 from iriftrace.cli.project_file import read_project_file
 from iriftrace.cli.sections import COMMANDS
+from iriftrace.project.run import do_steps
 from iriftrace.project.stamps import states_of
-
-
-def with_fields(*names: str) -> None:
-    """Give the project fields in place of the example air."""
-    replaced(', "air.synthetic.wall_temperature"', "")
-    text = FILE.read_text()
-    begin, end = text.index("\n[air.synthetic]"), text.index("# [air.simulate]")
-    listed = ", ".join(f'"{name}"' for name in names)
-    FILE.write_text(text[:begin] + "\n" + text[end:])
-    replaced("[air]", f"[air]\nfields = [{listed}]")
 
 
 @pytest.mark.parametrize(
@@ -56,3 +48,38 @@ def test_a_picture_is_made_again_with_another_engine(project: Path) -> None:
     assert reasons()["render"] == "[trace] engine changed"
     commands = {one.step.command for one in states_of(read_project_file(FILE, app)).values()}
     assert commands <= set(COMMANDS)
+
+
+def test_who_does_the_work_changes_nothing(project: Path) -> None:
+    simulate('processes = 2\ndraughts = "0:0.1:0.1"\ndraught_from = "270"\nworkers = 2\n')
+    plan("fibonacci = 4\nworkers = 3")
+    all_done()
+    replaced("processes = 2", "processes = 4")
+    replaced("workers = 2", 'scheduler = "tcp://host:8786"')
+    replaced("workers = 3", "workers = 2")
+    assert reasons() == {}
+    replaced("fibonacci = 4", "fibonacci = 5")
+    assert reasons()["sweep"] == "[sweep] fibonacci changed"
+
+
+def test_a_finished_flow_runs_on_to_a_later_time(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The solver continues with other times, so what it has solved is not removed."""
+    simulate()
+    all_done()
+    solved = Path("build/field/solved/case.json")
+    solved.touch()
+
+    def killed() -> None:
+        raise KeyboardInterrupt
+
+    bound = SimpleNamespace(args=(), kwargs={}, arguments={})
+    monkeypatch.setattr(type(app), "parse_args", lambda *_, **__: (killed, bound, None))
+    replaced("wall_temperature =", 'end_time = "9 s"\nsnapshots = 3\nwall_temperature =')
+    assert reasons()["field"] == "[air.simulate] end_time, [air.simulate] snapshots changed"
+    for wall, kept in (("1050", True), ("1040", False)):
+        replaced('wall_temperature = "1050', f'wall_temperature = "{wall}')
+        with pytest.raises(KeyboardInterrupt):
+            do_steps(read_project_file(FILE, app), ["field"], print)
+        assert solved.exists() == kept
