@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from project_file import FILE, plan, reasons, replaced, simulate
+from project_file import FILE, plan, reasons, replaced, simulate, with_fields
 
 import iriftrace
 from iriftrace.camera.pose import look_at
@@ -17,7 +17,7 @@ from iriftrace.cli.program import app
 from iriftrace.cli.project_file import read_project_file
 from iriftrace.io.poses import write_poses
 from iriftrace.project import stamps
-from iriftrace.project.run import do_steps
+from iriftrace.project.run import chosen_states, do_steps
 from iriftrace.project.stamps import states_of
 from iriftrace.scenes import folder_of
 from iriftrace.tracing.load import load_scene
@@ -105,6 +105,16 @@ def test_a_region_that_the_part_lacks_is_refused_before_anything_is_done(
         assert main(words) == 2
         assert "no region 'laterl'; use one of" in " ".join(capsys.readouterr().err.split())
     assert not (project / "build").exists()
+
+
+def test_features_of_a_part_that_expands_as_the_field_states_are_found(project: Path) -> None:
+    Path("field.vtu").touch()
+    with_fields("field.vtu")
+    replaced("# expansion", "expansion")
+    text = FILE.read_text()
+    old = next(line for line in text.splitlines() if line.startswith("# hot_temperature"))
+    replaced(old, 'hot_temperature = "field"')
+    assert "scene" in chosen_states(read_project_file(FILE, app), ())
 
 
 def test_a_scan_is_corrected_and_decided(
