@@ -10,6 +10,9 @@ from typing import Any, get_args
 from attrs import frozen
 
 from iriftrace.cli.project_file import NO_VERDICT, PLANNED, ProjectFile
+from iriftrace.core.errors import without_warnings
+from iriftrace.core.files import seen_from
+from iriftrace.io.bodies import FOLDER
 from iriftrace.medium.source import VariedInput
 
 BUILD = Path("build")
@@ -88,6 +91,7 @@ def _steps(file: ProjectFile) -> Iterator[ProjectStep]:
     yield from air
 
     planned: tuple[str, ...] = ()
+    bodies = [one for field in given for one in Path(field).parent.glob(f"{FOLDER}/*.stl")]
 
     def scene(
         name: str,
@@ -104,7 +108,8 @@ def _steps(file: ProjectFile) -> Iterator[ProjectStep]:
             members = [f"--member={one}" for one in others]
             return [first, part, f"--output={product}", *members, *pose, *words]
 
-        needs, files = (*(one.name for one in air), *planned, *after), (part, *given)
+        needs = (*(one.name for one in air), *planned, *after)
+        files = (part, *given, *map(str, sorted(bodies)))
         return ProjectStep(name, "scene", called, product, needs, files, **more)
 
     if file.get("camera", "pose") == PLANNED:
@@ -149,7 +154,8 @@ def _measured(file: ProjectFile, scene: Callable[..., ProjectStep]) -> Iterator[
             best = BUILD / "fit" / "scene.xml"
             fitted = [str(BUILD / "board" / "scene.xml"), shifts, f"--output={best}"]
             fitted.append(f"--scene={SCENE}")
-            yield ProjectStep("fit", "fit", lambda: fitted, best, ("scene", "board"), (shifts,))
+            files = (shifts, *_views(file))
+            yield ProjectStep("fit", "fit", lambda: fitted, best, ("scene", "board"), files)
             after = ("fit",)
     # Only the report decides, without correcting again for another tolerance.
     result, cloud = BUILD / "measure" / "scan.vtp", file.get("scan", "cloud")
@@ -172,6 +178,21 @@ def _measured(file: ProjectFile, scene: Callable[..., ProjectStep]) -> Iterator[
             *("report", "report", lambda: made, page, needs),
             without=NO_VERDICT if doubtful else (),
         )
+
+
+def _views(file: ProjectFile) -> Iterator[str]:
+    """Files of further views of a fit: scenes, what they name, and shifts."""
+    given = file.texts("board", "view")
+    yield from given
+    scenes = [Path(one) for one in given[::2] if Path(one).is_file()]
+    if scenes:
+        from iriftrace.core.runtime.variant import ensure
+        from iriftrace.tracing.load import scene_files
+
+        ensure()
+        with without_warnings():
+            listed = [one for scene in scenes for one in scene_files(scene, {}, field=True)]
+        yield from (seen_from(Path(), one) for one in listed)
 
 
 def _field(file: ProjectFile, mesh: str) -> ProjectStep:

@@ -1,5 +1,6 @@
 """What makes a step of a project out of date, and what does not."""
 
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,6 +12,7 @@ from iriftrace.cli.project_file import read_project_file
 from iriftrace.cli.sections import COMMANDS
 from iriftrace.project.run import do_steps
 from iriftrace.project.stamps import states_of
+from iriftrace.scenes import folder_of
 
 
 @pytest.mark.parametrize(
@@ -83,3 +85,32 @@ def test_a_finished_flow_runs_on_to_a_later_time(
         with pytest.raises(KeyboardInterrupt):
             do_steps(read_project_file(FILE, app), ["field"], print)
         assert solved.exists() == kept
+
+
+def test_bodies_next_to_a_field_are_read_with_it(project: Path) -> None:
+    body = Path("hall/bodies/table.stl")
+    body.parent.mkdir(parents=True)
+    for file in ("hall/air.vtu", body):
+        Path(file).touch()
+    with_fields("hall/air.vtu")
+    replaced("# [board]", "[board]")
+    replaced('# mesh = "board.stl"', 'mesh = "part.stl"')
+    all_done()
+    body.write_text("solid")
+    assert {reasons()[name] for name in ("scene", "board")} == {f"{body} changed"}
+
+
+@pytest.mark.usefixtures("variant")
+def test_a_further_view_is_read_with_the_files_of_its_scene(project: Path) -> None:
+    across = shutil.copytree(folder_of("slab"), "across")
+    view = "[board]\nview = [['across/scene.xml', 'across.csv']]"
+    replaced("# [board]", view)
+    replaced('# mesh = "board.stl"', 'mesh = "part.stl"')
+    replaced('# shifts = "shifts.csv"', 'shifts = "shifts.csv"')
+    Path("shifts.csv").touch()
+    assert reasons()["fit"] == "across.csv is missing"
+    Path("across.csv").touch()
+    all_done()
+    part = next(across.glob("part.*"))
+    part.write_bytes(part.read_bytes() + b"\n")
+    assert reasons()["fit"] == f"{part} changed"
