@@ -12,7 +12,7 @@ from attrs import frozen
 from iriftrace.cli.project_file import NO_VERDICT, PLANNED, ProjectFile
 from iriftrace.core.errors import without_warnings
 from iriftrace.core.files import seen_from
-from iriftrace.io.bodies import FOLDER
+from iriftrace.io.bodies import FOLDER as BODIES
 from iriftrace.medium.source import VariedInput
 
 BUILD = Path("build")
@@ -91,7 +91,7 @@ def _steps(file: ProjectFile) -> Iterator[ProjectStep]:
     yield from air
 
     planned: tuple[str, ...] = ()
-    bodies = [one for field in given for one in Path(field).parent.glob(f"{FOLDER}/*.stl")]
+    bodies = [one for field in given for one in Path(field).parent.glob(f"{BODIES}/*.stl")]
 
     def scene(
         name: str,
@@ -182,10 +182,10 @@ def _measured(file: ProjectFile, scene: Callable[..., ProjectStep]) -> Iterator[
 
 def _views(file: ProjectFile) -> Iterator[str]:
     """Files of further views of a fit: scenes, what they name, and shifts."""
-    given = file.texts("board", "view")
+    # The project's own scenes are made of inputs of earlier steps.
+    given = [one for one in file.texts("board", "view") if BUILD not in Path(one).parents]
     yield from given
-    scenes = [Path(one) for one in given[::2] if Path(one).is_file()]
-    if scenes:
+    if scenes := [one for one in map(Path, given) if one.suffix == ".xml" and one.is_file()]:
         from iriftrace.core.runtime.variant import ensure
         from iriftrace.tracing.load import scene_files
 
