@@ -139,6 +139,8 @@ def _measured(file: ProjectFile, scene: Callable[..., ProjectStep]) -> Iterator[
         drawn = [str(SCENE), f"--output={picture}"]
         yield ProjectStep("render", "render", lambda: drawn, picture, after)
     board, shifts = file.get("board", "mesh"), file.get("board", "shifts")
+    # Without a board, marks on the part or thermocouples in its scene.
+    seen, needs = SCENE, after
     if board is not None:
         # The same devices as those of the part's scene, which a board's look at the part, too.
         placed = [
@@ -150,13 +152,13 @@ def _measured(file: ProjectFile, scene: Callable[..., ProjectStep]) -> Iterator[
         placed += [f"--blocker={one}" for one in blockers]
         keys = tuple(("board", key) for key in _BOARD_KEYS)
         yield scene("board", board, placed, after=after, keys=keys, without=("part",))
-        if shifts is not None:
-            best = BUILD / "fit" / "scene.xml"
-            fitted = [str(BUILD / "board" / "scene.xml"), shifts, f"--output={best}"]
-            fitted.append(f"--scene={SCENE}")
-            files = (shifts, *_views(file))
-            yield ProjectStep("fit", "fit", lambda: fitted, best, ("scene", "board"), files)
-            after = ("fit",)
+        seen, needs = BUILD / "board" / "scene.xml", (*after, "board")
+    if shifts is not None:
+        best = BUILD / "fit" / "scene.xml"
+        fitted = [str(seen), shifts, f"--output={best}", f"--scene={SCENE}"]
+        files = (shifts, *_views(file))
+        yield ProjectStep("fit", "fit", lambda: fitted, best, needs, files)
+        after = ("fit",)
     # Only the report decides, without correcting again for another tolerance.
     result, cloud = BUILD / "measure" / "scan.vtp", file.get("scan", "cloud")
     if cloud is not None:
