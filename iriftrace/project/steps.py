@@ -98,6 +98,7 @@ def _steps(file: ProjectFile) -> Iterator[ProjectStep]:
         part: str,
         words: Sequence[str] = (),
         after: tuple[str, ...] = (),
+        keys: tuple[tuple[str, str], ...] = (),
         **more: Any,
     ) -> ProjectStep:
         product = BUILD / name / SCENE.name
@@ -110,7 +111,9 @@ def _steps(file: ProjectFile) -> Iterator[ProjectStep]:
 
         needs = (*(one.name for one in air), *planned, *after)
         files = (part, *given, *map(str, sorted(bodies)))
-        return ProjectStep(name, "scene", called, product, needs, files, **more)
+        # Their order counts: the part expands by the first one, and the camera stands by it.
+        keys = (("air", "fields"), *keys)
+        return ProjectStep(name, "scene", called, product, needs, files, keys, **more)
 
     if file.get("camera", "pose") == PLANNED:
         yield scene("first_scene", mesh)

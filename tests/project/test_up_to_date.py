@@ -114,3 +114,12 @@ def test_a_further_view_is_read_with_the_files_of_its_scene(project: Path) -> No
     part = next(across.glob("part.*"))
     part.write_bytes(part.read_bytes() + b"\n")
     assert reasons()["fit"] == f"{part} changed"
+
+
+def test_the_order_of_fields_counts(project: Path) -> None:
+    for name in ("still.vtu", "draught.vtu"):
+        Path(name).write_text(name)
+    with_fields("still.vtu", "draught.vtu")
+    all_done()
+    replaced('"still.vtu", "draught.vtu"', '"draught.vtu", "still.vtu"')
+    assert reasons()["scene"] == "[air] fields changed"
