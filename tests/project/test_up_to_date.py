@@ -102,7 +102,7 @@ def test_bodies_next_to_a_field_are_read_with_it(project: Path) -> None:
 
 @pytest.mark.usefixtures("variant")
 def test_a_further_view_is_read_with_the_files_of_its_scene(project: Path) -> None:
-    across = shutil.copytree(folder_of("slab"), "across")
+    across = shutil.copytree(folder_of("slab"), Path("across"))
     view = "[board]\nview = [['across/scene.xml', 'across.csv']]"
     replaced("# [board]", view)
     replaced('# mesh = "board.stl"', 'mesh = "part.stl"')
