@@ -8,7 +8,6 @@ from glob import glob
 from pathlib import Path
 
 from iriftrace.core.files import text_in
-from iriftrace.io.openfoam import processor_folders, time_folders
 
 _QUOTED = (".pvd", ".series", ".vtm", ".pvtu", ".xdmf", ".xmf", ".gltf")
 _ENSIGHT = (".case", ".encas")
@@ -37,6 +36,8 @@ def named_files(path: Path) -> tuple[Path, ...]:
 
 def _in_case(path: Path) -> Iterator[Path]:
     """Files of the meshes and times of a case, also if the path is ``constant/<region>``."""
+    from iriftrace.io.openfoam import processor_folders, time_folders
+
     folder = path.absolute()
     if not path.is_dir():
         folder = folder.parent.parent if path.name == "controlDict" else folder.parent
