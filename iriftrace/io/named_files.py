@@ -9,6 +9,9 @@ from pathlib import Path
 
 from iriftrace.core.files import text_in
 
+BODIES = "bodies"
+"""Folder next to a field: copies of the bodies around which it was solved, in mm, world."""
+
 _QUOTED = (".pvd", ".series", ".vtm", ".pvtu", ".xdmf", ".xmf", ".gltf")
 _ENSIGHT = (".case", ".encas")
 _OPENFOAM = (".foam", ".openfoam")

@@ -12,6 +12,7 @@ from attrs import frozen
 from iriftrace.cli.project_file import NO_VERDICT, PLANNED, ProjectFile
 from iriftrace.core.errors import without_warnings
 from iriftrace.core.files import seen_from
+from iriftrace.io.named_files import BODIES
 from iriftrace.medium.source import VariedInput
 
 BUILD = Path("build")
@@ -90,6 +91,7 @@ def _steps(file: ProjectFile) -> Iterator[ProjectStep]:
     yield from air
 
     planned: tuple[str, ...] = ()
+    bodies = {one for field in given for one in Path(field).parent.glob(f"{BODIES}/*.stl")}
 
     def scene(
         name: str,
@@ -108,7 +110,7 @@ def _steps(file: ProjectFile) -> Iterator[ProjectStep]:
             return [first, part, f"--output={product}", *members, *pose, *words]
 
         needs = (*(one.name for one in air), *planned, *after)
-        files = (part, *given, *_bodies(given))
+        files = (part, *given, *map(str, sorted(bodies)))
         # Their order counts: the part expands by the first one, and the camera stands by it.
         keys = (("air", "fields"), *keys)
         return ProjectStep(name, "scene", called, product, needs, files, keys, **more)
@@ -181,16 +183,6 @@ def _measured(file: ProjectFile, scene: Callable[..., ProjectStep]) -> Iterator[
             *("report", "report", lambda: made, page, needs),
             without=NO_VERDICT if doubtful else (),
         )
-
-
-def _bodies(fields: list[str]) -> list[str]:
-    """Files of bodies next to fields, which a scene of these has."""
-    if not fields:
-        return []
-    from iriftrace.io.bodies import FOLDER
-
-    folders = {Path(field).parent / FOLDER for field in fields}
-    return sorted(str(file) for folder in folders for file in folder.glob("*.stl"))
 
 
 def _views(file: ProjectFile) -> Iterator[str]:
