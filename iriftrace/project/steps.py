@@ -129,7 +129,8 @@ def _steps(file: ProjectFile) -> Iterator[ProjectStep]:
 
 def _measured(file: ProjectFile, scene: Callable[..., ProjectStep]) -> Iterator[ProjectStep]:
     """Steps from the scene on."""
-    best, after = SCENE, ("scene",)
+    best = SCENE
+    after: tuple[str, ...] = ("scene",)
     two = any(
         key != "system" and not key.endswith("size") for key in file.sections.get("second", {})
     )
