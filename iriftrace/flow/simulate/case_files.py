@@ -112,7 +112,7 @@ def write_control(
     late = averaging or times.settled == 0.0
     end = times.end if late else times.settled
     interval = times.averaging_interval if late else times.settling_interval
-    # They count from the start, and the last one has to end with the run. Times on disk are rounded.
+    # They count from the start, a rounded time, and the last one has to end with the run.
     intervals = max(1, math.ceil((end - start) / interval - 1e-6))
     entries = {
         "end_time": end,
