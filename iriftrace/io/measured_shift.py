@@ -85,7 +85,8 @@ def read_measured_shift(path: str | Path, *, without_zeros: bool | None = None) 
     Raises
     ------
     InputError
-        The file is missing, damaged, of another kind, or has no measured shift.
+        The file is missing, damaged, of another kind, has no measured shift, or is an EXR of a part
+        of the picture.
 
     Warns
     -----
