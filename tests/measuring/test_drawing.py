@@ -9,6 +9,7 @@ from attrs import evolve
 
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import IriftraceWarning
+from iriftrace.core.mesh.transform import apply, parse_transform
 from iriftrace.io.part_files import read_part, save_part
 from iriftrace.io.reading import ReadPart
 from iriftrace.measuring.features.drawing import drawing_cloud, u_of_growth
@@ -224,6 +225,24 @@ def test_a_part_that_was_moved_has_its_place_on_the_drawing(tmp_path: Path) -> N
     (found,), _ = on_drawing(part, points, face, ["cylinder:lateral"])
     assert found.fits["drawing"].position[2] == pytest.approx(300.0, abs=1e-4)
     assert found.size.answer == pytest.approx(found.size.by_cloud["corrected"] / 1.01442)
+
+
+def test_a_part_that_is_moved_after_it_has_grown_has_its_place_on_the_drawing(
+    tmp_path: Path,
+) -> None:
+    """As where the scene, not its file, places the part: the same drawing by both."""
+    save_part(cylinder(60.0, 120.0), tmp_path / "cold.ply")
+    move = parse_transform("rotate x 30, translate 500 0 0")
+    growth = {"expansion": ALPHA, "hot_temperature": "1050 degC"}
+    parts = (
+        read_part(tmp_path / "cold.ply", ReadPart(**growth)).transformed(move),
+        read_part(tmp_path / "cold.ply", ReadPart(**growth, transform=move)),
+    )
+    points, face = parts[0].surface.even_places(200)
+    moved, placed = (drawing_cloud(points, face, part)["drawing"] for part in parts)
+    np.testing.assert_allclose(moved, placed, atol=1e-9)
+    back = np.linalg.inv(move)
+    np.testing.assert_allclose(apply(back, moved), apply(back, points) / 1.01442, atol=1e-4)
 
 
 def test_the_growth_of_an_angle_is_uncertain_but_not_by_a_common_temperature() -> None:
