@@ -177,7 +177,7 @@ def _same_points(
     """
     corners = np.stack((cells, cells[same_cell]), axis=2)[:, 1:].reshape(-1, 2)
     corners = corners[(corners[:, 0] >= 0) & several[corners[:, 0]]]
-    group = connected(corners.astype(np.int64), len(place))
+    group = connected(corners, len(place))
     first = np.unique(group, return_index=True)[1]
     return np.where(several, first[group], place)
 
