@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from iriftrace.core.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
 from iriftrace.core.errors import InputError
-from iriftrace.core.mesh.topology import connected, first_equal, weld
+from iriftrace.core.mesh.topology import first_equal, weld
 from iriftrace.medium.air.refractivity import Air, dispersion
 from iriftrace.medium.ambient import cells_at, corners_of, not_ambient, points_of
 from iriftrace.medium.gradient import CORNERS
@@ -111,20 +111,12 @@ class CommonMesh:
         """
         first = members[0]
         points = np.concatenate([one.points for one in members])
-        ends = np.cumsum([len(one.points) for one in members])[:-1]
-        of_members = np.split(np.arange(len(points)), ends)
-        cells = np.concatenate([_rows(*each) for each in zip(members, of_members, strict=True)])
-        place = weld(points)
-        same_cell = first_equal(_numbered(cells, place))
-        several = np.zeros(len(points), dtype=bool)
-        for own in of_members:
-            several |= np.bincount(place[own], minlength=len(points)) > 1
-        point = _same_points(place, several[place], cells, same_cell)
-        kept, number = np.unique(point, return_inverse=True)
+        kept, number = np.unique(weld(points), return_inverse=True)
         points = points[kept]
-        numbers = np.split(number, ends)
-        kept, cell = np.unique(same_cell, return_inverse=True)
-        cells = _numbered(cells[kept], number)
+        numbers = np.split(number, np.cumsum([len(one.points) for one in members])[:-1])
+        cells = np.concatenate([_rows(*each) for each in zip(members, numbers, strict=True)])
+        kept, cell = np.unique(first_equal(cells), return_inverse=True)
+        cells = cells[kept]
         own, *others = np.split(cell, np.cumsum([len(one.celltypes) for one in members])[:-1])
         for one, its in zip(members[1:], others, strict=True):
             if np.count_nonzero(np.isin(its, own)) < 0.5 * min(len(its), len(own)):
@@ -164,30 +156,6 @@ def _rows(cells: FieldCells, number: IntArray) -> Int32Array:
     corner = np.arange(8) < np.diff(cells.cell_offsets)[:, None]
     rows[:, 1:][corner] = number[cells.cell_connectivity]
     return rows
-
-
-def _same_points(
-    place: IntArray, several: BoolArray, cells: Int32Array, same_cell: IntArray
-) -> IntArray:
-    """For each point (n,) of several fields the first one that is the same.
-
-    Points at one place (n,) are the same, unless a field has `several` (n,) there, such as on both
-    sides of a wall without thickness: there they are the same corner of the same cell. `cells`
-    (c, 9) are those of `_rows`, `same_cell` (c,) the first one at the same places.
-    """
-    corners = np.stack((cells, cells[same_cell]), axis=2)[:, 1:].reshape(-1, 2)
-    corners = corners[(corners[:, 0] >= 0) & several[corners[:, 0]]]
-    group = connected(corners, len(place))
-    first = np.unique(group, return_index=True)[1]
-    return np.where(several, first[group], place)
-
-
-def _numbered(rows: Int32Array, number: IntArray) -> Int32Array:
-    """Rows of `_rows` (c, 9) with other numbers of the points."""
-    result = rows.copy()
-    corner = rows[:, 1:] >= 0
-    result[:, 1:][corner] = number[rows[:, 1:][corner]]
-    return result
 
 
 def excess_at(cells: FieldCells, other: FieldCells) -> FloatArray:

@@ -86,26 +86,6 @@ def test_field_without_ambient_air_is_kept_whole() -> None:
     assert len(cells_of(hot).celltypes) == field.grid.n_cells
 
 
-def test_both_sides_of_a_wall_without_thickness_are_mixed_by_themselves() -> None:
-    """Air at a plate at x = 0, in three members as hot as these factors on the left and right."""
-    whole = hexahedra(6, 9.0)
-    left = np.asarray(whole.cell_centers().points)[:, 0] < 0.0
-    halves = [whole.extract_cells(np.flatnonzero(side)) for side in (left, ~left)]
-    count = halves[0].n_points
-    grid = pv.MultiBlock(halves).combine(merge_points=False)
-    shape = -CONTRAST * np.maximum(1.0 - np.abs(grid.points[:, 0]) / 7.0, 0.0)
-    factors = np.array(((0.5, 0.8), (0.0, 1.0), (1.0, 0.0)))
-    sides = np.repeat(factors, (count, grid.n_points - count), axis=1)
-    members = [cells_of(field_of(grid, AMBIENT + side * shape)) for side in sides]
-    assert len(members[0].celltypes) == 2 * len(members[1].celltypes)
-    mesh = CommonMesh.of(members)
-    corners = mesh.cells.cell_connectivity.reshape(-1, 8)
-    x = mesh.cells.points[corners][..., 0]
-    right = (x.mean(axis=1) > 0.0).astype(int)
-    expected = -CONTRAST * (1.0 - np.abs(x) / 7.0).clip(0.0) * factors[:, right, None]
-    np.testing.assert_allclose(mesh.excess[:, corners], expected, rtol=0, atol=1e-6 * CONTRAST)
-
-
 def test_fields_whose_hot_air_differs_are_mixed_point_by_point() -> None:
     """Each is ambient in the cells that only the other one has kept."""
     ball_at_0 = ball()
