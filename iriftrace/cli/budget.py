@@ -63,7 +63,7 @@ def budget(
 
 
 def _of_features(scene: Scene, answers: AnswerOptions, devices: MeasureOptions) -> JsonObject:
-    from iriftrace.cli.triangulation_text import placed_names
+    from iriftrace.cli.triangulation_text import placed_names, say_group
     from iriftrace.figures.describe_scan import describe
     from iriftrace.measuring.features.choice import checked_choices
     from iriftrace.measuring.two_devices.budget import feature_budget
@@ -86,7 +86,9 @@ def _of_features(scene: Scene, answers: AnswerOptions, devices: MeasureOptions) 
         "features": [one.as_dict() for one in found.features],
         "relations": [one.as_dict() for one in found.relations],
     }
-    say_results(describe(values, placed_names(scene.part)))
+    rows = describe(values, placed_names(scene.part))
+    say_results(rows)
+    say_group(rows, "warning")
     asked = [one for one in found.features if one.name in tolerances]
     for one in (asked or found.features)[: max(1, len(asked))]:
         if one.size.uncertainty is not None:

@@ -133,7 +133,10 @@ def _say_how_to_know(found: Correction) -> None:
     if AIR not in found.groups.missing:
         return
     if found.groups.synthetic:
-        say("The air is of a formula, so its part of U is not known: use a flow solution.")
+        say(
+            "The air is of a formula, so its part of U is not known, whatever is stated of it: use "
+            "a flow solution."
+        )
     else:
         say(
             "The air's part of U is not known, and nothing is decided: solve the flow in several "

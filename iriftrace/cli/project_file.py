@@ -133,6 +133,7 @@ def read_project_file(path: Path, app: App) -> ProjectFile:
             )
     _check_answers(file)
     _check_air(file)
+    _check_plan(file)
     return evolve(file, options=_check_options(file, app))
 
 
@@ -191,6 +192,18 @@ def _check_air(file: ProjectFile) -> None:
             f"{' and '.join(named)} are given, but the air has one source; remove the other.",
             "air",
             code="project.two_airs",
+        )
+
+
+def _check_plan(file: ProjectFile) -> None:
+    """Check that the scene of a planned pose has the lens of the sweep that ranked it."""
+    planned = file.get("camera", "pose") == PLANNED
+    if planned and file.get("sweep", "focal_length") is not None:
+        raise file.fault(
+            "the best pose is of this lens, but the scene has that of [camera]; write the focal "
+            "length there.",
+            *("sweep", "focal_length"),
+            code="project.other_lens",
         )
 
 

@@ -59,7 +59,7 @@ SECTIONS = {
 
 COMMANDS = (
     *("field simulate", "field synthetic", "scene", "sweep", "plan"),
-    *("fit", "measure", "correct", "budget", "report"),
+    *("fit", "render", "measure", "correct", "budget", "report"),
 )
 """The commands whose options are keys."""
 

@@ -78,6 +78,12 @@ def seen_from(folder: Path, file: str | Path) -> str:
         return Path(file).absolute().as_posix()
 
 
+def short_names(paths: Sequence[str | Path]) -> list[str]:
+    """Names of files without their folders, unless two have the same."""
+    names = [Path(path).name for path in paths]
+    return names if len(set(names)) == len(names) else [str(path) for path in paths]
+
+
 def sha256_of(path: Path) -> str:
     """Hexadecimal SHA-256 of a file's bytes."""
     with path.open("rb") as file:

@@ -48,10 +48,9 @@ def answer(name: str, value: Quantity, at: str = "") -> list[str]:
         f"(k = {u.coverage_factor:.2g}, 95 %: {low:.{places}f} .. {high:.{places}f}"
     )
     text += f"; not covered: {', '.join(u.missing)})" if u.missing else ")"
-    measured = value.by_cloud.get("measured")
     if value.decision is not None:
-        return [text, _verdict(value.decision, measured, places, unit)]
-    if measured is not None:
+        return [text, _verdict(value, value.decision, places)]
+    if (measured := value.by_cloud.get("measured")) is not None:
         text += f"; as measured {measured:.{places}f} {unit}"
     return [text]
 
@@ -79,16 +78,17 @@ def cells(value: Quantity, at: str = "", by_air: str = "") -> dict[str, str]:
     return found
 
 
-def _verdict(decision: Decision, measured: float | None, places: int, unit: str) -> str:
-    low, high = decision.tolerance.limits
+def _verdict(value: Quantity, decision: Decision, places: int) -> str:
+    (low, high), unit = decision.tolerance.limits, value.unit
     text = f"Tolerance {low:.{places}f} .. {high:.{places}f} {unit}: {decision.verdict}"
     if decision.risk is not None:
         text += f", risk of a wrong verdict {_percent(decision.risk)}"
     elif not decision.reason:
         text += f", the probability of a value outside is {_percent(decision.outside)}"
-    if measured is not None:
+    if (measured := value.uncorrected) is not None:
+        at = ", on the drawing" if DRAWING in value.by_cloud else ""
         within = "within" if decision.measured else "outside"
-        text += f" (as measured: {measured:.{places}f} {unit}, {within})"
+        text += f" (as measured{at}: {measured:.{places}f} {unit}, {within})"
     return text
 
 

@@ -32,7 +32,7 @@ from iriftrace.figures.picture import (
 )
 from iriftrace.figures.scan import MOST_POINTS
 from iriftrace.figures.scene_picture import AIR_COLOUR_MAP, picture_of_scene
-from iriftrace.figures.style import COLOUR_MAP, SIGNED_COLOUR_MAP, ColourScale, number
+from iriftrace.figures.style import COLOUR_MAP, FAINT, SIGNED_COLOUR_MAP, ColourScale, number
 from iriftrace.figures.sweep_picture import sweep_picture
 from iriftrace.figures.sweep_space import towards_cameras
 from iriftrace.image.aov_image import AovImage
@@ -46,9 +46,6 @@ from iriftrace.part.part import Part
 from iriftrace.sweep.faces import displacement_limits
 from iriftrace.tracing.render import Rendering
 from iriftrace.tracing.scene import Scene
-
-FAINT = 0.05
-"""Fraction of the largest effect of the air below which one is not drawn."""
 
 
 @frozen

@@ -8,13 +8,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from iriftrace.figures.scan import PartOutline
-from iriftrace.figures.style import SIGNED_COLOUR_MAP, ColourScale, finish_axes, new_figure
+from iriftrace.figures.style import FAINT, SIGNED_COLOUR_MAP, ColourScale, finish_axes, new_figure
 from iriftrace.measuring.two_devices.sensitivity import MOST, Sensitivity
 from iriftrace.medium.source import stated_source, synthetic_mark
 from iriftrace.part.part import Part
-
-FAINT = 0.02
-"""Fraction of the largest effects below which one is not drawn."""
 
 
 def sensitivity_figure(found: Sensitivity, part: Part) -> Figure:

@@ -42,6 +42,9 @@ BEST_COLOUR = "#d7191c"
 TEXT_COLOUR = "0.35"
 DPI = 200
 
+FAINT = 0.05
+"""Fraction of the largest effect of the air below which one is not drawn."""
+
 # Colours that colour-blind eyes can tell apart (Okabe and Ito, 2008).
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 

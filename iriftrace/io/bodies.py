@@ -7,13 +7,11 @@ from pathlib import Path
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import warn
+from iriftrace.io.named_files import BODIES
 from iriftrace.io.part_files import read_part
 from iriftrace.io.reading import ReadPart
 from iriftrace.medium.index_field import IndexField
 from iriftrace.part.part import Part
-
-FOLDER = "bodies"
-"""Folder next to a field: copies of the bodies around which it was solved, in mm, world."""
 
 
 def bodies_beside(
@@ -24,7 +22,7 @@ def bodies_beside(
     Their files lie next to the field's; `transform` (4, 4) is that of the field to the world.
     """
     names = (name for name in field.source.facts.bodies if name not in given)
-    files = {name: Path(field.source.path).parent / FOLDER / f"{name}.stl" for name in names}
+    files = {name: Path(field.source.path).parent / BODIES / f"{name}.stl" for name in names}
     if missing := [str(file) for file in files.values() if not file.is_file()]:
         warn(
             f"The field {field.source.path} was solved around bodies that are missing next to it "

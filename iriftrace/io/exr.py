@@ -23,7 +23,7 @@ from iriftrace.core.plain import JsonObject
 from iriftrace.image.aov_image import KNOWN, NEEDED, SCHEMA, AovImage, FloatImage
 from iriftrace.io.part_files import read_part
 from iriftrace.io.reading import ReadPart
-from iriftrace.io.refusals import check_exists, check_schema, damaged
+from iriftrace.io.refusals import check_exists, check_schema, damaged, not_read
 from iriftrace.part.part import Part
 
 RGB = {
@@ -56,16 +56,27 @@ def colour_channels(channels: dict[str, FloatImage], rgb: str) -> dict[str, Floa
 
 
 def exr_content(name: str, remedy: str) -> tuple[JsonObject, dict[str, AnyArray]]:
-    """Header and channels of an OpenEXR file; raises InputError with a remedy if it is damaged."""
+    """Header and channels of an OpenEXR file; raises InputError with a remedy if it is damaged.
+
+    A file of which the pixels are only a part of the picture is refused.
+    """
     if not OpenEXR.isOpenExrFile(name):
         raise damaged(name, "it is not an OpenEXR file", remedy)
     try:
         with OpenEXR.File(name, separate_channels=True, num_threads=THREADS) as file:
             # Closing the file empties its dictionaries, so both are copied.
             channels = {key: channel.pixels for key, channel in file.channels().items()}
-            return dict(file.header()), channels
+            header = dict(file.header())
     except Exception as error:  # OpenEXR and its layer of Python let any through
         raise damaged(name, error, remedy) from error
+    data, whole = (np.asarray(header[f"{of}Window"]).tolist() for of in ("data", "display"))
+    if data != whole:
+        raise not_read(
+            name,
+            f"a data window {data} other than its display window {whole}",
+            "save the whole picture, without a crop",
+        )
+    return header, channels
 
 
 def names_part(named: object) -> bool:

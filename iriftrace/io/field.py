@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,11 +19,10 @@ from iriftrace.io.reading import FIELD_AS_STATED, ReadField
 from iriftrace.io.refusals import chosen_unit
 from iriftrace.io.scattered import cells_outside
 from iriftrace.io.states import Contents
-from iriftrace.io.vtk_check import Data
-from iriftrace.io.vtk_files import blocks_of
+from iriftrace.io.vtk_files import named_blocks
 from iriftrace.medium import arrays
 from iriftrace.medium.air.refractivity import TEMPERATURE_RANGE, Air
-from iriftrace.medium.flow import flow_in
+from iriftrace.medium.flow import flow_in, velocity_arrays
 from iriftrace.medium.index_field import IndexField
 from iriftrace.medium.marked import chosen_cells, unmarked, without_gaps
 from iriftrace.medium.origin import facts_of, one_line, origin_of, wall_heat_of
@@ -98,8 +98,9 @@ def read_field(
         The coolest air in the file is more than 2 K from the ambient temperature; temperature and
         index in the file disagree by more than 2 % of n - 1; the values are cell data, or cells
         are of higher order; the file has several states and none was chosen; cells are omitted
-        because the file marks them or the array is NaN there; the array is one of a moment although
-        the file has an average over time, or such an average of the temperature.
+        because the file marks them or the array is NaN there; blocks without a velocity are left
+        out because others have one; the array is one of a moment although the file has an average
+        over time, or such an average of the temperature.
     """
     if reading.isosurfaces:
         raise InputError(
@@ -162,7 +163,8 @@ def read_volume(path: str | Path, *, member: int | None = None, flow: bool = Fal
     the two sides of a seam inside a file (`iriftrace.medium.volume`). Voxels become hexahedra;
     polyhedra and prisms with more than three sides are split into tetrahedra (OpenFOAM's around
     their centroids); cells of higher order keep only their corners. Other cells are removed, and
-    then points that no cell uses. The data have the file's own length unit and its field data.
+    then points that no cell uses. Where some blocks have a velocity, those without one are solids,
+    which are left out with a warning. The data have the file's own length unit and its field data.
 
     `member` is the number of the state in a file with several, the last one by default, with a
     warning; only with `flow` are velocities of an OpenFOAM case read, which need memory. Raises
@@ -176,7 +178,7 @@ def read_volume(path: str | Path, *, member: int | None = None, flow: bool = Fal
             "is used; choose another if that is not meant.",
             argument="time",
         )
-    grid = _joined(contents.data, path)
+    grid = _joined(contents, path)
     if has_higher_order(grid):
         warn(f"{path} has cells of higher order; only the values at their corners are used.")
     origins = (one_line(contents.origin), origin_of(contents.data))
@@ -191,9 +193,10 @@ def read_volume(path: str | Path, *, member: int | None = None, flow: bool = Fal
     )
 
 
-def _joined(data: Data, path: Path) -> pv.UnstructuredGrid:
-    """The volume cells of all blocks as one grid."""
-    found = [unmarked(block) for block in blocks_of(data) if isinstance(block, pv.DataSet)]
+def _joined(contents: Contents, path: Path) -> pv.UnstructuredGrid:
+    """The volume cells of all blocks of air as one grid."""
+    named = [(n, b) for n, b in named_blocks(contents.data) if isinstance(b, pv.DataSet)]
+    found = [unmarked(block) for _, block in named]
     left_out = sum(block.left_out for block in found)
     if left_out:
         count = left_out + sum(block.cells.n_cells for block in found)
@@ -208,8 +211,9 @@ def _joined(data: Data, path: Path) -> pv.UnstructuredGrid:
             f"{path} marks {left_out} of {count} cells as hidden, as copies or as without a value "
             f"({names}); they are left out."
         )
-    blocks = [volume_cells(block.cells) for block in found]
-    blocks = [block for block in blocks if block.n_cells]
+    volumes = [(n, volume_cells(block.cells)) for (n, _), block in zip(named, found, strict=True)]
+    volumes = [(name, block) for name, block in volumes if block.n_cells]
+    blocks = _without_solids(volumes, contents.units, path)
     if not blocks:
         raise InputError(
             f"{path} has no volume cells: it is empty, damaged or a surface, but rays need the air "
@@ -231,6 +235,21 @@ def _joined(data: Data, path: Path) -> pv.UnstructuredGrid:
     elif path.suffix.lower() == ".pvtu":
         joined = joined.clean(tolerance=0.0)
     return joined
+
+
+def _without_solids(
+    named: Sequence[tuple[str, pv.UnstructuredGrid]], units: Mapping[str, str] | None, path: Path
+) -> list[pv.UnstructuredGrid]:
+    """The blocks with a velocity, with a warning that names the others; all if none has one."""
+    moves = [velocity_arrays(block, units)[0] is not None for _, block in named]
+    if not any(moves) or all(moves):
+        return [block for _, block in named]
+    solids = [name for (name, _), moving in zip(named, moves, strict=True) if not moving]
+    warn(
+        f"{path} has a velocity in some blocks, but none in {', '.join(solids)}; these are left "
+        "out as solids. If they are air, export their velocity too."
+    )
+    return [block for (_, block), moving in zip(named, moves, strict=True) if moving]
 
 
 def _refuse_overlap(joined: pv.UnstructuredGrid, ends: IntArray, path: Path) -> None:

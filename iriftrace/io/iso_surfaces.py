@@ -97,6 +97,11 @@ def import_shells(
     InputError
         The file is missing, damaged or has no triangles; array or quantity are not declared; the
         values are those of a continuous field; a surface does not lie between ambient and vacuum.
+
+    Warns
+    -----
+    IriftraceWarning
+        Neither the file nor `reading` states the unit of temperatures, which are read in K.
     """
     path = Path(path)
     air = Air() if air is None else air
@@ -224,12 +229,14 @@ def _read_triangles(path: Path, reading: ReadField, gradient: str | None, air: A
             f"{path} has points that are not finite numbers; export it again.",
             code="shells.not_finite",
         )
+    unit = reading.temperature_unit
+    refractivity = arrays.to_refractivity(values, choice, None, unit, air, str(path))
+    # A wrong unit of a volume is noticed by its coolest air, which surfaces do not have.
+    arrays.warn_of_unit(values, choice, None, unit, str(path), "temperature_unit")
     return Soup(
         vertices=points.astype(np.float32),
         faces=np.concatenate([f + start for f, start in zip(faces, starts, strict=False)]),
-        refractivity=arrays.to_refractivity(
-            values, choice, None, reading.temperature_unit, air, str(path)
-        ),
+        refractivity=refractivity,
         gradient=vectors,
         choice=choice,
         origin=origin,

@@ -16,7 +16,7 @@ from iriftrace.io.refusals import check_ending, check_exists, chosen_unit, damag
 from iriftrace.io.scattered import merged
 from iriftrace.io.table import read_table
 from iriftrace.io.vtk_check import read_file
-from iriftrace.medium.arrays import choose_array, finite_values, stated_unit, to_si
+from iriftrace.medium.arrays import choose_array, finite_values, to_si, warn_of_unit
 from iriftrace.part.wall_temperature import MeasuredWall
 
 _TABLES, _SURFACES = (".csv", ".txt"), (".vtp", ".vtu", ".vtk")
@@ -72,13 +72,7 @@ def read_measured_wall(
         )
     units = stated if stated and choice.name in stated else None
     kelvins = to_si(values, choice, units, temperature_unit, str(path))
-    if not (stated_unit(choice, units) or temperature_unit):
-        warn(
-            f"{path} does not state the unit of {choice.name!r}, which is read in K: "
-            f"{kelvins.min() - ZERO_CELSIUS_K:.0f} to {kelvins.max() - ZERO_CELSIUS_K:.0f} degC; "
-            "state it.",
-            argument="wall_temperature_unit",
-        )
+    warn_of_unit(kelvins, choice, units, temperature_unit, str(path), "wall_temperature_unit")
     if above_k is not None:
         points, kelvins, faces = _cut(points, kelvins, faces, above_k, path)
     _warn_of_background(kelvins, path)

@@ -1,8 +1,8 @@
 """Measured pixel shifts between a cold and a hot picture, read from a map or a list of markers.
 
 A shift is the position of something in the hot picture minus its position in the cold one, in
-pixels, u to the right and v down. Files count as OpenCV does: (0, 0) is the centre of the first
-pixel. In the program pixel ``i`` covers ``[i, i + 1)``, as everywhere.
+pixels, u to the right and v down. Positions count as in OpenCV: (0, 0) is the centre of the first
+pixel, so pixel ``i`` covers ``[i - 0.5, i + 0.5)``.
 
 Correlation programs write a row for each point and mark those that they did not find.
 """
@@ -85,7 +85,8 @@ def read_measured_shift(path: str | Path, *, without_zeros: bool | None = None) 
     Raises
     ------
     InputError
-        The file is missing, damaged, of another kind, or has no measured shift.
+        The file is missing, damaged, of another kind, has no measured shift, or is an EXR of a part
+        of the picture.
 
     Warns
     -----

@@ -15,6 +15,7 @@ from typing import Protocol
 from attrs import evolve, frozen
 
 from iriftrace.core.errors import InputError
+from iriftrace.core.files import short_names
 from iriftrace.io import cgns, comsol, ensight, exodus, openfoam, vtk_files, xdmf
 from iriftrace.io.refusals import check_ending, check_exists
 from iriftrace.io.states import Contents, State
@@ -139,9 +140,9 @@ def chosen_members(paths: Sequence[str | Path], when: str | None = None) -> tupl
             f"{twice[0]} is given twice, so it would count twice; remove one.", code="file.twice"
         )
     chosen = []
-    for path in files:
+    for path, name in zip(files, short_names(files), strict=True):
         for member in _chosen(path, when):
-            file = path.name if len(files) > 1 or not member.label else ""
+            file = name if len(files) > 1 or not member.label else ""
             chosen.append(evolve(member, label=", ".join(filter(None, (file, member.label)))))
     return tuple(chosen)
 

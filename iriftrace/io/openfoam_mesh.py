@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.medium.cell_means import linear_weights
-from iriftrace.medium.gradient import cell_corners, corners_in
+from iriftrace.medium.gradient import cell_centroids, cell_corners, corners_in
 from iriftrace.medium.polyhedra import SplitPolyhedra, added, split_polyhedra
 
 _CELLS, _PATCHES, _WALLS = range(3)
@@ -46,7 +46,7 @@ def split_piece(
     Triangulating by corners alone would drop that value and split all other cells too.
     """
     split = split_polyhedra(grid)
-    centres = np.array(grid.cell_centers().points, dtype=np.float64)
+    centres = cell_centroids(grid)
     centres[split.cells] = split.centres
     cells = {kind: corners for kind, (_, corners) in cell_corners(grid).items()}
     for kind, new in split.pieces.items():

@@ -190,10 +190,18 @@ def write_mesh_file(
 
     Regions are the face property ``region_0`` (a float, so that Mitsuba reads it as the mesh
     attribute ``face_region``) and one comment ``region NUMBER NAME`` for each. The vertices of the
-    cold part are the vertex properties ``drawing_1`` to ``drawing_3``.
+    cold part are the vertex properties ``drawing_1`` to ``drawing_3``. An STL of an expanded part
+    is refused with an InputError, because it cannot state the expansion.
     """
     check_part_name(path)
     if path.suffix.lower() == ".stl":
+        if growth is not None:
+            raise InputError(
+                f"{path} cannot state that the part is expanded, so it would be expanded again; "
+                f"name it {path.with_suffix('.ply')}.",
+                code="part.growth_not_written",
+                argument="output",
+            )
         mesh = trimesh.Trimesh(vertices, faces, process=False)
         with whole_file(path) as temporary:
             mesh.export(temporary, file_type="stl")
@@ -309,7 +317,8 @@ def save_part(part: Part, path: str | Path) -> None:
     Raises
     ------
     InputError
-        The name has another ending, or the folder does not exist.
+        The name has another ending, the folder does not exist, or the part is expanded, which an
+        STL cannot state.
     """
     regions = Regions(part.region_of_face, part.region_names)
     write_mesh_file(Path(path), part.vertices, part.faces, regions, part.growth, part.drawing)

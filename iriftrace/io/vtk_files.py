@@ -38,7 +38,9 @@ def read(path: Path, member: int | None) -> Contents:
         if len(files) < (most := max(map(len, series))):
             what = f"it names {len(files)} of {most} files at {found[number][0]}"
             raise damaged(path, what, "choose another time", argument="time")
-        blocks = pv.MultiBlock([read_file(file) for file in files])
+        blocks = pv.MultiBlock()
+        for file in files:
+            blocks.append(read_file(file), file.name)
         origin = found[number][0] if len(found) > 1 else ""
         return Contents(blocks, sha256_of(path), found, origin=origin)
     data = read_file(path)
@@ -94,11 +96,16 @@ def _listed(path: Path) -> list[tuple[str, str]]:
 
 def blocks_of(data: Data | None) -> Iterator[pv.DataSet]:
     """The data sets in a tree of blocks."""
+    return (block for _, block in named_blocks(data))
+
+
+def named_blocks(data: Data | None, name: str = "") -> Iterator[tuple[str, pv.DataSet]]:
+    """The data sets in a tree of blocks with their own names; `name` is that of the tree."""
     if isinstance(data, pv.MultiBlock):
-        for block in data:
-            yield from blocks_of(block)
+        for key, block in zip(data.keys(), data, strict=True):
+            yield from named_blocks(block, key or name)
     elif data is not None:
-        yield data
+        yield name, data
 
 
 def blocks_by_name(data: Data | None) -> dict[str, Data | None]:

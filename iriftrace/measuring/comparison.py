@@ -24,6 +24,7 @@ from iriftrace.image.displacement import shift_map
 from iriftrace.io.measured_shift import MeasuredShift
 from iriftrace.measuring.camera_motion import FEWEST_POINTS, CameraMotion, fit_camera_motion
 from iriftrace.measuring.fit.shift_signs import warn_of_signs
+from iriftrace.measuring.map_size import refuse_other_size
 from iriftrace.measuring.options import COLD, Picture
 
 SCHEMA = "iriftrace.comparison/2"
@@ -188,13 +189,8 @@ def _without_mean(shifts: FloatArray) -> float:
 
 def _refuse_another_picture(image: AovImage, measured: MeasuredShift) -> None:
     """Refuse a map of another size than the rendering, and markers outside it."""
-    if measured.resolution is not None and measured.resolution != image.resolution:
-        theirs, ours = (f"{w} x {h}" for w, h in (measured.resolution, image.resolution))
-        raise InputError(
-            f"{measured.origin.path} is a map of {theirs} pixels, but the rendering has {ours}, so "
-            "pixels do not correspond; render at the camera's resolution (scale=1).",
-            code="shifts.other_size",
-        )
+    remedy = "render at the camera's resolution (scale=1)"
+    refuse_other_size(measured, image.resolution, "the rendering", remedy)
     outside = ~image.camera.holds(measured.places)
     if outside.any():
         u, v = measured.places[outside][0]
@@ -202,7 +198,7 @@ def _refuse_another_picture(image: AovImage, measured: MeasuredShift) -> None:
         raise InputError(
             f"{outside.sum()} of {len(outside)} places of {measured.origin.path} lie outside the "
             f"rendering of {width} x {height} pixels, the first at ({u:g}, {v:g}), so they are "
-            "positions in another picture; render at the camera's resolution (scale=1).",
+            f"positions in another picture; {remedy}.",
             code="shifts.outside_picture",
         )
 

@@ -11,7 +11,7 @@ from attrs import frozen
 
 from iriftrace.core.arrays import FloatArray, as_float64
 from iriftrace.core.errors import InputError, warn
-from iriftrace.core.units import parse_quantity
+from iriftrace.core.units import ZERO_CELSIUS_K, parse_quantity
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.cell_means import point_means
 
@@ -272,6 +272,27 @@ def to_si(
             code="field.zeros_in_gaps",
         )
     return zero + values * slope
+
+
+def warn_of_unit(
+    kelvins: FloatArray,
+    choice: UsedArray,
+    units: Mapping[str, str] | None,
+    temperature_unit: str | None,
+    path: str,
+    argument: str,
+) -> None:
+    """Warn of temperatures, (n,), K, whose unit neither the file nor the user states.
+
+    `argument` is the name of the caller's `temperature_unit`.
+    """
+    if choice.quantity == "temperature" and not (stated_unit(choice, units) or temperature_unit):
+        warn(
+            f"{path} does not state the unit of {choice.name!r}, which is read in K: "
+            f"{kelvins.min() - ZERO_CELSIUS_K:.0f} to {kelvins.max() - ZERO_CELSIUS_K:.0f} degC; "
+            "state it.",
+            argument=argument,
+        )
 
 
 def _refuse_dimensionless(values: FloatArray, name: str, path: str) -> None:

@@ -124,6 +124,11 @@ class FieldSource:
     facts: FieldFacts = FieldFacts()
 
     @property
+    def state(self) -> tuple[str, str]:
+        """Key of the air: its file, and the origin, which names one of several states in it."""
+        return self.sha256, self.origin
+
+    @property
     def steady(self) -> bool:
         """True for steady air, such as that of the synthetic model."""
         return self.facts.kind in (FieldKind.STEADY, FieldKind.SYNTHETIC)

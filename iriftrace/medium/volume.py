@@ -32,10 +32,10 @@ _VOXEL = 11
 _VOXEL_CORNERS = np.array((0, 1, 3, 2, 4, 5, 7, 6))  # in the order of a hexahedron
 _CONVEX_SET = 41
 _HIGHER_ORDER = {
-    **dict.fromkeys((24, 71), TETRAHEDRON),
-    **dict.fromkeys((25, 29, 33, 72), HEXAHEDRON),
-    **dict.fromkeys((26, 31, 32, 73), WEDGE),
-    **dict.fromkeys((27, 37), PYRAMID),
+    **dict.fromkeys((24, 71, 78), TETRAHEDRON),
+    **dict.fromkeys((25, 29, 33, 72, 79), HEXAHEDRON),
+    **dict.fromkeys((26, 31, 32, 73, 80), WEDGE),
+    **dict.fromkeys((27, 37, 74, 81), PYRAMID),
 }
 # Point data that must agree for points to be joined.
 _SCALARS = "iriftrace_scalars"

@@ -9,8 +9,8 @@ from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.mesh.topology import connected, piece_boxes
 from iriftrace.core.mesh.triangles import area_vectors, polydata
 
-# Boundary patches smaller than this fraction of the largest one are gaps between cells of different
-# refinement, not walls.
+# Fraction of a larger area below which that of a cavity may be a gap between cells of different
+# refinement, or a cell without a value.
 _SMALLEST_SHARE = 1e-3
 # Volume of a patch over its area to the power 3/2, below which it is flat up to rounding.
 _FLAT = 1e-5
@@ -23,7 +23,8 @@ def inner_wall(grid: pv.UnstructuredGrid) -> pv.PolyData:
     of boundary faces are classified by the volume they enclose: an outer boundary encloses the
     data, a wall encloses a region without data. If the part touches the outer boundary (a symmetry
     plane, a floor), faces in the sides of the data's bounding box are removed first, which
-    separates the two. The wall is empty when the data have no inner boundary.
+    separates the two. Cavities much smaller than the largest one are no walls. The wall is empty
+    when the data have no inner boundary.
     """
     surface = grid.extract_surface(algorithm="geometry").triangulate()
     faces = np.asarray(surface.regular_faces, dtype=np.int64)
@@ -36,9 +37,12 @@ def inner_wall(grid: pv.UnstructuredGrid) -> pv.PolyData:
     areas = np.where(side[:, None] < 0.0, -areas, areas)
 
     kept = _wall_faces(points, faces, areas)
-    if not kept.any():
+    size = np.linalg.norm(areas, axis=1)
+    if size[kept].sum() < _SMALLEST_SHARE * size.sum():
         free = ~_on_box(points, faces)
-        kept[free] = _wall_faces(points, faces[free], areas[free])
+        separated = np.zeros_like(kept)
+        separated[free] = _wall_faces(points, faces[free], areas[free])
+        kept = max(kept, separated, key=lambda mask: size[mask].sum())
     if not kept.any():
         return pv.PolyData()
     wall = polydata(points, faces[kept])
@@ -58,7 +62,8 @@ def _wall_faces(points: FloatArray, faces: IntArray, areas: FloatArray) -> BoolA
     arm = points[faces].mean(axis=1) - 0.5 * (low + high)[patch]
     volume = np.bincount(patch, np.einsum("ij,ij->i", areas, arm))
     area = np.bincount(patch, np.linalg.norm(areas, axis=1))
-    is_wall = (volume < -_FLAT * area**1.5) & (area > _SMALLEST_SHARE * area.max())
+    is_wall = volume < -_FLAT * area**1.5
+    is_wall &= area > _SMALLEST_SHARE * area[is_wall].max(initial=0.0)
     mask: BoolArray = is_wall[patch]
     return mask
 

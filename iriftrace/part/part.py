@@ -175,10 +175,14 @@ class Part:
         """
         affine = checked_matrix(matrix)
         mirrored = np.linalg.det(affine[:3, :3]) < 0
+        drawing = self.drawing
+        if drawing is None and self.growth is not None and affine[:3, 3].any():
+            # The origin, about which it has grown, moves too.
+            drawing = self.vertices / self.growth.factor
         return evolve(
             self,
             vertices=apply(affine, self.vertices),
-            drawing=None if self.drawing is None else apply(affine, self.drawing),
+            drawing=None if drawing is None else apply(affine, drawing),
             faces=self.faces[:, ::-1] if mirrored else self.faces,
         )
 

@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from attrs import evolve
+
 from iriftrace.cli.program import app
 from iriftrace.cli.project_file import Defaults, ProjectFile
 from iriftrace.core.errors import InputError
@@ -58,7 +60,9 @@ def _check_features(file: ProjectFile) -> None:
 
     scene = options_of(file, "scene", "FIELD", "PART", "--output=scene.xml")
     (mesh,) = file.texts("part", "mesh")
-    checked_choices(devices.feature, read_part(mesh, scene.get("part_reading") or ReadPart()))
+    # As drawn, because the temperatures by which it expands may be those of a field.
+    drawn = evolve(scene.get("part_reading") or ReadPart(), expansion=None, hot_temperature=None)
+    checked_choices(devices.feature, read_part(mesh, drawn))
 
 
 def do_steps(
@@ -88,7 +92,7 @@ def _do(file: ProjectFile, state: StepState) -> None:
                 "move it away.",
                 code="project.other_folder",
             )
-        if step.resumes and state.stamp.get("inputs") != state.inputs:
+        if step.resumes and not state.continues:
             shutil.rmtree(folder)
     folder.mkdir(parents=True, exist_ok=True)
     state.write(done=False)

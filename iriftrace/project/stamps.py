@@ -11,14 +11,18 @@ from pathlib import Path
 from attrs import frozen
 
 from iriftrace.cli.project_file import ProjectFile, is_among
-from iriftrace.core.files import sha256_of, write_json
+from iriftrace.core.files import seen_from, sha256_of, write_json
 from iriftrace.core.plain import JsonObject
+from iriftrace.io.named_files import named_files
 from iriftrace.project.steps import ProjectStep, steps_of
 
 STAMP = "step.json"
 """File in the folder of each step."""
 
 SCHEMA = "iriftrace.step/1"
+
+_NO_INPUTS = ("workers", "scheduler", "processes")
+"""Keys that state who does the work, and change no result."""
 
 
 @frozen
@@ -29,8 +33,8 @@ class StepState:
     ----------
     step : ProjectStep
     inputs : mapping
-        Values by the name of each input: a key of the file, a file, a step before (a digest of its
-        inputs), the version.
+        Values by the name of each input: a key of the file, a file, the files that it names (a
+        digest of their sizes and times), a step before (a digest of its inputs), the version.
     files : mapping
         Size, time and SHA-256 of each file that it reads.
     stamp : mapping
@@ -44,6 +48,12 @@ class StepState:
     files: Mapping[str, list[int | str]]
     stamp: JsonObject
     reason: str
+
+    @property
+    def continues(self) -> bool:
+        """True if the command can continue what is there, by the inputs that have changed."""
+        extended = {_name(*key) for key in self.step.extended}
+        return extended.issuperset(_changed(self.inputs, self.stamp.get("inputs", {})))
 
     def write(self, *, done: bool, **facts: object) -> None:
         """Write the stamp, the last file of a step that is done."""
@@ -67,20 +77,23 @@ def _state(step: ProjectStep, file: ProjectFile, before: Mapping[str, StepState]
     inputs = {"version": version("iriftrace"), "command": step.command}
     read = list(step.files)
     for section, key in (*file.options.get(step.command, ()), *step.keys):
-        if not is_among(section, key, step.without):
+        if key not in _NO_INPUTS and not is_among(section, key, step.without):
             texts = file.texts(section, key)
-            inputs[f"[{section}] {key}"] = json.dumps(texts)
+            inputs[_name(section, key)] = json.dumps(texts)
             read += texts
-    for path in _files(read):
-        size_and_time = _size_and_time(path)
-        known = stamp.get("files", {}).get(str(path), [])
-        sha256 = known[2] if known[:2] == size_and_time else sha256_of(path)
-        files[str(path)] = [*(size_and_time or ()), sha256]
-        inputs[str(path)] = sha256
+    for path in _existing(read):
+        if path.is_file():
+            size_and_time = _size_and_time(path)
+            known = stamp.get("files", {}).get(str(path), [])
+            sha256 = known[2] if known[:2] == size_and_time else sha256_of(path)
+            files[str(path)] = [*(size_and_time or ()), sha256]
+            inputs[str(path)] = sha256
+        # Not their contents: a case of many times may have a terabyte.
+        if named := [(seen_from(Path(), one), _size_and_time(one)) for one in named_files(path)]:
+            inputs[f"files of {path}"] = _digest(named)
     for name in step.after:
         # A digest: the inputs of a long chain written out would double with each step.
-        listed = json.dumps(before[name].inputs, sort_keys=True)
-        inputs[f"step {name}"] = hashlib.sha256(listed.encode()).hexdigest()
+        inputs[f"step {name}"] = _digest(before[name].inputs)
     waits = next((name for name in step.after if before[name].reason), None)
     return StepState(step, inputs, files, stamp, _reason(step, inputs, stamp, waits))
 
@@ -93,8 +106,7 @@ def _reason(
         return f"{missing} is missing"
     if not stamp:
         return "not done yet"
-    past = stamp["inputs"]
-    changed = [name for name in {**inputs, **past} if inputs.get(name) != past.get(name)]
+    changed = _changed(inputs, stamp["inputs"])
     own = [name for name in changed if not name.startswith("step ")]
     if own:
         return f"{', '.join(own)} changed"
@@ -106,6 +118,21 @@ def _reason(
     if now != stamp["product"]:
         return f"{step.product} {'is missing' if now is None else 'was changed'}"
     return ""
+
+
+def _name(section: str, key: str) -> str:
+    """The name of a key among inputs."""
+    return f"[{section}] {key}"
+
+
+def _changed(inputs: Mapping[str, str], past: Mapping[str, str]) -> list[str]:
+    """Names of the inputs that differ from those of a stamp."""
+    return [name for name in {**inputs, **past} if inputs.get(name) != past.get(name)]
+
+
+def _digest(values: object) -> str:
+    """SHA-256 of plain values."""
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
 
 def _stamp(path: Path) -> JsonObject:
@@ -126,14 +153,12 @@ def _size_and_time(path: Path) -> list[int] | None:
     return [stated.st_size, stated.st_mtime_ns]
 
 
-def _files(names: list[str]) -> Iterator[Path]:
-    """The files among texts, and those in folders among them, such as an OpenFOAM case."""
+def _existing(names: list[str]) -> Iterator[Path]:
+    """The files and folders among texts."""
     for path in map(Path, dict.fromkeys(names)):
         try:
-            folder, file = path.is_dir(), path.is_file()
+            exists = path.exists()
         except (OSError, ValueError):  # a text that no name can be
             continue
-        if file:
+        if exists:
             yield path
-        elif folder:
-            yield from sorted(one for one in path.rglob("*") if one.is_file())

@@ -10,6 +10,9 @@ from typing import Any, get_args
 from attrs import frozen
 
 from iriftrace.cli.project_file import NO_VERDICT, PLANNED, ProjectFile
+from iriftrace.core.errors import without_warnings
+from iriftrace.core.files import seen_from
+from iriftrace.io.named_files import BODIES
 from iriftrace.medium.source import VariedInput
 
 BUILD = Path("build")
@@ -17,6 +20,7 @@ BUILD = Path("build")
 
 SCENE, POSES = BUILD / "scene" / "scene.xml", BUILD / "plan" / "poses.json"
 
+_TIMES = tuple(("air.simulate", key) for key in ("end_time", "average_time", "snapshots"))
 _BOARD_KEYS = {"length_unit": "--length-unit", "transform": "--part-transform"}
 
 
@@ -40,6 +44,8 @@ class ProjectStep:
         Sections and keys that the command does not take from the file.
     resumes : bool
         The command continues what it began, so products of other inputs are removed before.
+    extended : tuple of (str, str)
+        Section and key of values with which the command continues, too, if they have changed.
     """
 
     name: str
@@ -51,6 +57,7 @@ class ProjectStep:
     keys: tuple[tuple[str, str], ...] = ()
     without: tuple[str, ...] = ()
     resumes: bool = False
+    extended: tuple[tuple[str, str], ...] = ()
 
     @property
     def folder(self) -> Path:
@@ -84,12 +91,14 @@ def _steps(file: ProjectFile) -> Iterator[ProjectStep]:
     yield from air
 
     planned: tuple[str, ...] = ()
+    bodies = {one for field in given for one in Path(field).parent.glob(f"{BODIES}/*.stl")}
 
     def scene(
         name: str,
         part: str,
         words: Sequence[str] = (),
         after: tuple[str, ...] = (),
+        keys: tuple[tuple[str, str], ...] = (),
         **more: Any,
     ) -> ProjectStep:
         product = BUILD / name / SCENE.name
@@ -100,8 +109,11 @@ def _steps(file: ProjectFile) -> Iterator[ProjectStep]:
             members = [f"--member={one}" for one in others]
             return [first, part, f"--output={product}", *members, *pose, *words]
 
-        needs, files = (*(one.name for one in air), *planned, *after), (part, *given)
-        return ProjectStep(name, "scene", called, product, needs, files, **more)
+        needs = (*(one.name for one in air), *planned, *after)
+        files = (part, *given, *map(str, sorted(bodies)))
+        # Their order counts: the part expands by the first one, and the camera stands by it.
+        keys = (("air", "fields"), *keys)
+        return ProjectStep(name, "scene", called, product, needs, files, keys, **more)
 
     if file.get("camera", "pose") == PLANNED:
         yield scene("first_scene", mesh)
@@ -117,7 +129,8 @@ def _steps(file: ProjectFile) -> Iterator[ProjectStep]:
 
 def _measured(file: ProjectFile, scene: Callable[..., ProjectStep]) -> Iterator[ProjectStep]:
     """Steps from the scene on."""
-    best, after = SCENE, ("scene",)
+    best = SCENE
+    after: tuple[str, ...] = ("scene",)
     two = any(
         key != "system" and not key.endswith("size") for key in file.sections.get("second", {})
     )
@@ -130,6 +143,8 @@ def _measured(file: ProjectFile, scene: Callable[..., ProjectStep]) -> Iterator[
         drawn = [str(SCENE), f"--output={picture}"]
         yield ProjectStep("render", "render", lambda: drawn, picture, after)
     board, shifts = file.get("board", "mesh"), file.get("board", "shifts")
+    # Without a board, marks on the part or thermocouples in its scene.
+    seen, needs = SCENE, after
     if board is not None:
         # The same devices as those of the part's scene, which a board's look at the part, too.
         placed = [
@@ -141,12 +156,13 @@ def _measured(file: ProjectFile, scene: Callable[..., ProjectStep]) -> Iterator[
         placed += [f"--blocker={one}" for one in blockers]
         keys = tuple(("board", key) for key in _BOARD_KEYS)
         yield scene("board", board, placed, after=after, keys=keys, without=("part",))
-        if shifts is not None:
-            best = BUILD / "fit" / "scene.xml"
-            fitted = [str(BUILD / "board" / "scene.xml"), shifts, f"--output={best}"]
-            fitted.append(f"--scene={SCENE}")
-            yield ProjectStep("fit", "fit", lambda: fitted, best, ("scene", "board"), (shifts,))
-            after = ("fit",)
+        seen, needs = BUILD / "board" / "scene.xml", (*after, "board")
+    if shifts is not None:
+        best = BUILD / "fit" / "scene.xml"
+        fitted = [str(seen), shifts, f"--output={best}", f"--scene={SCENE}"]
+        files = (shifts, *_views(file))
+        yield ProjectStep("fit", "fit", lambda: fitted, best, needs, files)
+        after = ("fit",)
     # Only the report decides, without correcting again for another tolerance.
     result, cloud = BUILD / "measure" / "scan.vtp", file.get("scan", "cloud")
     if cloud is not None:
@@ -170,6 +186,21 @@ def _measured(file: ProjectFile, scene: Callable[..., ProjectStep]) -> Iterator[
         )
 
 
+def _views(file: ProjectFile) -> Iterator[str]:
+    """Files of further views of a fit: scenes, what they name, and shifts."""
+    # The project's own scenes are made of inputs of earlier steps.
+    given = [one for one in file.texts("board", "view") if BUILD not in Path(one).parents]
+    yield from given
+    if scenes := [one for one in map(Path, given) if one.suffix == ".xml" and one.is_file()]:
+        from iriftrace.core.runtime.variant import ensure
+        from iriftrace.tracing.load import scene_files
+
+        ensure()
+        with without_warnings():
+            listed = [one for scene in scenes for one in scene_files(scene, {}, field=True)]
+        yield from (seen_from(Path(), one) for one in listed)
+
+
 def _field(file: ProjectFile, mesh: str) -> ProjectStep:
     folder = BUILD / "field"
     if example_air(file):
@@ -182,7 +213,10 @@ def _field(file: ProjectFile, mesh: str) -> ProjectStep:
     product = solved / ("family.json" if "draughts" in simulate else "field.vtu")
     words = [mesh, f"--output={solved}"]
     return ProjectStep(
-        *("field", "field simulate", lambda: words, product), files=(mesh,), resumes=True
+        *("field", "field simulate", lambda: words, product),
+        files=(mesh,),
+        resumes=True,
+        extended=_TIMES,
     )
 
 

@@ -209,6 +209,8 @@ class _Sweep:
                 one.camera.as_dict(),
                 one.stand_off_mm,
                 one.poses.matrices.tolist(),
+                one.rig
+                and [one.scene.second_id, one.rig.device.as_dict(), one.rig.to_first.tolist()],
             ]
             for source, one in zip(self.sources, self.series, strict=True)
         ]

@@ -79,7 +79,7 @@ def warn_of_another_part(file: SceneFile, part: Part, written: PartOrigin | None
 
 def statement_of_field(cells: FieldCells, shells: AirStatement, name: str) -> AirStatement:
     """Air and source as the field's file states them; the rest as next to the shells."""
-    if shells.source is not None and shells.source.sha256 != cells.source.sha256:
+    if shells.source is not None and shells.source.state != cells.source.state:
         warn(
             f"The shells of {name} were made from another field than its field file, so the two "
             "engines trace different air; write the scene again."

@@ -106,8 +106,8 @@ class Compiled:
         return self.stated.source
 
     def same_field(self, other: Compiled) -> bool:
-        """True if both state the same file as the source of their air."""
-        own, its = (one.source.sha256 if one.source else None for one in (self, other))
+        """True if both state the same state of a file as the source of their air."""
+        own, its = (one.source.state if one.source else None for one in (self, other))
         return own == its
 
     def through_cells(self, name: str, cells: FieldCells) -> Compiled:

@@ -96,8 +96,17 @@ def check_fitted_output(scene: Path, output: Path) -> None:
 
 def _numbers_in(scene: Path, members: Sequence[FieldMember]) -> list[int]:
     """Numbers of the members' fields in a scene, which may be another one."""
-    own = {(m.source.sha256, m.time): m.number for m in read_members(scene)}
-    missing = [m.label for m in members if (m.source.sha256, m.time) not in own]
+    listed = read_members(scene)
+    own = {m.state: m.number for m in listed}
+    alike = [m.label for m in listed if own[m.state] != m.number]
+    if alike:
+        raise InputError(
+            f'{scene} has "{alike[0]}" and another member of the same file and state, so their '
+            "weights cannot be told apart; write it with each field once.",
+            code="scene.same_members",
+            argument="member",
+        )
+    missing = [m.label for m in members if m.state not in own]
     if missing:
         raise InputError(
             f"{scene} has no member with the field {missing[0]}, whose weight was fitted; write it "
@@ -105,7 +114,7 @@ def _numbers_in(scene: Path, members: Sequence[FieldMember]) -> list[int]:
             code="scene.other_members",
             argument="member",
         )
-    return [own[m.source.sha256, m.time] for m in members]
+    return [own[m.state] for m in members]
 
 
 def _copy_bodies(scene: Path, building: Path, of_board: bool) -> tuple[str, int]:

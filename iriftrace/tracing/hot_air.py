@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from attrs import Factory, evolve, field, frozen
 
 from iriftrace.core.errors import InputError
+from iriftrace.core.files import short_names
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.plain import JsonObject, plain
 from iriftrace.io.field_npz import load_field_file
@@ -147,6 +148,11 @@ class FieldMember:
         return cls(number, state.label, state.time, source, weight, state.covariance)
 
     @property
+    def state(self) -> tuple[str, str, float | None]:
+        """Key of its air, the same in another scene."""
+        return *self.source.state, self.time
+
+    @property
     def variation(self) -> Variation | None:
         """What it varies in another member; None for a state of the air."""
         return self.source.facts.variation
@@ -187,6 +193,16 @@ def check_variations(members: Sequence[FieldMember]) -> None:
                 code="air.varies_nothing",
                 argument="member",
             )
+
+
+def solved_again(members: Sequence[FieldMember], quantity: str) -> list[tuple[int, int, float]]:
+    """Places from 0 of each member that varies an input and of what it varies, and the step."""
+    place = {one.source.sha256: number for number, one in enumerate(members)}
+    return [
+        (number, place[one.variation.of], one.variation.step)
+        for number, one in enumerate(members)
+        if one.variation is not None and one.variation.quantity == quantity
+    ]
 
 
 def weights_of(members: Sequence[FieldMember]) -> MemberWeights:
@@ -275,7 +291,9 @@ class HotAir:
                 "Ready-made shells belong to one field, but several are given; omit the shells.",
                 code="shells.several_fields",
             )
-        names = list(labels) or ["" if one is None else f"{one.source.path}" for one in fields]
+        names = list(labels) or short_names(
+            ["" if one is None else one.source.path for one in fields]
+        )
         if len(names) != len(fields):
             raise InputError(
                 f"There are {len(names)} labels for {len(fields)} fields.",

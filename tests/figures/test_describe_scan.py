@@ -63,7 +63,7 @@ def cone() -> dict[str, Any]:
             "probability_outside": 1e-9,
             "risk": None,
             "reason": "not known: air",
-            "as_measured_within": False,
+            "as_measured_within": True,
         },
     }
 
@@ -152,7 +152,8 @@ def test_the_answer_is_value_u_and_verdict() -> None:
         "Diameter of cone 1 at (0.00, 0.00, 0.99) mm of its axis, on the drawing at 20 degC: "
         "12.200 mm, U = at least 0.010 mm (k = 2, 95 %: 12.190 .. 12.210; not covered: air); 990 "
         "points, 10 left out as outliers, 7 without correction.",
-        "Tolerance 12.150 .. 12.250 mm: not decided (as measured: 12.296 mm, outside).",
+        "Tolerance 12.150 .. 12.250 mm: not decided (as measured, on the drawing: 12.196 mm, "
+        "within).",
     ]
     moved = "2,000 of 2,007 points are corrected, by 1 um (median; 95th percentile 3 um); as "
     assert sentences(describe(values()), "points moved") == [

@@ -125,6 +125,30 @@ def test_stages_of_the_run(case: Case, tmp_path: Path) -> None:
     assert int(entry(file, "purgeWrite")) > 10
 
 
+@pytest.mark.parametrize(
+    ("start", "averaging", "snapshots", "interval"),
+    [
+        # Of a run that had come to its end, 2 or 3.2 s, before a later one was given.
+        (2.0, False, 0, 0.5),
+        (3.2, True, 0, 0.2),
+        # Of an interrupted one, whose time on disk is rounded.
+        (2.25, False, 0, 0.75),
+        (3.333333333, True, 6, 1.0 / 6.0),
+    ],
+)
+def test_a_run_that_is_continued_leaves_a_state_at_its_end(
+    case: Case, tmp_path: Path, start: float, averaging: bool, snapshots: int, interval: float
+) -> None:
+    """The solver counts the intervals of its states from where it starts."""
+    (tmp_path / "system").mkdir()
+    later = evolve(case, times=Times(4.0, 1.0, snapshots))
+    write_control(later, tmp_path, averaging=averaging, start=start)
+    found = float(entry(tmp_path / "system/controlDict", "writeInterval"))
+    assert found == pytest.approx(interval, rel=1e-6)
+    left = ((4.0 if averaging else 3.0) - start) / found
+    assert left == pytest.approx(round(left), abs=1e-6)
+
+
 @pytest.mark.parametrize("processes", [1, 2, 6, 7, 12, 64])
 def test_mesh_is_cut_into_as_many_pieces_as_there_are_processes(
     tmp_path: Path, processes: int

@@ -36,6 +36,20 @@ def test_two_channel_exr(tmp_path: Path, names: tuple[str, str]) -> None:
     check_map(exr(tmp_path / "map.exr", **{across: FIELD[..., 0], down: FIELD[..., 1]}))
 
 
+def test_a_part_of_a_picture_is_refused(tmp_path: Path) -> None:
+    """The places of its pixels would be counted from the part's corner."""
+    header = {
+        "compression": OpenEXR.ZIP_COMPRESSION,
+        "type": OpenEXR.scanlineimage,
+        "dataWindow": (np.array((5, 2), np.int32), np.array((8, 4), np.int32)),
+        "displayWindow": (np.array((0, 0), np.int32), np.array((9, 9), np.int32)),
+    }
+    planes = {"X": FIELD[..., 0].copy(), "Y": FIELD[..., 1].copy()}
+    OpenEXR.File(header, planes).write(str(tmp_path / "map.exr"))
+    with pytest.raises(InputError, match=r"data window \[\[5, 2\], \[8, 4\]\] .* without a crop"):
+        read_measured_shift(tmp_path / "map.exr")
+
+
 def test_aov_image_serves_as_a_map(tmp_path: Path) -> None:
     """Its good pixels: another rendering can be compared with."""
     status = np.where(MEASURED, 0, 1).astype(np.float32)

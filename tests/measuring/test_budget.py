@@ -152,7 +152,7 @@ def test_groups_scale_or_vary_the_effect() -> None:
     groups = AirGroups(
         weights,
         {"mesh": Scaled(0.02, "stated")},
-        {"wall": SolvedAgain(2, 0, 10.0 / 20.0, "solved again")},
+        {"wall": SolvedAgain(np.array((-0.5, 0.0, 0.5)), "solved again")},
         "2 members, any state like them or between",
     )
     values = np.array([[1.0, -2.0], [3.0, -2.0], [1.4, -2.2]])

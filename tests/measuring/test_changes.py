@@ -13,6 +13,7 @@ from attrs import evolve
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.member_weights import MemberWeights
+from iriftrace.measuring.two_devices import changes
 from iriftrace.measuring.two_devices.budget import feature_budget
 from iriftrace.measuring.two_devices.changes import (
     POSE,
@@ -168,6 +169,29 @@ def test_mixed_air_is_that_of_a_field_of_its_own(tmp_path: Path) -> None:
     assert 0.0 < np.sqrt(np.mean(expected**2)) < 0.05 * np.sqrt(np.mean(scan.error**2))
 
 
+@pytest.mark.parametrize(("period", "share"), [(2, 0.0), (50, 0.98)])
+def test_unknown_lines_of_sight_are_no_agreement(
+    period: int, share: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Points without an error do not count; of a feature with many of them nothing is known."""
+    scene, whole = leeward([leaning(lean, tmp_path) for lean in (0.0, 0.5)]), changes.error_at
+
+    def lost(scene: Scene, sensor: Sensor, points: np.ndarray) -> np.ndarray:
+        found = whole(scene, sensor, points)
+        found[::period] = np.nan
+        return found
+
+    monkeypatch.setattr(changes, "error_at", lost)
+    found = feature_budget(scene, Inputs(position_mm=0.1))
+    for change in found.correction.changes:
+        assert len(change.rows) == pytest.approx(share * len(found.correction.face), abs=2)
+        assert np.abs(change.errors).max(axis=(0, 2)).all()
+    for one in found.relations:
+        assert one.value.uncertainty is not None
+        missing = {POSE, SURROGATE} & set(one.value.uncertainty.missing)
+        assert missing == (set() if share else {POSE, SURROGATE})
+
+
 def test_fields_on_other_meshes_are_not_mixed(tmp_path: Path) -> None:
     fields = [leaning(0.0, tmp_path), leaning(0.5, tmp_path, cells=8)]
     with pytest.raises(InputError) as error:
@@ -181,7 +205,9 @@ def test_fields_on_other_meshes_are_not_mixed(tmp_path: Path) -> None:
 def test_mixtures_have_the_moments_of_the_inputs() -> None:
     """Dirichlet's for the members; a varied input has its stated uncertainty over its step."""
     weights = MemberWeights((0.25, 0.75, 0.0))
-    groups = AirGroups(weights, {}, {"wall": SolvedAgain(2, 1, 0.5, "solved again")}, "any")
+    groups = AirGroups(
+        weights, {}, {"wall": SolvedAgain(np.array((0.0, -0.5, 0.5)), "solved again")}, "any"
+    )
     found = groups.mixtures(2**14)
     assert found is not None
     np.testing.assert_allclose(found.sum(axis=1), 1.0)

@@ -23,10 +23,12 @@ from iriftrace.io.field import read_field
 from iriftrace.io.part_files import read_part
 from iriftrace.io.ply import read_ply
 from iriftrace.measuring.features.fit import fit_feature
+from iriftrace.measuring.two_devices.budget import feature_budget
 from iriftrace.measuring.two_devices.correct import correct
 from iriftrace.measuring.two_devices.correction_status import CorrectionStatus
 from iriftrace.measuring.two_devices.measure import measure
 from iriftrace.measuring.two_devices.scan import Scan, ScanStatus
+from iriftrace.measuring.uncertainty.air_groups import BEYOND
 from iriftrace.medium.shells.contour import contour_shells
 from iriftrace.scenes import folder_of
 from iriftrace.tracing.load import load_scene
@@ -182,7 +184,10 @@ def test_order_and_number_of_the_points_do_not_matter(
 
 
 def test_where_the_field_does_not_reach_points_stay(variant: str, tmp_path: Path) -> None:
-    """A file with the half y > 0 of the air around a block: lines to its other side meet none."""
+    """A file with the half y > 0 of the air around a block: lines to its other side meet none.
+
+    A budget corrects the points that it simulates in this air as little.
+    """
     camera, second = (camera_at((x, -60.0, 90.0), focal_length_mm=20.0) for x in (-25.0, 25.0))
     air, part_file = hot_block.save(tmp_path)
     part, whole = read_part(part_file), pv.read(air)
@@ -196,13 +201,21 @@ def test_where_the_field_does_not_reach_points_stay(variant: str, tmp_path: Path
         for name, file in (("whole", air), ("half", tmp_path / "half.vtu"))
     ]
     scan = measure(scenes[0], camera, second, system="stereo")
-    found = correct(scan.points, scenes[1], camera, second, system="stereo")
-    front, top = scan.normal[:, 1] < -0.5, scan.true[:, 1] > 4.0
-    assert front.sum() > 50
-    assert top.sum() > 20
-    assert (found.status[front] == CorrectionStatus.OUTSIDE_FIELD).all()
-    assert (found.status[top] == CorrectionStatus.CORRECTED).mean() > 0.9
-    np.testing.assert_array_equal(found.points[front], scan.points[front])
+    half = evolve(scenes[1], second=second, second_id="camera_2")
+    budget = feature_budget(half, choices=["plane:"])
+    for found in (correct(scan.points, half), budget.correction):
+        front, top = found.normal[:, 1] < -0.5, found.points[:, 1] > 4.0
+        assert front.sum() > 50
+        assert top.sum() > 20
+        assert (found.status[front] == CorrectionStatus.OUTSIDE_FIELD).all()
+        assert (found.status[top] == CorrectionStatus.CORRECTED).mean() > 0.9
+        np.testing.assert_array_equal(found.points[front], found.measured[front])
+    (plane,) = budget.features
+    assert plane.not_corrected > 50
+    assert BEYOND in plane.doubts
+    level = [camera_at((x, -90.0, 0.0), focal_length_mm=20.0) for x in (-25.0, 25.0)]
+    with pytest.raises(InputError, match="seen through hot air"):
+        feature_budget(evolve(half, camera=level[0], second=level[1]))
 
 
 @ONCE

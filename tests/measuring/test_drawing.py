@@ -9,6 +9,7 @@ from attrs import evolve
 
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import IriftraceWarning
+from iriftrace.core.mesh.transform import apply, parse_transform
 from iriftrace.io.part_files import read_part, save_part
 from iriftrace.io.reading import ReadPart
 from iriftrace.measuring.features.drawing import drawing_cloud, u_of_growth
@@ -16,7 +17,9 @@ from iriftrace.measuring.features.fit import fit_feature
 from iriftrace.measuring.features.fitted import FittedFeature, fit_features
 from iriftrace.measuring.features.relations import Relation, relations
 from iriftrace.measuring.two_devices.correction import Correction
+from iriftrace.measuring.two_devices.decided import decided
 from iriftrace.measuring.uncertainty.air_groups import AIR
+from iriftrace.measuring.uncertainty.decision import Tolerance
 from iriftrace.measuring.uncertainty.inputs import Inputs
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part, part_of_mesh
@@ -190,6 +193,26 @@ def test_an_evenly_hot_part_has_the_scatter_of_its_growth() -> None:
     assert size.uncertainty.missing == (AIR, "growth of the part")
 
 
+def test_a_hot_measurement_is_held_against_a_cold_tolerance_on_the_drawing() -> None:
+    """60.8652 mm at 1050 degC are 60 mm on the drawing, and 0.1 mm of air 0.0986 mm."""
+    cold, growth = cylinder(60.0, 120.0), Growth(ALPHA, COLD_K, 1323.15)
+    part = evolve(cold, vertices=growth.factor * cold.vertices, growth=growth)
+    face = np.repeat(np.flatnonzero(part.region_of_face == 0), 3)
+    points = part.vertices[part.faces[face[::3]]].reshape(-1, 3)
+    outwards = points * (0.0, 1.0, 1.0) / 60.8652
+    true = corrected(part, points, face)
+    for air_mm, within in ((0.0, True), (0.05, True), (0.1, False)):
+        error = air_mm * outwards
+        found = evolve(true, measured=points + error, error=error)
+        stated = {"cylinder:lateral": Tolerance(60.0, -0.06, 0.06)}
+        (one,) = found.features(part, ["cylinder:lateral"], tolerances=stated)
+        assert one.size.uncorrected == pytest.approx(60.0 + air_mm / growth.factor, abs=1e-5)
+        assert one.size.decision is not None
+        assert one.size.decision.measured is within
+        (row,) = decided({"features": [one.as_dict()]}, stated)["features"]
+        assert row["decision"]["as_measured_within"] is within
+
+
 def test_a_part_that_was_moved_has_its_place_on_the_drawing(tmp_path: Path) -> None:
     """It grows about the origin of its file, which lies 300 mm above that of the scene."""
     save_part(cylinder(60.0, 120.0), tmp_path / "cold.ply")
@@ -202,6 +225,24 @@ def test_a_part_that_was_moved_has_its_place_on_the_drawing(tmp_path: Path) -> N
     (found,), _ = on_drawing(part, points, face, ["cylinder:lateral"])
     assert found.fits["drawing"].position[2] == pytest.approx(300.0, abs=1e-4)
     assert found.size.answer == pytest.approx(found.size.by_cloud["corrected"] / 1.01442)
+
+
+def test_a_part_that_is_moved_after_it_has_grown_has_its_place_on_the_drawing(
+    tmp_path: Path,
+) -> None:
+    """As where the scene, not its file, places the part: the same drawing by both."""
+    save_part(cylinder(60.0, 120.0), tmp_path / "cold.ply")
+    move = parse_transform("rotate x 30, translate 500 0 0")
+    growth = {"expansion": ALPHA, "hot_temperature": "1050 degC"}
+    parts = (
+        read_part(tmp_path / "cold.ply", ReadPart(**growth)).transformed(move),
+        read_part(tmp_path / "cold.ply", ReadPart(**growth, transform=move)),
+    )
+    points, face = parts[0].surface.even_places(200)
+    moved, placed = (drawing_cloud(points, face, part)["drawing"] for part in parts)
+    np.testing.assert_allclose(moved, placed, atol=1e-9)
+    back = np.linalg.inv(move)
+    np.testing.assert_allclose(apply(back, moved), apply(back, points) / 1.01442, atol=1e-4)
 
 
 def test_the_growth_of_an_angle_is_uncertain_but_not_by_a_common_temperature() -> None:

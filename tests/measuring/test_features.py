@@ -21,6 +21,7 @@ from iriftrace.measuring.features.fitted import fit_features
 from iriftrace.measuring.features.outliers import inliers
 from iriftrace.measuring.features.quantity import Quantity
 from iriftrace.measuring.two_devices.correction import Correction
+from iriftrace.measuring.two_devices.decided import decided
 from iriftrace.measuring.uncertainty.air_groups import OTHER_AIR, AirGroups
 from iriftrace.measuring.uncertainty.decision import Tolerance
 from iriftrace.part.part import Part, part_of_mesh
@@ -190,6 +191,8 @@ def test_a_kind_alone_means_the_regions_that_are_one() -> None:
     points = part.vertices[part.faces[face, 0]]
     with pytest.warns(IriftraceWarning, match="cylinder is left out: No region .* 100 measured"):
         assert fit_features({"cold": points}, face, part, [FeatureChoice("cylinder")]) == ()
+    with pytest.warns(IriftraceWarning, match=r"are not fitted: cylinder:lateral \(50\); look"):
+        assert fit_features({"cold": points}, face, part) == ()
 
 
 def test_diameters_of_a_cone_hold_at_one_height() -> None:
@@ -227,6 +230,30 @@ def test_a_turned_cone_has_the_same_diameters_as_measured_and_as_corrected() -> 
 KNOWN = AirGroups(source="known", missing=())
 
 
+def test_a_tolerance_of_a_cone_is_refused_from_python_too() -> None:
+    """Also of a correction that has been saved; only features with one diameter are named."""
+    points, part = grid("cone"), cylinder()
+    found = Correction(
+        *(points, np.zeros_like(points), np.zeros(len(points), dtype=np.int64)),
+        *(np.zeros(len(points), dtype=np.int64), part.face_normals, "fringe"),
+        provenance={},
+    )
+    features = found.features(part, ["cone:"], gate=None)
+    saved = {"features": [one.as_dict() for one in features]}
+    for name, code in (
+        ("cone", "tolerance.of_cone"),
+        ("plane:top", "tolerance.of_no_diameter"),
+        ("cylinder:bore", "tolerance.of_no_feature"),
+    ):
+        tolerances = {name: Tolerance(15.0, -0.1, 0.1)}
+        with pytest.raises(InputError) as error:
+            found.features(part, ["cone:"], gate=None, tolerances=tolerances)
+        assert error.value.code == code
+        with pytest.raises(InputError) as error:
+            decided(saved, tolerances)
+        assert error.value.code == code
+
+
 def test_a_correction_after_which_points_scatter_more_is_doubted() -> None:
     """A ripple of 50 um, which the air made or which only the correction has."""
     part = cylinder()
@@ -260,6 +287,22 @@ def test_what_points_do_not_determine_is_left_out() -> None:
     for choice in ("lateral:cylinder", "cylinder:side"):
         with pytest.raises(InputError, match=r"no feature 'lateral'|no region 'side'"):
             fit_features({"cold": points}, face, part, [FeatureChoice.of(choice)])
+
+
+@pytest.mark.parametrize("kind", ["plane", "line", "circle", "cylinder"])
+def test_a_direction_at_45_degrees_has_the_sense_of_the_first_fit(kind: str) -> None:
+    """Its two largest components swap their rank between both clouds."""
+    points = grid(kind, 0.3)
+    along, _ = Rotation.align_vectors(((1.0, -1.0, 0.0),), (fit_feature(points, kind).direction,))
+    first, second = (
+        Rotation.from_euler("z", angle, degrees=True).apply(along.apply(points))
+        for angle in (-1e-6, 1e-6)
+    )
+    fit = fit_feature(first, kind)
+    assert fit.direction @ fit_feature(second, kind).direction < 0.0
+    near = fit_feature(second, kind, near=fit)
+    assert fit.direction == pytest.approx(near.direction, abs=1e-7)
+    assert near.distances(second) == pytest.approx(near.residuals, abs=1e-9)
 
 
 def test_a_published_circle() -> None:

@@ -12,7 +12,9 @@ from iriftrace.measuring.features.fit import fit_feature
 from iriftrace.measuring.features.fitted import fit_features
 from iriftrace.measuring.features.quantity import Quantity, WorstMember
 from iriftrace.measuring.features.relations import Relation, relations
+from iriftrace.measuring.two_devices.correction import Correction
 from iriftrace.measuring.two_devices.statistics import region_values
+from iriftrace.measuring.uncertainty.air_groups import OTHER_AIR
 from iriftrace.measuring.uncertainty.budget import Contribution, Uncertainty
 from iriftrace.measuring.uncertainty.decision import Tolerance, decide
 from iriftrace.part.part import Part, part_of_mesh
@@ -49,6 +51,45 @@ def test_widths_and_squareness_of_a_box() -> None:
     angle = values[frozenset(("plane +x", "plane +y"))]
     assert angle["cold"] == pytest.approx(90.0, abs=1e-9)
     assert abs(angle["measured"] - 90.0) == pytest.approx(0.1, abs=1e-9)
+
+
+def test_a_relation_has_the_doubts_of_its_planes_alone() -> None:
+    """A correction by another air scatters a plane's points; a circle of them hides that."""
+    part = box()
+    points, face = part.surface.even_places(3000)
+    top = part.region_of_face[face] == part.region_names.index("plane +z")
+    error = np.zeros_like(points)
+    error[top, 2] = np.random.default_rng(2).normal(0.0, 0.01, top.sum())
+    found = Correction(
+        *(points, error, np.zeros(len(points), dtype=np.int64), face),
+        *(part.face_normals, "fringe"),
+        provenance={},
+    )
+    choices = ["plane:plane +z", "plane:plane -z", "circle:plane +z"]
+    with pytest.warns(IriftraceWarning):
+        features = found.features(part, choices, gate=None)
+    assert [one.doubts for one in features] == [(OTHER_AIR,), (), ()]
+    (height,) = found.relations(features)
+    assert height.value.uncertainty is not None
+    assert OTHER_AIR in height.value.uncertainty.missing
+
+
+def test_an_angle_does_not_depend_on_the_rank_of_equal_components() -> None:
+    """A box turned by 45 degrees: two faces 0.1 degrees off square, in clouds and members."""
+    part = box()
+    points, face = part.surface.even_places(3000)
+    leaning = np.array(part.region_names)[part.region_of_face[face]] == "plane +x"
+    points[leaning] = Rotation.from_euler("z", 0.1, degrees=True).apply(points[leaning])
+    turned = [
+        Rotation.from_euler("z", 45.0 + angle, degrees=True).apply(points)
+        for angle in (-1e-6, 1e-6)
+    ]
+    clouds = {"cold": turned[0], "measured": turned[1]}
+    found = relations(fit_features(clouds, face, part, PLANES, turned, gate=None))
+    (value,) = (one.value for one in found if set(one.regions) == {"plane +x", "plane +y"})
+    angle = value.by_cloud["cold"]
+    assert abs(angle - 90.0) == pytest.approx(0.1, abs=1e-9)
+    assert [value.by_cloud["measured"], *value.by_member] == pytest.approx([angle] * 3, abs=1e-9)
 
 
 def test_uncertainties_are_those_of_repeated_measurements() -> None:

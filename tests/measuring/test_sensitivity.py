@@ -11,7 +11,8 @@ from attrs import evolve
 import iriftrace
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.figures.sensitivity import FAINT, sensitivity_figure
+from iriftrace.figures.sensitivity import sensitivity_figure
+from iriftrace.figures.style import FAINT
 from iriftrace.io.field_npz import load_field_file
 from iriftrace.measuring.features.feature import Feature
 from iriftrace.measuring.features.fit import fit_feature

@@ -9,7 +9,9 @@ import pyvista as pv
 from attrs import evolve
 
 from iriftrace.cli import main
+from iriftrace.core.errors import InputError
 from iriftrace.figures.answer import digits_of
+from iriftrace.measuring.two_devices.budget import feature_budget
 from iriftrace.measuring.two_devices.correct import correct
 from iriftrace.measuring.two_devices.correction_status import CorrectionStatus
 from iriftrace.measuring.two_devices.measure import measure
@@ -177,3 +179,30 @@ def test_a_field_that_ends_at_the_feature_leaves_its_diameter_undecided(
         assert lateral.doubts == missing
         assert set(missing) <= set(lateral.size.uncertainty.missing)
         assert lateral.size.decision.verdict == ("not decided" if missing else "accepted")
+
+
+def test_a_budget_without_a_sensor_decides_nothing(variant: str) -> None:
+    """Its points have no noise, and what they leave about a cylinder is the chord of its mesh."""
+    scene = load_scene(FRINGE, {"scale": 0.1}, variant=variant)
+    tolerance = {"cylinder:lateral": Tolerance(27.0, -0.1, 0.1)}
+    for sensor_mm, missing in ((None, ("sensor",)), (0.001, ())):
+        stated = Inputs(air=0.05, sensor_mm=sensor_mm)
+        (lateral,) = feature_budget(scene, stated, tolerances=tolerance).features
+        assert lateral.size.uncertainty is not None
+        assert lateral.size.decision is not None
+        assert lateral.size.uncertainty.missing == missing
+        assert ("sensor" in lateral.size.uncertainty.parts) is not bool(missing)
+        assert lateral.size.decision.verdict == ("not decided" if missing else "accepted")
+
+
+def test_the_uncertainty_of_no_growth_is_refused(fringe: tuple[Scan, Path], variant: str) -> None:
+    """The scene does not say how much this part has grown, so no size depends on it."""
+    scene = load_scene(FRINGE, {"scale": 0.1}, variant=variant)
+    stated = Inputs(expansion=0.02, part_temperature_k=10.0)
+    for make in (
+        lambda: feature_budget(scene, stated),
+        lambda: correct(fringe[0].points, scene, inputs=stated),
+    ):
+        with pytest.raises(InputError, match="expansion and part is stated") as error:
+            make()
+        assert error.value.code == "uncertainty.of_no_growth"

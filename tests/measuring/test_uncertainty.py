@@ -229,6 +229,8 @@ def with_stated(scene: Scene, stated: AirStatement) -> Scene:
         (FieldFacts(FieldKind.UNSTEADY, 0.021, 180.0), 0.2 / np.sqrt(12)),
         (FieldFacts(FieldKind.UNSTEADY), None),
         (FieldFacts(time="snapshot"), None),
+        (FieldFacts(time="mean"), None),
+        (FieldFacts(FieldKind.STEADY, time="mean"), None),
         (FieldFacts(), None),
     ],
 )
@@ -250,9 +252,19 @@ def test_air_that_changes_in_time_is_uncertain(
         **({} if change is None else {UNSTEADY: pytest.approx(change)}),
     }
     # Unsteady air of which no range is known is not covered.
-    unsteady = facts.kind is FieldKind.UNSTEADY or facts.time == "snapshot"
+    unsteady = facts.kind is FieldKind.UNSTEADY or (
+        facts.kind is not FieldKind.STEADY and facts.time != ""
+    )
     unknown = unsteady and change is None
     assert groups.missing == ((UNSTEADY,) if unknown else ())
+
+
+def test_states_that_average_nothing_are_said(three: Scene) -> None:
+    """Several snapshots have the air's changes in their scatter, and this air states no range."""
+    with pytest.warns(IriftraceWarning, match="The 20 states that are averaged change nothing"):
+        groups = AirGroups.of(three, Inputs(states=20.0))
+    assert UNSTEADY not in groups.scaled
+    AirGroups.of(three, Inputs(states=1.0))
 
 
 def test_unsteady_means_are_uncertain_and_snapshots_scatter(three: Scene) -> None:

@@ -132,6 +132,44 @@ def test_parts_are_the_changes_of_the_closed_form(
     np.testing.assert_allclose(scan.error, base.error, atol=1e-12)
 
 
+def test_variations_of_several_members_by_one_input_are_averaged(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Weighted as the members that they vary, in any order; `correct` traces them all."""
+    part, (base, wall, *others) = states(analytic.slab, monkeypatch)
+    base = evolve(base, weight=0.25)
+    other, own_wall = (
+        evolve(air, weight=0.75, ready=evolve(air.shells, source=source(sha, sha, facts)))
+        for air, sha, facts in (
+            (others[0], "7", FieldFacts()),
+            (others[1], "8", FieldFacts(variation=Variation("wall", 40.0, "7"))),
+        )
+    )
+
+    def scene_of(*airs: AirState) -> Scene:
+        return Scene(part, HotAir.of_states(airs), *devices("slab"), "camera_2", engine="shells")
+
+    def change(*airs: AirState) -> list[float]:
+        groups = AirGroups.of(scene_of(*airs).ready, Inputs(wall_k=10.0))
+        return groups.varied["wall"].change.tolist()
+
+    of_base, of_other = 0.25 * 10.0 / 20.0, 0.75 * 10.0 / 40.0
+    expected = [-of_base, of_base, -of_other, of_other]
+    assert change(base, wall, other, own_wall) == pytest.approx(expected)
+    assert change(other, own_wall, base, wall) == pytest.approx(expected[2:] + expected[:2])
+    none = evolve(base, weight=0.0)
+    assert change(other, none, wall) == pytest.approx([0.0, -0.5, 0.5])
+    scene = scene_of(base, wall, other, own_wall)
+    groups = AirGroups.of(scene.ready, Inputs(wall_k=10.0))
+    effects = np.array([1.0, 1.4, 3.0, 2.0])
+    assert groups.parts(0.0, effects)["wall"] == pytest.approx(of_other * 1.0 - of_base * 0.4)
+    scan = measure(scene)
+    errors = correct(scan.points, scene, inputs=Inputs(wall_k=10.0)).errors
+    assert errors is not None
+    for number in (1, 3):
+        assert (np.abs(errors[number] - errors[number - 1]).max(axis=1) > 0.0).all()
+
+
 def test_one_field_with_variations_does_not_cover_the_air(monkeypatch: pytest.MonkeyPatch) -> None:
     part, airs = states(analytic.slab, monkeypatch)
     scene = Scene(part, HotAir.of_states(airs), *devices("slab"), "camera_2", engine="shells")

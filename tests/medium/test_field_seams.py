@@ -127,6 +127,7 @@ def test_blocks_that_lie_in_each_other_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "air.vtm"
     coarse, fine = half(), hexahedra(7, 5.0)
     fine.point_data["T"] = np.full(fine.n_points, 300.0)
+    fine.point_data["U"] = np.zeros((fine.n_points, 3))
     fine.points += np.array((25.0, 0.0, 0.0), dtype=fine.points.dtype)
     pv.MultiBlock([coarse, fine]).save(path)
     assert read_field(path).grid.n_cells == coarse.n_cells + fine.n_cells

@@ -56,6 +56,46 @@ def test_the_wall_is_what_a_cavity_has(keep, area, mirrored):
         assert_allclose(np.abs(wall.points).max(axis=1), 3.0)
 
 
+def cells_between(axes, keep) -> pv.UnstructuredGrid:
+    grid = pv.RectilinearGrid(*map(np.asarray, axes)).cast_to_unstructured_grid()
+    return grid.extract_cells(np.flatnonzero(keep(*np.asarray(grid.cell_centers().points).T)))
+
+
+def test_a_part_in_a_wide_room_has_a_wall():
+    """A cube of 6 mm in a stepped ball of 380 mm, whose boundary has 2000 times its area."""
+    half = np.array((0.0, 3.0, 20.0, 50.0, 100.0, 150.0, 200.0))
+    axis = np.concatenate((-half[:0:-1], half))
+    grid = cells_between(
+        [axis] * 3, lambda x, y, z: outside_block(x, y, z) & (x**2 + y**2 + z**2 < 190.0**2)
+    )
+    assert inner_wall(grid).area == pytest.approx(BLOCK)
+
+
+def test_a_small_part_has_a_wall_next_to_a_table():
+    """A bar of 26 x 26 x 170 mm has 0.8 per mille of the area of a room of 2 m."""
+    axes = ((-1e3, -13, 13, 400, 800, 1e3), (-1e3, -13, 13, 400, 1e3), (-1e3, -600, 0, 170, 1e3))
+
+    def air_at(x, y, z):
+        table = (x > 400) & (x < 800) & (y > 13) & (y < 400) & (z > -600) & (z < 0)
+        bar = (abs(x) < 13) & (abs(y) < 13) & (z > 0) & (z < 170)
+        return ~table & ~bar
+
+    bar, table = 2 * 26**2 + 4 * 26 * 170, 2 * (400 * 387 + 400 * 600 + 387 * 600)
+    assert inner_wall(cells_between(axes, air_at)).area == pytest.approx(bar + table)
+
+
+def test_a_missing_cell_hides_no_part_on_a_symmetry_plane():
+    """The part's wall is found without the sides of the box; the hole encloses air anyway."""
+    across = (-1e3, -400, -80, 0, 1, 80, 400, 1e3)
+    axes = (across, across, (0, 80, 90, 91, 400, 1e3))
+
+    def air_at(x, y, z):
+        hole = (x > 0) & (x < 1) & (y > 0) & (y < 1) & (z > 90) & (z < 91)
+        return ~hole & ~((abs(x) < 80) & (abs(y) < 80) & (z < 80))
+
+    assert inner_wall(cells_between(axes, air_at)).area == pytest.approx(160**2 + 4 * 160 * 80)
+
+
 def test_air_without_a_part_has_no_wall():
     wall = inner_wall(air(lambda x, y, z: x < 99))
     assert (wall.n_cells, wall.n_points) == (0, 0)

@@ -19,7 +19,9 @@ from iriftrace.io.members import member_at, members
 from iriftrace.io.reading import ReadField
 from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.air.thermophysics import heat_content
+from iriftrace.medium.gradient import cell_corners
 from iriftrace.medium.index_field import IndexField
+from iriftrace.medium.volume import linear_volume
 from validation.field_files.openfoam import Form, write_case
 from validation.field_files.openfoam_mesh import Patch
 from validation.inputs.hot_block import HALF, OUTER, WALL, air_in_metres, half, patches
@@ -217,6 +219,28 @@ def test_linear_fields_stay_linear_where_cells_double_in_size(tmp_path: Path) ->
     assert inner.sum() == 6**3
     expected = 440.0 + points[inner] / 1e3 @ slope
     assert_allclose(field.temperature_k[inner], expected, rtol=4 * SINGLE)
+
+
+def test_linear_fields_stay_linear_in_pyramids(tmp_path: Path) -> None:
+    """OpenFOAM's values are those at centroids, a quarter of a pyramid's height above its base."""
+    axis = np.array((-8.0, -4.0, -2.0, -1.0, 1.0, 3.0, 7.0)) / 1e3
+    cubes = pv.RectilinearGrid(axis, axis, axis).cast_to_unstructured_grid()
+    corners = cell_corners(linear_volume(cubes))[pv.CellType.HEXAHEDRON][1]
+    bases = ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (2, 6, 7, 3), (0, 3, 7, 4), (1, 5, 6, 2))
+    apex = cubes.n_points + np.arange(cubes.n_cells)
+    cells = np.concatenate([np.column_stack((corners[:, base], apex)) for base in bases])
+    points = np.concatenate((cubes.points, cubes.cell_centers().points)).astype(np.float64)
+    grid = pv.UnstructuredGrid({pv.CellType.PYRAMID: cells}, points)
+    slope = np.array((8e3, -5e3, 3e3))
+    centroids = 0.75 * points[cells[:, :4]].mean(axis=1) + 0.25 * points[cells[:, 4]]
+    values = 440.0 + centroids @ slope
+    folder = write_case(tmp_path, grid, {"1": {"T": values}}, patches()[1:])
+    air = read_volume(folder).data
+    assert set(air.celltypes) == {pv.CellType.PYRAMID}
+    points = np.asarray(air.points)
+    inner = ((points > -7.9e-3) & (points < 6.9e-3)).all(axis=1)
+    assert inner.sum() == 5**3 + 6**3
+    assert_allclose(air.point_data["T"][inner], 440.0 + points[inner] @ slope, rtol=4 * SINGLE)
 
 
 def test_a_wall_keeps_its_temperature_where_it_meets_other_patches(tmp_path: Path) -> None:

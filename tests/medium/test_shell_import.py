@@ -8,7 +8,7 @@ import pyvista as pv
 from attrs import evolve
 from numpy.testing import assert_allclose, assert_array_equal
 
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.mesh.transform import parse_transform
 from iriftrace.io.iso_surfaces import import_shells
 from iriftrace.io.reading import ReadField
@@ -33,7 +33,9 @@ LEVELS = AMBIENT - STEP * (np.arange(3) + 0.5)
 KELVIN = AIR.temperature(LEVELS)
 
 
-def spheres(name: str = "T", values: np.ndarray = KELVIN, *, cells: bool = False) -> pv.MultiBlock:
+def spheres(
+    name: str = "T [K]", values: np.ndarray = KELVIN, *, cells: bool = False
+) -> pv.MultiBlock:
     """Three spheres with a value each, every second triangle turned over, in a mixed order."""
     blocks = pv.MultiBlock()
     for i in (1, 2, 0):
@@ -83,13 +85,14 @@ def test_all_file_types_and_data_of_points_or_cells(tmp_path, name, cells):
     stack = import_shells(tmp_path / name)
     check(stack)
     assert not stack.has_normals
-    assert stack.source.array == "T"
+    assert stack.source.array == "T [K]"
     assert stack.source.quantity == "temperature"
     assert len(stack.source.sha256) == 64
 
 
 def test_comsols_export_is_read_with_its_quantity_declared():
-    stack = import_shells(SAMPLE, ReadField(array="Color", quantity="temperature"))
+    declared = ReadField(array="Color", quantity="temperature", temperature_unit="K")
+    stack = import_shells(SAMPLE, declared)
     check(stack, 0.8)
     assert (stack.source.array, stack.source.quantity) == ("Color", "temperature")
     # Neither the name nor the values tell what the only array holds.
@@ -105,7 +108,22 @@ def test_comsols_export_is_read_with_its_quantity_declared():
 )
 def test_declared_quantities(tmp_path, quantity, values):
     merged(spheres("Color", values)).save(tmp_path / "s.vtp")
-    check(import_shells(tmp_path / "s.vtp", ReadField(array="Color", quantity=quantity)))
+    declared = ReadField(array="Color", quantity=quantity, temperature_unit="K")
+    check(import_shells(tmp_path / "s.vtp", declared))
+
+
+def test_temperatures_without_a_unit_are_read_in_kelvin_with_a_warning(tmp_path):
+    """Surfaces of 300, 600 and 900 degC are possible temperatures in K, too."""
+    levels = np.array((300.0, 600.0, 900.0))
+    merged(spheres("T", levels)).save(tmp_path / "s.vtp")
+    with pytest.warns(
+        IriftraceWarning, match="unit of 'T', .* in K: 27 to 627 degC; state"
+    ) as said:
+        stack = import_shells(tmp_path / "s.vtp")
+    assert said[0].message.argument == "temperature_unit"
+    kelvins = AIR.temperature(np.array([shell.refractivity for shell in stack.shells]))
+    assert_allclose(kelvins, levels, rtol=1e-6)
+    import_shells(tmp_path / "s.vtp", ReadField(temperature_unit="degC"))
 
 
 def test_units_and_transform(tmp_path):
@@ -140,7 +158,7 @@ def test_own_surfaces_come_back_with_the_same_winding(tmp_path):
 def test_gradient_of_the_file_gives_normals(tmp_path, quantity):
     # The gradient of T points to the centre, that of n away from it.
     inward = quantity == "temperature"
-    surface = merged(spheres("T" if inward else "n", KELVIN if inward else LEVELS))
+    surface = merged(spheres("T [K]" if inward else "n", KELVIN if inward else LEVELS))
     surface.point_data["grad"] = surface.points * (-2.0 if inward else 1e-5)
     surface.save(tmp_path / "s.vtp")
     assert not import_shells(tmp_path / "s.vtp").has_normals
@@ -177,11 +195,11 @@ def test_single_surface_is_turned_away_from_its_centre(tmp_path):
 def test_triangle_soup_is_welded_and_small_components_are_dropped(tmp_path):
     blocks = spheres(cells=True)
     small = pv.Icosphere(radius=0.2, center=(50, 0, 0), nsub=1)
-    small.cell_data["T"] = np.full(small.n_cells, KELVIN[0])
+    small.cell_data["T [K]"] = np.full(small.n_cells, KELVIN[0])
     surface = merged(pv.MultiBlock([*blocks, small]))
     corners = np.asarray(surface.points)[np.asarray(surface.regular_faces)].reshape(-1, 3)
     soup = pv.PolyData.from_regular_faces(corners, np.arange(len(corners)).reshape(-1, 3))
-    soup.cell_data["T"] = surface.cell_data["T"]
+    soup.cell_data["T [K]"] = surface.cell_data["T [K]"]
     soup.save(tmp_path / "s.vtp")
     stack = import_shells(tmp_path / "s.vtp")
     check(stack)
@@ -191,7 +209,7 @@ def test_triangle_soup_is_welded_and_small_components_are_dropped(tmp_path):
 def test_rounded_values_are_one_surface(tmp_path):
     surface = merged(spheres())
     noise = np.random.default_rng(5).uniform(-1e-3, 1e-3, surface.n_points)
-    surface.point_data["T"] = (surface.point_data["T"] + noise).astype(np.float32)
+    surface.point_data["T [K]"] = (surface.point_data["T [K]"] + noise).astype(np.float32)
     surface.save(tmp_path / "s.vtp")
     check(import_shells(tmp_path / "s.vtp"))
 
@@ -200,22 +218,22 @@ def wrong_meshes() -> dict[str, pv.DataObject]:
     """Meshes that are no surfaces of one value each, by what is wrong with them."""
     surface, cells = merged(spheres()), merged(spheres(cells=True))
     rising, two = surface.copy(), surface.copy()
-    rising.point_data["T"] = 300.0 + np.asarray(surface.points)[:, 2]
-    two.point_data["b"] = two.point_data["a"] = two.point_data.pop("T")
+    rising.point_data["T [K]"] = 300.0 + np.asarray(surface.points)[:, 2]
+    two.point_data["b"] = two.point_data["a"] = two.point_data.pop("T [K]")
     gaps, rising_cells = cells.copy(), cells.copy()
-    gaps.cell_data["T"][3] = np.nan
-    rising_cells.cell_data["T"] = np.linspace(300.0, 900.0, cells.n_cells)
+    gaps.cell_data["T [K]"][3] = np.nan
+    rising_cells.cell_data["T [K]"] = np.linspace(300.0, 900.0, cells.n_cells)
     volume = sphere_field(4).grid
     volume["T"] = np.full(volume.n_points, 300.0)
     blocks = spheres()
-    del blocks[1].point_data["T"]
+    del blocks[1].point_data["T [K]"]
     return {
         "no triangles; volume data": volume,
         "no array named as": two,
         "change along the triangles": rising,
-        "of 'T' in .* change along the triangles": rising_cells,
+        r"of 'T \[K\]' in .* change along the triangles": rising_cells,
         "not finite": gaps,
-        "The array 'T' is missing": blocks,
+        r"The array 'T \[K\]' is missing": blocks,
         "ambient": merged(spheres(values=KELVIN - 60)),
     }
 

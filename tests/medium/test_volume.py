@@ -4,9 +4,14 @@ import numpy as np
 import pytest
 import pyvista as pv
 from numpy.testing import assert_allclose, assert_array_equal
+from vtkmodules.vtkCommonDataModel import vtkCellTypeUtilities
 
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.io.field import read_field
+from iriftrace.io.vtk_check import _FEWEST, _SIZES
+from iriftrace.medium.gradient import CORNERS
+from iriftrace.medium.polyhedra import SPLIT
+from iriftrace.medium.volume import _CONVEX_SET, _HIGHER_ORDER, _VOXEL
 from validation.inputs.field_grids import AMBIENT, box, saved, solid
 
 
@@ -74,6 +79,54 @@ def test_blocks_with_other_names_for_the_temperature(tmp_path):
         read_field(tmp_path / "two.vtm")
 
 
+def air_and_support() -> pv.MultiBlock:
+    """Air around a support that is hotter, and of which a solver writes no velocity."""
+    grid = solid(6)
+    grid["T"] = np.full(grid.n_points, AMBIENT)
+    inside = (np.abs(grid.cell_centers().points - 5.0) < 2.0).all(axis=1)
+    air, support = (grid.extract_cells(np.flatnonzero(mask)) for mask in (~inside, inside))
+    support["T"] = np.full(support.n_points, AMBIENT + 600.0)
+    air["T"] = np.where(
+        np.isin(air["vtkOriginalPointIds"], support["vtkOriginalPointIds"]),
+        AMBIENT + 600.0,
+        AMBIENT,
+    )
+    blocks = pv.MultiBlock()
+    for name, block in (("air", air), ("support", support)):
+        block.clear_cell_data()
+        del block.point_data["vtkOriginalPointIds"]
+        blocks.append(block, name)
+    return blocks
+
+
+@pytest.mark.parametrize("velocity", ["U", "x-velocity"])
+@pytest.mark.parametrize("name", ["cht.vtm", "cht.pvd"])
+def test_blocks_without_a_velocity_next_to_one_with_it_are_solids(tmp_path, velocity, name):
+    blocks = air_and_support()
+    air = blocks["air"]
+    for array in ("U",) if velocity == "U" else [f"{axis}-velocity" for axis in "xyz"]:
+        air[array] = np.zeros((air.n_points, 3) if array == "U" else air.n_points)
+    path = tmp_path / name
+    if name.endswith(".vtm"):
+        blocks.save(path)
+    else:
+        sets = ""
+        for part, key in enumerate(blocks.keys()):
+            blocks[key].save(tmp_path / f"{key}.vtu")
+            sets += f'<DataSet timestep="1" part="{part}" file="{key}.vtu"/>'
+        path.write_text(f'<VTKFile type="Collection"><Collection>{sets}</Collection></VTKFile>')
+    with pytest.warns(IriftraceWarning, match="velocity in some blocks, but none in support"):
+        field = read_field(path)
+    assert field.grid.n_cells == air.n_cells
+    assert np.isnan(field.sample(np.array([[5.0, 5.0, 5.0]]))).all()
+    assert field.wall.area == pytest.approx(6 * (10.0 / 3.0) ** 2, rel=1e-6)
+
+
+def test_blocks_are_all_air_where_none_has_a_velocity(tmp_path):
+    air_and_support().save(tmp_path / "two.vtm")
+    assert read_field(tmp_path / "two.vtm").grid.volume == pytest.approx(1000.0)
+
+
 def test_higher_order_cells_keep_their_corners(tmp_path):
     grid = pv.examples.cells.QuadraticHexahedron()
     grid.point_data["T"] = AMBIENT + grid.points[:, 0]
@@ -83,6 +136,46 @@ def test_higher_order_cells_keep_their_corners(tmp_path):
     assert field.grid.n_points == 8
     assert_array_equal(field.grid.celltypes, [pv.CellType.HEXAHEDRON])
     assert_allclose(field.temperature_k, AMBIENT + field.grid.points[:, 0])
+
+
+@pytest.mark.parametrize("kind", [74, 78, 79, 80, 81])
+def test_lagrange_pyramids_and_bezier_cells_keep_their_corners(tmp_path, kind):
+    """Quadratic ones; their further points are where the edges of linear cells have none."""
+    target, count = {
+        74: (pv.CellType.PYRAMID, 14),
+        78: (pv.CellType.TETRA, 10),
+        79: (pv.CellType.HEXAHEDRON, 27),
+        80: (pv.CellType.WEDGE, 18),
+        81: (pv.CellType.PYRAMID, 14),
+    }[kind]
+    corners = np.asarray(
+        {
+            pv.CellType.PYRAMID: pv.examples.cells.Pyramid,
+            pv.CellType.TETRA: pv.examples.cells.Tetrahedron,
+            pv.CellType.HEXAHEDRON: pv.examples.cells.Hexahedron,
+            pv.CellType.WEDGE: pv.examples.cells.Wedge,
+        }[target]().points
+    )
+    further = np.random.default_rng(kind).uniform(0.2, 0.4, (count - len(corners), 3))
+    points = np.concatenate((corners, corners.mean(axis=0) + further))
+    # Next to a linear cell, which alone would be left.
+    cube = solid(1)
+    cells = [count, *range(count), 8, *(count + cube.cell_connectivity)]
+    grid = pv.UnstructuredGrid(
+        cells, [kind, pv.CellType.VOXEL], np.concatenate((points, cube.points + 50.0))
+    )
+    grid.point_data["T"] = AMBIENT + grid.points[:, 0] - grid.points[:, 0].min()
+    with pytest.warns(IriftraceWarning, match="higher order"):
+        field = read_field(saved(grid, tmp_path / "f.vtu"))
+    assert set(field.grid.celltypes) == {target, pv.CellType.HEXAHEDRON}
+    assert field.grid.n_points == len(corners) + 8
+
+
+def test_every_volume_cell_that_a_file_may_have_is_read():
+    """Otherwise it would be left out without a word."""
+    kinds = (*_SIZES, *_FEWEST)
+    volumes = {kind for kind in kinds if vtkCellTypeUtilities.GetDimension(kind) == 3}
+    assert volumes == {*CORNERS, _VOXEL, _CONVEX_SET, *SPLIT, *_HIGHER_ORDER}
 
 
 def test_polyhedra_are_split_without_losing_volume(tmp_path):

@@ -19,7 +19,7 @@ def test_lengths_grow_by_the_expansion() -> None:
 
 
 def test_it_is_read_back_from_the_file(tmp_path: Path) -> None:
-    """An expanded part is not expanded again; STL states none."""
+    """An expanded part is not expanded again; an STL, which cannot state it, is refused."""
     file = folder_of("cylinder") / "part.ply"
     part = read_part(file, ReadPart(expansion=14e-6, hot_temperature=1323.15))
     save_part(part, tmp_path / "hot.ply")
@@ -28,8 +28,10 @@ def test_it_is_read_back_from_the_file(tmp_path: Path) -> None:
     np.testing.assert_allclose(again.bounds, part.bounds, rtol=1e-6)
     with pytest.raises(InputError, match="expanded to 1050 degC already"):
         read_part(tmp_path / "hot.ply", ReadPart(expansion=14e-6, hot_temperature=1323.15))
-    save_part(part, tmp_path / "hot.stl")
-    assert read_part(tmp_path / "hot.stl").growth is None
+    with pytest.raises(InputError, match=r"hot.stl cannot state .* name it .*hot.ply") as refused:
+        save_part(part, tmp_path / "hot.stl")
+    assert (refused.value.code, refused.value.argument) == ("part.growth_not_written", "output")
+    assert not (tmp_path / "hot.stl").exists()
     text = (tmp_path / "hot.ply").read_bytes()
     (tmp_path / "odd.ply").write_bytes(text.replace(b"1.4e-05 /K", b"unknown /K"))
     assert read_part(tmp_path / "odd.ply").growth is None

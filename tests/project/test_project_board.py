@@ -57,6 +57,21 @@ def test_a_board_is_fitted_before_a_scan_is_corrected(
     assert (found.scan, found.scene) == ("scene", "fit")
 
 
+def test_thermocouples_are_fitted_without_a_board(project: Path) -> None:
+    """Or marks on the part itself, in its own scene."""
+    with_board()
+    replaced('mesh = "board.stl"\n', "")
+    replaced('transform = "board_pose.txt"\n', "")
+    replaced('"shifts.csv"', '"temperatures.csv"')
+    states = states_of(read_project_file(FILE, app))
+    assert [*states] == ["field", "scene", "measure", "fit", "correct", "budget", "report"]
+    assert states["fit"].step.after == ("scene",)
+    words = states["fit"].step.words()
+    assert words[:2] == ["build/scene/scene.xml", "temperatures.csv"]
+    for name in ("correct", "budget"):
+        assert "build/fit/scene.xml" in states[name].step.words()
+
+
 def test_a_board_in_another_place_has_another_scene(project: Path) -> None:
     with_board("board.stl", "board_pose.txt", "shifts.csv", "scan.ply")
     board = states_of(read_project_file(FILE, app))["board"]

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from project_file import FILE, reasons, replaced
+from project_file import FILE, plan, reasons, replaced, simulate, with_fields
 
 import iriftrace
 from iriftrace.camera.pose import look_at
@@ -17,7 +17,7 @@ from iriftrace.cli.program import app
 from iriftrace.cli.project_file import read_project_file
 from iriftrace.io.poses import write_poses
 from iriftrace.project import stamps
-from iriftrace.project.run import do_steps
+from iriftrace.project.run import chosen_states, do_steps
 from iriftrace.project.stamps import states_of
 from iriftrace.scenes import folder_of
 from iriftrace.tracing.load import load_scene
@@ -107,6 +107,16 @@ def test_a_region_that_the_part_lacks_is_refused_before_anything_is_done(
     assert not (project / "build").exists()
 
 
+def test_features_of_a_part_that_expands_as_the_field_states_are_found(project: Path) -> None:
+    Path("field.vtu").touch()
+    with_fields("field.vtu")
+    replaced("# expansion", "expansion")
+    text = FILE.read_text()
+    old = next(line for line in text.splitlines() if line.startswith("# hot_temperature"))
+    replaced(old, 'hot_temperature = "field"')
+    assert "scene" in chosen_states(read_project_file(FILE, app), ())
+
+
 def test_a_scan_is_corrected_and_decided(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Printed
 ) -> None:
@@ -154,9 +164,7 @@ def test_a_scan_is_corrected_and_decided(
 @pytest.mark.slow
 @pytest.mark.usefixtures("variant")
 def test_the_pose_of_a_plan_is_that_of_the_scene(project: Path) -> None:
-    text = FILE.read_text()
-    lines = [line for line in text.splitlines() if not line.startswith(("origin", "target"))]
-    FILE.write_text("\n".join(lines).replace("# pose", "pose") + "\n[sweep]\nfibonacci = 4\n")
+    plan("fibonacci = 4")
     assert main(["run", "scene"]) == 0
     assert reasons().keys() == {"measure", "budget", "report"}
     poses = json.loads(Path("build/plan/poses.json").read_text())
@@ -185,15 +193,6 @@ def test_a_second_device_moves_with_the_pose(project: Path) -> None:
     np.testing.assert_allclose(scene.camera.matrix, pose, atol=1e-9)
     np.testing.assert_allclose(between[1], between[0], atol=1e-9)
     assert main([*words, "--pose=pose.json", "--origin=1,2,300", "-o", "c/scene.xml"]) == 2
-
-
-def simulate(more: str) -> None:
-    """Declare a flow in place of the example air, with further keys."""
-    replaced(', "air.synthetic.wall_temperature"', "")
-    text = FILE.read_text()
-    begin, end = text.index("\n[air.synthetic]"), text.index("# [air.simulate]")
-    text = (text[:begin] + "\n" + text[end:]).replace("# [air.simulate]", "[air.simulate]")
-    FILE.write_text(text.replace("# wall_t", more + "wall_t"))
 
 
 @pytest.mark.parametrize("more", ["", DRAUGHTS])

@@ -144,6 +144,15 @@ def test_both_are_moved_to_the_refined_pose(swept: xr.Dataset, file: Path, tmp_p
     assert found["start"]["metrics"]["displacement"] == float(start["error_normal_p95"])
 
 
+def test_a_sweep_with_another_second_device_is_another_one(scene: Scene, file: Path) -> None:
+    assert scene.second is not None
+    moved = scene.second.matrix.copy()
+    moved[0, 3] += 10.0
+    with pytest.raises(InputError) as caught:
+        iriftrace.run_sweep(evolve(scene, second=scene.second.at(moved)), POSES, file)
+    assert caught.value.code == "output.other_work"
+
+
 def test_a_question_about_two_devices_does_not_fit_one_camera(scene: Scene) -> None:
     one = iriftrace.run_sweep(evolve(scene, second=None), POSES.take([0]))
     assert "error_normal_p95" not in one

@@ -59,6 +59,7 @@ def test_a_budget_of_two_devices_decides_on_a_tolerance(tmp_path: Path, capsys: 
     assert main([*words, "--tolerance=cylinder:lateral=27 -0.05 0.05 mm"]) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert "26.9500 .. 27.0500 mm: accepted, risk of a wrong verdict below 0.01 %" in said
+    assert "Sizes hold at the temperature that the part had when it was measured" in said
     (row,) = json.loads(out.read_text())["features"]
     assert row["decision"]["verdict"] == "accepted"
     assert sum(one["share"] for one in row["contributions"]) == pytest.approx(1.0)
@@ -68,6 +69,7 @@ def test_a_budget_of_two_devices_decides_on_a_tolerance(tmp_path: Path, capsys: 
         "cylinder:lateral=27",
         "cylinder:bore=27 0 1 mm",
         "cylinder:lateral=27 0 1",
+        "lateral=27 -0.1 0.1 mm",
         CONE,
     ):
         assert main([*words, f"--tolerance={wrong}"]) == 2

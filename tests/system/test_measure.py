@@ -246,7 +246,7 @@ def test_the_hot_part_against_its_cold_drawing(
     assert row["not_covered"] == ["air around the part"]
     assert f", on the drawing at 20 degC: {cold:.3f} mm, U = at least {row['U_mm']:.3f} mm" in said
     assert row["decision"]["verdict"] == "not decided"
-    assert "26.600 .. 26.800 mm: not decided (as measured: " in said
+    assert "26.600 .. 26.800 mm: not decided (as measured, on the drawing: " in said
     assert "nothing is decided: solve the flow" in said
     assert main(["correct", str(scan), *words, "--uncertainty=part 10 K"]) == 0
     assert "not covered: air around the part, growth of the part" in " ".join(

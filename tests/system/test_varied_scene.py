@@ -145,8 +145,8 @@ def test_a_measurement_is_that_of_the_states(scenes: tuple[Path, Path], tmp_path
 
 def test_a_budget_takes_their_differences(scenes: tuple[Path, Path]) -> None:
     groups = AirGroups.of(load_scene(scenes[0]), Inputs.of("wall 5 K, pressure 1 hPa"))
-    found = {name: (one.member, one.base, one.factor) for name, one in groups.varied.items()}
-    assert found == {"wall": (1, 0, 0.5), "pressure": (3, 0, 0.5)}
+    found = {name: one.change.tolist() for name, one in groups.varied.items()}
+    assert found == {"wall": [-0.5, 0.5, 0.0, 0.0], "pressure": [-0.5, 0.0, 0.0, 0.5]}
     assert groups.weights.sampled == 2
 
 

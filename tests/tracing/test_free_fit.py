@@ -11,6 +11,8 @@ import iriftrace
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
 from iriftrace.io.measured_shift import MeasuredShift
+from iriftrace.measuring.fit.free_fit import _by_wall
+from iriftrace.medium.path_data import cells_of
 from iriftrace.medium.source import FieldFacts, Variation
 from validation.inputs.hot_block import HALF
 from validation.inputs.leaning_air import (
@@ -109,6 +111,23 @@ def test_the_wall_is_found_along_the_member_that_varies_it(fields: Fields) -> No
     assert found.weights.tolist() == [1.0]
 
 
+def test_several_walls_count_in_their_mean(fields: Fields) -> None:
+    """Of one member 20 K are 2 % of its contrast, of the other 10 K are 4 %."""
+
+    def named(field: iriftrace.IndexField, sha256: str, **facts: object) -> iriftrace.IndexField:
+        source = attrs.evolve(field.source, sha256=sha256, facts=FieldFacts(**facts))
+        return attrs.evolve(field, source=source)
+
+    one, other = named(fields[0], "1"), named(with_contrast(fields[0], -0.5), "2")
+    of_one = named(with_contrast(one, 0.02), "3", variation=Variation("wall", 20.0, "1"))
+    of_other = named(with_contrast(other, 0.04), "4", variation=Variation("wall", 10.0, "2"))
+    air = iriftrace.HotAir([one, of_one, other, of_other], labels=list("abcd"))
+    cells = cells_of(one)
+    (by_kelvin,) = _by_wall(board_in(air), [cells])
+    mean = 0.5 * (0.02 / 20.0 + 0.5 * 0.04 / 10.0)
+    np.testing.assert_allclose(by_kelvin, mean * (cells.refractivity - cells.ambient), atol=1e-12)
+
+
 def test_other_air_is_told(fields: Fields, shifts: MeasuredShift) -> None:
     """Another contrast does not explain the lean when the dots have little noise."""
     with pytest.warns(iriftrace.IriftraceWarning, match="Air outside these numbers"):
@@ -126,6 +145,9 @@ def test_what_cannot_be_fitted_is_refused(fields: Fields, shifts: MeasuredShift)
             iriftrace.fit_free(scene, shifts, free)
         assert refused.value.code == code
         assert refused.value.argument == "free"
+    with pytest.raises(InputError) as refused:
+        iriftrace.fit_free(scene, attrs.evolve(shifts, resolution=(1200, 1000)), ["contrast"])
+    assert refused.value.code == "shifts.other_size"
 
 
 @pytest.mark.filterwarnings("ignore:The field has no cavity")

@@ -139,7 +139,7 @@ def test_other_signs_are_told(board: iriftrace.Scene, shifts: MeasuredShift) -> 
 def test_places_that_were_left_out_are_counted(
     board: iriftrace.Scene, shifts: MeasuredShift
 ) -> None:
-    marked = attrs.evolve(shifts, failed=7, zeros=3)
+    marked = attrs.evolve(shifts, failed=7, zeros=3, resolution=BOARD_CAMERA.resolution)
     dots = iriftrace.fit_members(board, marked).dots
     assert (dots["measured"], dots["failed"], dots["zeros"]) == (len(shifts.places), 7, 3)
 
@@ -248,6 +248,8 @@ def test_shifts_that_cannot_be_fitted(board: iriftrace.Scene, shifts: MeasuredSh
         return attrs.evolve(shifts, places=shifts.places[rows] + offset, shifts=shifts.shifts[rows])
 
     refused("outside the camera's picture", some(slice(None), 1500.0))
+    binned = attrs.evolve(shifts, resolution=(1200, 1000))
+    refused("map of 1200 x 1000 pixels, but the camera has 2400 x 2000", binned)
     refused("fewer than the 4 members", some(slice(3)))
     middle = BOARD_CAMERA.project(np.random.default_rng(6).uniform(-4, 4, (40, 3)))
     refused("hides the board", attrs.evolve(shifts, places=middle, shifts=np.zeros((40, 2))))

@@ -127,6 +127,19 @@ def test_ensemble_of_fields(scene: iriftrace.Scene, tmp_path: Path) -> None:
         np.testing.assert_array_equal(in_memory.image.channels[name], values, err_msg=name)
 
 
+def test_members_have_the_names_of_their_files(scene: iriftrace.Scene) -> None:
+    """Without folders, unless two files have the same name."""
+    field = scene.air.states[0].field
+    assert field is not None
+
+    def labels(*paths: str) -> list[str]:
+        fields = [attrs.evolve(field, source=attrs.evolve(field.source, path=p)) for p in paths]
+        return [state.label for state in iriftrace.HotAir(fields).states]
+
+    assert labels("hall/still.vtu", "hall/draught.vtu") == ["still.vtu", "draught.vtu"]
+    assert labels("day 1/air.vtu", "day 2/air.vtu") == ["day 1/air.vtu", "day 2/air.vtu"]
+
+
 def test_shells_alone_have_no_cells(scene: iriftrace.Scene) -> None:
     shells = scene.air.states[0].shells
     alone = attrs.evolve(scene, air=iriftrace.HotAir(shells=shells))

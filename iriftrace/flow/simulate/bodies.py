@@ -16,7 +16,7 @@ from iriftrace.core.units import PLAUSIBLE_K
 from iriftrace.flow.simulate.domain import Domain
 from iriftrace.flow.simulate.draught import SIDES
 from iriftrace.flow.simulate.part_surface import is_symmetric, write_stl
-from iriftrace.io.bodies import FOLDER
+from iriftrace.io.named_files import BODIES
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.wall_temperature import HOTTEST
 
@@ -45,7 +45,7 @@ class Body:
         """Description of the body, with the file of its copy next to the field."""
         return {
             "name": self.name,
-            "file": f"{FOLDER}/{self.name}.stl",
+            "file": f"{BODIES}/{self.name}.stl",
             "sha256": self.surface.sha256,
             "temperature_k": self.temperature_k,
         }
@@ -65,7 +65,7 @@ def floor_below(grid: pv.UnstructuredGrid, height: float) -> Body:
 
 
 def write_bodies(bodies: Sequence[Body], folder: Path) -> None:
-    """Write copies of the bodies, mm, world, into `FOLDER` in the field's folder."""
+    """Write copies of the bodies, mm, world, into `BODIES` in the field's folder."""
     for body in bodies:
         target = folder / str(body.record()["file"])
         target.parent.mkdir(parents=True, exist_ok=True)

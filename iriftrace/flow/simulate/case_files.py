@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -109,9 +110,13 @@ def write_control(
     times = case.times
     # Where averaging begins at once, the mesher still needs times that are not 0.
     late = averaging or times.settled == 0.0
+    end = times.end if late else times.settled
+    interval = times.averaging_interval if late else times.settling_interval
+    # They count from the start, a rounded time, and the last one has to end with the run.
+    intervals = max(1, math.ceil((end - start) / interval - 1e-6))
     entries = {
-        "end_time": times.end if late else times.settled,
-        "write_interval": times.averaging_interval if late else times.settling_interval,
+        "end_time": end,
+        "write_interval": (end - start) / intervals,
         # One more than needed: the last may be incomplete if the run is killed.
         "times_kept": max(times.snapshots, 1) + 1 if averaging else 2,
         "start_time": f"{start:.9g}",

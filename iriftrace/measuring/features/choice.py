@@ -9,9 +9,10 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from attrs import frozen
 
-from iriftrace.core.arrays import AnyIntArray, BoolArray, FloatArray
+from iriftrace.core.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.measuring.features.fit import FEWEST, SAMPLE, FeatureKind, check_kind, fit_feature
+from iriftrace.measuring.uncertainty.tolerances import WITH_DIAMETER
 from iriftrace.part.part import Part
 
 FOUND_KINDS: tuple[FeatureKind, ...] = ("plane", "cylinder", "cone", "sphere")
@@ -110,9 +111,27 @@ def found_features(part: Part, face: AnyIntArray) -> tuple[FeatureChoice, ...]:
 
     Regions on whose faces (n,) fewer than `FEWEST_MEASURED` points were measured are omitted.
     """
-    region = part.region_of_face
-    measured = np.bincount(region[face], minlength=len(part.region_names))
-    names = [part.region_names[number] for number in np.flatnonzero(measured >= FEWEST_MEASURED)]
+    return _features_where(part, _points_by_region(part, face) >= FEWEST_MEASURED)
+
+
+def hardly_measured(part: Part, face: AnyIntArray) -> dict[str, int]:
+    """Points of the features with a diameter that `found_features` omits, by the feature's name."""
+    points = _points_by_region(part, face)
+    few = _features_where(part, (points > 0) & (points < FEWEST_MEASURED))
+    by_region = dict(zip(part.region_names, points.tolist(), strict=True))
+    return {
+        str(one): by_region[one.region] for one in few if one.region and one.kind in WITH_DIAMETER
+    }
+
+
+def _points_by_region(part: Part, face: AnyIntArray) -> IntArray:
+    points: IntArray = np.bincount(part.region_of_face[face], minlength=len(part.region_names))
+    return points
+
+
+def _features_where(part: Part, mask: BoolArray) -> tuple[FeatureChoice, ...]:
+    """The features that the regions in a mask (m,) are."""
+    names = [part.region_names[number] for number in np.flatnonzero(mask)]
     kinds = ((kind_of_region(part, name), name) for name in names)
     return tuple(FeatureChoice(kind, name) for kind, name in kinds if kind is not None)
 

@@ -13,10 +13,24 @@ import numpy as np
 
 from iriftrace.core.arrays import AnyIntArray, FloatArray
 from iriftrace.core.blocks import blocks
+from iriftrace.core.errors import InputError
 from iriftrace.measuring.features.quantity import DRAWING
 from iriftrace.measuring.uncertainty.inputs import Inputs
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
+
+
+def check_growth(inputs: Inputs, growth: Growth | None) -> None:
+    """Raise InputError for stated uncertainties of a growth that the part does not have."""
+    stated = [name for name in ("expansion", "part") if name in inputs.stated()]
+    if growth is None and stated:
+        raise InputError(
+            f"The uncertainty of {' and '.join(stated)} is stated, but the scene does not state "
+            "how much its part has grown, so sizes are those of the hot part and do not depend on "
+            "it; make the scene with the part's expansion and hot temperature, or leave it out.",
+            code="uncertainty.of_no_growth",
+            argument="uncertainty",
+        )
 
 
 def u_of_growth(

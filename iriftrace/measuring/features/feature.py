@@ -21,7 +21,8 @@ class Feature:
         centre.
     direction : (3,) array or None
         Unit normal of a plane or circle, unit axis of a line, cylinder or cone; none of a sphere.
-        Its largest component is positive; a cone's points to its wide end.
+        Its largest component is positive, or it has the sense of the near fit that was given; a
+        cone's points to its wide end.
     size_mm : float or None, mm
         Diameter (of a cone at `position`); none of plane and line.
     scatter_mm : float or None, mm

@@ -56,7 +56,8 @@ def fit_feature(
     weights : (m,) array, optional
         Weights of the squared distances; `u_size_mm` is right for equal ones, the default.
     near : Feature, optional
-        A fit to nearly the same points; the search for an axis starts from its own.
+        A fit to nearly the same points; the search for an axis starts from its own, and the
+        direction has its sense.
     rows : (m,) array of int, optional
         Numbers of the points that are fitted; all by default.
 
@@ -97,6 +98,7 @@ def fit_feature(
         found = _round(unit, axes if known is None else known[None], opening=kind == "cone")
     else:
         found = _FITS[kind](unit, axes)
+    found = _signed(found, near)
     found.residuals[:] *= scale
     return evolve(
         found,
@@ -119,13 +121,23 @@ def check_kind(kind: str) -> None:
         )
 
 
-def _signed(direction: FloatArray) -> FloatArray:
-    signed: FloatArray = direction * np.sign(direction[np.argmax(np.abs(direction))])
-    return signed
+def _signed(found: Feature, near: Feature | None) -> Feature:
+    """The feature with the sense of a near fit, or else with the largest component positive."""
+    direction = found.direction
+    if direction is None or found.kind == "cone":
+        return found
+    if near is None or near.direction is None:
+        along = direction[np.argmax(np.abs(direction))]
+    else:
+        along = direction @ near.direction
+    if along >= 0.0:
+        return found
+    residuals = -found.residuals if found.kind == "plane" else found.residuals
+    return evolve(found, direction=-direction, residuals=residuals)
 
 
 def _plane(points: Points, axes: FloatArray) -> Feature:
-    normal = _signed(axes[2])
+    normal = axes[2]
     spread = np.square(points.factor(lambda p: p @ axes.T)).sum(axis=0)
     variance = _variance(float(spread[2]), len(points) - 3)
     weight = sum(float(np.sum(root**2)) for _, root in points)
@@ -144,7 +156,7 @@ def _plane(points: Points, axes: FloatArray) -> Feature:
 
 
 def _line(points: Points, axes: FloatArray) -> Feature:
-    axis = _signed(axes[0])
+    axis = axes[0]
     off = points.each(lambda p: row_lengths(np.cross(p, axis)))
     return Feature("line", np.zeros(3), axis, None, None, None, off)
 
@@ -264,7 +276,7 @@ def _circle(points: Points, axes: FloatArray) -> Feature:
     start = (*(centre @ frame[:2]), 0.0, 0.0, radius)
     best, doubt, s = _solved(points, columns, start, radius=5, each=2)
     off = points.each(lambda p: np.hypot(*np.split(columns(p, best)[:, 6], 2)))
-    normal = _signed(_tilted(frame, best[3:5]))
+    normal = _tilted(frame, best[3:5])
     size = 2 * float(best[5])
     return Feature("circle", best[:3], normal, size, doubt, None, off, scatter_mm=s)
 
@@ -350,8 +362,7 @@ def _about_axis(points: Points, axis: FloatArray, opening: bool, exact: float = 
     size = 2 * float(best[4] + np.tan(angle) * float((position - foot) @ direction))
     off = points.each(lambda p: _round_of(p, frame, best).residuals)
     if not opening:
-        signed = _signed(direction)
-        return Feature("cylinder", position, signed, size, doubt, None, off, scatter_mm=s)
+        return Feature("cylinder", position, direction, size, doubt, None, off, scatter_mm=s)
     wide = direction if angle >= 0.0 else -direction
     return Feature("cone", position, wide, size, doubt, abs(angle), off, scatter_mm=s)
 

@@ -21,6 +21,7 @@ from iriftrace.measuring.features.choice import (
     FeatureChoice,
     checked_choices,
     found_features,
+    hardly_measured,
     on_region,
     other_surface,
 )
@@ -30,6 +31,7 @@ from iriftrace.measuring.features.outliers import inliers
 from iriftrace.measuring.features.points import Points, extent
 from iriftrace.measuring.features.quantity import DRAWING, Quantity
 from iriftrace.measuring.options import GATE, check_gate
+from iriftrace.measuring.uncertainty.tolerances import check_diameter
 from iriftrace.part.part import Part
 
 NO_FEATURE = 0.1
@@ -95,12 +97,6 @@ class FittedFeature:
         return cone_place(self.kind, self.fits[_reference(self.fits)].position)
 
     @property
-    def place_on_drawing(self) -> str:
-        """The same on the drawing; "" also if the part has not grown."""
-        drawn = self.fits.get(DRAWING)
-        return "" if drawn is None else cone_place(self.kind, drawn.position)
-
-    @property
     def form_mm(self) -> dict[str, float]:
         """Form deviation by the name of the cloud."""
         return {name: fit.form_mm for name, fit in self.fits.items()}
@@ -158,11 +154,15 @@ def warn_of_worse(features: Iterable[FittedFeature]) -> None:
 
 
 def check_names(names: Iterable[str], known: Sequence[str]) -> None:
-    """Raise InputError for a name that is not among those of the fitted features with a size."""
+    """Raise InputError for the name of a tolerance of none of the fitted features.
+
+    Or of one without one diameter.
+    """
     for name in names:
+        check_diameter(name)
         if name not in known:
             raise InputError(
-                f"There is a tolerance of {name!r}, which is not among the diameters that were "
+                f"There is a tolerance of {name!r}, which is not among the features that were "
                 f"fitted: {', '.join(known) or 'none'}.",
                 code="tolerance.of_no_feature",
                 argument="tolerance",
@@ -223,11 +223,12 @@ def fit_features(
     """Fit features to the same (n, 3) points, mm, in several clouds, by name.
 
     `face` (n,) is the part's face on which each point lies, `by_member` the same points by each
-    member of an ensemble. The default choice is `found_features`. Warns of points that do not fit
-    the feature or leave its diameter uncertain, and omits what they do not determine, as those of
-    `one_line` of a laser do not determine a surface. Uncertainties are by the scatter of the points
-    about the feature, or by `scatter_mm`, the known standard deviation of each. Only points of the
-    mask `among` (n,) are fitted, by default all.
+    member of an ensemble. The default choice is `found_features`, with a warning of features that
+    too few points were measured of. Warns of points that do not fit the feature or leave its
+    diameter uncertain, and omits what they do not determine, as those of `one_line` of a laser do
+    not determine a surface. Uncertainties are by the scatter of the points about the feature, or by
+    `scatter_mm`, the known standard deviation of each. Only points of the mask `among` (n,) are
+    fitted, by default all.
 
     Outliers of the cloud ``"corrected"`` (else of the first), which hot air does not move, and
     points as near to other regions, by `inliers`, are removed from all. The diameters of a cone are
@@ -241,6 +242,8 @@ def fit_features(
     members = list(by_member)
     taken = np.ones(len(face), dtype=bool) if among is None else among
     found = found_features(part, face[taken])
+    if not wanted:
+        _warn_of_hardly_measured(hardly_measured(part, face[taken]))
     features = []
     for choice in chain.from_iterable(_regions_of(choice, found) for choice in wanted or found):
         kind, region = choice.kind, choice.region or None
@@ -290,6 +293,17 @@ def _regions_of(choice: FeatureChoice, found: Sequence[FeatureChoice]) -> list[F
     """The features of a choice; all of its kind that were found, if it names no region."""
     same = [one for one in found if one.kind == choice.kind and choice.region is None]
     return same or [choice]
+
+
+def _warn_of_hardly_measured(points: Mapping[str, int]) -> None:
+    """Warn of features that were seen, but by too few points to be fitted without being chosen."""
+    if points:
+        few = ", ".join(f"{name} ({count:,})" for name, count in points.items())
+        warn(
+            f"Features with fewer than {FEWEST_MEASURED} measured points are not fitted: {few}; "
+            "look at them from another pose, or choose them.",
+            argument="feature",
+        )
 
 
 def _refuse_unmeasured(

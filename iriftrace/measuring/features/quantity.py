@@ -96,6 +96,15 @@ class Quantity:
         names = (DRAWING, "corrected", "cold")
         return next((self.by_cloud[name] for name in names if name in self.by_cloud), None)
 
+    @property
+    def uncorrected(self) -> float | None:
+        """Value as measured; of an expanded part scaled to its drawing as the corrected one is."""
+        names = ("measured", "corrected", DRAWING)
+        measured, corrected, drawn = (self.by_cloud.get(name) for name in names)
+        if measured is None or corrected is None or drawn is None:
+            return measured
+        return measured * drawn / corrected
+
     def u_of_group(self, group: str) -> float | None:
         """Standard uncertainty by one of the groups of `by_group`; None if it is not known."""
         first, *moved = self.by_group.get(group, (None,))

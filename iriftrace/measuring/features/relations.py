@@ -32,7 +32,8 @@ class Relation:
     value : Quantity
         For parallel planes how far the points' centres are apart along the mean of both normals,
         mm. For square ones the angle, deg, below or above 90 degrees as their normals point (each
-        with its largest component positive).
+        with its largest component positive in the cloud that hot air does not move, and the same
+        sense in all others).
     """
 
     regions: tuple[str | None, str | None]

@@ -1,10 +1,11 @@
 r"""Few physical numbers of the air, fitted to measured shifts next to the members' weights.
 
 Each member's air is changed alike: n - n_ambient of all points by a factor (contrast), the points
-above the hot part by a shear (lean), and n - n_ambient by a multiple of what a member that was
-solved again for another wall temperature differs by (wall). For each set of numbers the weights are
-those of `ShiftMixture`; least squares over the numbers, by central differences, see only what no
-weights explain (variable projection; Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413).
+above the hot part by a shear (lean), and n - n_ambient by a multiple of what members that were
+solved again for another wall temperature differ by in the mean (wall). For each set of numbers the
+weights are those of `ShiftMixture`; least squares over the numbers, by central differences, see
+only what no weights explain (variable projection; Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973)
+413).
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from iriftrace.measuring.fit.shift_mixture import ShiftMixture
 from iriftrace.measuring.fit.shift_noise import shift_noise
 from iriftrace.medium.index_field import IndexField
 from iriftrace.medium.path_data import CommonMesh, FieldCells
-from iriftrace.tracing.hot_air import FieldMember, HotAir
+from iriftrace.tracing.hot_air import FieldMember, HotAir, solved_again
 from iriftrace.tracing.scene import Scene, ready_scene
 
 SCHEMA = "iriftrace.free_fit/1"
@@ -310,20 +311,20 @@ def _changed(
 
 def _by_wall(scene: Scene, cells: Sequence[FieldCells]) -> list[FloatArray]:
     """Change of n - n_ambient (m,) at the points of each of some cells by 1 K of the wall."""
-    place = {one.source.sha256: number for number, one in enumerate(scene.members)}
-    for number, member in enumerate(scene.members):
-        variation = member.variation
-        if variation is not None and variation.quantity == "wall":
-            both = [scene.air.states[n].cells for n in (number, place[variation.of])]
-            mesh = CommonMesh.of([*cells, *both])
-            by_kelvin = (mesh.excess[-2] - mesh.excess[-1]) / variation.step
-            return [by_kelvin[own] for own in mesh.numbers[: len(cells)]]
-    raise InputError(
-        f"{scene.name} has no member that varies the wall, so there is no direction in which to "
-        "fit its temperature; add one that was solved again with another wall.",
-        code="fit.no_wall_member",
-        argument="free",
-    )
+    solved = solved_again(scene.members, "wall")
+    if not solved:
+        raise InputError(
+            f"{scene.name} has no member that varies the wall, so there is no direction in which "
+            "to fit its temperature; add one that was solved again with another wall.",
+            code="fit.no_wall_member",
+            argument="free",
+        )
+    pairs = [scene.air.states[place].cells for one in solved for place in one[:2]]
+    mesh = CommonMesh.of([*cells, *pairs])
+    excess = mesh.excess[len(cells) :]
+    steps = np.array([step for *_, step in solved])
+    by_kelvin = ((excess[::2] - excess[1::2]) / steps[:, None]).mean(axis=0)
+    return [by_kelvin[own] for own in mesh.numbers[: len(cells)]]
 
 
 def _names(free: Sequence[str]) -> list[str]:

@@ -33,6 +33,7 @@ from iriftrace.measuring.fit.member_fit import (
 from iriftrace.measuring.fit.shift_mixture import ShiftMixture
 from iriftrace.measuring.fit.shift_noise import shift_noise
 from iriftrace.measuring.fit.shift_signs import warn_of_signs
+from iriftrace.measuring.map_size import refuse_other_size
 from iriftrace.tracing.engine import choose
 from iriftrace.tracing.provenance import provenance
 from iriftrace.tracing.rays import traced_as_chosen
@@ -94,9 +95,9 @@ def fit_members(
     Raises
     ------
     InputError
-        The scene is not an ensemble; the dots are another camera's, hidden, or fewer than the
-        members; the members' shifts do not differ, as with a board in front of the part; or views
-        have different members.
+        The scene is not an ensemble; a map of shifts has another size than the camera's picture;
+        the dots are another camera's, hidden, or fewer than the members; the members' shifts do not
+        differ, as with a board in front of the part; or views have different members.
 
     Warns
     -----
@@ -161,6 +162,9 @@ def view_of(
     full, seen = scene.compiled.full_resolution, scene.camera.resolution
     camera = scene.camera.scaled(full[0] / seen[0])
     check_count(len(shifts.places), len(fitted), "dots on the board")
+    size = tuple(int(pixels) for pixels in full)
+    remedy = "give shifts between pictures of the scene's camera at its full resolution"
+    refuse_other_size(shifts, size, "the camera", remedy)
     _check_in_picture(shifts, camera)
     hot = shifts.places + shifts.shifts
     traced = choose(scene, camera).scene
@@ -213,7 +217,7 @@ def _fitted(
 
 def _check_members(first: Scene, other: Scene) -> None:
     """Refuse views whose members are not the same fields in the same order."""
-    listed = [[(m.source.sha256, m.time) for m in members_in(scene)] for scene in (first, other)]
+    listed = [[m.state for m in members_in(scene)] for scene in (first, other)]
     if listed[0] != listed[1]:
         raise InputError(
             f"{other.name} has other members than {first.name}, so one fit cannot use both views; "

@@ -12,6 +12,7 @@ from attrs import frozen
 
 from iriftrace.core.errors import InputError
 from iriftrace.measuring.features.choice import FeatureChoice
+from iriftrace.measuring.features.drawing import check_growth
 from iriftrace.measuring.features.fitted import FittedFeature
 from iriftrace.measuring.features.relations import Relation
 from iriftrace.measuring.options import GATE, Phase
@@ -51,34 +52,50 @@ def feature_budget(
 ) -> FeatureBudget:
     """Simulate what two devices measure, and state the uncertainty of its corrected features.
 
+    The points are simulated without noise: if `inputs` state no sensor, U is a lower bound.
     Costs as much as :func:`iriftrace.measure`, whose errors and warnings it has, and traces a
-    sample of the points in mixed air and with moved devices. `choices`, `tolerances` and `gate` are
-    those of `Correction.features`, and `progress` that of `measure`.
+    sample of the points in mixed air and with moved devices. Points that are seen through no hot
+    air are not corrected, as by `correct`. `choices`, `tolerances` and `gate` are those of
+    `Correction.features`, and `progress` that of `measure`. Raises InputError also if no point is
+    seen through hot air, or `inputs` state the uncertainty of a growth that the part does not have.
     """
     ready, sensor = sensor_of(scene, None, None, system, phase)
+    check_growth(inputs, ready.part.growth)
     traced = choose(ready, *sensor.devices).scene
     scan = measured(traced, sensor, varied=True, progress=progress)
+    if not scan.in_air.any():
+        raise InputError(
+            f"None of the {len(scan.points):,} points is seen through hot air that is known, so "
+            "there is no correction whose uncertainty could be stated; check the frame and the "
+            "length unit of the field.",
+            code="devices.no_hot_air",
+        )
+    in_air = scan.in_air[:, None]
     groups, unchecked = AirGroups.of(ready, inputs), ""
-    changes = pose_changes(traced, sensor, inputs, scan.true, scan.face)
+    sampled = np.where(scan.in_air, scan.face, -1)
+    changes = pose_changes(traced, sensor, inputs, scan.true, sampled)
     try:
-        mixed = mixture_changes(ready, sensor, groups, scan.true, scan.face)
+        mixed = mixture_changes(ready, sensor, groups, scan.true, sampled)
         changes += () if mixed is None else (mixed,)
     except InputError as error:
         unchecked = str(error)
     correction = Correction(
         measured=scan.points,
-        error=scan.error,
-        status=np.full(len(scan.points), CorrectionStatus.CORRECTED, dtype=np.int64),
+        error=scan.error * in_air,
+        status=np.where(
+            scan.in_air, CorrectionStatus.CORRECTED, CorrectionStatus.OUTSIDE_FIELD
+        ).astype(np.int64),
         face=scan.face,
         face_normals=ready.part.surface.normals,
         system=scan.system,
         provenance=scan.provenance,
         inputs=inputs,
         groups=groups,
-        errors=scan.errors,
+        errors=None if scan.errors is None else scan.errors * in_air,
         growth=scan.growth,
         one_line=scan.one_line,
         changes=changes,
+        without_noise=True,
     )
     features = correction.features(ready.part, choices, gate, tolerances=tolerances)
     return FeatureBudget(correction, features, correction.relations(features), unchecked)

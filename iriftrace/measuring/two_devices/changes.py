@@ -36,6 +36,13 @@ SAMPLE = 2000
 MIXTURES = 8
 """Number of traces of mixed air."""
 
+MOST_UNKNOWN = 0.05
+"""Fraction of a region's sampled points with an unknown change, above which none of them is used.
+
+Lines of sight that are lost or have several images pass the steepest air, so that the others would
+state too little.
+"""
+
 
 @frozen(eq=False)
 class Changes:
@@ -45,15 +52,27 @@ class Changes:
     ----------
     group, source : str
     rows : (r,) array of int
-        Sampled points.
+        Sampled points at which all changes are known; none of a region of which more than
+        `MOST_UNKNOWN` are not known.
     errors : (m, r, 3) array, mm
-        By one standard uncertainty in each direction; 0 where a line of sight is not known.
+        By one standard uncertainty in each direction.
     """
 
     group: str
     source: str
     rows: IntArray
     errors: FloatArray
+
+
+def _known(
+    group: str, source: str, rows: IntArray, errors: FloatArray, face: IntArray, part: Part
+) -> Changes:
+    """The changes by errors (m, r, 3), NaN where a line of sight is not known, at sampled rows."""
+    unknown = np.isnan(errors).any(axis=(0, 2))
+    region = part.region_of_face[face[rows]]
+    doubtful = np.bincount(region, unknown) > MOST_UNKNOWN * np.bincount(region)
+    known = ~unknown & ~doubtful[region]
+    return Changes(group, source, rows[known], errors[:, known])
 
 
 def _sampled(face: IntArray, part: Part) -> IntArray:
@@ -89,8 +108,9 @@ def pose_changes(
     for field in scene.alone([heaviest]):
         for factor, *pair in _moved(sensor, inputs):
             before, after = (error_at(field, moved, points[rows]) for moved in pair)
-            found.append(np.nan_to_num(factor * (after - before)))
-    return (Changes(POSE, "stated; central differences", rows, np.array(found)),)
+            found.append(factor * (after - before))
+    source = "stated; central differences"
+    return (_known(POSE, source, rows, np.array(found), face, scene.part),)
 
 
 def _moved(sensor: Sensor, inputs: Inputs) -> Iterator[tuple[float, Sensor, Sensor]]:
@@ -151,5 +171,5 @@ def mixture_changes(
     ]
     by_member, mixed = np.split(np.array(found), [len(places)])
     off = mixed - np.tensordot(mixtures[:, places], by_member, axes=1)
-    errors = np.nan_to_num(off / np.sqrt(MIXTURES))
-    return Changes(SURROGATE, f"{MIXTURES} traces of mixed air", rows, errors)
+    source = f"{MIXTURES} traces of mixed air"
+    return _known(SURROGATE, source, rows, off / np.sqrt(MIXTURES), face, scene.part)

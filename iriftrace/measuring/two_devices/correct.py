@@ -18,6 +18,7 @@ from iriftrace.core.blocks import blocks, by_block
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.mesh.triangles import row_lengths
+from iriftrace.measuring.features.drawing import check_growth
 from iriftrace.measuring.options import Phase
 from iriftrace.measuring.two_devices.changes import pose_changes
 from iriftrace.measuring.two_devices.correction import Correction
@@ -121,7 +122,8 @@ def correct(
     ------
     InputError
         As `iriftrace.measure`, and if there are no points, some are not finite, none lies on the
-        part or can be corrected, or there are not as many pixels.
+        part or can be corrected, there are not as many pixels, or `inputs` state the uncertainty of
+        a growth that the part does not have.
 
     Warns
     -----
@@ -132,11 +134,14 @@ def correct(
     measured = _checked(points)
     seen_at = None if pixels is None else checked_pixels(pixels, len(measured))
     loaded, sensor = sensor_of(scene, camera, second, system, phase)
+    check_growth(inputs, loaded.part.growth)
     near_box, to_part = _near_part(measured, loaded.part)
     traced = choose(loaded, *sensor.devices).scene
     groups = AirGroups.of(traced, inputs)
     order, in_view = _order(measured, near_box, sensor)
-    varied = {place for one in groups.varied.values() for place in (one.member, one.base)}
+    varied = [
+        place for one in groups.varied.values() for place in np.flatnonzero(one.change).tolist()
+    ]
     places = sorted({*traced.counted, *varied})
     found = {
         place: _in_one_field(measured, in_view, order, member, sensor)

@@ -40,7 +40,7 @@ from iriftrace.measuring.two_devices.changes import Changes
 from iriftrace.measuring.two_devices.correction_status import CorrectionStatus, is_corrected
 from iriftrace.measuring.two_devices.larger import Larger
 from iriftrace.measuring.two_devices.statistics import RegionValues, region_values
-from iriftrace.measuring.two_devices.uncertain_value import with_uncertainty
+from iriftrace.measuring.two_devices.uncertain_value import SENSOR, with_uncertainty
 from iriftrace.measuring.uncertainty.air_groups import BEYOND, OTHER_AIR, AirGroups
 from iriftrace.measuring.uncertainty.decision import Tolerance
 from iriftrace.measuring.uncertainty.inputs import NOTHING_STATED, Inputs
@@ -88,6 +88,8 @@ class Correction:
         The points are those of one line of a laser.
     changes : tuple of Changes
         Changes of the error at a sample of points by further groups of inputs.
+    without_noise : bool
+        The points are simulated, so that their scatter about a feature is not that of a sensor.
     """
 
     measured: FloatArray
@@ -105,6 +107,7 @@ class Correction:
     growth: Growth | None = None
     one_line: bool = False
     changes: tuple[Changes, ...] = ()
+    without_noise: bool = False
 
     def _repr_html_(self) -> str:
         """Numbers and picture of the correction, for notebooks."""
@@ -188,7 +191,8 @@ class Correction:
         corrected points carried back onto its drawing. Sizes have their uncertainties by group
         (the air is not known for synthetic air), of an ensemble the member by which they are
         farthest from the mean, and the verdict on those of `tolerances`, by the names of features,
-        such as "cylinder:bore". Raises InputError for a tolerance of no fitted feature.
+        such as "cylinder:bore". Raises InputError for a tolerance of no fitted feature, or of one
+        without one diameter, such as a cone.
         """
         good, points = self.corrected, self.points
         drawn = drawing_cloud(points, self.face, part)
@@ -210,7 +214,7 @@ class Correction:
         )
         stays = self.face[~good & (self.face >= 0)]
         doubts = {each.name: self._doubts(each, part) for each in fitted}
-        check_names(tolerances, [one.name for one in fitted if one.size.answer is not None])
+        check_names(tolerances, [one.name for one in fitted])
         return tuple(
             evolve(
                 each,
@@ -227,7 +231,8 @@ class Correction:
         """`FittedFeature.doubts`."""
         status = self.status[on_region(feature.region, self.face, part) & (self.face >= 0)]
         beyond = np.mean(status == CorrectionStatus.OUTSIDE_FIELD) > LARGEST_BARE_SHARE
-        found = {OTHER_AIR: is_worse(feature), BEYOND: beyond}
+        unknown_noise = self.without_noise and self.inputs.sensor_mm is None
+        found = {OTHER_AIR: is_worse(feature), BEYOND: beyond, SENSOR: unknown_noise}
         return tuple(name for name, doubted in found.items() if doubted)
 
     def _refitted(
@@ -246,7 +251,7 @@ class Correction:
 
     def relations(self, features: Sequence[FittedFeature]) -> tuple[Relation, ...]:
         """Distances and angles between `features`, with the same statements."""
-        doubts = {one.region: one.doubts for one in features}
+        doubts = {one.region: one.doubts for one in features if one.kind == "plane"}
         return tuple(
             evolve(
                 each,

@@ -17,19 +17,18 @@ def decided(values: JsonObject, tolerances: Mapping[str, Tolerance]) -> JsonObje
     """The JSON values of a correction with the verdicts on these tolerances alone.
 
     They are those of `Correction.features`, without computing the correction again. Raises
-    InputError for a tolerance of no fitted feature, and LookupError, TypeError or ValueError for
-    other values.
+    InputError for a tolerance that `Correction.features` refuses, and LookupError, TypeError or
+    ValueError for other values.
     """
     rows = {str(FeatureChoice(one["kind"], one["region"])): one for one in values["features"]}
     found = {name: evolve(Quantity.of(row), decision=None) for name, row in rows.items()}
-    check_names(tolerances, [name for name, one in found.items() if one.answer is not None])
+    check_names(tolerances, list(rows))
     features = []
     for name, row in rows.items():
         value = found[name]
         kept = {key: one for key, one in row.items() if key != "decision"}
         if name in tolerances and value.uncertainty is not None:
-            measured = value.by_cloud["measured"]
-            decision = decide(tolerances[name], value.uncertainty, measured)
+            decision = decide(tolerances[name], value.uncertainty, value.uncorrected)
             kept["decision"] = decision.as_dict()
         features.append(kept)
     return {**values, "features": features}

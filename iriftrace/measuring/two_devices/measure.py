@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.tiles import pixels_in_tiles, within
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn, without_warnings
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.core.mesh.triangles import row_lengths
@@ -172,6 +172,7 @@ def _together(
     rows = kept[(first.status == ScanStatus.MEASURED).ravel()]
     true = weights.mean(each("true"))
     errors = completed(dict(enumerate(zip(each("error"), known, strict=True))), members, weights)
+    in_air = [scan.in_air[kept[scan.status.ravel() == ScanStatus.MEASURED]] for scan in counted]
     return evolve(
         first,
         points=true + weights.mean(errors),
@@ -181,6 +182,7 @@ def _together(
         angle=weights.mean(each("angle")),
         pixel=first.pixel[rows],
         face=first.face[rows],
+        in_air=np.all(in_air, axis=0),
         status=status,
         errors=errors,
         weights=weights,
@@ -193,7 +195,7 @@ def _scan(scene: Scene, sensor: Sensor, member: int | None = None) -> Scan:
     camera, sheet = sensor.camera, sensor.system == "laser"
     forward, solved = reversed(sensor.devices) if sheet else sensor.devices
     lit = _lit_points(scene, forward, sheet=sheet)
-    codes, numbers, direction, unseen = _seen_by(scene, solved, forward, lit)
+    codes, numbers, direction, in_air, unseen = _seen_by(scene, solved, forward, lit)
     status = lit.status
     status[lit.pixel] = codes
     missing = int((status == ScanStatus.LOST).sum())
@@ -224,6 +226,7 @@ def _scan(scene: Scene, sensor: Sensor, member: int | None = None) -> Scan:
         angle=angle,
         pixel=camera.project(camera.origin + a) if sheet else lit.place[kept],
         face=lit.face[kept],
+        in_air=lit.in_air[kept] | in_air[good],
         status=status.reshape(lit.shape),
         **asdict(sensor, recurse=False),
         provenance=provenance_of_two(scene, camera),
@@ -240,6 +243,7 @@ class _Lit(NamedTuple):
     face: IntArray  # (n,)
     place: FloatArray  # (n, 2), px, where the ray starts in the picture
     direction: FloatArray  # (n, 3), of the ray at its start
+    in_air: BoolArray  # (n,), the ray met hot air
     pixel: IntArray  # (n,) row-major number of its pixel
     outcome: IntArray  # `Status` of all rays that were traced
     lost: int  # number of rays that were lost
@@ -271,6 +275,7 @@ def _lit_points(scene: Scene, forward: Camera, *, sheet: bool) -> _Lit:
         face=face,
         place=pixels[ray],
         direction=direction[ray],
+        in_air=hits.crossings[seen] > 0,
         pixel=number[ray],
         outcome=hits.status,
         lost=len(lost),
@@ -282,10 +287,11 @@ def _lit_points(scene: Scene, forward: Camera, *, sheet: bool) -> _Lit:
 
 def _seen_by(
     scene: Scene, solved: Camera, forward: Camera, lit: _Lit
-) -> tuple[IntArray, IntArray, FloatArray, list[LostRay]]:
+) -> tuple[IntArray, IntArray, FloatArray, BoolArray, list[LostRay]]:
     """What the other device sees of lit points.
 
-    `ScanStatus` (n,) of the points; numbers (m,) and directions of its lines; its first lost rays.
+    `ScanStatus` (n,) of the points; numbers (m,) and directions of its lines, and whether they meet
+    hot air; its first lost rays.
     """
     distance = row_lengths(lit.point - solved.origin)
     near, far = solved.focus_mm
@@ -305,7 +311,8 @@ def _seen_by(
     codes[numbers[~lines.found]] = ScanStatus.SEVERAL_IMAGES
     codes[numbers[lines.lost]] = ScanStatus.LOST
     codes[numbers[lines.found & ~clear]] = ScanStatus.SHADOW
-    return codes, numbers, lines.direction, _lost(scene, solved, lines.direction[lines.lost][:MOST])
+    lost = _lost(scene, solved, lines.direction[lines.lost][:MOST])
+    return codes, numbers, lines.direction, lines.in_air, lost
 
 
 def _lost(scene: Scene, device: Camera, direction: FloatArray) -> list[LostRay]:

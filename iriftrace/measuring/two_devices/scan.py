@@ -75,6 +75,8 @@ class Scan:
         In the camera's picture; pixel centres at whole numbers.
     face : (n,) array of int
         Face of the part, from 0.
+    in_air : (n,) array of bool
+        The ray of a device meets hot air; of an ensemble in every member that counts.
     status : (h, w) array of int
         `ScanStatus` of every pixel of the device that was traced forward.
     system : str
@@ -107,6 +109,7 @@ class Scan:
     angle: FloatArray
     pixel: FloatArray
     face: IntArray
+    in_air: BoolArray
     status: NDArray[np.int64]
     system: str
     phase: str

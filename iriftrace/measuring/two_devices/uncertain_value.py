@@ -17,6 +17,9 @@ from iriftrace.measuring.uncertainty.decision import Tolerance, decide
 from iriftrace.measuring.uncertainty.inputs import Inputs
 from iriftrace.part.growth import Growth
 
+SENSOR = "sensor"
+"""The group of the noise of the measured points."""
+
 
 def with_uncertainty(
     value: Quantity,
@@ -30,7 +33,8 @@ def with_uncertainty(
 ) -> Quantity:
     """A value with its uncertainty by groups, and with the verdict on a tolerance.
 
-    `doubts` are groups that are not known of this value, without which U is a lower bound.
+    `doubts` are groups that are not known of this value, without which U is a lower bound; with
+    `SENSOR` among them the points have no noise, and their scatter is not in U.
     """
     measured, corrected = value.by_cloud["measured"], value.by_cloud["corrected"]
     if measured is None or corrected is None:
@@ -47,10 +51,10 @@ def with_uncertainty(
     found = [Contribution(name, float(u), "B", sources[name]) for name, u in parts.items()]
     drawn = value.by_cloud.get(DRAWING)
     by_points = value.u["corrected" if drawn is None else DRAWING]
-    if by_points is not None:
+    if by_points is not None and SENSOR not in doubts:
         stated = inputs.sensor_mm is not None
         how = "stated" if stated else "scatter of the points"
-        found.append(Contribution("sensor", by_points, "B" if stated else "A", how))
+        found.append(Contribution(SENSOR, by_points, "B" if stated else "A", how))
     missing = [*groups.missing, *doubts]
     for change in changes:
         by_change = value.u_of_group(change.group)
@@ -69,5 +73,5 @@ def with_uncertainty(
         found.append(Contribution("other", inputs.other_mm, "B", "stated"))
     mixture = groups.mixture(effect)
     u = uncertainty_of(corrected if drawn is None else drawn, found, mixture, missing)
-    decision = None if tolerance is None else decide(tolerance, u, measured)
+    decision = None if tolerance is None else decide(tolerance, u, value.uncorrected)
     return evolve(value, uncertainty=u, decision=decision, worst=worst)

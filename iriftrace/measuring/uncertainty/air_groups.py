@@ -17,12 +17,13 @@ from numpy.typing import ArrayLike
 from scipy.special import ndtri
 
 from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import warn
 from iriftrace.core.member_weights import MemberWeights
 from iriftrace.measuring.uncertainty.budget import SEED, Mixture, dirichlet
 from iriftrace.measuring.uncertainty.inputs import Inputs
 from iriftrace.measuring.uncertainty.similarity import SOURCE, humidity_effect, relative_effects
-from iriftrace.medium.source import FieldFacts, FieldKind, FieldSource
-from iriftrace.tracing.hot_air import OUTSIDE
+from iriftrace.medium.source import FieldKind, FieldSource
+from iriftrace.tracing.hot_air import OUTSIDE, solved_again
 
 if TYPE_CHECKING:
     from iriftrace.tracing.scene import Scene
@@ -53,16 +54,15 @@ class Scaled:
     source: str
 
 
-@frozen
+@frozen(eq=False)
 class SolvedAgain:
-    """A group by a member that was solved again: its number and that of what it varies, from 0.
+    """A group by members that were solved again with one input changed.
 
-    `factor` is the stated standard uncertainty over the step between both.
+    `change` (k,) are the multiples of the members' effects whose sum is the change of the effect by
+    one standard uncertainty; they add up to 0.
     """
 
-    member: int
-    base: int
-    factor: float
+    change: FloatArray
     source: str
 
 
@@ -110,8 +110,8 @@ class AirGroups:
         largest = np.abs(np.asarray(mean, dtype=np.float64))
         if by_member is not None and self.weights is not None:
             for name, one in self.varied.items():
-                step = by_member[one.member] - by_member[one.base]
-                found[name] = np.abs(one.factor * step)
+                used = np.flatnonzero(one.change)
+                found[name] = np.abs(np.tensordot(one.change[used], by_member[used], axes=1))
             if self.source:
                 found[AIR] = self.weights.uncertainty(by_member)
                 # The variance of a product: what scales the effect scales that of the real air.
@@ -143,9 +143,7 @@ class AirGroups:
         found = np.zeros((count, len(self.weights.weights)))
         found[:, used] = dirichlet(self.weights.weights[used], units[:, : len(used)])
         for one, unit in zip(self.varied.values(), units.T[len(used) :], strict=True):
-            step = one.factor * ndtri(unit)
-            found[:, one.member] += step
-            found[:, one.base] -= step
+            found += np.outer(ndtri(unit), one.change)
         return found
 
     def total(self, mean: ArrayLike, by_member: FloatArray | None) -> FloatArray:
@@ -178,6 +176,13 @@ class AirGroups:
         missing += [name for name in _stated_of_flow(inputs) if name not in {**scaled, **varied}]
         if OUTSIDE in scene.compiled.stated.notes:
             missing.append("air outside the members")
+        if (states := inputs.states or 1.0) > 1.0 and UNSTEADY not in scaled:
+            warn(
+                f"The {states:g} states that are averaged change nothing, as the scene's air "
+                "states no range over time (it is steady, fitted to a measurement, several "
+                "snapshots, or of an unknown range); leave them out.",
+                argument="uncertainty",
+            )
         return cls(weights, scaled, varied, source, tuple(missing), synthetic)
 
 
@@ -228,18 +233,24 @@ def _scaled(scene: Scene, inputs: Inputs) -> dict[str, Scaled]:
 
 
 def _varied(scene: Scene, inputs: Inputs) -> dict[str, SolvedAgain]:
-    """Groups of the members that were solved again with one input changed."""
-    given = _stated_of_flow(inputs)
-    found: dict[str, SolvedAgain] = {}
-    place = {one.source.sha256: number for number, one in enumerate(scene.members)}
-    for number, one in enumerate(scene.members):
-        variation = one.variation
-        if variation is None:
+    """Groups of the members that were solved again with one input changed.
+
+    If several members were with the same input, the change is the mean of theirs, weighted as the
+    members that they vary.
+    """
+    found = {}
+    for name, stated in _stated_of_flow(inputs).items():
+        solved = solved_again(scene.members, name)
+        if not solved:
             continue
-        base, stated = place[variation.of], given.get(variation.quantity)
-        if stated is not None:
-            factor = stated / variation.step
-            found[variation.quantity] = SolvedAgain(number, base, factor, "solved again")
+        weights = np.array([scene.weights.weights[base] for _, base, _ in solved])
+        if not weights.any():
+            weights[:] = 1.0
+        change = np.zeros(len(scene.members))
+        for (number, base, step), share in zip(solved, weights / weights.sum(), strict=True):
+            change[number] += share * stated / step
+            change[base] -= share * stated / step
+        found[name] = SolvedAgain(change, "solved again")
     return found
 
 
@@ -248,17 +259,18 @@ def _unsteady(scene: Scene) -> float | None:
 
     By the larger of the relative ranges of heat flow and plume that each field of the mean states,
     as a rectangular distribution. 0 for steady air, for snapshots whose scatter has it, and for
-    weights that a measurement has chosen; None if a range is not known.
+    weights that a measurement has chosen; None if a range is not known, as that of a mean over time
+    by another program.
     """
     fields, heating_k = _in_mean(scene), scene.compiled.stated.heating_k
     fitted = bool(scene.members) and scene.weights.covariance is not None
-    snapshots = [_is_snapshot(one.facts, scene) for one in fields]
-    if fitted or (len(fields) > 1 and all(snapshots)):
+    times = [_time(one, scene) for one in fields]
+    if fitted or (len(fields) > 1 and set(times) == {"snapshot"}):
         return 0.0
     ranges = []
-    for one, snapshot in zip(fields, snapshots, strict=True):
+    for one, time in zip(fields, times, strict=True):
         facts = one.facts
-        if facts.kind is not FieldKind.UNSTEADY and not snapshot:
+        if facts.kind is not FieldKind.UNSTEADY and time not in ("mean", "snapshot"):
             ranges.append(0.0)
         elif facts.heat_variation is None or facts.plume_swing_k is None or heating_k is None:
             return None
@@ -268,7 +280,6 @@ def _unsteady(scene: Scene) -> float | None:
     return float(weights[weights > 0.0] @ ranges / _RANGE) if ranges else 0.0
 
 
-def _is_snapshot(facts: FieldFacts, scene: Scene) -> bool:
-    """True for one moment of a flow that changes, as the file or the user states."""
-    stated = scene.compiled.stated.notes.get("time", facts.time)
-    return stated == "snapshot" and facts.kind is not FieldKind.STEADY
+def _time(source: FieldSource, scene: Scene) -> str:
+    """Time dependence of a field, as its file or the user states; "" if neither does."""
+    return source.time if source.steady else scene.compiled.stated.notes.get("time", source.time)

@@ -86,7 +86,8 @@ class Decision:
     reason : str
         Why nothing is decided although U is known for a part; else "".
     measured : bool or None
-        Whether the value as measured, in hot air, lies within the limits; None if not known.
+        Whether the value as measured, in hot air, lies within the limits; None if not known. Of an
+        expanded part the measured value scaled to the drawing.
     """
 
     tolerance: Tolerance
@@ -132,7 +133,7 @@ def decide(
     """The verdict on a value with an uncertainty.
 
     An uncertainty of which a group is not known is a lower bound, with which nothing is decided.
-    `measured` is the value in hot air.
+    `measured` is the value in hot air, `Quantity.uncorrected`.
     """
     inside = None if measured is None else tolerance.holds(measured)
     outside = _outside(tolerance, uncertainty)

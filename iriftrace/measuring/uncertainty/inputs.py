@@ -72,7 +72,7 @@ class Inputs:
         Of each device about each axis through its projection centre.
     sensor_mm : float or None, mm
         Of one measured point along the normal; independent of the other points. By default by the
-        scatter of the points about each feature.
+        scatter of the points about each feature; not known of simulated ones, which have no noise.
     expansion : float or None
         Of the part's thermal expansion, as a fraction.
     part_temperature_k : float or None, K
