@@ -41,9 +41,10 @@ def test_meshes_in_a_hall_are_compared_with_the_finest(
         3.0: synthetic_field(model, light=denser),
     }
     monkeypatch.setattr(hall, "VIEWS", {"windward": (1.0, 0.0)})
-    monkeypatch.setattr(hall, "solved", lambda _, mm: (fields[mm], 1000, 60.0))
+    monkeypatch.setattr(hall, "LATER_MM", 3.0)
+    monkeypatch.setattr(hall, "solved", lambda _, mm, *times: (fields[mm], 1000, 60.0))
     rows = hall.hall_table(tmp_path, tuple(fields)).rows
-    assert [row.split("|")[2].strip() for row in rows[1:]] == ["+0.0 %", "+10.0 %"]
+    assert [row.split("|")[2].strip() for row in rows[1:]] == ["+0.0 %", "+10.0 %", "+10.0 %"]
     assert "0.06 mm at the wall, 1,000 cells, 1 minutes" in rows[0]
 
 
