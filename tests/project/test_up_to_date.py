@@ -1,4 +1,4 @@
-"""What makes a step of a project out of date, and what does not."""
+"""Changes that put a step of a project out of date, and those that do not."""
 
 import shutil
 from pathlib import Path
