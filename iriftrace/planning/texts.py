@@ -250,8 +250,9 @@ def views_text(summary: SweepSummary, views: ViewSet) -> str:
         if views.exact
         else f"another choice might see up to {100 * views.gap:.2f} % of its area more (gap)."
     )
+    they = "they see" if summary.devices is None else "their cameras (not both devices) see"
     return (
-        f"Together they see {100 * views.covered:.2f} % of the area of {_region(summary)}, of "
+        f"Together {they} {100 * views.covered:.2f} % of the area of {_region(summary)}, of "
         f"{100 * views.coverable:.2f} % that all poses together see; {proof}"
     )
 
