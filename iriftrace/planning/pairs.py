@@ -162,7 +162,7 @@ def plan_pairs(
     limits = {name: limits_of(each, criteria.percentile) for name, each in quantities.items()}
     objective = request.objective(limits)
     score = objective.score(quantities)
-    order = np.argsort(score, kind="stable")
+    order = objective.order(quantities)
     exact: list[float] = []
     engine = ""
     best_pair = views[int(table[order[0], 0])], views[int(table[order[0], 1])]
@@ -174,10 +174,10 @@ def plan_pairs(
         # The measured pairs are ordered by their measured errors.
         measured = values[:, best]
         measured[1 if pairing.feature else 0] = exact
-        known = objective.score(request.quantities(measured))
-        again = np.argsort(known, kind="stable")
+        known = request.quantities(measured)
+        again = objective.order(known)
         order[: len(exact)], exact = best[again], [exact[k] for k in again]
-        score[best] = known
+        score[best] = objective.score(known)
     size, bias, coverage, angle = values[:, order]
     return PairPlan(
         pairs=table[order, :2].astype(np.int64),

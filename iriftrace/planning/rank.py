@@ -39,7 +39,7 @@ class Plan:
     are the same. Warnings were also issued as `IriftraceWarning`.
     """
 
-    order: IntArray  # (m,) numbers of the ranked poses, the best first; of equal ones the earlier
+    order: IntArray  # (m,) numbers of the ranked poses, the best first, by `Objective.order`
     score: FloatArray  # (n,) weighted sum of the costs, smallest best; NaN for unranked poses
     metrics: dict[str, FloatArray]  # (n,) each
     normalised: dict[str, FloatArray]  # (n,) each; NaN for unranked poses
@@ -98,19 +98,17 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD_CRITERIA) -> P
     spreads = {name: _spread(values[ranked]) for name, values in metrics.items()}
     constant = tuple(name for name in METRICS if spreads[name] <= _ROUNDING)
     objective = Objective(criteria.weights, limits, constant, _GAINS)
-    normalised = {
-        name: np.where(ranked, objective.normalised(name, values), np.nan)
-        for name, values in metrics.items()
-    }
+    of_ranked = {name: np.where(ranked, values, np.nan) for name, values in metrics.items()}
+    normalised = {name: objective.normalised(name, values) for name, values in of_ranked.items()}
     costs = {name: objective.cost(name, values) for name, values in normalised.items()}
     score = objective.weighted(costs)
-    order = np.argsort(score, kind="stable")[: np.count_nonzero(ranked)]
+    order = objective.order(of_ranked)[: np.count_nonzero(ranked)]
 
     messages = _of_spreads(spreads, needed, criteria, len(order))
     for message in messages:
         warn(message)
     return Plan(
-        order=order.astype(np.int64),
+        order=order,
         score=score,
         metrics=metrics,
         normalised=normalised,

@@ -95,6 +95,29 @@ def test_equal_poses_keep_their_order() -> None:
     assert rank_poses(twice).order[:4].tolist() == [C, C + 5, B, B + 5]
 
 
+def test_of_poses_that_clipping_makes_equal_the_better_one_is_first() -> None:
+    """At percentile 50, all coverages from 0.4 on count 1; discarded and few rays stay unranked."""
+    coverage = [0.4, 0.3, 0.6, 0.5, 0.1, 0.9]
+    rays = [1000] * 5 + [10]
+    table = sweep_table(*([1.0] * 6, coverage, [1.0] * 6, [1.0] * 6), rays)
+    plan = rank_poses(table, Criteria(0, 1, 0, 0, percentile=50))
+    assert plan.score[[0, 2, 3]].tolist() == [0.0, 0.0, 0.0]
+    assert plan.order.tolist() == [2, 3, 0, 1, 4]
+    assert plan.best in pareto_front(table)
+
+
+@given(
+    random_tables(),
+    st.lists(st.floats(0.01, 1.0), min_size=4, max_size=4),
+    st.sampled_from([50.0, 95.0]),
+)
+def test_the_best_pose_is_on_the_pareto_front(
+    table: dict[str, list[float]], weights: list[float], percentile: float
+) -> None:
+    plan = rank(table, **dict(zip(METRICS, weights, strict=True)), percentile=percentile)
+    assert plan.best in pareto_front(sweep_table(**table))
+
+
 @pytest.mark.parametrize("statistic", ["median", "p95"])
 def test_robust_statistics_take_their_own_values(statistic: str) -> None:
     """With all displacements mirrored (13 - d), B has the largest one instead of the smallest."""
