@@ -101,7 +101,7 @@ class Criteria:
     outside
         Treatment of poses beyond the percentile: clipped to it, or not ranked; pairs are clipped.
     min_hits
-        Poses with fewer good rays are not ranked.
+        Poses with fewer good rays, or points that both devices measure, are not ranked.
     min_coverage
         Poses that see a smaller fraction of the area, from 0 to 1, are not ranked.
 

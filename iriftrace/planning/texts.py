@@ -93,6 +93,16 @@ def in_words(metric: PoseQuantity) -> str:
     return f"{metric.title[0].lower()}{metric.title[1:]}"
 
 
+def of_means(summary: SweepSummary) -> str:
+    """What the limits of the normalisation are of where a scatter is added; empty elsewhere."""
+    return " of the means over the members" if summary.plan.criteria.robust else ""
+
+
+def percentile_text(summary: SweepSummary) -> str:
+    """The upper limit of the normalisation, in words."""
+    return f"{summary.plan.criteria.percentile:g}th percentile{of_means(summary)}"
+
+
 def least_error_text(summary: SweepSummary) -> str | None:
     """The pose of the least error if another is the best, one sentence; None if it is."""
     plan = summary.plan
