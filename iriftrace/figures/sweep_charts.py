@@ -109,8 +109,8 @@ def normalised_figure(summary: SweepSummary) -> Figure:
         0.95,
         "Combined score =\n   "
         + "\n + ".join(wrapped(term, 2.8, indent="      ") for term in terms)
-        + "\n\nAll terms normalised:\n0 at the smallest value,\n"
-        + wrapped(f"1 at the {percentile_text(summary)} and above.", 2.4),
+        + "\n\nAll terms normalised:\n"
+        + wrapped(f"0 at the minimum, 1 at the {percentile_text(summary)} and above.", 2.4),
         transform=spare.transAxes,
         va="top",
         fontsize=10,
