@@ -12,7 +12,7 @@ from iriftrace.cli.console import notes, say, working
 from iriftrace.cli.options import LightOf, Output, Whole
 from iriftrace.cli.plan import Ranking, Several
 from iriftrace.cli.trace_options import check_light
-from iriftrace.core.errors import InputError, SetupError
+from iriftrace.core.errors import InputError, SetupError, refuse_given
 from iriftrace.core.files import FileOrigin
 from iriftrace.image.displacement import NORM, Component
 from iriftrace.io.reading import ReadPart
@@ -228,6 +228,8 @@ def report(
     checks.output(output, "report.html")
     checks.inputs(file)
     if file.suffix.lower() == ".nc":
+        reason = f"is for a correction, and {file} is a sweep (.nc); leave it out."
+        refuse_given({"tolerance": tolerance}, reason, "options.not_together")
         from iriftrace.figures.report import write_report
         from iriftrace.planning.summary import summarise
         from iriftrace.sweep.store import read_sweep

@@ -9,6 +9,7 @@ from typing import Literal
 from iriftrace.cli import checks
 from iriftrace.cli.console import print_table, say, working
 from iriftrace.cli.options import Output
+from iriftrace.core.errors import refuse_given
 
 SCHEMA = "iriftrace.verdicts/1"
 """Value of ``schema`` in the report."""
@@ -42,6 +43,9 @@ def qualify(
     output
         The verdicts, .json; by default they are only printed.
     """
+    if results is not None:
+        reason = "is of this program, but the results are of another one; leave it out."
+        refuse_given({"engine": engine}, reason, "options.not_together")
     checks.inputs(results)
     checks.output(output, "verdicts.json")
     if kit is not None:

@@ -160,8 +160,8 @@ def sweep_page(
     page.section("front", "Poses that none beats")
     text = (
         f"No other pose is at least as good as one of these in {error}, coverage, axial and "
-        "lateral resolution and better in one of them (Pareto front): for any weights, the best "
-        "pose is among them."
+        "lateral resolution and better in one of them (Pareto front): for any positive "
+        "weights, the best pose is among them."
     )
     page.add("text", text)
     page.add("numbers", *front.rows, headings=front.headings)

@@ -18,6 +18,7 @@ from iriftrace.figures.sweep_charts import (
 )
 from iriftrace.planning.summary import SweepSummary, extreme_images, extreme_poses
 from iriftrace.sweep.faces import face_maps_of
+from iriftrace.sweep.store import included
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -70,7 +71,8 @@ def sweep_pictures(
     poses = extreme_poses(summary)
     try:
         for name, image in extreme_images(dataset, summary):
-            figure = displacement_figure(image, view=view_name(summary, poses[name]))
+            view = view_name(summary, poses[name])
+            figure = displacement_figure(image, included(dataset), view=view)
             figures["view_best" if name == "best" else f"view_{name}_displacement"] = figure
     except (InputError, SetupError) as error:
         numbers = " and ".join(dict.fromkeys(map(str, poses.values())))

@@ -41,6 +41,7 @@ from iriftrace.figures.style import (
 from iriftrace.image.aov_image import Status
 from iriftrace.planning.quantities import PoseQuantity
 from iriftrace.planning.summary import SweepSummary
+from iriftrace.planning.texts import of_means, percentile_text
 
 _BAR_COLOUR = "#31688e"
 _BINS = 24
@@ -73,8 +74,8 @@ def histogram_figure(summary: SweepSummary) -> Figure:
     low, high = (
         Line2D([], [], color=BEST_COLOUR, linestyle=style, linewidth=1.2) for style in ("--", "-")
     )
-    low.set_label("Minimum: normalised to 0")
-    high.set_label(f"{summary.plan.criteria.percentile:g}th percentile: normalised to 1")
+    low.set_label(f"Minimum{of_means(summary)}: normalised to 0")
+    high.set_label(f"{percentile_text(summary)}: normalised to 1")
     legend_below(body, [low, high, *_unknown(summary.metrics)], 3)
     return figure
 
@@ -108,8 +109,8 @@ def normalised_figure(summary: SweepSummary) -> Figure:
         0.95,
         "Combined score =\n   "
         + "\n + ".join(wrapped(term, 2.8, indent="      ") for term in terms)
-        + "\n\nAll terms normalised:\n0 at the smallest value,\n1 at the "
-        f"{summary.plan.criteria.percentile:g}th percentile\nand above.",
+        + "\n\nAll terms normalised:\n"
+        + wrapped(f"0 at the minimum, 1 at the {percentile_text(summary)} and above.", 2.4),
         transform=spare.transAxes,
         va="top",
         fontsize=10,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from functools import partial
 from io import BytesIO
 from typing import TYPE_CHECKING
@@ -22,7 +23,7 @@ from iriftrace.medium.source import stated_source, synthetic_mark
 from iriftrace.planning.summary import SweepSummary, extreme_images, extreme_poses, summarise
 from iriftrace.sweep.faces import displacement_limits
 from iriftrace.sweep.reload import surroundings_of
-from iriftrace.sweep.store import attribute, file_of
+from iriftrace.sweep.store import attribute, file_of, included
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -81,18 +82,19 @@ def pose_maps(dataset: xr.Dataset, summary: SweepSummary) -> tuple[dict[int, byt
     rendered again if their files still exist.
     """
     small: dict[int, np.ndarray] = {}
+    include = included(dataset)
     trouble = ""
     try:
         extreme = extreme_poses(summary)
         for which, image in extreme_images(dataset, summary):
-            small[extreme[which]] = _um(image)
+            small[extreme[which]] = _um(image, include)
     except (InputError, SetupError) as error:
         trouble = f"no picture of a pose is stored ({str(error).rstrip('.')})"
     swept = file_of(dataset)
     for pose, name in enumerate(dataset["exr"].values.tolist()):
         file = swept.parent / name if swept and name else None
         if file and file.is_file() and pose not in small and len(small) < MOST:
-            small[pose] = _um(read_exr(file))
+            small[pose] = _um(read_exr(file), include)
     if not small:
         return {}, trouble
     known = np.concatenate([um[np.isfinite(um)] for um in small.values()])
@@ -105,11 +107,11 @@ def pose_maps(dataset: xr.Dataset, summary: SweepSummary) -> tuple[dict[int, byt
     return {pose: _png(um, scale) for pose, um in sorted(small.items())}, caption
 
 
-def _um(image: AovImage) -> np.ndarray:
-    """Displacements, um, of every so many pixels; NaN where no ray is good."""
+def _um(image: AovImage, include: Collection[int]) -> np.ndarray:
+    """Displacements, um, of every so many pixels; NaN where no ray counts."""
     step = -(-image.resolution[0] // WIDTH_PX)
     um = 1e3 * image.channels["displacement.norm"][::step, ::step].astype(np.float64)
-    return np.where(good_mask(image)[::step, ::step], um, np.nan)
+    return np.where(good_mask(image, include)[::step, ::step], um, np.nan)
 
 
 def _png(um: np.ndarray, scale: ColourScale) -> bytes:

@@ -13,7 +13,7 @@ from scipy.optimize import Bounds, LinearConstraint, linprog, milp
 from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.image.sightings import seen_by_pose
-from iriftrace.planning.candidates import ranked_region
+from iriftrace.planning.candidates import in_force, ranked_region
 from iriftrace.planning.criteria import STANDARD_CRITERIA, Criteria, Views
 
 if TYPE_CHECKING:
@@ -251,7 +251,9 @@ def plan_views(
     """Choose the poses of a sweep that together see the most of the criteria's region.
 
     Faces beyond the limits do not count as seen. Poses with fewer good rays on the region than
-    ``min_hits`` are not candidates. Fractions are those of the region's area.
+    ``min_hits`` are not candidates, nor, for a sensor with two devices, those with fewer measured
+    points, unless the criterion is the displacement. Fractions are those of the region's area; the
+    camera sees it, and both devices together see less.
     """
     number = ranked_region(dataset, criteria.region)
     seen = seen_by_pose(
@@ -260,7 +262,9 @@ def plan_views(
     areas = np.asarray(dataset["face_area"].values, dtype=np.float64)
     if number > 0:
         areas = np.where(dataset["face_region"].values == number, areas, 0.0)
-    seen[dataset["rays_good"].isel(region=number).values < criteria.min_hits] = 0.0
+    together = in_force(criteria, dataset).criterion != "displacement"
+    for count in ("rays_good", "points_measured") if together else ("rays_good",):
+        seen[dataset[count].isel(region=number).values < criteria.min_hits] = 0.0
     if not np.any(seen[:, areas > 0]):
         raise _nothing(dataset, areas > 0, criteria.region)
     found = choose_views(seen, areas, views.views)
@@ -298,7 +302,7 @@ def _nothing(dataset: xr.Dataset, in_region: BoolArray, region: str) -> InputErr
         f"No pose sees a face of {region} within the limits: displacements of the faces seen are "
         f"{1e3 * displacement.min():.3g} to {1e3 * displacement.max():.3g} um and angles of "
         f"incidence {incidence.min():.3g} to {incidence.max():.3g} degrees; relax "
-        "these limits, or that of the rays.",
+        "these limits, or that of the rays and points.",
         code="views.nothing_seen",
         argument="max_displacement",
     )

@@ -92,15 +92,16 @@ class Criteria:
         Rank by this error, and only by it unless weights are given: displacement of the camera's
         rays; or, for a sensor with two devices, normal, the error of its points along the normal,
         or features, the error of diameters. By default the displacement (for two devices the error
-        along the normal) is weighed against coverage and resolution.
+        along the normal) is weighed against coverage and resolution. For pairs only normal, or
+        features if a feature is given.
     robust
         For an ensemble of fields: how many standard deviations over its members are added to the
         mean of the ranked error; 2 by default, so that a pose is good in the air of any member. Not
         for pairs, of which a sweep has no scatter.
     outside
-        Treatment of poses beyond the percentile: clipped to it, or not ranked.
+        Treatment of poses beyond the percentile: clipped to it, or not ranked; pairs are clipped.
     min_hits
-        Poses with fewer good rays are not ranked.
+        Poses with fewer good rays, or points that both devices measure, are not ranked.
     min_coverage
         Poses that see a smaller fraction of the area, from 0 to 1, are not ranked.
 

@@ -10,9 +10,9 @@ import math
 from collections.abc import Collection, Mapping
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.sweep.measures import Limits
 
 
@@ -54,6 +54,14 @@ class Objective:
         return self.weighted(
             {name: self.cost(name, self.normalised(name, q)) for name, q in quantities.items()}
         )
+
+    def order(self, quantities: Mapping[str, FloatArray]) -> IntArray:
+        """Places of values by their score, the smallest first and NaN last.
+
+        Clipping makes all beyond a limit equal; then the smaller unclipped score is first.
+        """
+        unclipped = evolve(self, clipped=False).score(quantities)
+        return np.lexsort((unclipped, self.score(quantities))).astype(np.int64)
 
 
 def limits_of(values: FloatArray, percentile: float) -> Limits:

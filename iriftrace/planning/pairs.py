@@ -105,8 +105,9 @@ def plan_pairs(
     ------
     InputError
         The angles are not a range, the criteria add a scatter, which a sweep does not have for
-        pairs, the part does not have the feature, the sweep has no faces, its part or scene has
-        changed, or no pair can be ranked.
+        pairs, discard pairs or rank by an error that is not that of pairs, the part does not have
+        the feature, the sweep has no faces, its part or scene has changed, or no pair can be
+        ranked.
     SetupError
         Pairs are to be measured and there is no usable LLVM or CUDA.
     """
@@ -116,6 +117,22 @@ def plan_pairs(
             "leave it out, and measure the best pairs, which states it.",
             code="pairs.no_scatter",
             argument="robust",
+        )
+    alone = "features" if pairing.feature else "normal"
+    if criteria.criterion not in (None, alone):
+        raise InputError(
+            "Pairs are ranked by the error along the normal, with a feature by the larger one of "
+            f"that and the error of its diameter, not by the criterion {criteria.criterion}; leave "
+            f"it out, or give {alone}.",
+            code="pairs.criterion",
+            argument="criterion",
+        )
+    if criteria.outside != "clip":
+        raise InputError(
+            "Pairs beyond the percentile are clipped to it, as all of them are ranked; clip "
+            "instead of discarding.",
+            code="pairs.no_discard",
+            argument="outside",
         )
     ranked_region(dataset, criteria.region)
     try:
@@ -145,7 +162,7 @@ def plan_pairs(
     limits = {name: limits_of(each, criteria.percentile) for name, each in quantities.items()}
     objective = request.objective(limits)
     score = objective.score(quantities)
-    order = np.argsort(score, kind="stable")
+    order = objective.order(quantities)
     exact: list[float] = []
     engine = ""
     best_pair = views[int(table[order[0], 0])], views[int(table[order[0], 1])]
@@ -157,10 +174,10 @@ def plan_pairs(
         # The measured pairs are ordered by their measured errors.
         measured = values[:, best]
         measured[1 if pairing.feature else 0] = exact
-        known = objective.score(request.quantities(measured))
-        again = np.argsort(known, kind="stable")
+        known = request.quantities(measured)
+        again = objective.order(known)
         order[: len(exact)], exact = best[again], [exact[k] for k in again]
-        score[best] = known
+        score[best] = objective.score(known)
     size, bias, coverage, angle = values[:, order]
     return PairPlan(
         pairs=table[order, :2].astype(np.int64),

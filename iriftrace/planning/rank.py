@@ -39,12 +39,13 @@ class Plan:
     are the same. Warnings were also issued as `IriftraceWarning`.
     """
 
-    order: IntArray  # (m,) numbers of the ranked poses, the best first; of equal ones the earlier
+    order: IntArray  # (m,) numbers of the ranked poses, the best first, by `Objective.order`
     score: FloatArray  # (n,) weighted sum of the costs, smallest best; NaN for unranked poses
     metrics: dict[str, FloatArray]  # (n,) each
     normalised: dict[str, FloatArray]  # (n,) each; NaN for unranked poses
     costs: dict[str, FloatArray]  # as normalised, but 1 - that for a coverage that differs
     limits: dict[str, Limits]  # minimum and percentile, without the added scatter
+    upper: dict[str, float]  # percentile with it, above which poses may be discarded
     unranked: dict[int, str]  # number of each unranked pose and the reason
     constant: tuple[str, ...]  # metrics that are the same in all ranked poses; they count 0
     criteria: Criteria
@@ -68,7 +69,8 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD_CRITERIA) -> P
     resolution, and of 1 - its normalised coverage. Every metric is normalised between its minimum
     and its percentile over all poses that can be compared (NumPy's linear percentile). With
     ``outside="discard"`` a pose above the percentile in any metric of positive weight, also in
-    coverage, is unranked; the normalisation stays that of all poses.
+    coverage, is unranked; the normalisation stays that of all poses. For an ensemble the scatter
+    is added to the displacement that is scored and discarded, and the means alone are normalised.
 
     Raises InputError if the dataset is not a sweep, or no pose can be ranked. Warns of a metric
     that is the same, or nearly the same, in all ranked poses.
@@ -79,12 +81,13 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD_CRITERIA) -> P
     limits = {
         name: limits_of(values[eligible], criteria.percentile) for name, values in metrics.items()
     }
+    upper = {name: high for name, (_, high) in limits.items()}
     if criteria.robust:
         # The scatter of poses down the plume would stretch the scale until no other one counts.
         mean = metrics["displacement"] - scatter_added(dataset, criteria)
         limits["displacement"] = limits_of(mean[eligible], criteria.percentile)
     if criteria.outside == "discard":
-        unranked |= _above_percentile(metrics, eligible, limits, criteria)
+        unranked |= _above_percentile(metrics, eligible, upper, criteria)
     ranked = eligible.copy()
     ranked[list(unranked)] = False
     if not ranked.any():
@@ -98,24 +101,23 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD_CRITERIA) -> P
     spreads = {name: _spread(values[ranked]) for name, values in metrics.items()}
     constant = tuple(name for name in METRICS if spreads[name] <= _ROUNDING)
     objective = Objective(criteria.weights, limits, constant, _GAINS)
-    normalised = {
-        name: np.where(ranked, objective.normalised(name, values), np.nan)
-        for name, values in metrics.items()
-    }
+    of_ranked = {name: np.where(ranked, values, np.nan) for name, values in metrics.items()}
+    normalised = {name: objective.normalised(name, values) for name, values in of_ranked.items()}
     costs = {name: objective.cost(name, values) for name, values in normalised.items()}
     score = objective.weighted(costs)
-    order = np.argsort(score, kind="stable")[: np.count_nonzero(ranked)]
+    order = objective.order(of_ranked)[: np.count_nonzero(ranked)]
 
     messages = _of_spreads(spreads, needed, criteria, len(order))
     for message in messages:
         warn(message)
     return Plan(
-        order=order.astype(np.int64),
+        order=order,
         score=score,
         metrics=metrics,
         normalised=normalised,
         costs=costs,
         limits=limits,
+        upper=upper,
         unranked=dict(sorted(unranked.items())),
         constant=constant,
         criteria=criteria,
@@ -126,17 +128,17 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD_CRITERIA) -> P
 def _above_percentile(
     metrics: Mapping[str, FloatArray],
     eligible: BoolArray,
-    limits: Mapping[str, Limits],
+    upper: Mapping[str, float],
     criteria: Criteria,
 ) -> dict[int, str]:
     """Poses above the percentile in a metric that is needed, with the reason."""
     reasons: dict[int, str] = {}
     for name in criteria.needed:
-        for pose in np.flatnonzero(eligible & _above(metrics[name], limits[name])).tolist():
+        for pose in np.flatnonzero(eligible & _above(metrics[name], upper[name])).tolist():
             reasons.setdefault(
                 pose,
                 f"{name} {metrics[name][pose]:.4g} is above the {criteria.percentile:g}th "
-                f"percentile, {limits[name][1]:.4g}",
+                f"percentile, {upper[name]:.4g}",
             )
     return reasons
 
@@ -184,7 +186,7 @@ def score_of(plan: Plan, metrics: Mapping[str, float]) -> float:
     counted = [name for name in plan.criteria.needed if name not in plan.constant]
     values = {name: np.asarray(metrics[name], dtype=np.float64) for name in counted}
     if plan.criteria.outside == "discard" and any(
-        _above(value, plan.limits[name]) for name, value in values.items()
+        _above(value, plan.upper[name]) for name, value in values.items()
     ):
         return math.nan
     return float(plan.objective.score(values))
@@ -213,9 +215,9 @@ def pareto_front(dataset: xr.Dataset, criteria: Criteria = STANDARD_CRITERIA) ->
     return np.sort(poses[front]).astype(np.int64)
 
 
-def _above(values: FloatArray, limits: Limits) -> BoolArray:
+def _above(values: FloatArray, upper: float) -> BoolArray:
     """True where values are above the percentile, and not only by rounding."""
-    return np.asarray(values > limits[1] + _ROUNDING * abs(limits[1]))
+    return np.asarray(values > upper + _ROUNDING * abs(upper))
 
 
 def _spread(values: FloatArray) -> float:

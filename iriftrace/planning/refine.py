@@ -311,6 +311,9 @@ def _metrics(swept: SweptScene, matrix: FloatArray, plan: Plan) -> dict[str, flo
         return None
     variables = metric_variables(criteria)
     known = {**MEASURES, **ENSEMBLE, **RIG}
+    together = criteria.criterion != "displacement"
+    if together and known["points_measured"].value(view) < criteria.min_hits:
+        return None
     found = {name: abs(known[variable].value(view)) for name, variable in variables.items()}
     if criteria.robust:
         found["displacement"] += criteria.robust * known[ranked_error(criteria).scatter].value(view)

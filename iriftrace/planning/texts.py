@@ -93,6 +93,16 @@ def in_words(metric: PoseQuantity) -> str:
     return f"{metric.title[0].lower()}{metric.title[1:]}"
 
 
+def of_means(summary: SweepSummary) -> str:
+    """What the limits of the normalisation are of where a scatter is added; empty elsewhere."""
+    return " of the means over the members" if summary.plan.criteria.robust else ""
+
+
+def percentile_text(summary: SweepSummary) -> str:
+    """The upper limit of the normalisation, in words."""
+    return f"{summary.plan.criteria.percentile:g}th percentile{of_means(summary)}"
+
+
 def least_error_text(summary: SweepSummary) -> str | None:
     """The pose of the least error if another is the best, one sentence; None if it is."""
     plan = summary.plan
@@ -250,8 +260,9 @@ def views_text(summary: SweepSummary, views: ViewSet) -> str:
         if views.exact
         else f"another choice might see up to {100 * views.gap:.2f} % of its area more (gap)."
     )
+    they = "they see" if summary.devices is None else "their cameras (not both devices) see"
     return (
-        f"Together they see {100 * views.covered:.2f} % of the area of {_region(summary)}, of "
+        f"Together {they} {100 * views.covered:.2f} % of the area of {_region(summary)}, of "
         f"{100 * views.coverable:.2f} % that all poses together see; {proof}"
     )
 

@@ -81,4 +81,4 @@ def _told_apart(names: list[str]) -> list[str]:
     if one_name and len(drives) == 1 and len(set(folders.values())) > 1:
         common = os.path.commonpath([folder.absolute() for folder in folders.values()])
         return [os.path.relpath(folders[name].absolute(), common) for name in names]
-    return [f"{folders[name].name}/{Path(name).name}" for name in names]
+    return [Path(folders[name].name, Path(name).name).as_posix() for name in names]

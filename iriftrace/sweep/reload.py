@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,7 +18,13 @@ from iriftrace.io.part_files import read_part
 from iriftrace.io.reading import ReadPart
 from iriftrace.part.part import Part
 from iriftrace.sweep.rig import add_measured, rig_of
-from iriftrace.sweep.store import attribute, check_unchanged, scene_of, scene_of_pose
+from iriftrace.sweep.store import (
+    attribute,
+    check_unchanged,
+    included,
+    scene_of,
+    scene_of_pose,
+)
 from iriftrace.tracing.outline import blocker_surfaces, outermost_surface, read_surface
 
 if TYPE_CHECKING:
@@ -88,8 +93,7 @@ def load_swept_scene(dataset: xr.Dataset, pose: int) -> SweptScene:
             variant=variant,
             engine=named.get("requested_engine", Engine.AUTO),
         )
-    include = json.loads(dataset.attrs.get("include", "[0]"))
-    return SweptScene(scene, swept_camera(dataset, pose), tuple(include))
+    return SweptScene(scene, swept_camera(dataset, pose), included(dataset))
 
 
 def swept_camera(dataset: xr.Dataset, pose: int) -> Camera:

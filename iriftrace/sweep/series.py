@@ -191,15 +191,32 @@ def sources_of(series: Sequence[Series]) -> list[SceneSource | None]:
 def series_variables(series: Sequence[Series]) -> Variables:
     """Scene, focal length and stand-off of each pose, as variables of a dataset."""
     counts = [len(one.poses) for one in series]
-    scenes = np.array([one.scene.name for one in series], dtype=object)
+    scenes = np.array(_names(series), dtype=object)
     focal = np.array([one.camera.focal_length_mm for one in series])
     stand_off = np.array([one.stand_off_mm for one in series])
     excess = {"units": "mm", "long_name": "semi-axes of the orbit less half extents of the part"}
     return {
-        "scene": (("pose",), np.repeat(scenes, counts), {"long_name": "file of the scene"}),
+        "scene": (
+            ("pose",),
+            np.repeat(scenes, counts),
+            {"long_name": "file of the scene, or its name"},
+        ),
         "focal_length": (("pose",), np.repeat(focal, counts), {"units": "mm"}),
         "stand_off": (("pose",), np.repeat(stand_off, counts), excess),
     }
+
+
+def _names(series: Sequence[Series]) -> list[str]:
+    """Name of each series' scene; others of the same name are numbered, as in "the scene 2"."""
+    names: dict[int, str] = {}
+    for one in series:
+        given, number = one.scene.name, 1
+        name = given
+        while id(one.scene) not in names and name in names.values():
+            number += 1
+            name = f"{given} {number}"
+        names.setdefault(id(one.scene), name)
+    return [names[id(one.scene)] for one in series]
 
 
 def scenes_attribute(
@@ -210,8 +227,8 @@ def scenes_attribute(
     A scene in memory has neither paths nor files.
     """
     scenes: dict[str, JsonObject] = {}
-    for one, source in zip(series, sources, strict=True):
-        scene, name = one.scene, one.scene.name
+    for one, source, name in zip(series, sources, _names(series), strict=True):
+        scene = one.scene
         files = {}
         if scene.path is not None and source is not None:
             files = {"path": source.path, "sha256": scene.sha256, "files": source.files}

@@ -265,6 +265,11 @@ def scene_of_pose(dataset: xr.Dataset, pose: int) -> JsonObject:
     return next((s for s in scenes if s.get("scene") == name), attribute(dataset, "scene"))
 
 
+def included(dataset: xr.Dataset) -> tuple[int, ...]:
+    """Status codes of the rays that the metrics of a sweep use."""
+    return tuple(json.loads(dataset.attrs.get("include", "[0]")))
+
+
 def traced_through_cells(dataset: xr.Dataset) -> BoolArray:
     """Mask (n,) of the poses whose rays the field's cells bend."""
     names = dataset["scene"].values.astype(str)

@@ -95,7 +95,8 @@ def run_sweep(
     Parameters
     ----------
     scenes : Scene, or several
-        Scenes of the same part, with the same sensor, which gives the intrinsics.
+        Scenes of the same part, with the same sensor, which gives the intrinsics. In the result,
+        several of one name are numbered: "the scene", "the scene 2".
     poses : PoseSet, or mapping from float to PoseSet
         Camera poses, or those of several orbits by their stand-offs, mm.
     path : path, optional

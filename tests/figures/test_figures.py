@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from io import BytesIO
 from itertools import chain
 from pathlib import Path
 from typing import Literal
@@ -24,6 +25,8 @@ from iriftrace.figures.scene import scene_figure
 from iriftrace.figures.scene_picture import temperature_scale
 from iriftrace.figures.space import View, box_around, fitting_view, view_direction
 from iriftrace.figures.style import write_figure
+from iriftrace.figures.sweep import sweep_pictures
+from iriftrace.figures.sweep_picture import pose_maps
 from iriftrace.image.aov_image import CHANNELS, SCHEMA, AovImage, Status
 from iriftrace.io.exr import write_exr
 from iriftrace.io.part_files import read_part
@@ -31,6 +34,8 @@ from iriftrace.medium.air.refractivity import Air
 from iriftrace.medium.shells.levels import index_levels
 from iriftrace.medium.shells.stack import Shell, ShellStack
 from iriftrace.part.part import Part
+from iriftrace.planning.summary import summarise
+from validation.inputs.sweep_tables import known_sweep
 
 WIDTH, HEIGHT = 60, 40
 # What the synthetic picture shows: (rows, columns) of the part, and of a step in depth on it.
@@ -145,6 +150,27 @@ def test_included_status_is_plotted_too() -> None:
     image.channels["path.length"][20, 20] = 100.0
     plotted = displacement_figure(image, (0, 5)).axes[0].images[-1].get_array()
     assert plotted[20, 20] == pytest.approx(7.0)
+
+
+def test_pictures_of_a_sweep_show_the_rays_that_it_includes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    image = synthetic_image()
+    image.channels["displacement.norm"][20, 20] = 0.007
+    image.channels["path.length"][20, 20] = 100.0
+    for module in ("sweep", "sweep_picture"):
+        of_best = f"iriftrace.figures.{module}.extreme_images"
+        monkeypatch.setattr(of_best, lambda *_: iter([("best", image)]))
+    monkeypatch.setattr("iriftrace.core.runtime.doctor.drawing_trouble", lambda: "no display")
+    for include in ([0], [0, 5]):
+        table = known_sweep(include=include)
+        summary = summarise(table)
+        figures, _ = sweep_pictures(table, summary)
+        plotted = figures["view_best"].axes[0].images[-1].get_array()
+        assert plotted.mask[20, 20] == (5 not in include)
+        maps, _ = pose_maps(table, summary)
+        colour = imread(BytesIO(maps[summary.plan.best]))[20, 20, :3]
+        assert (colour == 1.0).all() == (5 not in include)
 
 
 @pytest.mark.parametrize("value_mm", [0.0, 0.004])

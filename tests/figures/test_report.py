@@ -20,9 +20,10 @@ from iriftrace.figures.report import sweep_page, write_report
 from iriftrace.figures.report_page import BlockKind
 from iriftrace.image.aov_image import Status
 from iriftrace.medium.source import FieldFacts, FieldKind, FieldSource
+from iriftrace.planning.cover import plan_views
 from iriftrace.planning.criteria import Criteria, Views
 from iriftrace.planning.summary import SweepSummary, summarise
-from iriftrace.planning.texts import front_text, ranking_table, stability_text
+from iriftrace.planning.texts import front_text, ranking_table, stability_text, views_text
 from validation.inputs.sweep_tables import sweep_table, with_faces
 from validation.oracles.html_page import Page, read_page
 
@@ -299,3 +300,10 @@ def test_several_views_and_the_best_pose_are_shown(
     assert "Together they see 75.00 % of the area of the part" in page.by_id["views"]
     chosen = next(rows for rows in page.tables if rows[0][0] == "view")
     assert [row[1] for row in chosen[1:]] == ["1"]
+
+
+def test_views_of_two_devices_are_said_to_be_the_cameras() -> None:
+    table = with_rig(sweep())
+    found = summarise(table)
+    text = views_text(found, plan_views(table, Views(1), found.plan.criteria))
+    assert "their cameras (not both devices) see 75.00 % of" in text

@@ -138,6 +138,13 @@ def test_histograms_count_every_pose_and_mark_the_limits(summary: SweepSummary) 
     assert "Without a number: 2 poses, not shown" in legend_of(figure)
 
 
+def test_limits_of_an_ensemble_are_said_to_be_those_of_the_means(summary: SweepSummary) -> None:
+    plan = evolve(summary.plan, criteria=evolve(summary.plan.criteria, robust=2.0))
+    said = legend_of(histogram_figure(evolve(summary, plan=plan)))
+    assert "Minimum of the means over the members: normalised to 0" in said
+    assert "95th percentile of the means over the members: normalised to 1" in said
+
+
 LONG = "95th-percentile error along the normal + 2 standard deviations"
 
 
@@ -145,7 +152,9 @@ def test_long_names_are_not_cut_off_and_do_not_overlap(summary: SweepSummary) ->
     """An ensemble and two devices, with rays of all kinds."""
     named = evolve(summary.displacement, title=LONG, name=LONG)
     rays = {status: np.full(len(GRID), 10_000) for status in Status if status != Status.MISSED}
+    plan = evolve(summary.plan, criteria=evolve(summary.plan.criteria, robust=2.0))
     table = evolve(summary, displacement=named, rays=rays, warned=np.ones((len(GRID), 1), bool))
+    table = evolve(table, plan=plan)
     for figure in (
         map_figure(table, named),
         histogram_figure(table),

@@ -151,3 +151,11 @@ def test_changed_scenarios_are_refused(
     with pytest.raises(InputError) as error:
         read_kit(tmp_path)
     assert error.value.code == code
+
+
+def test_an_engine_does_not_judge_results_of_another_program(
+    kit: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    results = str(kit / "results_shells.json")
+    assert main(["qualify", str(kit), "--results", results, "--engine=cells"]) == 2
+    assert "--engine is of this program" in " ".join(capsys.readouterr().err.split())

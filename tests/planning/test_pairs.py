@@ -125,6 +125,13 @@ def of_pairs(dataset: xr.Dataset, criteria: Criteria = BY_ERROR, **pairing: Any)
         ({"angle": (0.1, 0.2)}, "No two poses of the sweep"),
         ({"criteria": Criteria(region="nowhere")}, "no region 'nowhere'"),
         ({"criteria": Criteria(robust=2.0)}, "has no scatter of pairs"),
+        ({"criteria": Criteria(outside="discard")}, "clip instead of discarding"),
+        ({"criteria": Criteria(criterion="displacement")}, "not by the criterion displacement"),
+        ({"criteria": Criteria(criterion="features")}, "leave it out, or give normal"),
+        (
+            {"feature": "cylinder:lateral", "criteria": Criteria(criterion="normal")},
+            "leave it out, or give features",
+        ),
     ],
 )
 def test_wrong_requests(dataset: xr.Dataset, chosen: dict[str, Any], said: str) -> None:

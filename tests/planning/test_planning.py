@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.planning.criteria import METRICS, THE_PAPERS, Criteria
-from iriftrace.planning.rank import pareto_front, rank_poses
+from iriftrace.planning.rank import pareto_front, rank_poses, score_of
 from iriftrace.planning.stability import stability
 from validation.inputs.sweep_tables import sweep_table, two_regions
 
@@ -93,6 +93,29 @@ def test_weights_count_as_given() -> None:
 def test_equal_poses_keep_their_order() -> None:
     twice = sweep_table(*([*values, *values] for values in FIVE.values()))
     assert rank_poses(twice).order[:4].tolist() == [C, C + 5, B, B + 5]
+
+
+def test_of_poses_that_clipping_makes_equal_the_better_one_is_first() -> None:
+    """At percentile 50, all coverages from 0.4 on count 1; discarded and few rays stay unranked."""
+    coverage = [0.4, 0.3, 0.6, 0.5, 0.1, 0.9]
+    rays = [1000] * 5 + [10]
+    table = sweep_table(*([1.0] * 6, coverage, [1.0] * 6, [1.0] * 6), rays)
+    plan = rank_poses(table, Criteria(0, 1, 0, 0, percentile=50))
+    assert plan.score[[0, 2, 3]].tolist() == [0.0, 0.0, 0.0]
+    assert plan.order.tolist() == [2, 3, 0, 1, 4]
+    assert plan.best in pareto_front(table)
+
+
+@given(
+    random_tables(),
+    st.lists(st.floats(0.01, 1.0), min_size=4, max_size=4),
+    st.sampled_from([50.0, 95.0]),
+)
+def test_the_best_pose_is_on_the_pareto_front(
+    table: dict[str, list[float]], weights: list[float], percentile: float
+) -> None:
+    plan = rank(table, **dict(zip(METRICS, weights, strict=True)), percentile=percentile)
+    assert plan.best in pareto_front(sweep_table(**table))
 
 
 @pytest.mark.parametrize("statistic", ["median", "p95"])
@@ -299,3 +322,18 @@ def test_units_do_not_matter(table: dict[str, list[float]], factor: float) -> No
     """A metric in other units gives the same scores: normalised values have no unit."""
     scaled = {name: [factor * value for value in values] for name, values in table.items()}
     assert_allclose(rank(scaled).score, rank(table).score, atol=1e-9)
+
+
+def test_discarding_compares_what_is_scored() -> None:
+    """Means 1 to 20 mm and 2 standard deviations of 10 mm: the one beyond the percentile alone.
+
+    The 95th percentile of 21 to 40 lies at 0.05 between the last two: 39.05; of the means 19.05.
+    """
+    values = np.arange(1.0, 21.0)
+    table = sweep_table(values, [0.3] * 20, [0.1] * 20, [0.1] * 20)
+    table["scatter_p95"] = table["displacement_p95"] * 0 + 10.0
+    plan = rank_poses(table, Criteria(1, 0, 0, 0, outside="discard"))
+    assert plan.unranked == {19: "displacement 40 is above the 95th percentile, 39.05"}
+    assert plan.limits["displacement"] == pytest.approx((1.0, 19.05))
+    assert np.isfinite(score_of(plan, {"displacement": 39.0}))
+    assert np.isnan(score_of(plan, {"displacement": 39.1}))

@@ -104,6 +104,25 @@ def test_poses_that_see_too_little_are_passed_over() -> None:
     assert found.gain > 0
 
 
+class Pair(Hill):
+    """The same hill for two devices, which measure too few points above 5 mm."""
+
+    def metrics(self, matrix: Any) -> dict[str, Any]:
+        found = super().metrics(matrix)
+        points = 100 if np.array(matrix)[2, 3] <= 5.0 else 99
+        error = {"p95": found["displacement_mm"]["p95"]}
+        return found | {"scan": {"points": points, "coverage": 0.3, "error_normal_mm": error}}
+
+
+def test_poses_where_two_devices_measure_too_little_are_passed_over() -> None:
+    table, free = hill_with_room()
+    of_both = evolve(free, criteria=evolve(free.criteria, criterion="normal"))
+    found = refine_pose(table, of_both, Pair())
+    assert 0.0 < found.matrix[2, 3] <= 5.0
+    assert found.gain > 0
+    assert refine_pose(table, free, Pair()).matrix[2, 3] > 5.0
+
+
 def test_nothing_better_leaves_the_start() -> None:
     """At the sweep's minimum the metric is clipped: no pose can score less than 0."""
     table, plan = hill_sweep()

@@ -88,6 +88,22 @@ def test_poses_with_few_rays_are_no_candidates() -> None:
     assert set(found.poses.tolist()) <= set(range(6))
 
 
+def of_two_devices(table: xr.Dataset, points: Any) -> xr.Dataset:
+    """The same cube, of which both devices measure so many points from each pose."""
+    found = table.assign(points_measured=table["rays_good"].copy(data=np.array(points)[:, None]))
+    for name in ("error_normal_p95", "coverage_measured"):
+        found[name] = table["coverage"]
+    return found
+
+
+def test_poses_where_two_devices_measure_little_are_no_candidates() -> None:
+    """The camera alone would see all faces from both corners, where the sensor measures nothing."""
+    table = of_two_devices(cube(), [100] * 6 + [0, 99])
+    assert set(plan_views(table, Views(2)).poses.tolist()) <= set(range(6))
+    camera = plan_views(table, Views(2), Criteria(criterion="displacement"))
+    assert set(camera.poses.tolist()) == {6, 7}
+
+
 def seen_within(
     table: xr.Dataset, k: int, criteria: Criteria = STANDARD_CRITERIA, **limits: Any
 ) -> None:

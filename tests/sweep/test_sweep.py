@@ -17,10 +17,11 @@ from iriftrace.core import files
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.image.sightings import sightings_of
 from iriftrace.scenes import folder_of
+from iriftrace.sweep.diagnostics import varied_of
 from iriftrace.sweep.export import write_face_maps, write_table
 from iriftrace.sweep.measures import MEASURES
-from iriftrace.sweep.series import Series
-from iriftrace.sweep.store import origin_of, read_sweep
+from iriftrace.sweep.series import Series, series_variables
+from iriftrace.sweep.store import origin_of, read_sweep, scene_of_pose
 from iriftrace.sweep.sweep import SweepOptions, run_series, run_sweep
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.render import render_scene
@@ -260,6 +261,23 @@ def test_scenes_focal_lengths_and_distances_in_one_sweep(
             got, expected = sightings_of(dataset, pose), sightings_of(alone, pose - first)
             assert np.array_equal(got.as_rows(), expected.as_rows())
         first = last
+
+
+def test_scenes_of_one_name_stay_several(
+    scene: Scene, poses: PoseSet, variant: str, tmp_path: Path
+) -> None:
+    """One file with two values of a parameter; and scenes in memory, all called "the scene"."""
+    flat = load_scene(scene.path, {"scale": 0.1, "normals": "facet"}, variant=variant)
+    dataset = run_sweep([scene, flat], poses.take([1]), tmp_path / "s.nc")
+    assert dataset["scene"].values.tolist() == [str(scene.path), f"{scene.path} 2"]
+    listed = [scene_of_pose(dataset, pose)["variables"].get("normals") for pose in (0, 1)]
+    assert listed == [None, "facet"]
+    one, other = (evolve(each, origin=None) for each in (scene, flat))
+    series = [Series(each, each.camera, poses.take([1])) for each in (one, other, one)]
+    names = series_variables(series)["scene"][1]
+    assert names.tolist() == ["the scene", "the scene 2", "the scene"]
+    (varied,) = varied_of(dataset.assign(scene=("pose", names[:2])))
+    assert varied.values == ("the scene", "the scene 2")
 
 
 def test_scenes_that_cannot_be_compared_are_refused(

@@ -100,6 +100,12 @@ def test_a_pose_is_named_with_its_lens(
 
 
 @pytest.mark.slow
+def test_a_tolerance_is_not_for_a_sweep(sweep: Path, tmp_path: Path, fails: Failing) -> None:
+    stated = ["--tolerance", "cylinder:bore=20 -0.02 +0.02 mm"]
+    refusal = fails("report", sweep, "-o", tmp_path / "r.html", *stated)
+    assert "--tolerance is for a correction" in refusal
+
+
 def test_another_scene_is_not_taken_for_that_of_the_sweep(scene: Path, fails: Failing) -> None:
     """One of the files that it names, or itself, has changed, or it is no longer there."""
     assert main(["sweep", str(scene), "-o", "a.nc", "--azimuth=0:90:2", "--elevation=30"]) == 0
