@@ -167,7 +167,7 @@ def _vary(
         with simulation_progress() as display:
             # Mesh and cost are those of the first one.
             quiet = evolve(display, expect=lambda cost: None)
-            result = solve_varied(one, folder, first.field, installation, quiet)
+            result = solve_varied(one, folder, first, installation, quiet)
         results.append(result)
         text = "" if one.variation is None else one.variation.text
         flow = result.steadiness
@@ -258,7 +258,8 @@ def _print_simulation(result: Simulation) -> None:
     runs = f" ({result.all_seconds:.0f} s in all its runs)"
     say(
         f"{result.cells:,} cells, {result.seconds:.0f} s"
-        f"{runs if result.all_seconds > result.seconds + 1.0 else ''}; field at the wall within "
+        f"{runs if result.all_seconds > result.seconds + 1.0 else ''}; density averaged over the "
+        f"last {result.averaged:.3g} s; field at the wall within "
         f"{result.wall_error_k:.2f} K of the set temperature"
     )
     steadiness = result.steadiness

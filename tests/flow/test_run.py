@@ -11,7 +11,7 @@ import pytest
 import trimesh
 from attrs import astuple, evolve
 
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.flow.simulate.case import Case
 from iriftrace.flow.simulate.case_files import write_case
 from iriftrace.flow.simulate.domain import MeshSize, mesh_size
@@ -239,3 +239,31 @@ def test_still_and_moving_flows_are_told_apart(case: Case, tmp_path: Path) -> No
 
 def test_too_little_to_judge(case: Case, tmp_path: Path) -> None:
     assert judge_steadiness(case, tmp_path, (0.0, 1.0)) is None
+
+
+def test_a_run_past_the_beginning_says_what_it_averages(
+    case: Case, folder: Path, foam: Installation
+) -> None:
+    """A finished run of 2 s goes on to 2.2 s: 0.2 s are left of the 0.55 s requested."""
+    solve(case, folder, foam, lambda state: None)
+    later = evolve(case, times=Times(2.2, 0.55))
+    sentence = r"over the last 0\.2 s, not 0\.55 s; give .* of 0\.55 s and an end time of 2\.55 s"
+    for _ in range(2):
+        with pytest.warns(IriftraceWarning, match=sentence):
+            assert solve(later, folder, foam, lambda state: None) == pytest.approx(0.2)
+    assert runs(folder)[2:] == ["2 2.2 mean"]
+
+
+def test_snapshots_of_a_run_past_the_beginning_are_refused(
+    case: Case, folder: Path, foam: Installation
+) -> None:
+    """Before the former average is dropped: with its own times the run is still a finished one."""
+    solve(case, folder, foam, lambda state: None)
+    later = evolve(case, times=Times(2.2, 0.55, 4))
+    with pytest.raises(InputError, match=r"an end time of 2\.55 s or more") as error:
+        solve(later, folder, foam, lambda state: None)
+    assert error.value.code == "case.snapshots_too_late"
+    assert (folder / "2.0/rhoMean").is_file()
+    assert solve(case, folder, foam, lambda state: None) == 0.5
+    enough = evolve(case, times=Times(2.55, 0.55, 4))
+    assert solve(enough, folder, foam, lambda state: None) == pytest.approx(0.55)

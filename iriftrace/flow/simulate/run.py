@@ -13,7 +13,7 @@ import numpy as np
 from attrs import evolve, frozen
 from scipy.constants import g
 
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import write_whole
 from iriftrace.flow.simulate.case import Case, read_record
 from iriftrace.flow.simulate.case_files import (
@@ -151,7 +151,8 @@ def solve(
 ) -> float:
     """Run until the flow has settled, then average the density to the end; returns the seconds.
 
-    Raises OpenFoamError if the solver stopped; InputError if an earlier run does not fit.
+    Raises OpenFoamError if the solver stopped; InputError if an earlier run does not fit. Warns of
+    an average that is shorter than requested, as an earlier run came past its beginning.
     """
     times = case.times
     pieces = _prepared(case, folder, installation)
@@ -161,12 +162,17 @@ def solve(
         _run_solver(case, folder, installation, watch, times.settled)
         started = last_time(pieces)
     since = _averaging_since(folder, pieces, started, case)
+    if _late(case, since):
+        warn(
+            f"The run in {folder} had already come to {since:g} s, so the density is averaged over "
+            f"the last {times.end - since:.3g} s, not {times.averaging:g} s; {_later(case, since)}."
+        )
     if started < times.end * (1.0 - 1e-9):
         lately = judge_steadiness(case, folder, (started - times.averaging, started))
         steady = lately is not None and lately.steady
         write_control(case, folder, averaging=True, start=started, steady=steady)
         _run_solver(case, folder, installation, watch, times.end)
-    return times.end - since
+    return times.end - since if _late(case, since) else times.averaging
 
 
 def last_time(pieces: list[Path]) -> float:
@@ -252,6 +258,14 @@ def _averaging_since(folder: Path, pieces: list[Path], started: float, case: Cas
             code="case.already_later",
             argument="end_time",
         )
+    if case.times.snapshots and _late(case, started):
+        raise InputError(
+            f"the run in {folder} has already come to {started:g} s, so {case.times.snapshots} "
+            f"snapshots cannot be spread over the last {case.times.averaging:g} s before "
+            f"{case.times.end:g} s; {_later(case, started)}.",
+            code="case.snapshots_too_late",
+            argument="end_time",
+        )
     for piece in pieces:
         for entry in time_folders(piece).values():
             shutil.rmtree(entry / "uniform/functionObjects", ignore_errors=True)
@@ -260,6 +274,16 @@ def _averaging_since(folder: Path, pieces: list[Path], started: float, case: Cas
     kept = {**requested, "snapshots": case.times.snapshots, "since": started}
     write_whole(file, json.dumps(kept))
     return started
+
+
+def _late(case: Case, since: float) -> bool:
+    """True if averaging begins at a time, s, that is later than requested by more than rounding."""
+    return since > case.times.settled + 1e-6 * case.times.end
+
+
+def _later(case: Case, since: float) -> str:
+    whole = case.times.averaging
+    return f"give an average time of {whole:g} s and an end time of {since + whole:g} s or more"
 
 
 def _whole(folder: Path) -> bool:

@@ -102,7 +102,7 @@ def simulate(
     files: list[Path] = []
     if case.times.snapshots:
         listed = file.with_name(f"{file.stem}_snapshots.pvd")
-        files = write_snapshots(case, folder, listed, case.times.snapshots)
+        files = write_snapshots(case, folder, listed, averaged)
     return Simulation(
         field=file,
         snapshots=tuple(files),
