@@ -19,11 +19,11 @@ from iriftrace.cli.reading import PartReading, read_part
 from iriftrace.cli.simulation_progress import say_cost, simulation_progress
 from iriftrace.core.errors import InputError, SetupError, refuse_given, warn
 from iriftrace.core.plain import JsonObject
-from iriftrace.core.units import ZERO_CELSIUS_K, Temperature
+from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.flow.simulate.options import DraughtOptions, SimulationOptions, Speeds
 from iriftrace.io.reading import AS_DRAWN, ReadPart
 from iriftrace.medium.air.refractivity import Air
-from iriftrace.part.hot_temperature import FIELD
+from iriftrace.part.hot_temperature import FIELD, temperature_words
 from iriftrace.sweep.options import NO_WORKERS, Workers
 
 if TYPE_CHECKING:
@@ -185,8 +185,7 @@ def _words(wall: WallTemperatures) -> list[str]:
     """The part's hot temperatures as users write them, from the wall that is simulated."""
     if wall.measured is not None:
         return [FIELD]
-    regions = (f"{name}={Temperature(kelvin)!s}" for name, kelvin in wall.regions.items())
-    return [str(Temperature(wall.default)), *regions]
+    return temperature_words(wall.default, wall.regions)
 
 
 def doctor() -> None:
