@@ -15,6 +15,7 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.flow.simulate.case import Case
 from iriftrace.flow.simulate.case_files import write_case
 from iriftrace.flow.simulate.domain import MeshSize, mesh_size
+from iriftrace.flow.simulate.draught import Draught
 from iriftrace.flow.simulate.options import SimulationOptions
 from iriftrace.flow.simulate.programs import Installation, OpenFoamError, run_program
 from iriftrace.flow.simulate.run import (
@@ -65,6 +66,19 @@ def test_the_expected_time_is_that_of_three_runs_to_a_factor_of_two(case: Case) 
     assert expected_seconds(
         evolve(hot, options=SimulationOptions(processes=2)), 93_108
     ) == pytest.approx(found / 2)
+
+
+def test_a_draught_takes_time(case: Case) -> None:
+    """Of 3 m/s, across air that rises above a wall of 1100 degC."""
+    still = evolve(case, mirrors="")
+    blown = evolve(still, draught=Draught(3.0, (0.0, 1.0, 0.0)))
+    height = still.domain.kept_upper[2] - case.part.bounds[1][2]
+    rise = np.sqrt(9.80665e-3 * height * (1.0 - 293.15 / 1373.15))
+    expected = np.hypot(rise, 3.0) / rise
+    assert expected_seconds(blown, 90_000) == pytest.approx(
+        expected * expected_seconds(still, 90_000)
+    )
+    assert expected > 2.0
 
 
 def test_a_long_run_has_a_coarser_mesh_of_ten_minutes(case: Case) -> None:
