@@ -33,7 +33,7 @@ from iriftrace.scenes import folder_of
 
 FILES = (
     *("T", "U", "p", "p_rgh", "phi", "uniform/time", "rhoMean", "UMean", "rhoUMean"),
-    "uniform/functionObjects/mean",
+    "uniform/functionObjects/functionObjectProperties",
 )
 # Notes when it starts and whether it averages, and writes the state at the end time.
 SOLVER = """#!/bin/sh
@@ -192,9 +192,24 @@ def test_killed_while_averaging_goes_on_with_the_mean(
     (folder / "2.0").rename(folder / "1.75")
     (folder / "1.875").mkdir()
     (folder / "1.875" / "T").write_text("FoamFile { version 2.0; }")
-    assert last_time([folder]) == 1.75
+    assert last_time(folder) == 1.75
     assert solve(case, folder, foam, lambda state: None) == pytest.approx(0.5)
     assert runs(folder)[2:] == ["1.75 2.0 mean+old"]
+
+
+def test_killed_before_the_means_were_written_goes_on_from_the_state_before(
+    case: Case, folder: Path, foam: Installation
+) -> None:
+    """Where the solver would begin another average; before averaging no state has means."""
+    solve(case, folder, foam, lambda state: None)
+    shutil.copytree(folder / "2.0", folder / "1.75")
+    (folder / "2.0/uniform/functionObjects/functionObjectProperties").unlink()
+    assert last_time(folder) == 1.75
+    assert solve(case, folder, foam, lambda state: None) == pytest.approx(0.5)
+    assert runs(folder)[-1] == "1.75 2.0 mean+old"
+    shutil.rmtree(folder / "1.75")
+    shutil.rmtree(folder / "2.0")
+    assert last_time(folder) == 1.5
 
 
 def test_what_a_finished_run_cannot_give_is_refused(

@@ -46,6 +46,7 @@ _LEAST_GROWTH = 1.1
 """Growth of cells that saves a quarter of the time."""
 
 _AVERAGED = "averaging.json"
+_OF_MEANS = "uniform/functionObjects"
 
 
 @frozen
@@ -158,11 +159,12 @@ def solve(
     """
     times = case.times
     pieces = _prepared(case, folder, installation)
-    started = last_time(pieces)
+    started = last_time(folder)
     if started < times.settled * (1.0 - 1e-9):
+        (folder / _AVERAGED).unlink(missing_ok=True)
         write_control(case, folder, averaging=False, start=started)
         _run_solver(case, folder, installation, watch, times.settled)
-        started = last_time(pieces)
+        started = last_time(folder)
     since = _averaging_since(folder, pieces, started, case)
     if _late(case, since):
         warn(
@@ -177,9 +179,14 @@ def solve(
     return times.end - since if _late(case, since) else times.averaging
 
 
-def last_time(pieces: list[Path]) -> float:
+def last_time(folder: Path) -> float:
     """Last time that is complete on disk for all pieces of a case; 0 at the beginning."""
-    whole = [{t for t, f in time_folders(piece).items() if _whole(f)} for piece in pieces]
+    record = folder / _AVERAGED
+    since = float(read_record(record)["since"]) if record.is_file() else math.inf
+    whole = [
+        {t for t, f in time_folders(piece).items() if _whole(f, averaged=t > since)}
+        for piece in pieces_of(folder)
+    ]
     return max(set.intersection(*whole), default=0.0)
 
 
@@ -192,7 +199,7 @@ def _prepared(case: Case, folder: Path, installation: Installation) -> list[Path
     pieces = pieces_of(folder)
     apart = pieces != [folder]
     if case.options.processes > 1 and not apart:
-        if last_time(pieces) > 0.0:
+        if last_time(folder) > 0.0:
             raise InputError(
                 f"the run in {folder} was started with one process; continue with one.",
                 code="case.other_processes",
@@ -214,7 +221,7 @@ def _run_solver(
     case: Case, folder: Path, installation: Installation, watch: Callable[[State], None], end: float
 ) -> None:
     log = folder / f"log.{SOLVER}"
-    begun, first = time.monotonic(), last_time(pieces_of(folder))
+    begun, first = time.monotonic(), last_time(folder)
 
     def look() -> None:
         times = step_times(tail(log)).tolist()
@@ -226,10 +233,10 @@ def _run_solver(
         known = now - first > 0.02 * case.times.end
         left = clock / (now - first) * (case.times.end - now) if known else None
         lately = judge_steadiness(case, folder, (now - case.times.averaging, now))
-        watch(State(now, case.times.end, left, lately, last_time(pieces_of(folder))))
+        watch(State(now, case.times.end, left, lately, last_time(folder)))
 
     run_program(installation, folder, SOLVER, processes=case.options.processes, watch=look)
-    if last_time(pieces_of(folder)) < end * (1.0 - 1e-6):
+    if last_time(folder) < end * (1.0 - 1e-6):
         raise OpenFoamError(
             f"the solver in {folder} ended before {end:g} s without an error; run the same "
             "command again to continue.",
@@ -268,9 +275,11 @@ def _averaging_since(folder: Path, pieces: list[Path], started: float, case: Cas
             code="case.snapshots_too_late",
             argument="end_time",
         )
+    # Without it, states are whole that have no means.
+    file.unlink(missing_ok=True)
     for piece in pieces:
         for entry in time_folders(piece).values():
-            shutil.rmtree(entry / "uniform/functionObjects", ignore_errors=True)
+            shutil.rmtree(entry / _OF_MEANS, ignore_errors=True)
             for name in AVERAGED:
                 (entry / f"{name}Mean").unlink(missing_ok=True)
     kept = {**requested, "snapshots": case.times.snapshots, "since": started}
@@ -288,9 +297,12 @@ def _later(case: Case, since: float) -> str:
     return f"give an average time of {whole:g} s and an end time of {since + whole:g} s or more"
 
 
-def _whole(folder: Path) -> bool:
-    """True if a time's fields are all present and complete."""
+def _whole(folder: Path, *, averaged: bool) -> bool:
+    """True if a time's fields, and means if they are `averaged`, are all present and complete."""
     names = [Path(name).name for name in START_FILES]
+    if averaged:
+        # Written after the means; without it the solver would begin another average.
+        names.append(f"{_OF_MEANS}/functionObjectProperties")
     needed = [folder / name for name in (*names, "phi", "uniform/time")]
     # OpenFOAM ends every complete file with this.
     return all("// ****" in tail(file, 200) for file in needed)
