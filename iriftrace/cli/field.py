@@ -79,7 +79,7 @@ def check(
         Write everything to this .json file too.
     wall_temperature
         Temperature that the wall should have; by default that of the case.json next to a field of
-        ``iriftrace field simulate``.
+        ``iriftrace field simulate``, which is not judged if it was measured.
     region_temperature
         Another temperature that a region of the part should have, NAME=TEMPERATURE, or all regions
         that match a pattern, "plane -x*=900 degC"; repeatable; by default those of the case.json.
@@ -126,10 +126,14 @@ def check(
 
         folder = field if field.is_dir() else field.parent
         stored = recorded_wall(folder, measured)
+        measured_from = stored if isinstance(stored, str) else None
         regions = values_by_region(
             measured, region_temperatures(region_temperature or (), "region_temperature")
         )
-        if stored is not None:
+        if stored is not None and not isinstance(stored, str):
+            variation = volume.source.facts.variation
+            if variation is not None and variation.quantity == "wall":
+                stored = stored.hotter(variation.step)  # it lies next to the record of the first
             say(f"Wall temperatures that are not given are those of {folder / RECORD}.")
             if wall_temperature is None:
                 wall_temperature = Temperature(stored.default)
@@ -141,6 +145,7 @@ def check(
             wall_temperature_k=wall_temperature,
             region_temperatures_k=regions,
             transition_mm=transition or 0.0,
+            measured_from=measured_from,
             diameter_mm=diameter,
             camera=origin,
             steady=reading.steady,

@@ -19,11 +19,11 @@ from iriftrace.cli.reading import PartReading, read_part
 from iriftrace.cli.simulation_progress import say_cost, simulation_progress
 from iriftrace.core.errors import InputError, SetupError, refuse_given, warn
 from iriftrace.core.plain import JsonObject
-from iriftrace.core.units import ZERO_CELSIUS_K, Temperature
+from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.flow.simulate.options import DraughtOptions, SimulationOptions, Speeds
 from iriftrace.io.reading import AS_DRAWN, ReadPart
 from iriftrace.medium.air.refractivity import Air
-from iriftrace.part.hot_temperature import FIELD
+from iriftrace.part.hot_temperature import FIELD, temperature_words
 from iriftrace.sweep.options import NO_WORKERS, Workers
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from iriftrace.flow.simulate.programs import Installation
     from iriftrace.flow.simulate.simulate import Simulation
     from iriftrace.part.part import Part
+    from iriftrace.part.uneven_growth import Temperatures
     from iriftrace.part.wall_temperature import WallTemperatures
 
 
@@ -90,6 +91,8 @@ def simulate(
     from iriftrace.flow.simulate.simulate import check_solver, prepare
     from iriftrace.flow.simulate.simulate import simulate as run
     from iriftrace.flow.simulate.variations import case_folder, varied_cases
+    from iriftrace.part.region_choice import values_by_region
+    from iriftrace.part.wall_temperature import wall_temperature
 
     checks.inputs(part)
     checks.folder(output)
@@ -121,11 +124,18 @@ def simulate(
         kelvin, regions = hot.hot.wall(simulation.wall_temperature, simulation.region_temperature)
         simulation = evolve(simulation, wall_temperature=kelvin, region_temperature=regions)
     wall = simulation.wall()
-    if hot.expansion is not None and hot.hot_temperature is None:
+    same = (wall.default, wall.regions) == (hot.hot.default, hot.hot.regions)
+    if hot.expansion is not None and (
+        hot.hot_temperature is None or (same and wall.transition > 0.0)
+    ):
         # It has expanded according to the temperature of its wall.
         hot = evolve(hot, hot_temperature=_words(wall))
-    known = wall.measured
-    measured = read_part(part, hot, None if known is None else lambda _: known.at)
+
+    def of_wall(cold: Part) -> Temperatures:
+        regions = values_by_region(cold, wall.regions)
+        return partial(wall_temperature, evolve(wall, regions=regions), cold)
+
+    measured = read_part(part, hot, of_wall)
     if family and installation is not None:
         members, cases = family_cases(measured, simulation, wind)
         _print_case(cases[members[0].name])
@@ -167,7 +177,7 @@ def _vary(
         with simulation_progress() as display:
             # Mesh and cost are those of the first one.
             quiet = evolve(display, expect=lambda cost: None)
-            result = solve_varied(one, folder, first.field, installation, quiet)
+            result = solve_varied(one, folder, first, installation, quiet)
         results.append(result)
         text = "" if one.variation is None else one.variation.text
         flow = result.steadiness
@@ -182,11 +192,13 @@ def _vary(
 
 
 def _words(wall: WallTemperatures) -> list[str]:
-    """The part's hot temperatures as users write them, from the wall that is simulated."""
-    if wall.measured is not None:
+    """The part's hot temperatures as users write them, from the wall that is simulated.
+
+    Those of a file, and those between regions, are known from the field.
+    """
+    if wall.measured is not None or wall.transition > 0.0:
         return [FIELD]
-    regions = (f"{name}={Temperature(kelvin)!s}" for name, kelvin in wall.regions.items())
-    return [str(Temperature(wall.default)), *regions]
+    return temperature_words(wall.default, wall.regions)
 
 
 def doctor() -> None:
@@ -258,7 +270,8 @@ def _print_simulation(result: Simulation) -> None:
     runs = f" ({result.all_seconds:.0f} s in all its runs)"
     say(
         f"{result.cells:,} cells, {result.seconds:.0f} s"
-        f"{runs if result.all_seconds > result.seconds + 1.0 else ''}; field at the wall within "
+        f"{runs if result.all_seconds > result.seconds + 1.0 else ''}; density averaged over the "
+        f"last {result.averaged:.3g} s; field at the wall within "
         f"{result.wall_error_k:.2f} K of the set temperature"
     )
     steadiness = result.steadiness

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from attrs import field, frozen
@@ -69,18 +69,30 @@ class HotTemperatures:
     ) -> tuple[Temperature | None, list[str] | None]:
         """Temperature of the wall, and NAME=TEMPERATURE of regions: by default these.
 
-        Warns of a wall with another temperature than that by which the part expands.
+        Warns of a wall with other temperatures than those by which the part expands.
         """
-        if wall is None and self.default is not None:
-            own = [f"{name}={kelvin!r} K" for name, kelvin in self.regions.items()]
-            return self.default, own if regions is None else regions
-        if wall is not None and self.single is not None and abs(self.single - wall) > 1.0:
+        from iriftrace.part.wall_temperature import region_temperatures
+
+        if self.default is None:
+            return wall, regions
+        given = region_temperatures(regions or (), "region_temperature")
+        if wall is None:
+            wall, given = self.default, self.regions | given
+        off = [
+            self.regions.get(name, self.default) - given.get(name, wall)
+            for name in self.regions | given
+        ]
+        if max(map(abs, (self.default - wall, *off))) > 1.0:
+            hot, its = (
+                ", ".join(temperature_words(*both))
+                for both in ((self.default, self.regions), (wall, given))
+            )
             warn(
-                f"The part expands to its size at {self.single!s}, but its wall has {wall!s}; "
-                "leave one of them out.",
+                f"The part expands to its size at {hot}, but its wall has {its}; leave one of them "
+                "out.",
                 argument="hot_temperature",
             )
-        return wall, regions
+        return wall, [f"{name}={kelvin!r} K" for name, kelvin in given.items()] or None
 
     def at_walls(
         self, part: Part, field_wall: Callable[[Part], Temperatures] | None
@@ -100,3 +112,9 @@ class HotTemperatures:
             return field_wall(part)
         wall = WallTemperatures(self.default, values_by_region(part, self.regions))
         return lambda points: wall_temperature(wall, part, points)
+
+
+def temperature_words(default: float, regions: Mapping[str, float]) -> list[str]:
+    """Temperatures, K, as users write them: that of the part, and NAME=TEMPERATURE of regions."""
+    own = (f"{name}={Temperature(kelvin)!s}" for name, kelvin in regions.items())
+    return [str(Temperature(default)), *own]

@@ -7,10 +7,11 @@ import pytest
 import pyvista as pv
 from attrs import evolve
 
+from iriftrace.flow.simulate import result
 from iriftrace.flow.simulate.case import Case
 from iriftrace.flow.simulate.case_files import write_control
 from iriftrace.flow.simulate.options import SimulationOptions
-from iriftrace.flow.simulate.result import mean_arrays, state_arrays
+from iriftrace.flow.simulate.result import mean_arrays, state_arrays, write_snapshots
 from iriftrace.medium.air import thermophysics as gas
 from iriftrace.medium.flow import ENTHALPY_FLUX, HEAT_STORAGE
 from validation.field_files.openfoam import entry
@@ -98,3 +99,19 @@ def test_solver_is_told_to_average_what_the_balance_needs(case: Case, tmp_path: 
     write_control(case, tmp_path, averaging=True, start=1.5, steady=True)
     assert control.read_text() == text
     assert "nOuterCorrectors 1; nCorrectors 2;" in solution.read_text()
+
+
+def test_snapshots_are_states_of_the_averaged_time(
+    case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two remain after 1.8 s, when averaging began, though four were requested."""
+    times = (1.5, 1.8, 1.9, 2.0)
+    monkeypatch.setattr(result.openfoam_case, "states", lambda _: [("", time) for time in times])
+    monkeypatch.setattr(result, "_read", lambda _, number: (state(AFTER), times[number]))
+    monkeypatch.setattr(result, "_whole", lambda *_: pv.UnstructuredGrid())
+    monkeypatch.setattr(result, "_write", lambda *_: None)
+    four = evolve(case, times=evolve(case.times, snapshots=4))
+    files = write_snapshots(four, tmp_path, tmp_path / "f.pvd", 2.0 - 1.8)
+    assert [file.name for file in files] == ["f_1.vtu", "f_2.vtu"]
+    listed = (tmp_path / "f.pvd").read_text()
+    assert [moment in listed for moment in ('"1.5"', '"1.8"', '"1.9"', '"2"')] == [0, 0, 1, 1]

@@ -24,6 +24,34 @@ def test_axes_of_a_cylinder_and_of_a_crooked_part(cylinder: Part) -> None:
     assert symmetric_axes(part_from(wedge)) == "y"
 
 
+def plate_with_hole(x: float, y: float, radius: float) -> trimesh.Trimesh:
+    """200 x 100 x 2 mm; its corners lie on the rims of plate and hole, and not between them."""
+    half, centre = np.array((100.0, 50.0)), np.array((x, y))
+    toward = [np.array((sx, sy)) * half - centre for sx in (-1, 1) for sy in (-1, 1)]
+    angles = np.sort([*np.linspace(-3.1, 3.1, 24), *(np.arctan2(v, u) for u, v in toward)])
+    ways = np.column_stack((np.cos(angles), np.sin(angles)))
+    to_edge = ((np.sign(ways) * half - centre) / ways).min(axis=1)
+    rims = [centre + radius * ways, centre + to_edge[:, None] * ways]
+    rings = [np.column_stack((rim, np.full(len(rim), z))) for z in (-1.0, 1.0) for rim in rims]
+    here, count = np.arange(len(angles)), len(angles)
+    following = (here + 1) % count
+    faces = []
+    for a, b in ((0, 1), (1, 3), (3, 2), (2, 0)):  # bottom, edge, top, hole
+        a, b = a * count, b * count
+        faces += [np.column_stack((a + here, a + following, b + here))]
+        faces += [np.column_stack((a + following, b + following, b + here))]
+    return trimesh.Trimesh(np.concatenate(rings), np.concatenate(faces))
+
+
+@pytest.mark.parametrize(("x", "y", "radius"), [(40.0, 20.0, 8.0), (40.0, 0.0, 2.0)])
+def test_a_hole_in_a_thin_plate_has_no_image(x: float, y: float, radius: float) -> None:
+    """Every corner of its rim has an image on the plate, though not what lies around the hole."""
+    mesh = plate_with_hole(x, y, radius)
+    assert mesh.is_watertight
+    assert symmetric_axes(part_from(mesh)) == ("" if y else "y")
+    assert symmetric_axes(part_from(plate_with_hole(0.0, 0.0, radius))) == "xy"
+
+
 @pytest.mark.parametrize("kind", sorted(CELLS))
 @pytest.mark.parametrize("axis", [0, 1])
 def test_mirrored_cells_keep_their_volume_and_sense(kind: int, axis: int) -> None:

@@ -11,10 +11,11 @@ import pytest
 import trimesh
 from attrs import astuple, evolve
 
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.flow.simulate.case import Case
 from iriftrace.flow.simulate.case_files import write_case
 from iriftrace.flow.simulate.domain import MeshSize, mesh_size
+from iriftrace.flow.simulate.draught import Draught
 from iriftrace.flow.simulate.options import SimulationOptions
 from iriftrace.flow.simulate.programs import Installation, OpenFoamError, run_program
 from iriftrace.flow.simulate.run import (
@@ -32,7 +33,7 @@ from iriftrace.scenes import folder_of
 
 FILES = (
     *("T", "U", "p", "p_rgh", "phi", "uniform/time", "rhoMean", "UMean", "rhoUMean"),
-    "uniform/functionObjects/mean",
+    "uniform/functionObjects/functionObjectProperties",
 )
 # Notes when it starts and whether it averages, and writes the state at the end time.
 SOLVER = """#!/bin/sh
@@ -65,6 +66,19 @@ def test_the_expected_time_is_that_of_three_runs_to_a_factor_of_two(case: Case) 
     assert expected_seconds(
         evolve(hot, options=SimulationOptions(processes=2)), 93_108
     ) == pytest.approx(found / 2)
+
+
+def test_a_draught_takes_time(case: Case) -> None:
+    """Of 3 m/s, across air that rises above a wall of 1100 degC."""
+    still = evolve(case, mirrors="")
+    blown = evolve(still, draught=Draught(3.0, (0.0, 1.0, 0.0)))
+    height = still.domain.kept_upper[2] - case.part.bounds[1][2]
+    rise = np.sqrt(9.80665e-3 * height * (1.0 - 293.15 / 1373.15))
+    expected = np.hypot(rise, 3.0) / rise
+    assert expected_seconds(blown, 90_000) == pytest.approx(
+        expected * expected_seconds(still, 90_000)
+    )
+    assert expected > 2.0
 
 
 def test_a_long_run_has_a_coarser_mesh_of_ten_minutes(case: Case) -> None:
@@ -178,9 +192,24 @@ def test_killed_while_averaging_goes_on_with_the_mean(
     (folder / "2.0").rename(folder / "1.75")
     (folder / "1.875").mkdir()
     (folder / "1.875" / "T").write_text("FoamFile { version 2.0; }")
-    assert last_time([folder]) == 1.75
+    assert last_time(folder) == 1.75
     assert solve(case, folder, foam, lambda state: None) == pytest.approx(0.5)
     assert runs(folder)[2:] == ["1.75 2.0 mean+old"]
+
+
+def test_killed_before_the_means_were_written_goes_on_from_the_state_before(
+    case: Case, folder: Path, foam: Installation
+) -> None:
+    """Where the solver would begin another average; before averaging no state has means."""
+    solve(case, folder, foam, lambda state: None)
+    shutil.copytree(folder / "2.0", folder / "1.75")
+    (folder / "2.0/uniform/functionObjects/functionObjectProperties").unlink()
+    assert last_time(folder) == 1.75
+    assert solve(case, folder, foam, lambda state: None) == pytest.approx(0.5)
+    assert runs(folder)[-1] == "1.75 2.0 mean+old"
+    shutil.rmtree(folder / "1.75")
+    shutil.rmtree(folder / "2.0")
+    assert last_time(folder) == 1.5
 
 
 def test_what_a_finished_run_cannot_give_is_refused(
@@ -239,3 +268,31 @@ def test_still_and_moving_flows_are_told_apart(case: Case, tmp_path: Path) -> No
 
 def test_too_little_to_judge(case: Case, tmp_path: Path) -> None:
     assert judge_steadiness(case, tmp_path, (0.0, 1.0)) is None
+
+
+def test_a_run_past_the_beginning_says_what_it_averages(
+    case: Case, folder: Path, foam: Installation
+) -> None:
+    """A finished run of 2 s goes on to 2.2 s: 0.2 s are left of the 0.55 s requested."""
+    solve(case, folder, foam, lambda state: None)
+    later = evolve(case, times=Times(2.2, 0.55))
+    sentence = r"over the last 0\.2 s, not 0\.55 s; give .* of 0\.55 s and an end time of 2\.55 s"
+    for _ in range(2):
+        with pytest.warns(IriftraceWarning, match=sentence):
+            assert solve(later, folder, foam, lambda state: None) == pytest.approx(0.2)
+    assert runs(folder)[2:] == ["2 2.2 mean"]
+
+
+def test_snapshots_of_a_run_past_the_beginning_are_refused(
+    case: Case, folder: Path, foam: Installation
+) -> None:
+    """Before the former average is dropped: with its own times the run is still a finished one."""
+    solve(case, folder, foam, lambda state: None)
+    later = evolve(case, times=Times(2.2, 0.55, 4))
+    with pytest.raises(InputError, match=r"an end time of 2\.55 s or more") as error:
+        solve(later, folder, foam, lambda state: None)
+    assert error.value.code == "case.snapshots_too_late"
+    assert (folder / "2.0/rhoMean").is_file()
+    assert solve(case, folder, foam, lambda state: None) == 0.5
+    enough = evolve(case, times=Times(2.55, 0.55, 4))
+    assert solve(enough, folder, foam, lambda state: None) == pytest.approx(0.55)

@@ -131,7 +131,7 @@ def test_fields_say_what_they_vary(
 ) -> None:
     solver = Solver()
     monkeypatch.setattr(variations, "simulate", solver)
-    base = solver(case, tmp_path, tmp_path / "field.vtu", NONE, Display()).field
+    base = solver(case, tmp_path, tmp_path / "field.vtu", NONE, Display())
     for one in varied_cases(case, ALL):
         name = one.variation.quantity
         written = solve_varied(one, tmp_path, base, NONE, Display()).field
@@ -139,11 +139,11 @@ def test_fields_say_what_they_vary(
         assert solver.solved[-1] == (tmp_path / "vary" / name, tmp_path)
         assert case_folder(one, tmp_path) == tmp_path / "vary" / name
         source = read_field(written).source
-        assert source.facts.variation == Variation(name, one.variation.step, sha256_of(base))
+        assert source.facts.variation == Variation(name, one.variation.step, sha256_of(base.field))
         assert source.facts.kind is FieldKind.STEADY
         assert one.variation.text in origin_of(pv.read(written))
     assert "varies pressure by 2 hPa" in source.origin
-    assert read_field(base).source.facts.variation is None
+    assert read_field(base.field).source.facts.variation is None
 
 
 def test_a_field_is_read_in_the_air_that_it_varies(
@@ -151,10 +151,10 @@ def test_a_field_is_read_in_the_air_that_it_varies(
 ) -> None:
     """At the edge it is that air, and at the wall the index follows its pressure."""
     monkeypatch.setattr(variations, "simulate", Solver())
-    base = Solver()(case, tmp_path, tmp_path / "field.vtu", NONE, Display()).field
+    base = Solver()(case, tmp_path, tmp_path / "field.vtu", NONE, Display())
     _, ambient, pressure = varied_cases(case, ALL)
     room = Air(relative_humidity=0.4)
-    kelvin = read_field(base, air=room).temperature_k
+    kelvin = read_field(base.field, air=room).temperature_k
     for one, there in (
         (ambient, evolve(room, temperature_k=room.temperature_k + 2.0)),
         (pressure, evolve(room, pressure_pa=room.pressure_pa + 200.0)),
@@ -218,3 +218,18 @@ def test_cases_are_written_without_a_solver(folder: Path, fails) -> None:
 def test_a_family_is_not_varied(folder: Path, fails) -> None:
     message = fails(*WORDS, "--vary", ALL, "--draughts", "0:0.1:0.1", "--draught-from", "0")
     assert "--vary is for one field" in message
+
+
+def test_a_variation_is_averaged_over_the_time_of_the_first(
+    case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """0.2 s of a continued run, not the 0.5 s that were requested."""
+    averaged: list[float] = []
+
+    def solver(case: Case, *rest: object, like: Path) -> None:
+        averaged.append(case.times.averaging)
+
+    monkeypatch.setattr(variations, "simulate", solver)
+    base = evolve(Solver()(case, tmp_path, tmp_path / "field.vtu", NONE, Display()), averaged=0.2)
+    solve_varied(varied_cases(case, "wall 10 K")[0], tmp_path, base, NONE, Display())
+    assert averaged == [0.2]

@@ -1,6 +1,7 @@
 """Growth of a part by --hot-temperature: one number, regions, or the field's wall."""
 
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from iriftrace.io.part_files import read_part, save_part
 from iriftrace.io.reading import ReadPart
 from iriftrace.part import uneven_growth
 from iriftrace.part.standards import cylinder
+from iriftrace.part.wall_temperature import WallTemperatures, wall_temperature
 from validation.inputs import hot_block
 
 Printed = pytest.CaptureFixture[str]
@@ -114,3 +116,33 @@ def test_a_simulated_wall_is_what_the_part_grows_by(tmp_path: Path, capsys: Prin
     ends = [np.isclose(read_part(file).vertices[:, 0], x) for x in (-30.0, 30.0)]
     length = np.diff([hot.vertices[end, 0].mean() for end in ends])
     assert 60.0 * (1.0 + 1e-5 * 580.0) < length < 60.0 * (1.0 + 1e-5 * 980.0)
+
+
+def test_a_part_grows_by_the_transition_of_its_wall(tmp_path: Path, capsys: Printed) -> None:
+    """From a cool head over the length of a cylinder, whether part or wall has the temperatures.
+
+    A wide transition cools what is near the head, so the part is shorter than with a sharp one.
+    """
+    import trimesh
+
+    file = tmp_path / "part.ply"
+    save_part(cylinder(length_mm=60.0), file)
+    temperatures = ["1000 degC", "head -x=600 degC"]
+    sharp = read_part(file, ReadPart(expansion=1e-5, hot_temperature=temperatures))
+    drawn = read_part(file)
+    wall = WallTemperatures(1273.15, {"head -x": 873.15}, 120.0)
+    about = ReadPart(expansion=1e-5, hot_temperature="field")
+    expected = read_part(file, about, field_wall=lambda _: partial(wall_temperature, wall, drawn))
+    shorter = np.ptp(sharp.bounds[:, 0]) - np.ptp(expected.bounds[:, 0])
+    assert shorter > 0.01
+    words = ["field", "simulate", str(file), "--write-only", "--expansion", ALPHA]
+    words += ["--transition=120 mm"]
+    by_wall = ["--wall-temperature", temperatures[0], "--region-temperature", temperatures[1]]
+    by_part = ["--hot-temperature", temperatures[0], "--hot-temperature", temperatures[1]]
+    for name, given in (("wall", by_wall), ("part", by_part)):
+        case = tmp_path / name
+        assert main([*words, *given, "-o", str(case)]) == 0
+        solved = trimesh.load(case / "constant" / "triSurface" / "part.stl")
+        length = 1e3 * np.ptp(solved.bounds[:, 0])
+        assert length == pytest.approx(np.ptp(expected.bounds[:, 0]), abs=0.01 * shorter)
+    assert not capsys.readouterr().err

@@ -39,6 +39,7 @@ def check_field(
     wall_temperature_k: float | None = None,
     region_temperatures_k: Mapping[str, float] | None = None,
     transition_mm: float = 0.0,
+    measured_from: str | None = None,
     diameter_mm: float | None = None,
     camera: ArrayLike | None = None,
     steady: bool | None = None,
@@ -59,6 +60,9 @@ def check_field(
     transition_mm : float, optional
         Width of the transition between these temperatures
         (`iriftrace.part.wall_temperature.wall_temperature`).
+    measured_from : str, optional
+        File of measured temperatures to which the wall was set; it is not judged then, unless
+        expected temperatures are given.
     diameter_mm : float, optional
         Diameter of the horizontal cylinder with which the heat flux is compared; by default that of
         the part if it is such a cylinder.
@@ -94,7 +98,7 @@ def check_field(
     if steady is None:
         steady = field.source.steady
     findings = [
-        temperature_finding(wall, set_k),
+        temperature_finding(wall, set_k, measured_from),
         _gap(fit),
         _covered(fit),
         layer_finding(wall),

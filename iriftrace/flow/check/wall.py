@@ -12,7 +12,7 @@ from scipy.integrate import cumulative_trapezoid
 from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError
 from iriftrace.core.mesh.triangles import area_vectors, unit_vectors
-from iriftrace.flow.check.finding import Finding
+from iriftrace.flow.check.finding import Finding, Grade
 from iriftrace.medium.air import thermophysics as gas
 from iriftrace.medium.gradient import ROUNDS, cell_corners, consistent_gradient, point_gradient
 from iriftrace.medium.index_field import IndexField
@@ -197,8 +197,13 @@ def _first_cells(grid: pv.UnstructuredGrid, wall: IntArray, normals: FloatArray)
     return height
 
 
-def temperature_finding(wall: WallState, set_k: FloatArray | None) -> Finding:
-    """Judge the wall's temperature against the expected one, (n,) K, or its own median."""
+def temperature_finding(
+    wall: WallState, set_k: FloatArray | None, measured_from: str | None = None
+) -> Finding:
+    """Judge the wall's temperature against the expected one, (n,) K, or its own median.
+
+    Without a verdict if it was set to measured temperatures, whose file may be gone.
+    """
     middle = float(np.median(wall.temperature_k))
     target = np.full(len(wall.temperature_k), middle) if set_k is None else set_k
     off = np.abs(wall.temperature_k - target)
@@ -207,12 +212,20 @@ def temperature_finding(wall: WallState, set_k: FloatArray | None) -> Finding:
     one = f"the set {high:.2f} K" if low == high else ""
     several = f"the set {low:.2f} to {high:.2f} K of its regions"
     compared = "its own median" if set_k is None else one or several
+    remark = (
+        f"{within:.1%} of the wall's points within {WALL_TOLERANCE_K} K of {compared}; worst "
+        f"{off.max():.3g} K"
+    )
+    verdict: Grade = "good" if within >= 0.99 else "doubtful" if within >= 0.9 else "bad"
+    if measured_from is not None and set_k is None:
+        coolest, hottest = wall.temperature_k.min(), wall.temperature_k.max()
+        remark = f"{coolest:.2f} to {hottest:.2f} K; set to the temperatures in {measured_from}"
+        verdict = "-"
     return Finding(
         "wall temperature",
         f"{middle:.2f} K",
-        "good" if within >= 0.99 else "doubtful" if within >= 0.9 else "bad",
-        f"{within:.1%} of the wall's points within {WALL_TOLERANCE_K} K of {compared}; worst "
-        f"{off.max():.3g} K",
+        verdict,
+        remark,
         {
             "median_k": middle,
             "target_k": float(np.median(target)),

@@ -203,25 +203,28 @@ def read_record(file: Path) -> JsonObject:
     return stored
 
 
-def recorded_wall(folder: Path, part: Part) -> WallTemperatures | None:
-    """Temperatures of the wall in the record of a case's folder; None without one for this part."""
+def recorded_wall(folder: Path, part: Part) -> WallTemperatures | str | None:
+    """Temperatures of the wall in the record of a case's folder; None without one for this part.
+
+    The name of their file, which may be gone, if they were measured.
+    """
     file = folder / RECORD
     if not file.is_file():
         return None
     try:
         stored = read_record(file)
-        if stored.get("wall_from"):
-            return None  # the file may be gone
         bounds = np.asarray(stored["part_bounds_mm"], dtype=np.float64)
-        same = bounds.shape == (2, 3) and np.allclose(bounds, part.bounds, atol=_SAME_MM)
-        wall = WallTemperatures(
+        if not (bounds.shape == (2, 3) and np.allclose(bounds, part.bounds, atol=_SAME_MM)):
+            return None
+        if stored.get("wall_from"):
+            return str(stored["wall_from"]["file"])
+        return WallTemperatures(
             float(stored["wall_k"]),
             {str(name): float(kelvin) for name, kelvin in stored["regions_k"].items()},
             float(stored["transition_mm"]),
         )
     except (InputError, KeyError, TypeError, ValueError, AttributeError):
         return None  # a damaged file, or another program's file of this name
-    return wall if same else None
 
 
 _PLACES = 2000

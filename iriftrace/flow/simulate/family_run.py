@@ -23,7 +23,7 @@ from iriftrace.flow.simulate.family import FamilyMember
 from iriftrace.flow.simulate.mesh import make_mesh
 from iriftrace.flow.simulate.part_surface import reflected_grid
 from iriftrace.flow.simulate.programs import Installation, find_openfoam
-from iriftrace.flow.simulate.run import Cost, cost_of, expected_seconds, last_time, pieces_of
+from iriftrace.flow.simulate.run import Cost, cost_of, expected_seconds, last_time
 from iriftrace.flow.simulate.simulate import Display, check_solver, prepare, simulate
 from iriftrace.io.field import read_field
 from iriftrace.io.vtk_write import write_vtk
@@ -192,7 +192,7 @@ def _cost(tasks: Sequence[Task], cells: Mapping[str, int], continued: bool) -> C
     """Cost of all solvers one after another, on the largest of the meshes by mirror planes."""
     if not tasks:
         return None
-    since = [last_time(pieces_of(task.case_folder)) for task in tasks]
+    since = [last_time(task.case_folder) for task in tasks]
     seconds = sum(
         expected_seconds(task.case, cells[task.member.planes], start)
         for task, start in zip(tasks, since, strict=True)

@@ -83,9 +83,11 @@ class SimulationOptions:
     end_time
         Physical time to simulate; by default 2 s, longer for large or cool parts.
     average_time
-        Interval before the end over which the density is averaged; by default a quarter.
+        Interval before the end over which the density is averaged; by default a quarter. A run that
+        already came past its beginning averages over the rest, with a warning.
     snapshots
-        Number of states from that interval to keep besides the average, as an ensemble.
+        Number of states from that interval to keep besides the average, as an ensemble; a run that
+        already came past its beginning is refused.
     processes
         Processes for the solver.
 

@@ -16,7 +16,8 @@ from iriftrace.part.part import Part
 
 _TOLERANCE = 5e-3
 """Largest distance of the mirrored surface from the part, as a fraction of its size."""
-_SAMPLES = 2000
+_SAMPLES = 20_000
+"""Points of each kind that are mirrored; both take half a second with a million triangles."""
 
 
 def write_stl(part: Part, path: Path, scale: float = 1e-3) -> None:
@@ -53,10 +54,11 @@ def is_symmetric(part: Part, name: str, centre: FloatArray) -> bool:
     """True if a surface is symmetric about the plane across the axis x or y at a centre, mm."""
     axis = "xy".index(name)
     points = np.concatenate((part.surface.corners, part.face_centres))
-    if len(points) > _SAMPLES:
-        points = points[np.random.default_rng(0).choice(len(points), _SAMPLES, replace=False)]
+    points = points[:: len(points) // _SAMPLES + 1]
+    # Large triangles have neither corners nor a centre where the other side has a hole.
+    even, _ = part.surface.even_places(_SAMPLES)
     size = float(np.ptp(part.bounds, axis=0).max())
-    image = mirrored_points(points, axis, centre[axis])
+    image = mirrored_points(np.concatenate((points, even)), axis, centre[axis])
     return float(part.surface.distance(image).max()) / size <= _TOLERANCE
 
 

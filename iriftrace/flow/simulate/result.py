@@ -118,12 +118,19 @@ def write_mean(
     return whole
 
 
-def write_snapshots(case: Case, folder: Path, file: Path, count: int) -> list[Path]:
-    """Write the last states, ``NAME_01.vtu`` and so on, and a .pvd that lists their times."""
+def write_snapshots(case: Case, folder: Path, file: Path, averaged: float) -> list[Path]:
+    """Write the case's last states, ``NAME_01.vtu`` and so on, and a .pvd that lists their times.
+
+    They are those of the `averaged` seconds before the end, without that at the beginning.
+    """
     entries, files = [], []
     heat = read_heat(folder)
-    for number in range(1, count + 1):
-        grid, moment = _read(folder, number - 1 - count)
+    since = case.times.end - averaged * (1.0 - 1e-4)
+    times = [moment or 0.0 for _, moment in openfoam_case.states(folder)]
+    states = [number for number, moment in enumerate(times) if moment > since]
+    count = case.times.snapshots
+    for number, state in enumerate(states[-count:], 1):
+        grid, moment = _read(folder, state)
         kelvin = as_float64(grid.point_data["T"])
         target = file.with_name(f"{file.stem}_{number:0{len(str(count))}d}.vtu")
         whole = _whole(case, folder, grid, {"T": kelvin, **state_arrays(case, grid)})

@@ -13,7 +13,7 @@ import numpy as np
 from attrs import evolve, frozen
 from scipy.constants import g
 
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import write_whole
 from iriftrace.flow.simulate.case import Case, read_record
 from iriftrace.flow.simulate.case_files import (
@@ -46,6 +46,7 @@ _LEAST_GROWTH = 1.1
 """Growth of cells that saves a quarter of the time."""
 
 _AVERAGED = "averaging.json"
+_OF_MEANS = "uniform/functionObjects"
 
 
 @frozen
@@ -136,12 +137,14 @@ def expected_seconds(case: Case, cells: int, since: float = 0.0) -> float:
 
     A step lasts until the fastest air has crossed `COURANT` of the wall's cells. Air that is
     lighter by dT / T rises a height L at sqrt(g L dT / T); L is that of the air that the field
-    keeps above the part. On one core a cell's step took 4 us on a mesh of 29,000 cells and 9 us on
-    one of 93,000; with these speeds the estimate is accurate to a factor of 1.7.
+    keeps above the part. A draught blows across that. On one core a cell's step took 4 us on a mesh
+    of 29,000 cells and 9 us on one of 93,000; with these speeds the estimate is accurate to a
+    factor of 1.7.
     """
     height = 1e-3 * (case.domain.kept_upper[2] - float(case.part.bounds[1][2]))
     lighter = 1.0 - case.options.ambient / case.wall.hottest
-    speed = math.sqrt(g * height * lighter)
+    across = 0.0 if case.draught is None else case.draught.speed
+    speed = math.hypot(math.sqrt(g * height * lighter), across)
     steps = (case.times.end - since) * speed / (COURANT * 1e-3 * case.size.wall)
     return SECONDS_A_STEP * cells * steps / case.options.processes
 
@@ -151,27 +154,39 @@ def solve(
 ) -> float:
     """Run until the flow has settled, then average the density to the end; returns the seconds.
 
-    Raises OpenFoamError if the solver stopped; InputError if an earlier run does not fit.
+    Raises OpenFoamError if the solver stopped; InputError if an earlier run does not fit. Warns of
+    an average that is shorter than requested, as an earlier run came past its beginning.
     """
     times = case.times
     pieces = _prepared(case, folder, installation)
-    started = last_time(pieces)
+    started = last_time(folder)
     if started < times.settled * (1.0 - 1e-9):
+        (folder / _AVERAGED).unlink(missing_ok=True)
         write_control(case, folder, averaging=False, start=started)
         _run_solver(case, folder, installation, watch, times.settled)
-        started = last_time(pieces)
+        started = last_time(folder)
     since = _averaging_since(folder, pieces, started, case)
+    if _late(case, since):
+        warn(
+            f"The run in {folder} had already come to {since:g} s, so the density is averaged over "
+            f"the last {times.end - since:.3g} s, not {times.averaging:g} s; {_later(case, since)}."
+        )
     if started < times.end * (1.0 - 1e-9):
         lately = judge_steadiness(case, folder, (started - times.averaging, started))
         steady = lately is not None and lately.steady
         write_control(case, folder, averaging=True, start=started, steady=steady)
         _run_solver(case, folder, installation, watch, times.end)
-    return times.end - since
+    return times.end - since if _late(case, since) else times.averaging
 
 
-def last_time(pieces: list[Path]) -> float:
+def last_time(folder: Path) -> float:
     """Last time that is complete on disk for all pieces of a case; 0 at the beginning."""
-    whole = [{t for t, f in time_folders(piece).items() if _whole(f)} for piece in pieces]
+    record = folder / _AVERAGED
+    since = float(read_record(record)["since"]) if record.is_file() else math.inf
+    whole = [
+        {t for t, f in time_folders(piece).items() if _whole(f, averaged=t > since)}
+        for piece in pieces_of(folder)
+    ]
     return max(set.intersection(*whole), default=0.0)
 
 
@@ -184,7 +199,7 @@ def _prepared(case: Case, folder: Path, installation: Installation) -> list[Path
     pieces = pieces_of(folder)
     apart = pieces != [folder]
     if case.options.processes > 1 and not apart:
-        if last_time(pieces) > 0.0:
+        if last_time(folder) > 0.0:
             raise InputError(
                 f"the run in {folder} was started with one process; continue with one.",
                 code="case.other_processes",
@@ -206,7 +221,7 @@ def _run_solver(
     case: Case, folder: Path, installation: Installation, watch: Callable[[State], None], end: float
 ) -> None:
     log = folder / f"log.{SOLVER}"
-    begun, first = time.monotonic(), last_time(pieces_of(folder))
+    begun, first = time.monotonic(), last_time(folder)
 
     def look() -> None:
         times = step_times(tail(log)).tolist()
@@ -218,10 +233,10 @@ def _run_solver(
         known = now - first > 0.02 * case.times.end
         left = clock / (now - first) * (case.times.end - now) if known else None
         lately = judge_steadiness(case, folder, (now - case.times.averaging, now))
-        watch(State(now, case.times.end, left, lately, last_time(pieces_of(folder))))
+        watch(State(now, case.times.end, left, lately, last_time(folder)))
 
     run_program(installation, folder, SOLVER, processes=case.options.processes, watch=look)
-    if last_time(pieces_of(folder)) < end * (1.0 - 1e-6):
+    if last_time(folder) < end * (1.0 - 1e-6):
         raise OpenFoamError(
             f"the solver in {folder} ended before {end:g} s without an error; run the same "
             "command again to continue.",
@@ -252,9 +267,19 @@ def _averaging_since(folder: Path, pieces: list[Path], started: float, case: Cas
             code="case.already_later",
             argument="end_time",
         )
+    if case.times.snapshots and _late(case, started):
+        raise InputError(
+            f"the run in {folder} has already come to {started:g} s, so {case.times.snapshots} "
+            f"snapshots cannot be spread over the last {case.times.averaging:g} s before "
+            f"{case.times.end:g} s; {_later(case, started)}.",
+            code="case.snapshots_too_late",
+            argument="end_time",
+        )
+    # Without it, states are whole that have no means.
+    file.unlink(missing_ok=True)
     for piece in pieces:
         for entry in time_folders(piece).values():
-            shutil.rmtree(entry / "uniform/functionObjects", ignore_errors=True)
+            shutil.rmtree(entry / _OF_MEANS, ignore_errors=True)
             for name in AVERAGED:
                 (entry / f"{name}Mean").unlink(missing_ok=True)
     kept = {**requested, "snapshots": case.times.snapshots, "since": started}
@@ -262,9 +287,22 @@ def _averaging_since(folder: Path, pieces: list[Path], started: float, case: Cas
     return started
 
 
-def _whole(folder: Path) -> bool:
-    """True if a time's fields are all present and complete."""
+def _late(case: Case, since: float) -> bool:
+    """True if averaging begins at a time, s, that is later than requested by more than rounding."""
+    return since > case.times.settled + 1e-6 * case.times.end
+
+
+def _later(case: Case, since: float) -> str:
+    whole = case.times.averaging
+    return f"give an average time of {whole:g} s and an end time of {since + whole:g} s or more"
+
+
+def _whole(folder: Path, *, averaged: bool) -> bool:
+    """True if a time's fields, and means if they are `averaged`, are all present and complete."""
     names = [Path(name).name for name in START_FILES]
+    if averaged:
+        # Written after the means; without it the solver would begin another average.
+        names.append(f"{_OF_MEANS}/functionObjectProperties")
     needed = [folder / name for name in (*names, "phi", "uniform/time")]
     # OpenFOAM ends every complete file with this.
     return all("// ****" in tail(file, 200) for file in needed)

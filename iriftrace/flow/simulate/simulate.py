@@ -28,7 +28,6 @@ from iriftrace.flow.simulate.run import (
     expected_seconds,
     judge_steadiness,
     last_time,
-    pieces_of,
     solve,
 )
 from iriftrace.flow.simulate.solver_check import try_solver
@@ -89,7 +88,7 @@ def simulate(
     begun = time.monotonic()
     with _clock(folder) as all_seconds:
         cells = make_mesh(case, folder, installation, display.say, like)
-        since = last_time(pieces_of(folder))
+        since = last_time(folder)
         seconds = expected_seconds(case, cells, since)
         display.expect(cost_of(case, cells, seconds, continued=since > 0.0))
         display.say(f"Solver: {cells:,} cells")
@@ -102,7 +101,7 @@ def simulate(
     files: list[Path] = []
     if case.times.snapshots:
         listed = file.with_name(f"{file.stem}_snapshots.pvd")
-        files = write_snapshots(case, folder, listed, case.times.snapshots)
+        files = write_snapshots(case, folder, listed, averaged)
     return Simulation(
         field=file,
         snapshots=tuple(files),

@@ -53,15 +53,18 @@ def case_folder(varied: Case, folder: Path) -> Path:
 
 
 def solve_varied(
-    varied: Case, folder: Path, file: Path, installation: Installation, display: Display
+    varied: Case, folder: Path, first: Simulation, installation: Installation, display: Display
 ) -> Simulation:
-    """Solve a varied case that was prepared, and write its field, ``NAME_wall.vtu``, beside `file`.
+    """Solve a varied case that was prepared, and write its field, ``NAME_wall.vtu``.
 
-    `folder` and `file` are the folder and the field of the case that it varies, which is solved.
+    `folder` and `first` are those of the case that it varies. The field is written beside that one,
+    and is averaged over the same time, also if that is shorter than requested.
     """
+    file = first.field
     variation = evolve(_variation(varied), of=sha256_of(file))
+    times = evolve(varied.times, averaging=first.averaged)
     return simulate(
-        evolve(varied, variation=variation),
+        evolve(varied, variation=variation, times=times),
         case_folder(varied, folder),
         file.with_name(f"{file.stem}_{variation.quantity}.vtu"),
         installation,
