@@ -20,6 +20,7 @@ from iriftrace.core.units import parse_quantity
 from iriftrace.io.field_npz import FIELD_FILE
 from iriftrace.io.part_files import read_part
 from iriftrace.io.reading import ReadPart
+from iriftrace.medium.source import FieldSource
 from iriftrace.part.part import Part
 from iriftrace.tracing.air import air_statement_of, other_shells, traced_air, warn_of_another_part
 from iriftrace.tracing.compiled import (
@@ -102,7 +103,13 @@ def load_scene(
         return compiled.pop() if compiled else _read(xml, values, chosen, engine).compiled
 
     stated, integrator = read.compiled.stated, read.compiled.integrator
+    # Shells that the file moves are known to Mitsuba alone, and do not lie where the field does.
+    moved, cells = read.file.shells_moved, read.compiled.engine.through_cells
     shells = read.file.shell_paths
+
+    def files(folder: Path | None, field: Path, source: FieldSource | None) -> AirFiles:
+        return AirFiles(None if moved else folder, field if cells or not moved else None, source)
+
     air = HotAir.of_states(
         [
             AirState(
@@ -111,7 +118,7 @@ def load_scene(
                 member.time,
                 member.weight,
                 member.covariance,
-                files=AirFiles(
+                files=files(
                     member_folder(xml, member.number) / SHELLS_FOLDER,
                     member_folder(xml, member.number) / FIELD_FILE,
                     member.source,
@@ -122,7 +129,7 @@ def load_scene(
         or [
             AirState(
                 None,
-                files=AirFiles(
+                files=files(
                     shells[0].parent if shells else None, field_file(xml, values), stated.source
                 ),
             )
@@ -209,7 +216,16 @@ def _read(path: Path, values: Mapping[str, str], variant: str, engine: Engine) -
         runtime.refuse_gpu_without_optix(error)
         raise InputError(runtime.readable(error), code="scene.unreadable") from error
     loaded = time.perf_counter()
-    integrator = integrator_for(scene.integrator(), engine, str(path), field_file(path, values))
+    own = scene.integrator()
+    integrator = integrator_for(own, engine, str(path), field_file(path, values))
+    if file.shells_moved and Engine(integrator.engine).through_cells and integrator is not own:
+        raise InputError(
+            f"{path} moves its shells (to_world), and the field data next to it lie where they "
+            "were, so the two engines would trace different air; use the shells, or write the "
+            "scene again from the moved field.",
+            code="shells.moved",
+            argument="engine",
+        )
     sensors = sensors_of(scene, str(path))
     devices = devices_of(sensors)
     stated = air_statement_of(file)
@@ -226,6 +242,7 @@ def _read(path: Path, values: Mapping[str, str], variant: str, engine: Engine) -
     others = () if through_cells else other_shells(file, stated)
     compiled = Compiled(
         camera=devices[0],
+        second=devices[1],
         full_resolution=full_resolution_of(sensors[0]),
         load_s=loaded - started,
         build_s=built - loaded,
