@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
     from iriftrace.plugins.kernels import types as dt
 
+_Devices = tuple[tuple[Camera | None, Camera | None], ...]
+
 
 @frozen(eq=False)
 class Hits:
@@ -98,6 +100,7 @@ def hits(
         No ray hits the part; the scene is an ensemble; or, with a gradient requested, a ray takes
         more passes of the tracing loop than the integrator's ``reverse_passes``.
     """
+    devices: _Devices = ()
     if isinstance(scene, Scene):
         loaded = ready_scene(scene)
         refuse_several_fields(loaded)
@@ -107,27 +110,26 @@ def hits(
         variant = compiled.variant
         devices = ((loaded.camera, compiled.camera), (loaded.second, compiled.second))
     else:
-        variant, traced, devices = runtime.ensure(), scene, ()
+        variant, traced = runtime.ensure(), scene
         own, name = scene.integrator(), "Your mi.Scene"
         integrator = integrator_for(own, Engine.AUTO, name, Path(FIELD_FILE))
         integrator.begin(traced)
     with runtime.using(variant):
-        seen_by = _sensor(traced, sensor, *devices[sensor : sensor + 1]) if rays is None else None
+        seen_by = _sensor(traced, sensor, devices) if rays is None else None
         return _traced(integrator, traced, rays, seen_by, coherent)
 
 
-def _sensor(
-    scene: mi.Scene, number: int, *devices: tuple[Camera | None, Camera | None]
-) -> mi.Sensor:
+def _sensor(scene: mi.Scene, number: int, devices: _Devices) -> mi.Sensor:
     """Mitsuba's own sensor, to which derivatives are attached, unless another device replaced it.
 
-    `devices` has the device at this number, and the one that the own sensor shows.
+    Devices are those of the scene by number, each with the one that the own sensor shows.
     """
     from iriftrace.plugins.calibrated_camera import sensor_of
 
-    for device, own in devices:
+    for device, own in devices[number : number + 1]:
         if device is not None and (own is None or device.as_dict() != own.as_dict()):
-            return sensor_of(device)
+            replaced: mi.Sensor = sensor_of(device)
+            return replaced
     return sensors_of(scene, "The scene")[number]
 
 
