@@ -8,7 +8,7 @@ from os import PathLike
 from pathlib import Path
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray, IntArray
@@ -20,7 +20,6 @@ from iriftrace.core.units import parse_quantity
 from iriftrace.io.field_npz import FIELD_FILE
 from iriftrace.io.part_files import read_part
 from iriftrace.io.reading import ReadPart
-from iriftrace.medium.source import FieldSource
 from iriftrace.part.part import Part
 from iriftrace.tracing.air import air_statement_of, other_shells, traced_air, warn_of_another_part
 from iriftrace.tracing.compiled import (
@@ -107,8 +106,8 @@ def load_scene(
     moved, cells = read.file.shells_moved, read.compiled.engine.through_cells
     shells = read.file.shell_paths
 
-    def files(folder: Path | None, field: Path, source: FieldSource | None) -> AirFiles:
-        return AirFiles(None if moved else folder, field if cells or not moved else None, source)
+    def usable(files: AirFiles) -> AirFiles:
+        return evolve(files, shells=None, field=files.field if cells else None) if moved else files
 
     air = HotAir.of_states(
         [
@@ -118,10 +117,12 @@ def load_scene(
                 member.time,
                 member.weight,
                 member.covariance,
-                files=files(
-                    member_folder(xml, member.number) / SHELLS_FOLDER,
-                    member_folder(xml, member.number) / FIELD_FILE,
-                    member.source,
+                files=usable(
+                    AirFiles(
+                        member_folder(xml, member.number) / SHELLS_FOLDER,
+                        member_folder(xml, member.number) / FIELD_FILE,
+                        member.source,
+                    )
                 ),
             )
             for member in members
@@ -129,8 +130,12 @@ def load_scene(
         or [
             AirState(
                 None,
-                files=files(
-                    shells[0].parent if shells else None, field_file(xml, values), stated.source
+                files=usable(
+                    AirFiles(
+                        shells[0].parent if shells else None,
+                        field_file(xml, values),
+                        stated.source,
+                    )
                 ),
             )
         ],
