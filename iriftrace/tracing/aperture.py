@@ -99,7 +99,8 @@ def aperture_effect(
 
     The lens is thin and stands at the pinhole; its diameter is the focal length over the f-number.
     Each ray leads from a point of the lens to where the pixel's own line of sight meets the plane
-    in focus. The shift of a ray is that of its hit in the picture, with hot air less without.
+    in focus. The shift of a ray has the sign of the channel ``shift.px``: the image of its straight
+    hit minus that of its refracted hit.
 
     Parameters
     ----------
@@ -152,8 +153,8 @@ def aperture_effect(
             code="aperture.no_hit",
             argument="aperture",
         )
-    shifts, at_rest = (with_air - without)[whole], without[whole]
-    pinhole = device.project(central.refracted[good]) - device.project(central.straight[good])
+    shifts, at_rest = (without - with_air)[whole], without[whole]
+    pinhole = device.project(central.straight[good]) - device.project(central.refracted[good])
     mean = shifts.mean(axis=1)
     return ApertureEffect(
         f_number=float(f_number),

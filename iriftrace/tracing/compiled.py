@@ -40,8 +40,8 @@ class Compiled:
 
     Attributes
     ----------
-    camera : Camera
-        What Mitsuba's (first) sensor shows.
+    camera, second : Camera; the second may be None
+        What Mitsuba's first two sensors show.
     full_resolution : (2,) tuple of int, px
         Resolution of that sensor's film before ``scale`` changed it.
     engine : Engine
@@ -74,6 +74,7 @@ class Compiled:
     variant: str
     _mitsuba_scene: mi.Scene = field(repr=False)
     integrator: Integrator = field(repr=False)
+    second: Camera | None = None
     _state: dict[str, object] | None = field(default=None, repr=False)
 
     def __attrs_post_init__(self) -> None:
@@ -104,6 +105,14 @@ class Compiled:
     def source(self) -> FieldSource | None:
         """Facts about the file that the air comes from."""
         return self.stated.source
+
+    def unscaled(self, camera: Camera) -> tuple[int, ...]:
+        """Resolution of a camera before ``scale`` changed it, px.
+
+        That of the film for a camera with as many pixels as the scene's own, else the camera's.
+        """
+        own = camera.resolution == self.camera.resolution
+        return self.full_resolution if own else camera.resolution
 
     def same_field(self, other: Compiled) -> bool:
         """True if both state the same state of a file as the source of their air."""
@@ -151,6 +160,11 @@ class Held:
         self.cells_sought = False
         self.shells: Any = None  # the ensemble whose cells this one traces
 
+    def of_others(self, bodies: tuple[object, ...]) -> bool:
+        """True for what was made of a checked scene with other bodies, so these are unchecked."""
+        *before, _light, _engine, _variant, stored = self.values or (False,) * 4
+        return bool(stored) and not same(tuple(before), bodies)
+
 
 def same(some: tuple[object, ...], others: tuple[object, ...]) -> bool:
     """True for the same objects."""
@@ -179,6 +193,7 @@ def of_objects(
         found = traced_air(integrator, stated, "the scene", integrator.prepare(scene).tables)
     return Compiled(
         camera=devices["camera"],
+        second=next((one for name, one in devices.items() if name != "camera"), None),
         full_resolution=devices["camera"].resolution,
         load_s=loaded - started,
         build_s=time.perf_counter() - loaded,
@@ -214,6 +229,7 @@ def of_mitsuba(scene: mi.Scene) -> tuple[Compiled, Part, tuple[Camera, Camera | 
         warn_of_dielectric(name)
     compiled = Compiled(
         camera=devices[0],
+        second=devices[1],
         full_resolution=full_resolution_of(sensors[0]),
         load_s=0.0,
         build_s=time.perf_counter() - started,

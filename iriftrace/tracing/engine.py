@@ -158,10 +158,12 @@ def _by_samples(scene: Scene, samples: list[_Sample]) -> Choice:
 def _sample(scene: Scene, view: View) -> _Sample:
     if isinstance(view, tuple):
         return _Sample(_of_bundle(*view), 1)
-    width, height = (view or scene.camera).resolution
-    whole = width * height <= PIXELS
+    camera = view or scene.camera
+    width, height = camera.resolution
+    # The sensor of a camera with parallel rays is the file's own, at its own resolution.
+    whole = width * height <= PIXELS or camera.projection != "pinhole"
     if not whole:
-        view = (view or scene.camera).scaled((PIXELS / (width * height)) ** 0.5)
+        view = camera.scaled((PIXELS / (width * height)) ** 0.5)
     sensor = sensor_for(scene, view)
     started = time.perf_counter()
     integrator = scene.compiled.integrator

@@ -45,6 +45,7 @@ class SceneFile:
     part_path: Path  # mesh of the shape with id ``part``
     part_to_world: FloatArray  # (4, 4)
     shell_paths: tuple[Path, ...]
+    shells_moved: bool  # some have a to_world, so they do not lie where the field does
     blockers: tuple[tuple[Path, FloatArray], ...]  # meshes of bodies that only block the view
     file_paths: tuple[Path, ...]  # all that it names: meshes of any object, fields
 
@@ -73,6 +74,9 @@ def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
         part_path=part_path,
         part_to_world=_placement(part, "The part"),
         shell_paths=shell_paths,
+        shells_moved=any(
+            not np.array_equal(_placement(props, "A shell"), np.eye(4)) for props in shells
+        ),
         blockers=tuple(
             (mesh, _placement(props, "A blocker"))
             for props in shapes

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from attrs import frozen
 
+from iriftrace.camera.camera import Camera
 from iriftrace.core.engines import Engine
 from iriftrace.core.errors import InputError
 from iriftrace.core.runtime import variant as runtime
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     import mitsuba as mi
 
     from iriftrace.plugins.kernels import types as dt
+
+_Devices = tuple[tuple[Camera | None, Camera | None], ...]
 
 
 @frozen(eq=False)
@@ -85,7 +88,9 @@ def hits(
     rays : tuple of Point3d (mm) and Vector3d, world, optional
         Origins and unit directions; by default those through the centres of the sensor's pixels.
     sensor : int
-        Number of the scene's sensor whose pixels are traced, within its film's crop window.
+        Number of the scene's sensor whose pixels are traced, within its film's crop window: 0 for
+        the camera, 1 for the second device. A device that replaced the one of the file (`evolve`)
+        is no sensor of the Mitsuba scene, so hits are not attached to its parameters.
     coherent : bool
         Neighbouring rays of a bundle are similar; this affects only the speed.
 
@@ -95,6 +100,7 @@ def hits(
         No ray hits the part; the scene is an ensemble; or, with a gradient requested, a ray takes
         more passes of the tracing loop than the integrator's ``reverse_passes``.
     """
+    devices: _Devices = ()
     if isinstance(scene, Scene):
         loaded = ready_scene(scene)
         refuse_several_fields(loaded)
@@ -102,20 +108,36 @@ def hits(
         integrator, traced = compiled.integrator, compiled.mitsuba_scene
         integrator.refresh(traced)
         variant = compiled.variant
+        devices = ((loaded.camera, compiled.camera), (loaded.second, compiled.second))
     else:
         variant, traced = runtime.ensure(), scene
         own, name = scene.integrator(), "Your mi.Scene"
         integrator = integrator_for(own, Engine.AUTO, name, Path(FIELD_FILE))
         integrator.begin(traced)
     with runtime.using(variant):
-        return _traced(integrator, traced, rays, sensor, coherent)
+        seen_by = _sensor(traced, sensor, devices) if rays is None else None
+        return _traced(integrator, traced, rays, seen_by, coherent)
+
+
+def _sensor(scene: mi.Scene, number: int, devices: _Devices) -> mi.Sensor:
+    """Mitsuba's own sensor, to which derivatives are attached, unless another device replaced it.
+
+    Devices are those of the scene by number, each with the one that the own sensor shows.
+    """
+    from iriftrace.plugins.calibrated_camera import sensor_of
+
+    for device, own in devices[number : number + 1]:
+        if device is not None and (own is None or device.as_dict() != own.as_dict()):
+            replaced: mi.Sensor = sensor_of(device)
+            return replaced
+    return sensors_of(scene, "The scene")[number]
 
 
 def _traced(
     integrator: Any,
     scene: mi.Scene,
     rays: tuple[dt.Point3d, dt.Vector3d] | None,
-    number: int,
+    sensor: mi.Sensor | None,
     coherent: bool,
 ) -> Hits:
     import drjit as dr
@@ -125,7 +147,7 @@ def _traced(
     from iriftrace.plugins.kernels.queries import HIT_PART
 
     if rays is None:
-        pixels, bundle = integrator.trace_pixels(scene, sensors_of(scene, "The scene")[number])
+        pixels, bundle = integrator.trace_pixels(scene, sensor)
     else:
         bundle = integrator.trace(
             scene,

@@ -65,7 +65,9 @@ class AirState:
             return self._cut
         if self.files.shells is None:
             raise InputError(
-                "The shells of this scene are known to Mitsuba alone.", code="shells.of_mitsuba"
+                "The shells of this scene are known to Mitsuba alone, as they were made or moved "
+                "there, so nothing else can be made of them; give it the air of a field.",
+                code="shells.of_mitsuba",
             )
         from iriftrace.io.shells import load_shells
 

@@ -8,7 +8,7 @@ from os import PathLike
 from pathlib import Path
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray, IntArray
@@ -102,7 +102,13 @@ def load_scene(
         return compiled.pop() if compiled else _read(xml, values, chosen, engine).compiled
 
     stated, integrator = read.compiled.stated, read.compiled.integrator
+    # Shells that the file moves are known to Mitsuba alone, and do not lie where the field does.
+    moved, cells = read.file.shells_moved, read.compiled.engine.through_cells
     shells = read.file.shell_paths
+
+    def usable(files: AirFiles) -> AirFiles:
+        return evolve(files, shells=None, field=files.field if cells else None) if moved else files
+
     air = HotAir.of_states(
         [
             AirState(
@@ -111,10 +117,12 @@ def load_scene(
                 member.time,
                 member.weight,
                 member.covariance,
-                files=AirFiles(
-                    member_folder(xml, member.number) / SHELLS_FOLDER,
-                    member_folder(xml, member.number) / FIELD_FILE,
-                    member.source,
+                files=usable(
+                    AirFiles(
+                        member_folder(xml, member.number) / SHELLS_FOLDER,
+                        member_folder(xml, member.number) / FIELD_FILE,
+                        member.source,
+                    )
                 ),
             )
             for member in members
@@ -122,8 +130,12 @@ def load_scene(
         or [
             AirState(
                 None,
-                files=AirFiles(
-                    shells[0].parent if shells else None, field_file(xml, values), stated.source
+                files=usable(
+                    AirFiles(
+                        shells[0].parent if shells else None,
+                        field_file(xml, values),
+                        stated.source,
+                    )
                 ),
             )
         ],
@@ -209,7 +221,16 @@ def _read(path: Path, values: Mapping[str, str], variant: str, engine: Engine) -
         runtime.refuse_gpu_without_optix(error)
         raise InputError(runtime.readable(error), code="scene.unreadable") from error
     loaded = time.perf_counter()
-    integrator = integrator_for(scene.integrator(), engine, str(path), field_file(path, values))
+    own = scene.integrator()
+    integrator = integrator_for(own, engine, str(path), field_file(path, values))
+    if file.shells_moved and Engine(integrator.engine).through_cells and integrator is not own:
+        raise InputError(
+            f"{path} moves its shells (to_world), and the field data next to it lie where they "
+            "were, so the two engines would trace different air; use the shells, or write the "
+            "scene again from the moved field.",
+            code="shells.moved",
+            argument="engine",
+        )
     sensors = sensors_of(scene, str(path))
     devices = devices_of(sensors)
     stated = air_statement_of(file)
@@ -226,6 +247,7 @@ def _read(path: Path, values: Mapping[str, str], variant: str, engine: Engine) -
     others = () if through_cells else other_shells(file, stated)
     compiled = Compiled(
         camera=devices[0],
+        second=devices[1],
         full_resolution=full_resolution_of(sensors[0]),
         load_s=loaded - started,
         build_s=built - loaded,

@@ -113,7 +113,6 @@ def _one_field(
         # Objects are in the way only where the part is behind them.
         bystanders = integrator.bystanders(compiled.mitsuba_scene, sensor, report["straight"])
     seen_by, times = report["camera"], report["time_s"]
-    same_film = camera is None or camera.resolution == scene.camera.resolution
     header = {
         "camera": seen_by,
         "pose": {
@@ -127,8 +126,8 @@ def _one_field(
             "refracted": times["refracted"],
         },
         "counts": report["counts"],
-        # Resolution of the scene's film before ``scale`` changed it, px.
-        "full_resolution": list(compiled.full_resolution) if same_film else None,
+        # Before ``scale`` changed it, px.
+        "full_resolution": list(compiled.unscaled(camera or compiled.camera)),
     }
     channels = dict(zip(integrator.aov_names(), planes, strict=True))
     if len(bystanders):

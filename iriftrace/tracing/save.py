@@ -14,7 +14,7 @@ from iriftrace.core.errors import InputError, warn
 from iriftrace.medium.part_fit import body_in_air
 from iriftrace.medium.shells.report import ShellReport, report_shells
 from iriftrace.tracing.ensemble import FOLDER
-from iriftrace.tracing.hot_air import AirState
+from iriftrace.tracing.hot_air import AirState, HotAir
 from iriftrace.tracing.viewpoint import refuse_bad_places
 from iriftrace.tracing.write import SHELLS_FOLDER, write_ensemble_scene, write_scene
 from iriftrace.tracing.xml import PART_FILE, SceneSettings, refuse_edited
@@ -108,6 +108,26 @@ def save_scene(
         of_all = len(labels) == len(reports)
         warn(message if of_all else f"{', '.join(labels)}: {message}")
     return SavedScene(xml, shown[0], tuple(reports), tuple(fits), listed)
+
+
+def refuse_air(name: str, air: HotAir, wavelength_nm: float | None) -> None:
+    """Refuse air that the files of a scene cannot hold as it is traced."""
+    for state in air.states:
+        if state.files:
+            raise InputError(
+                f"{name} has the air of a scene that exists already, whose files hold more than "
+                "can be written here; copy its folder, or give the Scene the air of fields "
+                "(HotAir(read_field(...))).",
+                code="scene.of_files",
+            )
+        own = (state.field or state.shells).air
+        if wavelength_nm not in (None, own.wavelength_nm):
+            raise InputError(
+                f"{name} is traced at {wavelength_nm:g} nm, but its files would hold its air at "
+                f"{own.wavelength_nm:g} nm; save it without wavelength_nm, and load it with "
+                f'{{"wavelength": {wavelength_nm!r}}}.',
+                code="scene.other_light",
+            )
 
 
 @contextmanager

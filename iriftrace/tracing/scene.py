@@ -100,6 +100,8 @@ class Scene:
         bodies = (self.part, self.air, *self.blockers)
         if self._origin is not None and not same(self._origin.bodies, bodies):
             object.__setattr__(self, "_origin", None)
+        if self._held.of_others(bodies):
+            object.__setattr__(self, "_stored", False)
         values = (*bodies, self.wavelength_nm, self.engine, self.variant, self._stored)
         if not same(self._held.values, values):
             object.__setattr__(self, "_held", Held(values))
@@ -250,7 +252,7 @@ class Scene:
             if held.triangles + triangles <= KEPT_TRIANGLES:
                 held.triangles += triangles
                 held.members[member.number] = scene
-                yield scene
+                yield self._like(scene)
             else:
                 try:
                     yield scene
@@ -281,7 +283,7 @@ class Scene:
                 variables={**origin.variables, MEMBER: str(number)},
                 bodies=(self.part, air, *self.blockers),
             )
-        return evolve(self, air=air, origin=origin)
+        return evolve(self, air=air, origin=origin, held=Held())
 
     def with_cells(self) -> Scene:
         """The same scene traced through its field's cells; InputError if there is no field."""
@@ -307,8 +309,8 @@ class Scene:
     def through_cells(self) -> Scene | None:
         """The same scene traced through its field's cells, which are read on first use.
 
-        None if an engine or bending at the shells was requested, or if the field that the shells
-        were cut from does not lie next to the scene.
+        None if an engine or bending at the shells was requested, if the field that the shells were
+        cut from does not lie next to the scene, or if they were moved (to_world) or edited.
         """
         held = self._held
         if not held.cells_sought:
@@ -318,11 +320,13 @@ class Scene:
         return self._like(held.cells)
 
     def _found_cells(self) -> Scene | None:
-        if not self.engine.free or self.compiled.bending is not Bending.LAYERS:
+        compiled = self.compiled
+        edited = compiled.index_rule.startswith("edited")
+        if edited or not self.engine.free or compiled.bending is not Bending.LAYERS:
             return None
         with suppress(InputError), without_warnings():
             found = self.with_cells()
-            return found if self.compiled.same_field(found.compiled) else None
+            return found if compiled.same_field(found.compiled) else None
         return None
 
     @cached_property
@@ -335,6 +339,8 @@ class Scene:
 
     def save(self, path: str | PathLike[str], *, scale: float = SCALE) -> SavedScene:
         """Write the scene's folder, as ``iriftrace scene`` does; `iriftrace.load_scene` reads it.
+
+        Engine and variant are not in the files; `load_scene` takes them.
 
         Parameters
         ----------
@@ -352,23 +358,17 @@ class Scene:
         Raises
         ------
         InputError
-            As for `ready`; or the air was read from a folder, the XML file was edited by hand, or
-            the folder cannot be written.
+            As for `ready`; or the air was read from a folder or is traced at another wavelength
+            than its own, the XML file was edited by hand, or the folder cannot be written.
 
         Warns
         -----
         IriftraceWarning
             Field and part do not fit together.
         """
-        from iriftrace.tracing.save import save_scene
+        from iriftrace.tracing.save import refuse_air, save_scene
 
-        if any(state.files for state in self.air.states):
-            raise InputError(
-                f"{self.name} has the air of a scene that exists already, whose files hold more "
-                "than can be written here; copy its folder, or give the Scene the air of fields "
-                "(HotAir(read_field(...))).",
-                code="scene.of_files",
-            )
+        refuse_air(self.name, self.air, self.wavelength_nm)
         settings = SceneSettings(
             scale=scale,
             normals=self.air.normals,

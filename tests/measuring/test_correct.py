@@ -33,6 +33,7 @@ from iriftrace.medium.shells.contour import contour_shells
 from iriftrace.scenes import folder_of
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.rays import trace_rays
+from iriftrace.tracing.render import render_scene
 from iriftrace.tracing.scene import Scene
 from iriftrace.tracing.write import write_scene
 from validation.inputs import hot_block
@@ -346,3 +347,16 @@ def test_points_that_no_device_can_see_stay_as_measured(scan: Scan, scene: Scene
 def test_wrong_clouds_are_one_sentence(scan: Scan, scene: Scene, change: object, said: str) -> None:
     with pytest.raises(InputError, match=said):
         correct(change(scan.points), scene, *DEVICES, system=scan.system)
+
+
+def test_devices_in_hot_air_are_refused_as_by_render(scene: Scene, scan: Scan) -> None:
+    """Their lines of sight would begin with bending that is not known."""
+    inside = DEVICES[0].at(look_at(scene.part.bounds[1] + (0.5, 0.0, 0.0), scene.part.centre))
+    with pytest.raises(InputError) as of_render:
+        render_scene(scene, camera=inside)
+    for devices, name in (((inside, DEVICES[1]), "camera"), ((DEVICES[0], inside), "second")):
+        with pytest.raises(InputError, match=f"The {name}.* stands in the hot air") as caught:
+            correct(scan.points, scene, *devices, system="stereo")
+        assert caught.value.code == of_render.value.code == "camera.inside"
+        with pytest.raises(InputError, match=f"The {name}.* stands in the hot air"):
+            measure(evolve(scene, camera=devices[0], second=devices[1]), system="stereo")

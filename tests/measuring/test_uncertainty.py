@@ -27,6 +27,7 @@ from iriftrace.medium.shells.table import AirStatement
 from iriftrace.medium.source import FieldFacts, FieldKind
 from iriftrace.part.part import Part
 from iriftrace.scenes.analytic import concentric_cylinders, slab
+from iriftrace.tracing.compiled import Held
 from iriftrace.tracing.hot_air import AirState
 from iriftrace.tracing.load import load_scene
 from iriftrace.tracing.scene import Scene
@@ -216,7 +217,7 @@ def with_facts(scene: Scene, facts: FieldFacts) -> Scene:
 
 def with_stated(scene: Scene, stated: AirStatement) -> Scene:
     """A scene whose files state other air."""
-    other = evolve(scene, air=scene.air.with_states(scene.air.states))
+    other = evolve(scene, held=Held())
     other._held.compiled = evolve(scene.compiled, stated=stated)
     return other
 

@@ -11,6 +11,7 @@ import iriftrace
 import iriftrace.plugins
 from iriftrace.core.errors import InputError
 from iriftrace.scenes import folder_of
+from iriftrace.tracing import engine
 
 SCENE = folder_of("cylinder") / "scene.xml"
 SCALE = "0.02"
@@ -53,6 +54,27 @@ def test_what_cannot_be_traced_is_refused(content: dict[str, Any], words: str) -
 def test_a_file_is_loaded_by_another_function() -> None:
     with pytest.raises(InputError, match=r"takes a mitsuba\.Scene.*not a str; `load_scene`"):
         iriftrace.from_mitsuba("scene.xml")  # type: ignore[arg-type]
+
+
+@pytest.mark.filterwarnings("ignore::iriftrace.IriftraceWarning")
+def test_a_large_picture_of_parallel_rays_is_tested_as_it_is(
+    own: iriftrace.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """There is no sensor of this kind with fewer pixels to test the shells with."""
+    film = {"type": "hdrfilm", "width": 48, "height": 40, "rfilter": {"type": "box"}}
+    sensor = {
+        "type": "orthographic",
+        "to_world": mi.ScalarTransform4f().look_at([150, -100, 120], [0, 0, 0], [0, 0, 1])
+        @ mi.ScalarTransform4f().scale([60, 60, 1]),
+        "film": {**film, "pixel_format": "luminance", "component_format": "float32"},
+    }
+    shapes = {shape.id(): shape for shape in own.compiled.mitsuba_scene.shapes()}
+    content = {"type": "scene", "integrator": {"type": "first_hit"}, "sensor": sensor, **shapes}
+    flat = iriftrace.from_mitsuba(mi.load_dict(content, optimize=False))
+    expected = iriftrace.render_scene(flat)
+    monkeypatch.setattr(engine, "PIXELS", 1000)
+    found = iriftrace.render_scene(flat)
+    assert found.metrics.engine_test == expected.metrics.engine_test is not None
 
 
 TWO_DEVICES = folder_of("fringe_cylinder") / "scene.xml"

@@ -80,6 +80,52 @@ def test_another_part_or_air_is_not_that_of_the_file(cylinder: iriftrace.Scene) 
     np.testing.assert_allclose(first, second, atol=1e-6 * second.max())
 
 
+def test_other_air_of_a_loaded_scene_is_checked(cylinder: iriftrace.Scene) -> None:
+    """A field 1 m away bends nothing, which looks like a good result."""
+    field = iriftrace.read_field(folder_of("cylinder") / "field.vtu")
+    grid = field.grid.copy()
+    grid.points = grid.points + np.array((1000.0, 0.0, 0.0))
+    elsewhere = iriftrace.HotAir(evolve(field, grid=grid), layers=3)
+    own = iriftrace.from_mitsuba(cylinder.compiled.mitsuba_scene)
+    for scene in (cylinder, own):
+        with pytest.raises(InputError) as caught:
+            picture(evolve(scene, air=elsewhere))
+        assert caught.value.code == "field.not_at_part"
+    there = evolve(cylinder, air=iriftrace.HotAir(field, layers=3))
+    assert picture(there).channels["displacement.norm"].max() > 0.0
+    inside = cylinder.camera.at(iriftrace.look_at(np.mean(cylinder.part.bounds, axis=0), (1, 0, 0)))
+    with pytest.raises(InputError) as caught:
+        _ = evolve(there, camera=inside).ready
+    assert caught.value.code == "camera.inside"
+
+
+def test_hits_are_those_of_the_devices_of_the_scene(cylinder: iriftrace.Scene) -> None:
+    """Of those that were loaded by Mitsuba's own sensor, to which derivatives are attached."""
+    camera = cylinder.camera.at(iriftrace.look_at((150.0, 30.0, 120.0), (0.0, 0.0, 0.0)))
+    moved = evolve(cylinder, camera=camera, second=cylinder.camera)
+    expected = picture(moved)
+    hits = iriftrace.hits(moved)
+    for name, found in (("straight.X", hits.straight.x), ("shift.px.X", hits.shift_px[0])):
+        shown = expected.channels[name].ravel()[np.array(hits.ray)]
+        np.testing.assert_array_equal(np.float32(found), shown)
+    second, own = iriftrace.hits(moved, sensor=1), iriftrace.hits(cylinder)
+    np.testing.assert_array_equal(np.array(second.refracted), np.array(own.refracted))
+
+
+def test_the_full_resolution_is_that_of_the_camera(cylinder: iriftrace.Scene) -> None:
+    """The film's belongs to the pictures of the scale with which the file was loaded."""
+    full = list(cylinder.compiled.full_resolution)
+    assert full != list(cylinder.camera.resolution)
+    moved = cylinder.camera.at(iriftrace.look_at((150.0, 30.0, 120.0), (0.0, 0.0, 0.0)))
+    own = evolve(cylinder.camera, resolution=(90, 75), principal_point_px=None)
+    for camera, expected in ((moved, full), (own, [90, 75])):
+        for image in (
+            picture(evolve(cylinder, camera=camera)),
+            iriftrace.render_scene(cylinder, camera=camera).image,
+        ):
+            assert image.header["full_resolution"] == expected
+
+
 def test_air_and_bodies_are_those_of_the_folder(cylinder: iriftrace.Scene) -> None:
     (state,) = cylinder.air.states
     assert len(state.shells.shells) == len(cylinder.compiled.stated.shells)

@@ -264,6 +264,18 @@ def test_shifts_that_cannot_be_fitted(board: iriftrace.Scene, shifts: MeasuredSh
     refused("has one field", shifts, in_air(board, board.air.states[0].field))
 
 
+def test_a_camera_given_to_a_loaded_scene_is_at_full_resolution(
+    board: iriftrace.Scene, shifts: MeasuredShift, fit: iriftrace.MemberFit, tmp_path: Path
+) -> None:
+    """The file's own scale is that of its own camera; the given one took the pictures."""
+    saved = board.save(tmp_path / "board" / "scene.xml", scale=0.25)
+    loaded = load_scene(saved, engine="shells")
+    given = board.camera.scaled(0.5)
+    halved = attrs.evolve(shifts, places=(shifts.places + 0.5) / 2 - 0.5, shifts=shifts.shifts / 2)
+    found = iriftrace.fit_members(attrs.evolve(loaded, camera=given), halved)
+    np.testing.assert_allclose(found.weights.weights, fit.weights.weights, atol=0.02)
+
+
 @pytest.mark.slow
 def test_command(
     board: iriftrace.Scene,

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import pyvista as pv
+from attrs import evolve
 
 import iriftrace
 from iriftrace.cli import main
@@ -199,3 +200,49 @@ def test_fields_of_an_ensemble_are_in_memory_one_at_a_time(
     xml = tmp_path / "scene" / "scene.xml"
     assert main([*words, "-o", str(xml), *hot_block.CAMERA, "--target=0,0,0"]) == 0
     assert alive == [0, 0, 0]
+
+
+@pytest.mark.usefixtures("variant")
+def test_other_light_than_that_of_the_air_is_not_written(folder: Path, tmp_path: Path) -> None:
+    """Files have the air's own light; the remedy gives the numbers to the last bit."""
+    field = iriftrace.read_field(folder / "air.vtu")
+    scene = Scene(iriftrace.read_part(folder / "block.stl"), HotAir(field, layers=4), CAMERA)
+    blue = evolve(scene, wavelength_nm=450.0, engine="shells")
+    with pytest.raises(InputError, match=r'traced at 450 nm.*\{"wavelength": 450.0\}') as caught:
+        blue.save(tmp_path / "blue" / "scene.xml")
+    assert caught.value.code == "scene.other_light"
+    assert not list(tmp_path.iterdir())
+    saved = evolve(scene, wavelength_nm=field.air.wavelength_nm).save(tmp_path / "s" / "scene.xml")
+    values = {"scale": 1, "wavelength": 450.0}
+    loaded = iriftrace.load_scene(saved, values, engine="shells")
+    pictures = [iriftrace.render_scene(one).image.channels for one in (blue, loaded)]
+    for name, channel in pictures[0].items():
+        np.testing.assert_array_equal(channel, pictures[1][name], err_msg=name)
+
+
+@pytest.mark.usefixtures("variant")
+@pytest.mark.filterwarnings("ignore:.*that were made for it")
+def test_the_field_stands_for_its_shells_as_they_were_cut_alone(
+    folder: Path, tmp_path: Path
+) -> None:
+    """Shells that the file moves or leaves out are not those of the field next to it."""
+    field = iriftrace.read_field(folder / "air.vtu")
+    part = iriftrace.read_part(folder / "block.stl")
+    xml = Scene(part, HotAir(field, layers=4), CAMERA).save(tmp_path / "s" / "scene.xml").path
+    assert iriftrace.load_scene(xml).through_cells is not None
+    text = xml.read_text()
+    shell = '<shape type="ply" id="shell_0'
+    begin, end = text.index(f'{shell}2">'), text.index(f'{shell}3">')
+    xml.write_text(text[:begin] + text[end:])
+    assert iriftrace.load_scene(xml).through_cells is None
+    named = '<string name="filename" value="shells/'
+    placed = '<transform name="to_world"><translate x="5"/></transform>'
+    xml.write_text(text.replace(named, placed + named))
+    moved = iriftrace.load_scene(xml)
+    assert moved.through_cells is None
+    for other in ({"engine": "cells"}, {"part": evolve(part)}):
+        with pytest.raises(InputError) as caught:
+            _ = evolve(moved, **other).compiled
+        assert caught.value.code in ("shells.moved", "shells.of_mitsuba")
+    with pytest.raises(InputError, match="moves its shells"):
+        iriftrace.load_scene(xml, engine="cells")

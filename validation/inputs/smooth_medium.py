@@ -44,6 +44,10 @@ class SmoothMedium:
     def forget_scene(self) -> None:
         """There is no boundary that knows one."""
 
+    def is_hot(self, point: Any, scene: Any) -> bool:
+        """It goes on without end, so rays may start anywhere in it."""
+        return False
+
     def entrance(self, preliminary: Any, active: Any) -> Entrance:
         """Everything is inside."""
         import mitsuba as mi

@@ -197,8 +197,8 @@ def board_placement(
     features = _features(ready, choices, in_mean, weights)
     places = list(places) or standard_places(ready.part)
     # At the resolution of its film before ``scale`` changed it, as for a fit.
-    full, seen = ready.compiled.full_resolution, ready.camera.resolution
-    own = ready.camera.scaled(full[0] / seen[0])
+    full = ready.compiled.unscaled(ready.camera)
+    own = ready.camera.scaled(full[0] / ready.camera.resolution[0])
     seen_by = list(cameras) or [camera_opposite(own, ready.part, at) for at in places]
     found = []
     for number, (at, camera) in enumerate(zip(places, seen_by, strict=True), start=1):

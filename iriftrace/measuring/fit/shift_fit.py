@@ -159,8 +159,8 @@ def view_of(
 ) -> BoardView:
     """The predictions of members at some places, from 0, at the dots, by their traced rays."""
     # At the resolution of its film before ``scale`` changed it.
-    full, seen = scene.compiled.full_resolution, scene.camera.resolution
-    camera = scene.camera.scaled(full[0] / seen[0])
+    full = scene.compiled.unscaled(scene.camera)
+    camera = scene.camera.scaled(full[0] / scene.camera.resolution[0])
     check_count(len(shifts.places), len(fitted), "dots on the board")
     size = tuple(int(pixels) for pixels in full)
     remedy = "give shifts between pictures of the scene's camera at its full resolution"

@@ -14,6 +14,7 @@ from iriftrace.core.mesh.triangles import cross_rows, row_lengths, unit_vectors
 from iriftrace.core.plain import JsonObject
 from iriftrace.measuring.options import Phase
 from iriftrace.tracing.provenance import provenance
+from iriftrace.tracing.rays import is_inside
 from iriftrace.tracing.scene import Scene, ready_scene
 from iriftrace.tracing.second_options import SYSTEM_OF_DEVICE, System
 from iriftrace.tracing.viewpoint import refuse_one_place
@@ -92,6 +93,14 @@ def sensor_of(
             code="camera.parallel_rays",
         )
     refuse_one_place(camera, second)
+    places = (camera.origin, second.origin)
+    for name, inside in zip(("camera", "second device"), is_inside(loaded, places), strict=True):
+        if inside:
+            raise InputError(
+                f"The {name} stands in the hot air or in the part, where its lines of sight mean "
+                "nothing; move it farther away.",
+                code="camera.inside",
+            )
     return loaded, Sensor.of(camera, second, system, phase)
 
 
