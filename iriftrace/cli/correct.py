@@ -134,8 +134,8 @@ def _say_how_to_know(found: Correction) -> None:
         return
     if found.groups.synthetic:
         say(
-            "The air is of a formula, so its part of U is not known, whatever is stated of it: use "
-            "a flow solution."
+            "The air comes from a formula, so its part of U is not known, even with stated "
+            "uncertainties: use a flow solution."
         )
     else:
         say(

@@ -198,10 +198,11 @@ def _check_air(file: ProjectFile) -> None:
 def _check_plan(file: ProjectFile) -> None:
     """Check that the scene of a planned pose has the lens of the sweep that ranked it."""
     planned = file.get("camera", "pose") == PLANNED
-    if planned and file.get("sweep", "focal_length") is not None:
+    swept = file.get("sweep", "focal_length")
+    if planned and swept not in (None, file.get("camera", "focal_length")):
         raise file.fault(
-            "the best pose is of this lens, but the scene has that of [camera]; write the focal "
-            "length there.",
+            "the best pose would be for this focal length, but the scene has that of [camera]; "
+            "write it there.",
             *("sweep", "focal_length"),
             code="project.other_lens",
         )

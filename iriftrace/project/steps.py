@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, get_args
 
 from attrs import frozen
 
 from iriftrace.cli.project_file import NO_VERDICT, PLANNED, ProjectFile
-from iriftrace.core.errors import without_warnings
+from iriftrace.core.errors import InputError, SetupError, without_warnings
 from iriftrace.core.files import seen_from
 from iriftrace.io.named_files import BODIES
 from iriftrace.medium.source import VariedInput
@@ -195,8 +196,10 @@ def _views(file: ProjectFile) -> Iterator[str]:
         from iriftrace.core.runtime.variant import ensure
         from iriftrace.tracing.load import scene_files
 
-        ensure()
-        with without_warnings():
+        listed: list[Path] = []
+        # The step itself says what is wrong with a scene, or with LLVM.
+        with without_warnings(), suppress(InputError, SetupError):
+            ensure()
             listed = [one for scene in scenes for one in scene_files(scene, {}, field=True)]
         yield from (seen_from(Path(), one) for one in listed)
 

@@ -81,7 +81,7 @@ _FRING = ', [second] system: Invalid value "fring" for system. Choose from: "ste
         (
             "[camera]\norigin = [150, -100, 120]",
             '[sweep]\nfocal_length = "16 mm"\n[camera]\npose = "plan"',
-            ", [sweep] focal_length: the best pose is of this lens, but the scene has that of",
+            ", [sweep] focal_length: the best pose would be for this focal length",
         ),
         ('"22 degC"', "22 degC", " cannot be read as TOML"),
     ],

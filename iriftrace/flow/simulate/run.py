@@ -201,7 +201,8 @@ def _prepared(case: Case, folder: Path, installation: Installation) -> list[Path
     if case.options.processes > 1 and not apart:
         if last_time(folder) > 0.0:
             raise InputError(
-                f"the run in {folder} was started with one process; continue with one.",
+                f"the run in {folder} was started with one process; continue with one, or delete "
+                "the folder.",
                 code="case.other_processes",
                 argument="processes",
             )
@@ -210,7 +211,8 @@ def _prepared(case: Case, folder: Path, installation: Installation) -> list[Path
         return pieces_of(folder)
     if apart and len(pieces) != case.options.processes:
         raise InputError(
-            f"the run in {folder} was started with {len(pieces)} processes; continue with as many.",
+            f"the run in {folder} was started with {len(pieces)} processes; continue with as "
+            "many, or delete the folder.",
             code="case.other_processes",
             argument="processes",
         )
@@ -254,7 +256,8 @@ def _averaging_since(folder: Path, pieces: list[Path], started: float, case: Cas
             if case.times.snapshots not in (0, stored["snapshots"]):
                 raise InputError(
                     f"the run in {folder} keeps {stored['snapshots']} snapshots, not "
-                    f"{case.times.snapshots}; give that number, or a later end time.",
+                    f"{case.times.snapshots}; give that number, or a later end "
+                    "time, or delete the folder.",
                     code="case.other_snapshots",
                     argument="snapshots",
                 )
@@ -263,7 +266,7 @@ def _averaging_since(folder: Path, pieces: list[Path], started: float, case: Cas
         raise InputError(
             f"the run in {folder} has already come to {started:g} s, so it cannot be averaged "
             f"over the last {case.times.averaging:g} s before {case.times.end:g} s; give a later "
-            "end time.",
+            "end time, or delete the folder to begin anew.",
             code="case.already_later",
             argument="end_time",
         )

@@ -57,8 +57,8 @@ def solve_varied(
 ) -> Simulation:
     """Solve a varied case that was prepared, and write its field, ``NAME_wall.vtu``.
 
-    `folder` and `first` are those of the case that it varies. The field is written beside that one,
-    and is averaged over the same time, also if that is shorter than requested.
+    `folder` and `first` are those of the case that it varies. The field is written next to it and
+    averaged over the same time, even if that is shorter than requested.
     """
     file = first.field
     variation = evolve(_variation(varied), of=sha256_of(file))

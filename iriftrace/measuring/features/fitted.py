@@ -154,10 +154,7 @@ def warn_of_worse(features: Iterable[FittedFeature]) -> None:
 
 
 def check_names(names: Iterable[str], known: Sequence[str]) -> None:
-    """Raise InputError for the name of a tolerance of none of the fitted features.
-
-    Or of one without one diameter.
-    """
+    """Raise InputError if a tolerance names no fitted feature, or one without a single diameter."""
     for name in names:
         check_diameter(name)
         if name not in known:
